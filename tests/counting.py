@@ -8,10 +8,11 @@ from contextlib import contextmanager
 from types import FrameType
 
 import pytest
+import scipy.sparse.linalg as spla
 
 from hemivar.basics.deadline import Budget
 
-__all__ = ["at_most_calls", "time_by_looks"]
+__all__ = ["WatchedFactors", "at_most_calls", "sparse_factors", "time_by_looks"]
 
 
 @contextmanager
@@ -43,3 +44,31 @@ def time_by_looks(monkeypatch: pytest.MonkeyPatch, step: float = 1e-3) -> None:
         return looks * step
 
     monkeypatch.setattr(Budget, "spent", property(spent))
+
+
+class WatchedFactors:
+    """Factors of SciPy that count what is solved with them."""
+
+    def __init__(self, factors: spla.SuperLU) -> None:
+        self._factors = factors
+        self.solves = 0
+
+    def solve(self, *given: object) -> object:
+        self.solves += 1
+        return self._factors.solve(*given)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._factors, name)
+
+
+def sparse_factors(monkeypatch: pytest.MonkeyPatch) -> list[WatchedFactors]:
+    """All that SciPy factorises from now on, watched."""
+    made: list[WatchedFactors] = []
+    original = spla.splu
+
+    def watched(*given: object, **options: object) -> WatchedFactors:
+        made.append(WatchedFactors(original(*given, **options)))
+        return made[-1]
+
+    monkeypatch.setattr(spla, "splu", watched)
+    return made

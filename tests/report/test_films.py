@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -11,13 +12,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import hemivar as hv
+from hemivar.basics.types import Array
 from hemivar.cli import main
 from hemivar.errors import ProblemError
 from hemivar.evolution import History
 from hemivar.files import film_of, read_film
 from hemivar.files.film import Film, FilmFrame
 from hemivar.report import animate
-from hemivar.report.animation import _shown
 from hemivar.report.film_pictures import FilmColour, PlanePicture, SolidPicture
 from hemivar.report.gif import palette_of, write_gif
 from hemivar.report.style import BLUE
@@ -228,13 +229,28 @@ def test_what_is_worn_is_taken_off_the_foundation(tmp_path: Path) -> None:
     assert np.array_equal(made.frame(4).velocity, history.frames[4].velocity)
 
 
-def test_frames_are_taken_at_even_times() -> None:
-    assert _shown(np.arange(5.0), 200) == [0, 1, 2, 3, 4]
-    assert _shown(np.arange(9.0), 5) == [0, 2, 4, 6, 8]
-    assert _shown(np.array([0.0, 1.0, 2.0, 3.0, 3.1, 3.2, 4.0]), 200) == [0, 1, 2, 3, 6]
-    assert _shown(np.array([0.0, 0.9, 2.2, 3.0]), 4) == [0, 1, 2, 3]
-    assert _shown(np.arange(9.0), 1) == [8]
-    assert _shown(np.zeros(1), 10) == [0]
+@pytest.mark.parametrize(
+    ("times", "most", "shown"),
+    [
+        (np.arange(5.0), 200, [0, 1, 2, 3, 4]),
+        (np.arange(9.0), 5, [0, 2, 4, 6, 8]),
+        (np.array([0.0, 1.0, 2.0, 3.0, 3.1, 3.2, 4.0]), 200, [0, 1, 2, 3, 6]),
+        (np.array([0.0, 0.9, 2.2, 3.0]), 4, [0, 1, 2, 3]),
+        (np.arange(9.0), 1, [8]),
+        (np.zeros(1), 10, [0]),
+    ],
+)
+def test_frames_are_taken_at_even_times(times: Array, most: int, shown: list[int], tmp_path: Path) -> None:
+    film, asked, told = flying(2), [], []
+
+    def frame(number: int) -> FilmFrame:
+        asked.append(number)
+        return film.frame(number)
+
+    watched = replace(film, times=times, frame=frame)
+    animate(watched, tmp_path / "film.gif", frames=most, dpi=10, progress=lambda done, of: told.append((done, of)))
+    assert told == [(k + 1, len(shown)) for k in range(len(shown))]
+    assert asked[-len(shown) :] == shown
 
 
 # ---- files -----------------------------------------------------------------------------------------------------
