@@ -26,9 +26,10 @@ from hemivar.gallery import (
     survey_logarithmic,
 )
 from hemivar.laws import Capped, NoContact
-from hemivar.mechanics import Contact, ContactProblem
+from hemivar.mechanics import ContactProblem
 from hemivar.solvers import METHODS, FixedPoint, LoadStepping, NonsmoothNewton, Search, Status, solve
 from hemivar.systems import Workspace
+from tests import bodies
 
 ROOT = Path(__file__).parents[1]
 STAY = FixedPoint(NonsmoothNewton(search=Search.DOWNHILL))
@@ -38,12 +39,8 @@ STAY = FixedPoint(NonsmoothNewton(search=Search.DOWNHILL))
 
 
 def free_body(problem: ContactProblem) -> np.ndarray:
-    without = ContactProblem(
-        mesh=problem.mesh,
-        material=problem.material,
-        supports=problem.supports,
-        contact={"bottom": Contact(NoContact())},
-        body_force=problem.body_force,
+    without = bodies.body(
+        problem.mesh, NoContact(), material=problem.material, supports=problem.supports, body_force=problem.body_force
     )
     return solve(discretize(without)).unknowns
 

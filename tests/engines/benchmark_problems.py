@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import hemivar as hv
 from hemivar import gallery
+from tests import bodies
 
 __all__ = ["PROBLEMS", "RTOL"]
 
@@ -14,12 +15,8 @@ RTOL = hv.Controls(rtol=1e-9)
 
 def cube(n: int) -> hv.ContactProblem:
     """The one of benchmarks/distributed.py."""
-    return hv.ContactProblem(
-        mesh=hv.box((1.0, 1.0, 1.0), (n, n, n)),
-        material=hv.Material.lame(4.0, 4.0),
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
-        body_force=(-0.8, -0.4, -0.8),
+    return bodies.cube(
+        hv.Contact(hv.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5)), n, body_force=(-0.8, -0.4, -0.8)
     )
 
 

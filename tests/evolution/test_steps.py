@@ -14,6 +14,7 @@ from hemivar.evolution import SDIRK2, AdaptiveStep, Evolution, FixedStep, Histor
 from hemivar.evolution.steps import Pace
 from hemivar.formula import Formula
 from hemivar.gallery import VelocityStep
+from tests import bodies
 from tests.evolution.messages import said_of
 
 
@@ -126,13 +127,7 @@ def test_a_fixed_step_that_failed_is_halved_and_comes_back() -> None:
 
 def crept(scheme: Scheme, step: float | AdaptiveStep) -> tuple[History, Array, Array]:
     """A viscous block of stiffness 3 on a spring of 2 under a sudden load, with the exact displacement and velocity."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 1.5, viscosity=(0.0, 0.3)),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
-        tractions={"bottom": (0.0, -0.1)},
-        contact={"bottom": hv.Contact(hv.Compliance(2.0))},
-    )
+    problem = bodies.column(hv.Compliance(2.0), 3.0, viscous=0.6, tractions={"bottom": (0.0, -0.1)})
     history = march(Evolution(problem), 1.0, step=step, scheme=scheme, save=hv.Save(every=1e-9))
     fading = np.exp(-history.times * 5.0 / 0.6)
     return history, 0.1 / 5.0 * (1.0 - fading), 0.1 / 0.6 * fading
@@ -159,10 +154,12 @@ def test_adaptive_steps_without_mass_are_few(scheme: Scheme) -> None:
 
 def test_adaptive_steps_go_on_after_a_support_that_stops_at_once() -> None:
     """Velocities jump there, whatever the step: steps became shorter until none could be solved."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.5), (2, 1)),
-        material=hv.Material.lame(4.0, 4.0, density=1.0, viscosity=(0.2, 0.2)),
-        contact={"bottom": hv.Contact(hv.Compliance(20.0))},
+    problem = bodies.strip(
+        hv.Compliance(20.0),
+        (2, 1),
+        size=(1.0, 0.5),
+        density=1.0,
+        viscosity=(0.2, 0.2),
         supports={"top": hv.Fixed(y=Formula("-0.1*min(t, 0.1)"))},
         body_force=(0.2, 0.0),
     )
@@ -179,10 +176,12 @@ def test_adaptive_steps_go_on_after_a_support_that_stops_at_once() -> None:
 def test_a_body_that_jumps_at_the_start_is_marched_all_the_same() -> None:
     """Nothing slows its rigid motion down, so that no step is short enough: steps that could not be solved ended it."""
     springs = hv.Contact(hv.Compliance(1000.0))
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.5), (4, 2)),
-        material=hv.Material.lame(100.0, 100.0, viscosity=(1.0, 1.0)),
-        contact={"bottom": springs},
+    problem = bodies.strip(
+        springs,
+        (4, 2),
+        size=(1.0, 0.5),
+        lame=(100.0, 100.0),
+        viscosity=(1.0, 1.0),
         supports={"left": hv.Fixed(x=0.0)},
         tractions={"top": (0.0, -2.0)},
     )

@@ -12,6 +12,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, History, Save, march
+from tests import bodies
 
 FINER = 40
 
@@ -67,12 +68,14 @@ def body(rng: np.random.Generator, contact: hv.Contact, lam_v: float, mu_v: floa
 
     pattern: Any = ("cross", "right", "left")[int(rng.integers(3))]
     cells = (int(rng.integers(2, 6)), int(rng.integers(1, 4)))
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0 + rng.random(), 0.6 + rng.random()), cells, pattern=pattern),
-        material=hv.Material.lame(lam, modulus if rng.random() < 0.5 else mu, viscosity=(lam_v, mu_v)),
-        supports={"left": hv.Clamped()},
+    problem = bodies.strip(
+        contact,
+        cells,
+        pattern,
+        size=(1.0 + rng.random(), 0.6 + rng.random()),
+        lame=(lam, modulus if rng.random() < 0.5 else mu),
+        viscosity=(lam_v, mu_v),
         body_force=growing if moving else steady,
-        contact={"bottom": contact},
         order=2 if rng.random() < 0.2 else 1,
     )
     return Evolution(problem)
@@ -139,13 +142,7 @@ def test_loads_that_bend_within_a_step_make_an_estimate(norm: str, wave: Callabl
         if norm == "viscosity"
         else hv.Contact(hv.NoContact(), damping=hv.Compliance(1.0))
     )
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 1.5, viscosity=(0.0, 0.3)),
-        supports={"left": hv.Clamped()},
-        body_force=load,
-        contact={"bottom": law},
-    )
+    problem = bodies.square(law, 1, lame=(0.0, 1.5), viscosity=(0.0, 0.3), body_force=load)
     coarse, bound, error = compared(Evolution(problem), 1.0, 5)
     assert coarse.time_error.norm == norm, coarse.time_error.why
     assert not coarse.time_error.guaranteed
@@ -186,11 +183,8 @@ def test_the_effectivity_of_one_degree_of_freedom(norm: str) -> None:
 
 def test_bodies_that_stick_keep_their_error() -> None:
     """Why laws of the rate forget nothing: two bodies that differ, and stick, are both at rest for ever."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.4)),
-        supports={"top": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Bilateral(), hv.Tresca(0.5))},
+    problem = bodies.square(
+        hv.Contact(hv.Bilateral(), hv.Tresca(0.5)), 2, viscosity=(0.4, 0.4), supports={"top": hv.Clamped()}
     )
     left = Evolution(problem, displacement=lambda x: np.stack([0.05 * (1.0 - x[:, 1]), 0.0 * x[:, 0]], axis=1))
     history = march(left, 50.0, step=5.0, save=Save(5.0))
@@ -210,13 +204,7 @@ def test_no_bound_without_viscosity_somewhere() -> None:
         (hv.Contact(hv.Compliance(3.0)), lambda x, t: np.array([0.0, -t]), False),
     )
     for contact, load, bounded in cases:
-        problem = hv.ContactProblem(
-            mesh=mesh,
-            material=hv.Material.by_region(parts),
-            supports={"left": hv.Clamped()},
-            body_force=load,
-            contact={"bottom": contact},
-        )
+        problem = bodies.body(mesh, contact, material=hv.Material.by_region(parts), body_force=load)
         error = march(Evolution(problem), 0.2, step=0.1).time_error
         assert math.isfinite(error.bound) == bounded
         assert bounded or "does not resist every motion" in error.why
@@ -288,12 +276,13 @@ def test_the_bound_is_the_one_that_is_written() -> None:
 
 def test_the_bound_of_rates_is_the_one_that_is_written() -> None:
     """``sum tau^3/6 |K dU - df|^2/C`` on one degree of freedom with friction that does not soften."""
-    moving = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 3.0, viscosity=(0.0, 0.6)),
+    moving = bodies.square(
+        hv.Contact(hv.Bilateral(), hv.Tresca(0.2)),
+        1,
+        lame=(0.0, 3.0),
+        viscosity=(0.0, 0.6),
         supports={"left": hv.Fixed(y=0.0), "right": hv.Fixed(y=0.0), "top": hv.Fixed(x=0.0, y=0.0)},
         tractions={"bottom": lambda x, t: np.array([1.0 + 2.0 * t, 0.0])},
-        contact={"bottom": hv.Contact(hv.Bilateral(), hv.Tresca(0.2))},
     )
     tau, count = 0.1, 5
     history = march(Evolution(moving), tau * count, step=tau, save=Save(probes={"p": (0.5, 0.0)}))

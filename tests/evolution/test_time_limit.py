@@ -11,6 +11,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics import deadline
 from hemivar.basics.types import Array
+from tests import bodies
 
 
 def falling() -> hv.Evolution:
@@ -20,12 +21,7 @@ def falling() -> hv.Evolution:
         return np.column_stack([np.zeros(len(points)), np.full(len(points), 0.2 * t)])
 
     law = hv.FormulaLaw("1 - exp(-(r / 0.03)^2)", reach=1.0)
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(4, 4),
-        supports={"top": hv.Prescribed(lifted)},
-        contact={"bottom": hv.Contact(law)},
-    )
+    problem = bodies.square(law, 2, supports={"top": hv.Prescribed(lifted)})
     return hv.Evolution(problem)
 
 

@@ -14,14 +14,13 @@ from hemivar.mechanics import (
     Contact,
     ContactProblem,
     Fixed,
-    Material,
     Prescribed,
     Pressure,
     Quadrature,
-    Roller,
 )
 from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import METHODS, solve
+from tests import bodies
 
 from ..problems import bar
 
@@ -55,11 +54,12 @@ def test_bar_on_a_convex_foundation(law: object, load: float, expected: float) -
 
 def block(weight: float, q: float, p: float, quadrature: Quadrature) -> ContactProblem:
     """E2: (0, 0.5) x (0, 1), frictionless rollers on both sides, top fixed, body force (0, -weight)."""
-    return ContactProblem(
-        mesh=rectangle((0.5, 1.0), (2, 4), "cross"),
-        material=Material.lame(4.0, 4.0),
-        supports={"left": Roller(), "right": Roller(), "top": Clamped()},
-        contact={"bottom": Contact(SurveyLaw(q, p), Tresca(0.2))},
+    return bodies.column(
+        Contact(SurveyLaw(q, p), Tresca(0.2)),
+        cells=(2, 4),
+        pattern="cross",
+        size=(0.5, 1.0),
+        top=Clamped(),
         body_force=(0.0, -weight),
         order=2,
         quadrature=quadrature,
@@ -85,12 +85,7 @@ def test_block_under_its_own_weight(q: float, p: float, quadrature: Quadrature) 
 @pytest.mark.parametrize("method", [name for name in METHODS if name not in ("direct-powell",)])
 def test_block_patch(method: str) -> None:
     """E2's patch version: top moved down by D, no body force: s = 0.9/14 and u linear."""
-    problem = ContactProblem(
-        mesh=rectangle((1.0, 1.0), (6, 6), "cross"),
-        material=Material.lame(4.0, 4.0),
-        supports={"left": Roller(), "right": Roller(), "top": Prescribed((0.0, -0.1))},
-        contact={"bottom": Contact(SurveyLaw(0.3, 2.0))},
-    )
+    problem = bodies.column(SurveyLaw(0.3, 2.0), cells=6, pattern="cross", top=Prescribed((0.0, -0.1)))
     found = solve(discretize(problem), METHODS[method])
     s = 0.9 / 14.0
     tolerance = 1e-10 if method in ("newton", "active-set", "augmented-lagrangian-newton") else 1e-8
@@ -105,13 +100,7 @@ def test_block_patch(method: str) -> None:
 @pytest.mark.parametrize("q", [0.3, 0.6])
 def test_block_held_by_its_foundation_alone(q: float) -> None:
     """Semicoercive case: no vertical support, pressure P on top: P in dj(s), s = (P - q)/p or rigid contact."""
-    problem = ContactProblem(
-        mesh=rectangle((1.0, 1.0), (4, 4), "cross"),
-        material=Material.lame(4.0, 4.0),
-        supports={"left": Roller(), "right": Roller()},
-        contact={"bottom": Contact(SurveyLaw(q, 2.0))},
-        tractions={"top": Pressure(0.5)},
-    )
+    problem = bodies.column(SurveyLaw(q, 2.0), cells=4, pattern="cross", top=None, tractions={"top": Pressure(0.5)})
     found = solve(discretize(problem))
     assert found.status.value == "converged"
     np.testing.assert_allclose(found.penetration, max(0.5 - q, 0.0) / 2.0, atol=1e-10)
@@ -121,11 +110,11 @@ def test_block_held_by_its_foundation_alone(q: float) -> None:
 def test_block_sticks_and_slides_like_a_rigid_one() -> None:
     """Top moved sideways by D with no vertical motion: uniform shear mu (D - w)/b, carried up to the bound 0.2."""
     for shear, sticks in ((0.19, True), (0.21, False)):
-        problem = ContactProblem(
-            mesh=rectangle((1.0, 1.0), (8, 8), "cross"),
-            material=Material.lame(4.0, 4.0),
+        problem = bodies.square(
+            Contact(Bilateral(), Tresca(0.2)),
+            8,
+            "cross",
             supports={"top": Prescribed((shear / 4.0, 0.0)), "left": Fixed(y=0.0), "right": Fixed(y=0.0)},
-            contact={"bottom": Contact(Bilateral(), Tresca(0.2))},
         )
         # On the sides the shear of the uniform field is a reaction of the supports; inside it is in balance.
         found = solve(discretize(problem))
@@ -136,12 +125,7 @@ def test_block_sticks_and_slides_like_a_rigid_one() -> None:
 
 def test_plain_elasticity_of_a_cantilever() -> None:
     """B9: squares of side 0.5 cut by their centres; displacements of two corner nodes."""
-    problem = ContactProblem(
-        mesh=rectangle((2.5, 1.0), (5, 2), "cross"),
-        material=Material.lame(4.0, 4.0),
-        supports={"left": Clamped()},
-        body_force=(0.0, 0.2),
-    )
+    problem = bodies.strip(cells=(5, 2), pattern="cross", size=(2.5, 1.0), body_force=(0.0, 0.2))
     found = solve(discretize(problem))
     points = problem.mesh.points
     for x, y, u in (
@@ -183,15 +167,14 @@ def spring_problem(mesh: Mesh, quadrature: Quadrature = Quadrature.NODAL, order:
         )
         return -divergence
 
-    return ContactProblem(
-        mesh=mesh,
-        material=Material.lame(lam, mu),
-        supports={"left": Clamped()},
-        contact={"bottom": Contact(Compliance(lam + 2 * mu))},
-        tractions={"right": side((1.0, 0.0)), "top": side((0.0, 1.0))},
+    return bodies.body(
+        mesh,
+        Compliance(lam + 2 * mu),
+        lame=(lam, mu),
         body_force=body,
-        quadrature=quadrature,
+        tractions={"right": side((1.0, 0.0)), "top": side((0.0, 1.0))},
         order=order,
+        quadrature=quadrature,
     )
 
 

@@ -22,6 +22,7 @@ from hemivar.evolution import march
 from hemivar.files import read_solution, write_csv
 from hemivar.files.film import film_of
 from hemivar.report import plot_contact, plot_path, plot_solution
+from tests import bodies
 
 BOUND = 0.05
 TEXT = f"""
@@ -43,11 +44,10 @@ AT_REST = TEXT.replace("-1 * min(1, 4*t)", "-1").replace("-0.5 * min(1, 4*t)", "
 
 
 def pulled(dim: int = 2) -> hv.ContactProblem:
-    return hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 6) if dim == 2 else hv.box((1.0, 1.0, 1.0), 3),
-        material=hv.Material.lame(4.0, 4.0),
+    return bodies.body(
+        hv.rectangle((1.0, 1.0), 6) if dim == 2 else hv.box((1.0, 1.0, 1.0), 3),
+        hv.Contact(hv.Compliance(10.0), hv.Tresca(BOUND)),
         supports={"right": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Compliance(10.0), hv.Tresca(BOUND))},
         body_force=(-1.0, -0.5) if dim == 2 else (-1.0, 0.0, -0.5),
     )
 

@@ -16,8 +16,8 @@ from hemivar.files.boundary import contact_boundaries
 from hemivar.files.problem_file import read_problem
 from hemivar.laws import Bilateral
 from hemivar.mechanics import Contact, ContactProblem, Fixed, Material, Prescribed, Quadrature
-from hemivar.mesh import box
 from hemivar.solvers import Solution, solve
+from tests import bodies
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
@@ -190,10 +190,10 @@ def smooth_pressure_errors(cells: int) -> tuple[float, float, float]:
 
     bottom = Contact(Bilateral(), gap=lambda p: -np.cos(p[:, 0]) * np.cos(p[:, 1]))
     far = Prescribed(exact)
-    problem = ContactProblem(
-        box((1.0, 1.0, 1.0), cells),
-        Material.young(young, poisson),
-        contact={"bottom": bottom},
+    problem = bodies.cube(
+        bottom,
+        cells,
+        material=Material.young(young, poisson),
         supports={"left": Fixed(x=0.0), "front": Fixed(y=0.0), "right": far, "back": far, "top": far},
         body_force=force,
     )

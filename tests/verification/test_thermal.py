@@ -11,6 +11,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, History, Scheme, march
 from hemivar.mechanics.thermal import Heat, HeatContact
+from tests import bodies
 
 FINE = hv.Controls(rtol=1e-12)
 
@@ -53,15 +54,16 @@ def test_a_free_bar_expands() -> None:
     """In space by a th in every direction, without stress; quadratic elements alike in the plane."""
     a, warm = 2e-3, 10.0
     supports = {"left": hv.Roller(), "front": hv.Roller(), "bottom": hv.Roller()}
-    body = hv.ContactProblem(
-        mesh=hv.box((1.0, 2.0, 1.0), (2, 2, 2)), material=hv.Material.young(5.0, 0.3), supports=supports
-    )
+    body = bodies.cube(cells=2, size=(1.0, 2.0, 1.0), material=hv.Material.young(5.0, 0.3), supports=supports)
     history = march(Evolution(body, heat=Heat(1.0, 1.0, expansion=a, temperature=warm, stress_free=4.0)), 1.0, step=1.0)
     np.testing.assert_allclose(history.frames[-1].displacement, a * 6.0 * body.mesh.points, atol=1e-12)
-    plane = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 2.0), (2, 2)), material=hv.Material.young(5.0, 0.3), order=2,
+    plane = bodies.strip(
+        cells=2,
+        size=(1.0, 2.0),
+        material=hv.Material.young(5.0, 0.3),
         supports={"left": hv.Roller(), "bottom": hv.Roller()},
-    )  # fmt: skip
+        order=2,
+    )
     history = march(Evolution(plane, heat=Heat(1.0, 1.0, expansion=a, temperature=warm)), 1.0, step=1.0)
     nodes = plane.mesh.nodes(2)
     np.testing.assert_allclose(history.frames[-1].displacement, 1.3 * a * warm * nodes, atol=1e-12)
@@ -114,11 +116,15 @@ def test_a_sliding_block_heats_itself(scheme: Scheme) -> None:
     """Dragged at V under N with friction mu it makes mu N V t of heat, of which its share warms it."""
     mu, weight, speed, share, until = 0.3, 2.0, 0.5, 0.4, 1.0
     steep = 1e4
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.5), (4, 2)), material=hv.Material.lame(steep, steep, density=0.01),
-        contact={"bottom": hv.Contact(hv.Compliance(1e4), hv.Tresca(mu * weight))},
-        supports={"left": hv.Fixed(x=lambda x, t: np.full(len(x), speed * t))}, tractions={"top": (0.0, -weight)},
-    )  # fmt: skip
+    problem = bodies.strip(
+        hv.Contact(hv.Compliance(1e4), hv.Tresca(mu * weight)),
+        (4, 2),
+        size=(1.0, 0.5),
+        lame=(steep, steep),
+        density=0.01,
+        supports={"left": hv.Fixed(x=lambda x, t: np.full(len(x), speed * t))},
+        tractions={"top": (0.0, -weight)},
+    )
     heat = Heat(1.0, 3.0, contact={"bottom": HeatContact(share=share)})
     still = (0.0, 0.0) if isinstance(scheme, hv.ImplicitEuler) else (speed, 0.0)
     evolution = Evolution(problem, inertia=True, velocity=still, heat=heat)

@@ -15,9 +15,10 @@ from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize, interpolate
 from hemivar.gallery import survey_cube, survey_cube_logarithmic
 from hemivar.laws import Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed
+from hemivar.mechanics import Contact, ContactProblem, Material, Prescribed
 from hemivar.mesh import box
 from hemivar.solvers import METHODS, Solution, Status, solve, solve_nested
+from tests import bodies
 
 
 def energy_distance(a: Solution, b: Solution) -> float:
@@ -28,11 +29,12 @@ def energy_distance(a: Solution, b: Solution) -> float:
 def test_patch_with_zero_poisson_on_a_rigid_plane() -> None:
     """A block of E, nu = 0 pressed by D onto a plane: p = E D/height everywhere, the displacement linear."""
     young, down, height = 8.0, 0.03, 1.5
-    problem = ContactProblem(
-        mesh=box((1.0, 2.0, height), (2, 3, 4)),
+    problem = bodies.cube(
+        Signorini(),
+        (2, 3, 4),
+        size=(1.0, 2.0, height),
         material=Material.young(young, 0.0),
         supports={"top": Prescribed((0.0, 0.0, -down))},
-        contact={"bottom": Contact(Signorini())},
     )
     solution = solve(discretize(problem)).raise_for_status()
     exact = np.zeros_like(problem.mesh.points)
@@ -194,10 +196,10 @@ def test_clamped_box_without_contact_bends_as_a_beam() -> None:
     known = force * length**4 / (8.0 * young / 12.0)
     errors = []
     for n in (2, 4):
-        problem = ContactProblem(
-            mesh=box((length, 1.0, 1.0), (8 * n, n, n)),
+        problem = bodies.cube(
+            cells=(8 * n, n, n),
+            size=(length, 1.0, 1.0),
             material=Material.young(young, 0.0),
-            supports={"left": Clamped()},
             body_force=(0.0, 0.0, -force),
         )
         end = np.isclose(problem.mesh.points[:, 0], length)

@@ -13,6 +13,7 @@ from hemivar.laws import Compliance, SurveyLaw, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Pressure, Roller
 from hemivar.mesh import box, rectangle
 from hemivar.mesh.mesh import Mesh
+from tests import bodies
 
 FOUNDATION = Contact(SurveyLaw(0.3, 2.0), Tresca(0.2))
 
@@ -43,13 +44,12 @@ def anisotropic(dim: int) -> Material:
 
 def turned() -> ContactProblem:
     """A square turned by 0.4, on rollers that are oblique therefore, with a pressure on top."""
-    return ContactProblem(
-        mesh=plane_mesh().rotated(0.4),
-        material=Material.lame(4.0, 4.0),
-        contact={"bottom": FOUNDATION},
+    return bodies.body(
+        plane_mesh().rotated(0.4),
+        FOUNDATION,
         supports={"left": Roller(), "right": Roller()},
-        tractions={"top": Pressure(0.7)},
         body_force=(0.2, -0.3),
+        tractions={"top": Pressure(0.7)},
     )
 
 
@@ -96,24 +96,23 @@ def graded() -> ContactProblem:
     def traction(x: Array) -> Array:
         return np.column_stack([0.2 * x[:, 0], -(x[:, 0] ** 2)])
 
-    return ContactProblem(
-        mesh=plane_mesh(),
-        material=Material.lame(modulus, 4.0),
-        contact={"bottom": Contact(Compliance(3.0))},
+    return bodies.body(
+        plane_mesh(),
+        Compliance(3.0),
+        lame=(modulus, 4.0),
         supports={"left": Clamped(), "bottom": Fixed(x=0.0)},
-        tractions={"top": traction},
         body_force=force,
+        tractions={"top": traction},
     )
 
 
 def pulled_cube() -> ContactProblem:
-    return ContactProblem(
-        mesh=space_mesh(2),
-        material=Material.lame(4.0, 4.0),
-        contact={"bottom": FOUNDATION},
+    return bodies.body(
+        space_mesh(2),
+        FOUNDATION,
         supports={"left": Fixed(x=0.0), "back": Fixed(y=0.0)},
-        tractions={"right": (0.4, 0.1, 0.0), "top": Pressure(lambda x: 0.3 + 0.1 * x[:, 0])},
         body_force=(0.0, 0.1, -0.3),
+        tractions={"right": (0.4, 0.1, 0.0), "top": Pressure(lambda x: 0.3 + 0.1 * x[:, 0])},
     )
 
 
@@ -125,21 +124,14 @@ def blocks_in_space() -> ContactProblem:
     mesh = Mesh.oriented(mesh.points[used], cells.reshape(-1, 4))
     height = mesh.points[mesh.boundary_facets][:, :, 2]
     ends = {name: mesh.boundary_facets[(height == z).all(axis=1)] for name, z in (("bottom", 0.0), ("top", 3.0))}
-    return ContactProblem(
-        mesh=mesh.named(ends, {}),
-        material=Material.lame(4.0, 4.0),
-        contact={"bottom": FOUNDATION},
-        supports={"top": Fixed(x=0.0, y=0.0)},
-        body_force=(0.1, 0.2, -0.3),
+    return bodies.body(
+        mesh.named(ends, {}), FOUNDATION, supports={"top": Fixed(x=0.0, y=0.0)}, body_force=(0.1, 0.2, -0.3)
     )
 
 
 def without_contact() -> ContactProblem:
-    return ContactProblem(
-        mesh=rectangle((2.0, 1.0), (4, 2), pattern="left"),
-        material=Material.young(200.0, 0.3),
-        supports={"left": Clamped()},
-        tractions={"right": (0.0, -1.0)},
+    return bodies.strip(
+        cells=(4, 2), pattern="left", material=Material.young(200.0, 0.3), tractions={"right": (0.0, -1.0)}
     )
 
 

@@ -23,6 +23,7 @@ from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Plane,
 from hemivar.mesh import box, rectangle
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import solve
+from tests import bodies
 from tests.certificates.continuous.test_exact_distance import energy_of
 
 LAME = Material.lame(4.0, 4.0)
@@ -31,17 +32,14 @@ LAME = Material.lame(4.0, 4.0)
 def column(angle: float = 80.0, cells: tuple[int, int] = (4, 16)) -> ContactProblem:
     """Clamped below, a plane at its top corner that is turned out of the top by an angle in degrees."""
     turn = np.radians(angle)
-    return ContactProblem(
-        mesh=rectangle((1.0, 4.0), cells),
-        material=LAME,
-        contact={
-            "top": Contact(
-                table_law([0.0, 10.0, 40.0, 50.0], [0.0, 15.0, 0.0, 0.0]),
-                obstacle=Plane((1.0, 4.0), (-np.sin(turn), -np.cos(turn))),
-            )
-        },
-        supports={"bottom": Clamped()},
-        body_force=(2.0, 0.0),
+    contact = {
+        "top": Contact(
+            table_law([0.0, 10.0, 40.0, 50.0], [0.0, 15.0, 0.0, 0.0]),
+            obstacle=Plane((1.0, 4.0), (-np.sin(turn), -np.cos(turn))),
+        )
+    }
+    return bodies.strip(
+        contact, cells, size=(1.0, 4.0), material=LAME, supports={"bottom": Clamped()}, body_force=(2.0, 0.0)
     )
 
 
@@ -146,12 +144,8 @@ def test_what_a_mesh_shows_is_never_above_right_constants(seed: int) -> None:
     normal[-1] = -3.0 * abs(normal[-1])
     away = np.zeros(dim)
     away[-1] = 1.5
-    problem = ContactProblem(
-        mesh=mesh,
-        material=Material.young(10.0, rng.uniform(0.0, 0.45)),
-        contact={"top": Contact(Compliance(1.0), obstacle=Plane(away, normal))},
-        supports={"left": Clamped()},
-    )
+    contact = {"top": Contact(Compliance(1.0), obstacle=Plane(away, normal))}
+    problem = bodies.body(mesh, contact, material=Material.young(10.0, rng.uniform(0.0, 0.45)))
     discrete = discretize(problem)
     constants = guaranteed_trace_bounds(discrete)
     traces = contact_traces(body_data(problem, np.zeros(mesh.points.shape)))

@@ -21,6 +21,7 @@ from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import box
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import solve
+from tests import bodies
 
 from .admissibility import imbalance
 from .bodies import BODIES, VARYING, layered, pulled_cube
@@ -81,12 +82,8 @@ def test_cells_with_two_contact_facets_are_in_equilibrium() -> None:
     points = np.empty(mesh.points.shape)
     points[place] = mesh.points
     mesh = Mesh(points, place[mesh.cells], {name: place[facets] for name, facets in mesh.boundaries.items()}, {})
-    problem = ContactProblem(
-        mesh,
-        Material.lame(4.0, 4.0),
-        contact={"bottom": Contact(Compliance(3.0)), "right": Contact(Compliance(2.0))},
-        supports={"left": Clamped()},
-        body_force=(-0.4, -0.3, -0.4),
+    problem = bodies.body(
+        mesh, {"bottom": Contact(Compliance(3.0)), "right": Contact(Compliance(2.0))}, body_force=(-0.4, -0.3, -0.4)
     )
     stress = admissible_stress(body_data(problem, solve(problem).displacement))
     outer = stress.data.contact[stress.data.table.cell_facets] >= 0

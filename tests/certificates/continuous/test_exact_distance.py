@@ -31,6 +31,7 @@ from hemivar.laws.friction import ABSOLUTE_VALUE
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Sphere
 from hemivar.mesh import rectangle
 from hemivar.solvers import solve
+from tests import bodies
 
 F, E, V = PatchKind.FACET, PatchKind.EDGE, PatchKind.VERTEX
 
@@ -144,12 +145,9 @@ def test_bound_is_not_below_the_error_of_random_problems(seed: int) -> None:
 
 def test_friction_pays_a_gap_on_a_foundation_that_breaks() -> None:
     """Its law jumps down, so that the normal part keeps to it; the friction sticks at one end of a facet and slips."""
-    problem = ContactProblem(
-        mesh=rectangle((1.0, 3.0), (2, 6), pattern="cross"),
-        material=Material.lame(4.0, 4.0),
-        supports={"top": Clamped()},
-        contact={"bottom": Contact(Capped(1.0, 0.3, 0.05), Tresca(0.06))},
-        body_force=(0.05, -0.1),
+    contact = Contact(Capped(1.0, 0.3, 0.05), Tresca(0.06))
+    problem = bodies.strip(
+        contact, (2, 6), "cross", size=(1.0, 3.0), supports={"top": Clamped()}, body_force=(0.05, -0.1)
     )
     found, u = judged(problem)
     error = error_of(problem, u)

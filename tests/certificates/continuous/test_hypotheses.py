@@ -18,6 +18,7 @@ from hemivar.certificates.continuous.one_sided import one_sided, one_sided_const
 from hemivar.certificates.continuous.trace_bounds import TraceBounds, guaranteed_trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.gallery import survey, survey_cube
+from tests import bodies
 
 PROVED = TraceBounds(2.5, 2.5, 2.5, 2.0, True, "for this test")
 
@@ -42,7 +43,7 @@ def round_plate(n: int) -> hv.Mesh:
 def on_mesh(mesh: hv.Mesh) -> hv.ContactProblem:
     foundation = hv.Contact(hv.SurveyLaw(0.3, 2.0))
     force = (0.0, -1.0, -0.5)[: mesh.dim]
-    return hv.ContactProblem(mesh, hv.Material.lame(4.0, 4.0), {"bottom": foundation}, {"left": hv.Clamped()}, force)
+    return bodies.body(mesh, foundation, body_force=force)
 
 
 def test_a_polygon_is_told_from_a_curve() -> None:
@@ -223,11 +224,11 @@ def wedged(degrees: float) -> hv.ContactProblem:
     points = box.points.copy()
     half = np.tan(np.radians(degrees / 2.0)) * np.minimum(points[:, 1], 1.0 - points[:, 1])
     points[:, 0] -= (1.0 - points[:, 0]) * half
-    return hv.ContactProblem(
-        mesh=hv.Mesh(points, box.cells, dict(box.boundaries)),
+    return bodies.body(
+        hv.Mesh(points, box.cells, dict(box.boundaries)),
+        hv.Compliance(0.2),
         material=hv.Material.young(1.0, 0.0),
         supports={"left": hv.Roller(), "right": hv.Fixed(x=0.0)},
-        contact={"bottom": hv.Contact(hv.Compliance(0.2))},
         tractions={"top": (0.0, 1.0)},
     )
 

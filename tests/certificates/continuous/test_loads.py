@@ -22,6 +22,7 @@ from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_t
 from hemivar.fem.elements import shape_values
 from hemivar.formula import Formula, FormulaArray
 from hemivar.mechanics.conditions import Traction, VectorData
+from tests import bodies
 
 MISSED = "-10*max(0, 1 - abs(x - 0.56)/0.03)"
 
@@ -33,14 +34,9 @@ def vector(*entries: str) -> FormulaArray:
 def block(
     cells: int, body: VectorData = (0.0, 0.0), top: Traction | None = None, order: int = 1, lame: float = 4.0
 ) -> hv.ContactProblem:
-    return hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (cells, cells)),
-        material=hv.Material.lame(lame, lame),
-        contact={"bottom": hv.Contact(hv.Compliance(3.0))},
-        supports={"left": hv.Clamped()},
-        body_force=body,
-        tractions={} if top is None else {"top": top},
-        order=order,
+    contact = hv.Compliance(3.0)
+    return bodies.square(
+        contact, cells, lame=(lame, lame), body_force=body, tractions={} if top is None else {"top": top}, order=order
     )
 
 

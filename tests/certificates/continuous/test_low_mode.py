@@ -14,21 +14,15 @@ from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
 from hemivar.certificates.continuous.vertex_moments import shared_forces
 from hemivar.laws import Logarithmic, Softening, SurveyLaw
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
-from hemivar.mesh import rectangle
+from hemivar.mechanics import Contact, ContactProblem
 from hemivar.solvers import solve
+from tests import bodies
 from tests.certificates.continuous.test_exact_distance import error_of
 
 
 def softened(alpha: float, normal: bool = False) -> ContactProblem:
     law = Contact(Softening(4.0, 0.1, alpha)) if normal else Contact(SurveyLaw(0.3, 2.0), Logarithmic(alpha))
-    return ContactProblem(
-        mesh=rectangle((1.0, 1.0), 6, pattern="cross"),
-        material=Material.lame(4.0, 4.0),
-        supports={"left": Clamped()},
-        contact={"bottom": law},
-        body_force=(-0.8, -0.8),
-    )
+    return bodies.square(law, 6, "cross", body_force=(-0.8, -0.8))
 
 
 def test_closed_forms() -> None:

@@ -11,6 +11,7 @@ from hemivar.certificates.continuous import exact_distance
 from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.local_constants import local_constants
 from hemivar.certificates.continuous.trace_bounds import discrete_trace_bounds
+from tests import bodies
 
 #: ``int (t^2 - P t^2)^2`` over a unit length, P the projection on linear functions: ``1/180``.
 BENT = 1.0 / 180.0
@@ -23,13 +24,7 @@ def stated(side: str, material: hv.Material, pattern: str = "right") -> hv.Conta
     def bent(x: Array) -> Array:
         return np.column_stack([(x[:, axis] / length) ** 2, np.zeros(len(x))])
 
-    return hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.25), 1, pattern),
-        material=material,
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Compliance(1.0))},
-        tractions={side: bent},
-    )
+    return bodies.strip(hv.Compliance(1.0), 1, pattern, size=(1.0, 0.25), material=material, tractions={side: bent})
 
 
 def added(problem: hv.ContactProblem, side: str) -> float:

@@ -33,6 +33,7 @@ from hemivar.mechanics import Contact, ContactProblem, Material, Plane
 from hemivar.mesh import rectangle
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import solve
+from tests import bodies
 
 from .admissibility import imbalance
 from .test_exact_distance import random_problem
@@ -178,10 +179,9 @@ def test_rigid_laws_get_a_trace_that_they_allow(seed: int) -> None:
     """Nodes are inside the domain, the edges between them after the least change of a midpoint."""
     rng = np.random.default_rng(seed)
     mesh = rectangle((1.0, 1.0), 5)
-    problem = ContactProblem(
-        mesh, Material.lame(4.0, 4.0), contact={"bottom": Contact(Signorini(), gap=0.03)}, order=2,
-        tractions={}, supports={"top": survey("5.1", 2).supports["left"]},
-    )  # fmt: skip
+    problem = bodies.body(
+        mesh, Contact(Signorini(), gap=0.03), supports={"top": survey("5.1", 2).supports["left"]}, tractions={}, order=2
+    )
     u = rng.normal(size=mesh.nodes(2).shape)
     ground = mesh.nodes(2)[:, 1] == 0.0
     u[ground, 1] = -0.03 + np.where(

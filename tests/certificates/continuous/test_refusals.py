@@ -18,6 +18,7 @@ from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_t
 from hemivar.errors import HemivarError
 from hemivar.gallery import elastic_bar, membrane_obstacle, survey
 from hemivar.mechanics import ContactProblem
+from tests import bodies
 
 PROBLEM = survey("5.1", 3)
 SOLVED = hv.solve(PROBLEM)
@@ -45,9 +46,7 @@ def with_entry(value: float) -> Array:
 
 
 def block_of_order_2() -> Any:
-    problem = ContactProblem(
-        hv.box((1.0, 1.0, 1.0), 2), hv.Material.lame(4.0, 4.0), {}, {"left": hv.Clamped()}, (0.0, 0.0, -1.0), order=2
-    )
+    problem = bodies.cube(cells=2, body_force=(0.0, 0.0, -1.0), order=2)
     return bound(problem, np.zeros(problem.mesh.nodes(2).shape))
 
 

@@ -8,12 +8,13 @@ import pytest
 import hemivar as hv
 from hemivar.certificates.continuous.trace_flexibility import TraceFlexibility
 from hemivar.mesh import Mesh
+from tests import bodies
 
 #: Weight of the body that counts, beside a weight of one on a body so stiff that it hardly moves.
 SMALL = 1e-3
 
 
-def bodies(count: int) -> hv.ContactProblem:
+def squares(count: int) -> hv.ContactProblem:
     """Squares side by side that share nothing, clamped at the top; all but the first are a million times stiffer."""
     one = hv.rectangle((1.0, 1.0), (3, 3))
     nodes = one.number_of_nodes
@@ -25,20 +26,16 @@ def bodies(count: int) -> hv.ContactProblem:
     def modulus(points: np.ndarray) -> np.ndarray:
         return np.where(points[:, 0] < 1.5, 4.0, 4e6)
 
-    return hv.ContactProblem(
-        mesh=mesh,
-        material=hv.Material.lame(modulus, modulus),
-        supports={"top": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Signorini())},
-        body_force=(0.0, -1.0),
+    return bodies.body(
+        mesh, hv.Signorini(), lame=(modulus, modulus), supports={"top": hv.Clamped()}, body_force=(0.0, -1.0)
     )
 
 
 def test_a_small_weight_beside_a_large_one_has_the_bounds_of_that_weight_alone() -> None:
     """``c`` is linear in the weight, and a stiff body that shares nothing with the other adds nothing to it."""
-    alone = TraceFlexibility(bodies(1)).bound(SMALL, SMALL)
-    both = TraceFlexibility(bodies(2))
-    first = both.facets[:, 0] < bodies(1).mesh.number_of_nodes
+    alone = TraceFlexibility(squares(1)).bound(SMALL, SMALL)
+    both = TraceFlexibility(squares(2))
+    first = both.facets[:, 0] < squares(1).mesh.number_of_nodes
     beside = both.bound(np.where(first, SMALL, 1.0), np.where(first, SMALL, 1.0))
     assert alone.lower <= alone.upper < 1.1 * alone.lower
     for name in ("lower", "upper", "simple"):
