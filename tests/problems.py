@@ -7,9 +7,9 @@ import numpy as np
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, Friction, Signorini, Superpotential, SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Quadrature
-from hemivar.mesh import rectangle
+from hemivar.mechanics import Contact, ContactProblem, Quadrature
 from hemivar.solvers import Solution
+from tests import bodies
 
 #: The survey's five data sets: body force, normal law, friction bound (its Figures 1 to 4 and (5.1)).
 SURVEY_DATA: dict[str, tuple[tuple[float, float], Superpotential, Friction]] = {
@@ -36,14 +36,7 @@ def square(
 ) -> ContactProblem:
     """The survey's square: clamped on the left, contact at the bottom, lambda = mu = 4."""
     force, normal, friction = {**SURVEY_DATA, **OTHER_DATA}[data]
-    return ContactProblem(
-        mesh=rectangle((1.0, 1.0), (n, n), pattern),
-        material=Material.lame(4.0, 4.0),
-        supports={"left": Clamped()},
-        contact={"bottom": Contact(normal, friction)},
-        body_force=force,
-        quadrature=quadrature,
-    )
+    return bodies.square(Contact(normal, friction), n, pattern, body_force=force, quadrature=quadrature)  # type: ignore[arg-type]
 
 
 def discrete_square(data: str = "data (5.1)", n: int = 8, **options: object) -> DiscreteProblem:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,19 +18,18 @@ from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_t
 from hemivar.errors import ProblemError
 from hemivar.gallery import survey, weighted_block
 from hemivar.mesh import rectangle
+from tests import bodies
 
 NAMES = ("contact.bottom.force", "support.left.force", "boundary.right.displacement", "boundary.bottom.displacement")
 
 
 def square(n: int = 4, **changes: object) -> hv.ContactProblem:
-    given = {
+    given: dict[str, Any] = {
         "mesh": rectangle((1.0, 1.0), n, pattern="cross"),
-        "material": hv.Material.lame(4.0, 4.0),
-        "supports": {"left": hv.Clamped()},
-        "contact": {"bottom": hv.Contact(hv.SurveyLaw(0.3, 2.0), hv.Tresca(0.5))},
+        "contact": hv.Contact(hv.SurveyLaw(0.3, 2.0), hv.Tresca(0.5)),
         "body_force": (-0.8, -0.8),
     }
-    return hv.ContactProblem(**{**given, **changes})  # type: ignore[arg-type]
+    return bodies.body(**given | changes)
 
 
 _KNOWN: dict[str, TraceBounds] = {}

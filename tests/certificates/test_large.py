@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from hemivar.certificates.smallness import trace_constants
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.laws import Friction, NoFriction, PenetrationBound, PiecewiseQuadratic, Superpotential, SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Roller
+from hemivar.mechanics import Contact, Material, Roller
 from hemivar.mesh import rectangle
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems import body_on_levels as systems
@@ -38,15 +39,8 @@ def body(
     mesh: Mesh, normal: Superpotential, friction: Friction, material: Material | None = None, **supports: object
 ) -> DiscreteProblem:
     force = (-0.8, -0.4, -0.8) if mesh.dim == 3 else (-0.8, -0.8)
-    return discretize(
-        ContactProblem(
-            mesh=mesh,
-            material=material or Material.lame(4.0, 4.0),
-            supports=supports or {"left": Clamped()},  # type: ignore[arg-type]
-            contact={"bottom": Contact(normal, friction)},
-            body_force=force,
-        )
-    )
+    held: Any = supports or None
+    return discretize(bodies.body(mesh, Contact(normal, friction), material=material, supports=held, body_force=force))
 
 
 def square(alpha: float, rate: float = 10.0, n: int = 32) -> DiscreteProblem:

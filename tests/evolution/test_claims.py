@@ -26,17 +26,7 @@ def block(contact: hv.Contact, viscous: float | None = VISCOUS, **more: Any) -> 
     """A unit square between rollers, modulus 3, viscosity 0.6, held at its top."""
     stated = {name: more.pop(name) for name in ("inertia", "heat") if name in more}
     modulus = more.pop("modulus", KAPPA)
-    options = {name: more.pop(name) for name in ("density", "branches") if name in more}
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(
-            0.0, 0.5 * modulus, viscosity=None if viscous is None else (0.0, 0.5 * viscous), **options
-        ),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
-        tractions={"bottom": (0.0, -0.1)},
-        contact={"bottom": contact},
-        **more,
-    )
+    problem = bodies.column(contact, modulus, viscous=viscous, tractions={"bottom": (0.0, -0.1)}, **more)
     return Evolution(problem, **stated)
 
 

@@ -274,12 +274,8 @@ def test_redistributed_mass_goes_to_moved_supports_as_well(support: str) -> None
         supports: dict[str, object] = {"left": hv.Fixed(x=lambda x, t: t + 0.0 * x[:, 0])}
     else:
         supports = {support: hv.Prescribed(lambda x, t: t * wave + 0.0 * x)}
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 1 if support == "top" else 2),
-        hv.Material.lame(0.0, 5.0, density=1.0),
-        supports=supports,  # type: ignore[arg-type]
-        contact={"bottom": hv.Contact(hv.Signorini(), gap=1.0)},
-    )
+    contact, cells = hv.Contact(hv.Signorini(), gap=1.0), 1 if support == "top" else 2
+    problem = bodies.square(contact, cells, lame=(0.0, 5.0), density=1.0, supports=supports)  # type: ignore[arg-type]
     discrete = discretize_evolution(Evolution(problem, inertia=True, mass="redistributed"))
     mass, nodes = discrete.mass, len(discrete.field.nodes)
     assert mass is not None

@@ -37,16 +37,9 @@ def cycle(
     density: float = 1.0,
 ) -> tuple[History, Array]:
     """The top of a block pushed down by r0 = t up to 0.4 and back; r0 at every row."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((width, 1.0), 1),
-        material=hv.Material.lame(0.0, 0.5 * KAPPA, viscosity=viscosity, density=density),  # type: ignore[arg-type]
-        supports={
-            "left": hv.Roller(),
-            "right": hv.Roller(),
-            "top": hv.Fixed(y=lambda x, t: np.full(len(x), -min(t, 0.8 - t))),
-        },
-        contact={"bottom": hv.Contact(law)},
-    )
+    top = hv.Fixed(y=lambda x, t: np.full(len(x), -min(t, 0.8 - t)))
+    lame, size = (0.0, 0.5 * KAPPA), (width, 1.0)
+    problem = bodies.column(law, top=top, size=size, lame=lame, viscosity=viscosity, density=density)  # type: ignore[arg-type]
     history = march(Evolution(problem), until, step=step, stops=(0.4,), jump=jump)
     return history, np.minimum(history.times, 0.8 - history.times)
 

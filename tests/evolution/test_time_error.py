@@ -119,14 +119,8 @@ def test_the_bound_holds_at_every_step(norm: str, seed: int) -> None:
 
 def block(contact: hv.Contact, load: object) -> Evolution:
     """A unit square between rollers, modulus 3, viscosity 0.6, held at its top: one degree of freedom."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 1.5, viscosity=(0.0, 0.3)),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
-        tractions={"bottom": (0.0, load)},  # type: ignore[dict-item]
-        contact={"bottom": contact},
-    )
-    return Evolution(problem)
+    pull: Any = {"bottom": (0.0, load)}
+    return Evolution(bodies.column(contact, 3.0, viscous=0.6, tractions=pull))
 
 
 @pytest.mark.parametrize("norm", ["stiffness", "viscosity"])
