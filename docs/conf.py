@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import runpy
 import sys
+import tomllib
 import warnings
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,8 @@ sphinx_gallery_conf = {
 }
 warnings.filterwarnings("ignore", message="FigureCanvasAgg is non-interactive")
 
+#: Addresses of the project, which pyproject.toml alone states.
+_urls = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["urls"]
 html_theme = "pydata_sphinx_theme"
 html_title = f"hemivar {release}"
 html_static_path = ["_static"]
@@ -95,7 +98,7 @@ html_show_sourcelink = False
 html_sidebars = {"index": []}
 html_theme_options = {
     "logo": {"text": html_title},
-    "external_links": [{"name": "Versions", "url": "https://hemivar.github.io/hemivar/versions.html"}],
+    "external_links": [{"name": "Versions", "url": f"{_urls['Documentation']}/versions.html"}],
     "show_prev_next": False,
     "navbar_align": "left",
     "header_links_before_dropdown": 8,
@@ -103,7 +106,7 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": [],
     "navigation_with_keys": False,
-    "icon_links": [{"name": "Repository", "url": "https://github.com/hemivar/hemivar", "icon": "fa-brands fa-github"}],
+    "icon_links": [{"name": "Repository", "url": _urls["Repository"], "icon": "fa-brands fa-github"}],
 }
 
 

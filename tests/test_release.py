@@ -28,14 +28,26 @@ def test_one_version() -> None:
     assert f"\nlicense: {PROJECT['license']}\n" in citation
 
 
-def test_images_of_the_readme_are_seen_from_anywhere() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    images = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text)
-    assert images
-    begin = "https://raw.githubusercontent.com/hemivar/hemivar/main/"
-    for image in images:
-        assert image.startswith(begin), image
-        assert (ROOT / image.removeprefix(begin)).exists(), image
+def test_pictures_of_the_readme_are_seen_in_the_repository_and_from_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    images = re.compile(r"!\[[^\]]*\]\(([^)]+)\)")
+    here = images.findall((ROOT / "README.md").read_text(encoding="utf-8"))
+    assert here
+    for image in here:
+        assert (ROOT / image).exists(), image
+    pytest.importorskip("setuptools")
+    monkeypatch.setattr("setuptools.setup", lambda **given: None)
+    shown = runpy.run_path(str(ROOT / "setup.py"))["readme"]()
+    repository = PROJECT["urls"]["Repository"]
+    assert images.findall(shown) == [f"{repository}/raw/main/{image}" for image in here]
+    links = re.findall(r"(?<!!)\[[^\]]*\]\(([^)]+)\)", shown)
+    assert links
+    assert all(link.startswith(("https://", "#")) for link in links)
+
+
+def test_addresses_of_the_project_stand_in_one_place() -> None:
+    address = PROJECT["urls"]["Repository"].removeprefix("https://")
+    texts = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("*.py"), ROOT / "README.md"]
+    assert [path.name for path in texts if address in path.read_text(encoding="utf-8")] == []
 
 
 def test_every_command_is_in_the_readme_or_the_docs() -> None:
@@ -124,6 +136,15 @@ def test_the_source_archive_is_complete() -> None:
     )
     wanted = {name for name in tracked if name and not name.startswith((".ci/", ".github/", ".git", ".pre-commit"))}
     assert wanted - found == set()
+
+
+@pytest.mark.skipif(not WHEELS, reason="no wheel has been built")
+def test_the_wheel_shows_the_readme_with_links_that_work_anywhere() -> None:
+    with zipfile.ZipFile(WHEELS[-1]) as archive:
+        (name,) = [one for one in archive.namelist() if one.endswith(".dist-info/METADATA")]
+        text = archive.read(name).decode()
+    assert f"({PROJECT['urls']['Repository']}/raw/main/docs/images/" in text
+    assert not re.search(r"\]\((?!https?:|#)", text)
 
 
 @pytest.mark.skipif(not WHEELS, reason="no wheel has been built")
