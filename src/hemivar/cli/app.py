@@ -22,6 +22,7 @@ from hemivar.cli.equilibria import path, solutions
 from hemivar.cli.law_study import laws
 from hemivar.cli.march_results import animate, history
 from hemivar.cli.marching import march
+from hemivar.cli.material_study import materials
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import check_outputs, internal_error, one_line
 from hemivar.cli.solving import solve
@@ -186,7 +187,8 @@ def methods() -> int:
 
 
 _COMMANDS: tuple[Callable[..., int], ...] = (
-    solve, certify, solutions, path, march, history, animate, compare, study, sweep, survey, new, laws, methods, doctor,
+    solve, certify, solutions, path, march, history, animate, compare, study, sweep, survey, new, laws, materials,
+    methods, doctor,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command(_command.__name__)(_command)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,8 +18,9 @@ if TYPE_CHECKING:
     from hemivar.laws import Superpotential
     from hemivar.laws.registry import LawEntry
     from hemivar.workflows import LawStudy
+    from hemivar.workflows.law_study import Value
 
-__all__ = ["laws"]
+__all__ = ["check_reach", "laws", "print_entry", "print_examples", "values_given"]
 
 
 def laws(
@@ -45,17 +47,11 @@ def laws(
         return Exit.CONVERGED
     if sum(choice is not None for choice in (name, file, formula)) > 1:
         raise ProblemError("give one of NAME, --file and --formula")
-    if reach is not None and not 1e-100 <= reach <= 1e100:
-        raise ProblemError(f"--reach is {reach:g}; it must be a positive length (1e-100 to 1e100)")
+    check_reach(reach, "length")
     from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
     from hemivar.workflows import result_of, study_law
 
-    values: dict[str, str] = {}
-    for pair in given or []:
-        key, equals, text = pair.partition("=")
-        if not equals:
-            raise ProblemError(f"--set {pair}: write NAME=VALUE, such as --set bound=0.5")
-        values[key.strip()] = text.strip()
+    values = values_given(given, "bound=0.5")
     if file is not None:
         name, values["file"] = "table", str(file)
     if formula is not None:
@@ -75,6 +71,17 @@ def laws(
     return writer.ended(Exit.CONVERGED)
 
 
+def values_given(given: list[str] | None, example: str) -> dict[str, str]:
+    """The values of ``--set NAME=VALUE``, by name."""
+    values: dict[str, str] = {}
+    for pair in given or []:
+        key, equals, text = pair.partition("=")
+        if not equals:
+            raise ProblemError(f"--set {pair}: write NAME=VALUE, such as --set {example}")
+        values[key.strip()] = text.strip()
+    return values
+
+
 def _list_laws() -> None:
     """Print all laws with their parameters."""
     from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
@@ -82,7 +89,7 @@ def _list_laws() -> None:
     for entries in (NORMAL_LAWS, FRICTION_LAWS):
         print(f"{next(iter(entries.values())).kind} laws")
         for entry in entries.values():
-            _print_entry(entry)
+            print_entry(entry)
         print()
     print("Every single number is a number or, in quotes, a formula of x and y (and z).  A friction bound may also be")
     print('{ table = "bound.csv" } or { formula = "8*s" } of the penetration s, or { coulomb = 0.3 } of the pressure.')
@@ -92,19 +99,30 @@ def _list_laws() -> None:
 def _print_study(study: LawStudy, named: bool) -> None:
     print(f"{study.entry.kind} law")
     if named:
-        _print_entry(study.entry)
+        print_entry(study.entry)
     if study.curve is None:
         print("\nits graph comes from a file: give it with --file LAW.csv")
         return
-    if study.examples:
-        examples = "  ".join(
-            f"{key}={','.join(f'{x:g}' for x in value) if isinstance(value, tuple) else value}"
-            for key, value in study.examples.items()
-        )
-        print(f"\nshown with        {examples}  (change them with --set)")
+    print_examples(study.examples)
     if study.unit_bound:
         print("\nthe bound depends on the state of the contact point; below, for a bound of 1")
     print(f"\n{study.curve.describe()}\n")
+
+
+def check_reach(reach: float | None, what: str) -> None:
+    """Refuse a reach of a picture that is none."""
+    if reach is not None and not 1e-100 <= reach <= 1e100:
+        raise ProblemError(f"--reach is {reach:g}; it must be a positive {what} (1e-100 to 1e100)")
+
+
+def print_examples(examples: Mapping[str, Value]) -> None:
+    """Say which values are examples."""
+    if examples:
+        told = "  ".join(
+            f"{key}={','.join(f'{x:g}' for x in value) if isinstance(value, tuple) else value}"
+            for key, value in examples.items()
+        )
+        print(f"\nshown with        {told}  (change them with --set)")
 
 
 def _draw(curve: Superpotential, reach: float | None, plot: Path, writer: Writer) -> None:
@@ -115,7 +133,8 @@ def _draw(curve: Superpotential, reach: float | None, plot: Path, writer: Writer
     writer.tell()
 
 
-def _print_entry(entry: LawEntry) -> None:
+def print_entry(entry: LawEntry) -> None:
+    """Print a law or a material with its parameters, as a problem file writes it."""
     from hemivar.laws.registry import ParameterForm
 
     samples = {ParameterForm.NUMBERS: "[...]", ParameterForm.FILE: '"law.csv"', ParameterForm.TEXT: '"..."'}
@@ -127,7 +146,7 @@ def _print_entry(entry: LawEntry) -> None:
         default = ", may be left out" if p.optional else "" if p.default is None else f", default {_text(p.default)}"
         lowest = "" if p.minimum == -math.inf else f", at least {p.minimum:g}"
         form = "a list, " if p.form is ParameterForm.NUMBERS else ""
-        print(f"      {p.name:<12}{form}{p.meaning} [{p.unit}]{lowest}{default}")
+        print(f"      {p.name:<11} {form}{p.meaning} [{p.unit}]{lowest}{default}")
 
 
 def _text(value: str | float | tuple[float, ...]) -> str:

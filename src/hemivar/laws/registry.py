@@ -56,10 +56,11 @@ Value = float | str | tuple[float, ...] | None
 
 
 class LawKind(StrEnum):
-    """Which part of the contact law an entry describes."""
+    """Which part of the contact law an entry describes, or that it is a material."""
 
     NORMAL = "normal"
     FRICTION = "friction"
+    MATERIAL = "material"
 
 
 class ParameterForm(StrEnum):
@@ -127,7 +128,7 @@ class LawParameter:
 
 @dataclass(frozen=True)
 class LawEntry:
-    """A law as it is known by name.
+    """A law or a material as it is known by name.
 
     Attributes
     ----------
@@ -136,26 +137,31 @@ class LawEntry:
     build : callable
         Makes the law from its parameters, given by keyword.
     summary : str
-        What the foundation does, in words.
+        What the foundation or the material does, in words.
     formula : str
-        The superpotential j.
+        The superpotential j; of a material the stress or the stored energy.
     parameters : tuple of LawParameter
     """
 
     name: str
     kind: LawKind
-    build: Callable[..., Superpotential | Friction]
+    build: Callable[..., object]
     summary: str
     formula: str
     parameters: tuple[LawParameter, ...] = ()
+
+    @property
+    def noun(self) -> str:
+        """What messages call it."""
+        return "material" if self.kind is LawKind.MATERIAL else "law"
 
     @property
     def required(self) -> tuple[str, ...]:
         """Names of the parameters that must be given."""
         return tuple(p.name for p in self.parameters if p.required)
 
-    def make(self, **values: object) -> Superpotential | Friction:
-        """The law with these parameters.
+    def make(self, **values: object) -> object:
+        """The law or the material with these parameters.
 
         Raises
         ------
@@ -166,10 +172,10 @@ class LawEntry:
         for name in values:
             if name not in known and not (name == "where" and "potential" in known):
                 listed = ", ".join(p.name for p in self.parameters) or "none"
-                raise ProblemError(f"law '{self.name}' has no parameter '{name}' (parameters: {listed})")
+                raise ProblemError(f"{self.noun} '{self.name}' has no parameter '{name}' (parameters: {listed})")
         for name in self.required:
             if name not in values:
-                raise ProblemError(f"law '{self.name}' needs the parameter {name}")
+                raise ProblemError(f"{self.noun} '{self.name}' needs the parameter {name}")
         return self.build(**values)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 from hemivar.basics.arguments import suggest
 from hemivar.basics.display import brief
@@ -14,7 +14,7 @@ from hemivar.laws import Friction, Superpotential
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
 from hemivar.workflows.events import Notice, Work
 
-__all__ = ["LawStudy", "Value", "study_law"]
+__all__ = ["LawStudy", "Value", "study_law", "values_shown"]
 
 #: A parameter: a number, several, or the text of one or of a file's name.
 Value: TypeAlias = str | float | Sequence[float]
@@ -98,28 +98,40 @@ def study_law(
 
 def _study(entry: LawEntry, given: Mapping[str, Value], label: str) -> LawStudy:
     """The law with the values given and example values for the others."""
+    values, examples = values_shown(entry, given, label)
+    if any(p.form is ParameterForm.FILE and p.name not in values for p in entry.parameters):
+        return LawStudy(entry, None)
+    law = cast(Superpotential | Friction, entry.make(**values)).at(None)
+    if not isinstance(law, Friction):
+        return LawStudy(entry, law, examples)
+    curve = law.profile if law.state_dependent else law.radial
+    return LawStudy(entry, curve, examples, law.state_dependent)
+
+
+def values_shown(entry: LawEntry, given: Mapping[str, Value], label: str) -> tuple[dict[str, Value], dict[str, Value]]:
+    """The parameters with which a law or a material is shown, and which of them are examples.
+
+    Raises
+    ------
+    ProblemError
+        There is no such parameter, or a value is none.
+    """
     known = {p.name: p for p in entry.parameters}
     for key in given:
         if key not in known:
             raise ProblemError(
-                f"law '{entry.name}' has no parameter '{key}' (parameters: {', '.join(known) or 'none'})"
+                f"{entry.noun} '{entry.name}' has no parameter '{key}' (parameters: {', '.join(known) or 'none'})"
             )
     values: dict[str, Value] = {}
     examples: dict[str, Value] = {}
     for p in entry.parameters:
         if p.name in given:
             values[p.name] = _value(p, given[p.name], f"{label}{p.name}")
-        elif p.form is ParameterForm.FILE:
-            return LawStudy(entry, None)
-        elif p.shown is not None:
+        elif p.form is not ParameterForm.FILE and p.shown is not None:
             values[p.name] = p.shown
             if p.default is None:
                 examples[p.name] = p.shown
-    law = entry.make(**values).at(None)
-    if not isinstance(law, Friction):
-        return LawStudy(entry, law, examples)
-    curve = law.profile if law.state_dependent else law.radial
-    return LawStudy(entry, curve, examples, law.state_dependent)
+    return values, examples
 
 
 def _value(p: LawParameter, given: Value, where: str) -> Value:
