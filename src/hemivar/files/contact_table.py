@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -141,8 +142,7 @@ class _Reader:
         if "potential" in parameters:
             parameters["where"] = given.where("potential")
         with context(f"{table.where(key)}:"):
-            made: Superpotential | Friction = entry.make(**parameters)
-            return made
+            return cast(Superpotential | Friction, entry.make(**parameters))
 
     def parameter(self, given: TomlTable, parameter: LawParameter) -> object:
         """The value of a law parameter, in whatever form it is written."""

@@ -3,28 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypedDict
+from typing import Any, TypedDict, cast
 
 import numpy as np
 
 from hemivar.basics.arguments import suggest
 from hemivar.basics.types import Array
 from hemivar.files.quantities import entries_record, quantity_record
-from hemivar.files.toml import KEYS, TomlTable, array, context, kind
+from hemivar.files.toml import KEYS, TomlTable, array, context, kind, listed
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
+from hemivar.laws.registry import ParameterForm
 from hemivar.mechanics.composed_material import ByRegion
 from hemivar.mechanics.linear_material import Anisotropic, Isotropic
 from hemivar.mechanics.material import Material
+from hemivar.mechanics.material_registry import MATERIAL_LAWS
 from hemivar.mechanics.material_words import PlaneState
 from hemivar.mechanics.moduli import Branch, Moduli, Number
+from hemivar.mechanics.own_energies import FunctionEnergy
+from hemivar.mechanics.single_material import SingleMaterial
+from hemivar.mechanics.stored_energy import StoredEnergy
 from hemivar.mesh import Mesh
 
 __all__ = ["material_record", "read_material"]
 
+_IN_TIME = ("density", "viscosity", "branches")
+#: Names of constants in files, where classes have others.
+_ATTRIBUTES = {"young": "E", "poisson": "nu", "energy": "text"}
+
 #: Keys of a branch, and the ways to give its spring.
 _BRANCH = ("lame", "young", "poisson", "tensor", "time")
 _WAYS = ("lame", "young", "tensor")
+_LINEAR_KEYS = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", *_IN_TIME)
 _MATRICES = {"tensor": "elasticity", "viscosity": "viscosity"}
 
 
@@ -39,6 +49,7 @@ def read_material(table: TomlTable, mesh: Mesh) -> Material:
         with context(f"{table.source}: [material]"):
             middle = mesh.points[mesh.cells].mean(axis=1)
             material.stiffness_tensor(middle, masks)
+            material.lower_tensor(middle, masks)
             material.density_at(middle, masks)
             material.viscosity_tensor(middle, masks)
             for number in range(len(material.relaxation_times)):
@@ -66,10 +77,16 @@ def _material(table: TomlTable, mesh: Mesh) -> Material:
 
 
 def _one_material(table: TomlTable, dim: int) -> Material:
+    if "law" in table:
+        return _nonlinear(table, dim)
     ways = [way for way in _WAYS if way in table]
     if len(ways) != 1:
         found = f"{' and '.join(ways)} are given" if ways else "no elastic constants are given"
-        raise table.error("lame, young, tensor", f"{found}; give lame, or young and poisson, or tensor")
+        raise table.error("lame, young, tensor", f"{found}; give lame, or young and poisson, or tensor, or a law")
+    for key in table.data:
+        if key not in _LINEAR_KEYS:
+            owners = [name for name, entry in MATERIAL_LAWS.items() if key in {p.name for p in entry.parameters}]
+            raise table.error(key, f"belongs to law = {listed(owners)}; add the law, or remove it")
     owner = {"poisson": ("young",), "out_of_plane": ("tensor",), "plane": ("lame", "young")}
     for key, allowed in owner.items():
         if key in table and ways[0] not in allowed:
@@ -96,6 +113,29 @@ def _one_material(table: TomlTable, dim: int) -> Material:
         raise table.error("poisson", f"is {poisson:g}; it must lie between -1 and 0.5, both excluded")
     with context(f"{table.where('young, poisson')}:"):
         return Material.young(young, poisson, plane, **more)
+
+
+def _nonlinear(table: TomlTable, dim: int) -> Material:
+    """A material of the registry."""
+    name = table.text("law", None, list(MATERIAL_LAWS))
+    entry = MATERIAL_LAWS[name]
+    known = ("law", *(p.name for p in entry.parameters), *_IN_TIME)
+    for key in table.data:
+        if key not in known:
+            raise table.error(key, f'does not go with law = "{name}"; remove it (known here: {", ".join(known)})')
+    if "plane" in table and dim == 3:
+        raise table.error("plane", "is for plane meshes, but this mesh is three-dimensional; remove it")
+    constants: dict[str, object] = {}
+    for p in entry.parameters:
+        if p.name in table and p.form is ParameterForm.TEXT:
+            constants[p.name] = table.text(p.name, None, p.choices or None)
+        elif p.name in table:
+            constants[p.name] = table.quantity(p.name, table.data[p.name], dim, p.minimum)
+        elif p.required:
+            example = ", ".join(f"{one} = ..." for one in entry.required)
+            raise table.error(p.name, f'is missing ({p.meaning}); write law = "{name}", {example}')
+    with context(f"{table.where('law')}:"):
+        return cast(Material, entry.build(**constants, **_in_time(table, dim)))
 
 
 class InTime(TypedDict, total=False):
@@ -185,14 +225,26 @@ def material_record(material: Material, where: str = "material") -> dict[str, ob
             out = material.out_of_plane
             record |= {} if out is None else {"out_of_plane": np.asarray(out, dtype=float).tolist()}
             return record | _in_time_record(material, where)
+        case StoredEnergy() if material.kind in MATERIAL_LAWS and not isinstance(material, FunctionEnergy):
+            return _nonlinear_record(material, where) | _in_time_record(material, where)
         case ByRegion() if where == "material":
             return {
                 "regions": {name: material_record(part, f"{where}['{name}']") for name, part in material.parts.items()}
             }
-    raise unsaid(where, material, "lame, young and tensor, by regions if need be")
+    raise unsaid(where, material, "lame, young, tensor and materials by law, by regions if need be")
 
 
-def _in_time_record(material: Isotropic | Anisotropic, where: str) -> dict[str, object]:
+def _nonlinear_record(material: StoredEnergy, where: str) -> dict[str, object]:
+    record: dict[str, object] = {"law": material.kind}
+    for p in MATERIAL_LAWS[material.kind].parameters:
+        value = getattr(material, _ATTRIBUTES.get(p.name, p.name), None)
+        if value is None or (not callable(value) and value == p.default):
+            continue
+        record[p.name] = str(value) if isinstance(value, str) else quantity_record(value, f"{where}.{p.name}")
+    return record
+
+
+def _in_time_record(material: SingleMaterial, where: str) -> dict[str, object]:
     record: dict[str, object] = {}
     if material.density is not None:
         record["density"] = quantity_record(material.density, f"{where}.density")

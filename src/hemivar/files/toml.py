@@ -15,10 +15,13 @@ from hemivar.basics.arguments import suggest
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import TIME, VARIABLES, Formula, FormulaArray
+from hemivar.mechanics.material_registry import MATERIAL_LAWS
 
 __all__ = ["KEYS", "Quantity", "TomlTable", "array", "context", "kind", "listed", "printable", "text_of"]
 
-_MATERIAL = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "density", "viscosity", "branches")
+_LINEAR = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "density", "viscosity", "branches")
+_BY_LAW = ("law", *(p.name for entry in MATERIAL_LAWS.values() for p in entry.parameters))
+_MATERIAL = tuple(dict.fromkeys((*_LINEAR, *_BY_LAW)))
 
 #: Keys of each table; tables named after boundaries or regions are written with a star.
 KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
