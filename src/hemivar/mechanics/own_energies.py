@@ -141,7 +141,7 @@ class FormulaEnergy(InvariantEnergy):
             found = [
                 np.broadcast_to(np.asarray(self._graph.value(node, at), dtype=float), p.shape) for node in self._nodes
             ]
-        bad = ~np.isfinite(np.sum(found, axis=0))
+        bad = ~np.isfinite(found).all(axis=0)
         if bad.any():
             i = int(np.argmax(bad))
             raise ProblemError(
