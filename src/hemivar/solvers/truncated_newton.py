@@ -196,23 +196,15 @@ class TruncatedNewton(Solver):
         if not system.vectors.largest(float(bent))[0]:
             return None
         memory: NewtonMemory = state.memory
-        r, gained = system.local(state.r), 0.0
-        pull = system.at_contact(memory.force)
+        r, pull = system.local(state.r), system.at_contact(memory.force)
         threshold = -_WORTH * energy_scale(system, state.r, system.law.value(r))
         if self.search is Search.GLOBAL:
-            for _ in range(int(system.vectors.total(4.0 * r.size)[0])):
-                if system.vectors.largest(budget.due())[0]:
-                    raise OutOfTime
-                new, more = best_component(system, r, pull)
-                if more >= threshold:
-                    break
-                r, pull, gained = new, pull - system.couple(new - r), gained + more
+            new, gained = best_component(system, r, pull)
         else:
             move = diagonal_step(system, r, pull, memory.factor, self.search)
-            if not move.endless and move.gain < threshold:
-                r, gained = move.r, move.gain
-        x = system.moved(state.r, r)
-        if gained == 0.0:
+            new, gained = move.r, 0.0 if move.endless else move.gain
+        x = system.moved(state.r, new)
+        if gained >= threshold:
             x, gained = self._leave_saddle(system, state)
             if gained >= threshold:
                 return None
