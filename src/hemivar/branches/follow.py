@@ -14,6 +14,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.follower import Follower, PathProgress, Track
 from hemivar.branches.path import Fold, Path, PathEnd, PathJump
+from hemivar.discrete.model import quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine, deformation
@@ -149,6 +150,7 @@ def following(
         There is no contact point that can move, or no equilibrium from which to start within the time.
     """
     problem = posed(problem, "follow_path")
+    quadratic(problem.bulk, "follow_path")
     if unloaded is not None:
         expect(unloaded, DiscreteProblem, "the unloaded problem", "discretise it first, hemivar.discretize(problem)")
     kept = Workspace.given(workspace)

@@ -18,6 +18,7 @@ from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SearchProgress, SolutionSearch
 from hemivar.branches.state_chain import state_chain_of
 from hemivar.certificates import Smallness, one_solution, smallness
+from hemivar.discrete.model import quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
@@ -201,6 +202,7 @@ def finding(
     """
     kept = Workspace.given(workspace)
     problem = posed(problem, "find_solutions")
+    quadratic(problem.bulk, "find_solutions")
     budget = Budget(options.controls.max_time)
     system = kept.condensed(problem)
     chain: Chain | None = None

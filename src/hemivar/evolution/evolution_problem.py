@@ -63,7 +63,8 @@ class Evolution(Portable):
     Raises
     ------
     ProblemError
-        Inertia without density, a velocity without inertia, or data that do not fit the mesh.
+        Inertia without density, a velocity without inertia, a material that is not linear, or data that do not fit the
+        mesh.
     """
 
     problem: Statement
@@ -86,6 +87,12 @@ class Evolution(Portable):
             object.__setattr__(self, "mass", Mass(self.mass))
         except ValueError:
             raise ProblemError(f"mass = {self.mass!r}; choose 'consistent' or 'redistributed'") from None
+        if not (problem.linear if isinstance(problem, ScalarProblem) else problem.material.linear):
+            what = f"the {problem.kind.constant}" if isinstance(problem, ScalarProblem) else "the material"
+            raise ProblemError(
+                f"{what} is not linear, and steps in time are made for linear ones only so far; give a linear one, or "
+                "solve the problem at rest at the times that matter, hemivar.solve(problem.at_time(t), initial=...)"
+            )
         if isinstance(problem, ScalarProblem):
             self._check_scalar(problem)
         elif self.inertia and not problem.material.inert:

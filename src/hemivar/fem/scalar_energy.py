@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,14 +14,16 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model, quadratic
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import Density, integrated_load, stiffness_blocks
-from hemivar.fem.constitutive import constitutive_law
+from hemivar.fem.constitutive import EnergyLaw, constitutive_law
 from hemivar.fem.contact_points import shares
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
+from hemivar.fem.energy_integral import EnergyIntegral, NodalEnergy
 from hemivar.fem.mass import mass_blocks, resists
 from hemivar.fem.quadrature import region_masks
 from hemivar.fem.supports import in_words
@@ -38,6 +41,7 @@ __all__ = [
     "least_coefficient",
     "scalar_blocks",
     "scalar_load",
+    "scalar_nodal_energy",
     "scalar_reactions",
 ]
 
@@ -85,17 +89,24 @@ def discretize_scalar(problem: ScalarProblem, *, check_coercivity: bool = True) 
     full = scalar_load(problem)
     prescribed = np.where(held, value, 0.0)
     reaction = np.zeros(len(nodes))
-    bedding = problem.mass_of_step
-    blocks = scalar_blocks(problem, node_graph(mesh, order))
+    bedding, graph = problem.mass_of_step, node_graph(mesh, order)
+    blocks = scalar_blocks(problem, graph)  # where the gradient is zero, if the flux is not linear
     resisted = resists(mesh, order, bedding, blocks.diagonal[:, 0])
-    if prescribed.any():
-        reaction = blocks.times(prescribed[:, None]).ravel()
-    stiffness = blocks.matrix(free[:, None])
+    bulk: Quadratic | Potential
+    if problem.linear:
+        if prescribed.any():
+            reaction = blocks.times(prescribed[:, None]).ravel()
+        bulk, stored = Quadratic(blocks.matrix(free[:, None]), assembled=True), 0.5 * float(prescribed @ reaction)
+    else:
+        own = None if bedding.none else mass_blocks(mesh, bedding, graph, graph.zeros(1))
+        energy_of = EnergyIntegral(scalar_nodal_energy(problem), basis, prescribed[:, None], None, free[:, None], own)
+        bulk, reaction = Potential(energy_of), energy_of.forces(np.zeros(count)).ravel()
+        stored = bulk.initial_value
     contact, offset, law, energy = contact_of(problem, nodes, basis, prescribed)
     field = Field(mesh, order, basis, prescribed, 1, problem.kind.unknown, constants=True)
     discrete = DiscreteProblem(
-        Model(Quadratic(stiffness, assembled=True), contact, Space((field,)), problem, resisted),
-        Loading(basis.T @ (full - reaction), offset, law, float(prescribed @ (0.5 * reaction - full)) + energy),
+        Model(bulk, contact, Space((field,)), problem, resisted),
+        Loading(basis.T @ (full - reaction), offset, law, stored - float(prescribed @ full) + energy),
     )
     if check_coercivity:
         return refuse_free_motion(discrete, full)
@@ -143,6 +154,12 @@ def scalar_blocks(problem: ScalarProblem, graph: NodeGraph, *, only_mass: bool =
     mesh, mass = problem.mesh, problem.mass_of_step
     blocks = graph.zeros(1) if only_mass else stiffness_blocks(mesh, constitutive_law(problem), graph)
     return blocks if mass.none else mass_blocks(mesh, mass, graph, blocks)
+
+
+def scalar_nodal_energy(problem: ScalarProblem) -> NodalEnergy:
+    """The integral of the stored energy of the gradient, the bedding apart."""
+    law = EnergyLaw(np.arange(problem.mesh.dim)[None], problem, problem.homogeneous, problem.uniform)
+    return NodalEnergy(problem.mesh, problem.order, law)
 
 
 def scalar_load(problem: ScalarProblem) -> Array:
@@ -311,7 +328,7 @@ def gradient_norm_problem(problem: ScalarProblem) -> ScalarProblem:
 
 
 def gradient(problem: ScalarProblem, values: Array) -> tuple[Array, Array]:
-    """Gradient of nodal values (nodes, 1) in the middle of each cell, and the flux ``A grad u`` there, each (M, d).
+    """Gradient of nodal values (nodes, 1) in the middle of each cell, and the flux there, each (M, d).
 
     Parameters
     ----------
@@ -327,11 +344,7 @@ def gradient(problem: ScalarProblem, values: Array) -> tuple[Array, Array]:
     middle = np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
     shapes = np.einsum("la,kad->kld", shape_derivatives(order, middle), barycentric_gradients(mesh))
     slope = np.einsum("kld,kl->kd", shapes, values.ravel()[mesh.cell_nodes(order)])
-    if problem.homogeneous:
-        tensors = problem.coefficients(mesh.points[:1])
-    else:
-        tensors = problem.coefficients(mesh.points[mesh.cells].mean(axis=1), region_masks(mesh))
-    return slope, np.einsum("kij,kj->ki", np.broadcast_to(tensors, (len(slope), *tensors.shape[1:])), slope)
+    return slope, problem.stress(mesh.points[mesh.cells].mean(axis=1), slope, region_masks(mesh))
 
 
 def scalar_reactions(problem: DiscreteProblem, values: Array, multiplier: Array) -> dict[str, Array]:
@@ -342,16 +355,19 @@ def scalar_reactions(problem: DiscreteProblem, values: Array, multiplier: Array)
     stated, field = problem.origin, problem.field
     assert isinstance(stated, ScalarProblem)
     assert field is not None
-    matrix = scalar_blocks(stated, node_graph(stated.mesh, stated.order)).matrix()
     full = scalar_load(stated)
-    moved = np.asarray(matrix @ field.prescribed)
-    quadratic(problem.bulk, "the reaction of a support")
+    if isinstance(problem.bulk, Potential):
+        inner = _forces(stated)
+    else:
+        quadratic(problem.bulk, "the reaction of a support")
+        inner = scalar_blocks(stated, node_graph(stated.mesh, stated.order)).matrix().__matmul__
+    moved = np.asarray(inner(field.prescribed))
     size = float(np.abs(full).sum() + np.abs(moved).sum())
     if float(np.abs(field.basis.T @ (full - moved) - problem.load).sum()) > 1e-9 * size:
         raise ProblemError(
             "reactions are known under the stated load only, and this problem has another one; state that load"
         )
-    force = np.asarray(matrix @ values.ravel()) - full
+    force = np.asarray(inner(values.ravel())) - full
     contact = problem.contact
     if contact.count:
         push = contact.weights[:, None] * multiplier
@@ -364,3 +380,17 @@ def scalar_reactions(problem: DiscreteProblem, values: Array, multiplier: Array)
         booked[at] = True
         found[name] = np.array([float(force[at].sum())])
     return found
+
+
+def _forces(problem: ScalarProblem) -> Callable[[Array], Array]:
+    """Internal forces (nodes,), those of the bedding counted, of nodal values (nodes,)."""
+    energy, bedding = scalar_nodal_energy(problem), problem.mass_of_step
+    graph = energy.graph
+    own = None if bedding.none else mass_blocks(problem.mesh, bedding, graph, graph.zeros(1))
+
+    def forces(values: Array) -> Array:
+        field = values.reshape(-1, 1)
+        found = energy.forces(field)
+        return np.asarray(found if own is None else found + own.times(field)).ravel()
+
+    return forces

@@ -23,6 +23,7 @@ from hemivar.laws import Friction
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
 from hemivar.mechanics.coefficient import Coefficient
 from hemivar.mechanics.conditions import ScalarData
+from hemivar.mechanics.gradient_energy import GradientEnergy
 from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem, Side
 from hemivar.mesh import Mesh
 
@@ -206,6 +207,8 @@ def scalar_record(problem: ScalarProblem, aside: Aside) -> dict[str, object]:
 
 
 def _coefficient_record(value: object, where: str) -> object:
+    if isinstance(value, GradientEnergy):
+        raise unsaid(where, f"a {type(value).__name__}", "a number, a formula or a tensor")
     if isinstance(value, Formula | float) or (not callable(value) and np.ndim(value) == 0):  # type: ignore[arg-type]
         return quantity_record(value, where)
     entries = entries_record(value, where)

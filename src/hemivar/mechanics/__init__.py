@@ -2,6 +2,7 @@
 
 from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
+from hemivar.mechanics.gradient_energy import GradientEnergy, PowerLaw, SaturatingFlux
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_check import MaterialError, MaterialReport, check_material
 from hemivar.mechanics.material_description import MaterialDescription
@@ -22,6 +23,7 @@ __all__ = [
     "ContactProblem",
     "Cylinder",
     "Fixed",
+    "GradientEnergy",
     "Heat",
     "HeatContact",
     "InvariantEnergy",
@@ -35,10 +37,12 @@ __all__ = [
     "Obstacle",
     "Plane",
     "PlaneState",
+    "PowerLaw",
     "Prescribed",
     "Pressure",
     "Quadrature",
     "Roller",
+    "SaturatingFlux",
     "ScalarContact",
     "ScalarKind",
     "ScalarProblem",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,16 +11,17 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
+from hemivar.mechanics.gradient_energy import FluxDensity, GradientEnergy
 
-__all__ = ["Coefficient", "plain_coefficient", "tensors_at"]
+__all__ = ["Coefficient", "flux_density", "plain_coefficient", "tensors_at"]
 
-#: A number, a tensor (d, d), or a function of points (k, d) that returns either at each.
-Coefficient = float | Array | Callable[[Array], object]
+#: A number, a tensor (d, d), a function of points (k, d) that returns either at each, or an energy of the gradient.
+Coefficient = float | Array | Callable[[Array], object] | GradientEnergy
 
 
 def plain_coefficient(value: object, what: str, dim: int) -> Coefficient:
     """A number, a read-only (d, d) array or a callable; checked as far as it can be without points."""
-    if callable(value):
+    if callable(value) or isinstance(value, GradientEnergy):
         return value
     array = np.array(real_array(value, f"the {what}", finite=False))
     if array.shape not in ((), (dim, dim)):
@@ -32,8 +34,10 @@ def plain_coefficient(value: object, what: str, dim: int) -> Coefficient:
 
 
 def tensors_at(value: Coefficient, points: Array, what: str) -> Array:
-    """A coefficient at points as tensors (k, d, d), checked."""
+    """A coefficient at points as tensors (k, d, d), checked; of an energy those where the gradient is zero."""
     k, dim = points.shape
+    if isinstance(value, GradientEnergy):
+        return value.at_rest(points)
     constant = not callable(value)
     array = real_array(value(points) if callable(value) else value, f"the {what}", finite=False)
     plain = array.ndim < 2
@@ -61,3 +65,34 @@ def tensors_at(value: Coefficient, points: Array, what: str) -> Array:
             f"the {what} is {shown}{place}; it must {must}, between {1.0 / LARGEST:.0e} and {LARGEST:.0e}"
         )
     return np.broadcast_to(numbers[:, None, None] * np.eye(dim) if plain else numbers, (k, dim, dim))
+
+
+def flux_density(value: Coefficient, what: str) -> FluxDensity:
+    """The stored energy that belongs to a coefficient."""
+    return value if isinstance(value, GradientEnergy) else _LinearFlux(value, what)
+
+
+@dataclass(frozen=True, eq=False)
+class _LinearFlux:
+    """The energy ``A g . g / 2``."""
+
+    coefficient: Coefficient
+    what: str
+
+    def at_rest(self, points: Array) -> Array:
+        return tensors_at(self.coefficient, points, self.what)
+
+    def energy(self, points: Array, strain: Array) -> Array:
+        return np.asarray(0.5 * np.einsum("ki,ki->k", self.stress(points, strain), strain))
+
+    def stress(self, points: Array, strain: Array) -> Array:
+        return np.asarray(np.einsum("kij,kj->ki", self.at_rest(points), strain))
+
+    def tangent(self, points: Array, strain: Array) -> Array:
+        return self.at_rest(points)
+
+    def lower_tensor(self, points: Array) -> Array:
+        return self.at_rest(points)
+
+    def upper_tensor(self, points: Array) -> Array:
+        return self.at_rest(points)

@@ -10,7 +10,7 @@ displacement across the plane, heat the conductivity and the temperature.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -26,8 +26,9 @@ from hemivar.laws import Friction, NoContact, Superpotential
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.memory import Memory
-from hemivar.mechanics.coefficient import Coefficient, plain_coefficient, tensors_at
+from hemivar.mechanics.coefficient import Coefficient, flux_density, plain_coefficient
 from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
+from hemivar.mechanics.gradient_energy import FluxDensity, GradientEnergy
 from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time, refuse_time
 from hemivar.mechanics.per_volume import PerVolume, Regional, at_place, checked_per_volume, constant_of
 from hemivar.mechanics.statement import ContactProblem
@@ -163,7 +164,8 @@ class ScalarProblem(Portable, Displayed):
         Plane, or in space for heat.
     coefficient : float, tensor, callable, or mapping of region name to one of these
         A: tension, shear modulus or conductivity, positive.  A tensor has shape (d, d), symmetric positive definite; a
-        callable gets points, shape (k, d), and returns shape (k,) or (k, d, d).  The regions of a mapping must cover
+        callable gets points, shape (k, d), and returns shape (k,) or (k, d, d).  A :class:`GradientEnergy` such as
+        :class:`PowerLaw` makes a flux that is not linear in the gradient.  The regions of a mapping must cover
         the mesh without overlap.
     contact : mapping of boundary name to ScalarContact
     area : ScalarContact, or mapping of region name to ScalarContact
@@ -335,16 +337,27 @@ class ScalarProblem(Portable, Displayed):
         return np.broadcast_to(total, found.shape)
 
     def _own_coefficients(self, points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
-        dim, what = points.shape[1], self.kind.constant
+        return self._of_parts(lambda part, at: part.at_rest(points[at]), points, regions)
+
+    def _of_parts(
+        self,
+        function: Callable[[FluxDensity, BoolArray | slice], Array],
+        points: Array,
+        regions: Mapping[str, BoolArray] | None,
+    ) -> Array:
+        """What a function makes of the coefficient, or of that of each region for the points there."""
+        what = self.kind.constant
         if not isinstance(self.coefficient, Mapping):
-            return tensors_at(self.coefficient, points, what)
-        found = np.zeros((len(points), dim, dim))
+            return function(flux_density(self.coefficient, what), slice(None))
+        found: Array | None = None
         covered = np.zeros(len(points), dtype=int)
         for name, value in self.coefficient.items():
             mask = (regions or {})[name]
             covered += mask
             if mask.any():
-                found[mask] = tensors_at(value, points[mask], f"{what} of region '{name}'")
+                part = function(flux_density(value, f"{what} of region '{name}'"), mask)
+                found = np.zeros((len(points), *part.shape[1:])) if found is None else found
+                found[mask] = part
         if (covered != 1).any():
             bad = int(np.flatnonzero(covered != 1)[0])
             where = "no region" if covered[bad] == 0 else "more than one region"
@@ -352,7 +365,40 @@ class ScalarProblem(Portable, Displayed):
                 f"the point {points[bad].tolist()} lies in {where} that the {what} names; the regions must cover the "
                 "mesh without overlap"
             )
+        assert found is not None
         return found
+
+    @property
+    def linear(self) -> bool:
+        """Whether the flux is linear in the gradient everywhere."""
+        parts = self.coefficient.values() if isinstance(self.coefficient, Mapping) else (self.coefficient,)
+        return not any(isinstance(part, GradientEnergy) for part in parts)
+
+    @property
+    def uniform(self) -> bool:
+        """Whether the coefficient of every region is the same all over it."""
+        parts = self.coefficient.values() if isinstance(self.coefficient, Mapping) else (self.coefficient,)
+        return not any(callable(part) for part in parts)
+
+    def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """The stored energy W per area (volume in space) of gradients ``strain`` (k, d), shape (k,)."""
+        return self._of_parts(lambda part, at: part.energy(points[at], strain[at]), points, regions)
+
+    def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """The flux (k, d) of gradients ``strain`` (k, d), the derivative of :meth:`energy`."""
+        return self._of_parts(lambda part, at: part.stress(points[at], strain[at]), points, regions)
+
+    def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Derivatives (k, d, d) of the flux by the gradient."""
+        return self._of_parts(lambda part, at: part.tangent(points[at], strain[at]), points, regions)
+
+    def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Matrices (k, d, d) below all derivatives of the flux."""
+        return self._of_parts(lambda part, at: part.lower_tensor(points[at]), points, regions)
+
+    def upper_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Matrices (k, d, d) above all derivatives of the flux."""
+        return self._of_parts(lambda part, at: part.upper_tensor(points[at]), points, regions)
 
     @property
     def inert(self) -> bool:

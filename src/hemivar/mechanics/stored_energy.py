@@ -236,8 +236,8 @@ def refuse_nonlinear(material: Material) -> None:
     """
     if not material.linear:
         raise ProblemError(
-            "the material is not linear, and contact problems are solved for linear ones only so far; give "
-            "Material.lame(...), Material.young(...) or Material.tensor(...)"
+            "the material is not linear, and a stiffness matrix is asked for; give Material.lame(...), "
+            "Material.young(...) or Material.tensor(...), or solve it on one process, hemivar.solve(problem)"
         )
 
 
