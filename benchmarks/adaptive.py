@@ -4,8 +4,9 @@
     python benchmarks/adaptive.py --times [--rtol 0.05 0.01 0.002] [--most 256]
 
 For each data set of the survey two ways with linear elements, or with ``--order 2`` quadratic ones: the mesh refined
-where the bound says, and everywhere. Bounds are those of ``hemivar.exact_distance`` with trace constants from
-below; the rate is that of the bound in the number of unknowns. Uniform meshes end at ``--most`` cells a side.
+where the bound says, and everywhere. Bounds are those of
+``hemivar.certificates.continuous.exact_distance`` with trace constants from below; the rate is that of the bound in the
+number of unknowns. Uniform meshes end at ``--most`` cells a side.
 
 ``--times`` compares the time until a distance is guaranteed: quadratic elements on adaptive meshes, all meshes and the
 constants of the body counted, and linear ones on the first uniform mesh that is fine enough (twice as fine each), that

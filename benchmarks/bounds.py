@@ -144,7 +144,7 @@ def constants_of(problem: hv.DiscreteProblem) -> TraceBounds:
         return replace(known, guaranteed=True)
     try:
         return guaranteed_trace_bounds(problem)
-    except hv.ProblemError as error:
+    except hv.errors.ProblemError as error:
         return replace(known, source=f"{known.source} ({error})")
 
 
@@ -324,7 +324,7 @@ def _cases(options: argparse.Namespace) -> list[tuple[int, int]]:
 def cost(options: argparse.Namespace) -> int:
     """Seconds of the bound over those of the solve; the least of some repetitions of either."""
     rows = []
-    solvers = {"chosen": None, "newton": hv.NonsmoothNewton(), "multigrid": hv.NonsmoothMultigrid()}
+    solvers = {"chosen": None, "newton": hv.solvers.NonsmoothNewton(), "multigrid": hv.solvers.NonsmoothMultigrid()}
     for (dim, n), data, method in itertools.product(_cases(options), options.data, options.methods):
         problem = _problem(dim, n, data, options.order)
         constants = guaranteed_trace_bounds(hv.discretize(_problem(dim, 2 if dim == 3 else 4)))

@@ -47,8 +47,8 @@ def counted() -> Iterator[list[int]]:
 def measure(dim: int, law: str, n: int, repeats: int) -> dict[str, Any]:
     """One row of the table."""
     problem = hv.discretize(PROBLEMS[dim, law](n))
-    workspace = hv.Workspace()
-    method, controls = hv.NonsmoothMultigrid(tolerance=TOLERANCE / 2), hv.Controls(rtol=TOLERANCE)
+    workspace = hv.systems.Workspace()
+    method, controls = hv.solvers.NonsmoothMultigrid(tolerance=TOLERANCE / 2), hv.Controls(rtol=TOLERANCE)
     solves, certificates = [], []
     for _ in range(repeats):
         gc.collect()

@@ -34,9 +34,9 @@ def main() -> None:
             gallery.survey("5.1", n, "right") if options.dim == 2 else gallery.survey_cube("5.1", n)
         )
         start = time.perf_counter()
-        newton = hv.solve(problem, hv.NonsmoothNewton(), tight)
+        newton = hv.solve(problem, hv.solvers.NonsmoothNewton(), tight)
         middle = time.perf_counter()
-        multigrid = hv.solve(problem, hv.NonsmoothMultigrid(), tight)
+        multigrid = hv.solve(problem, hv.solvers.NonsmoothMultigrid(), tight)
         end = time.perf_counter()
         gap, K = multigrid.unknowns - newton.unknowns, problem.stiffness
         expected = predicted_seconds(problem)

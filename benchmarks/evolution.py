@@ -77,7 +77,7 @@ def statement(dim: int, law: str, n: int) -> hv.Evolution:
     stated = LAWS[dim, "survey" if law == "bonding" else law](n)
     problem = replace(stated, material=replace(stated.material, density=1.0, viscosity=(0.4, 0.4)))
     if law == "bonding":
-        glue = hv.Contact(hv.Compliance(50.0), hv.Tresca(0.05), memory=(hv.Bonding(40.0, 1e-6, 1e-4),))
+        glue = hv.Contact(hv.Compliance(50.0), hv.Tresca(0.05), memory=(hv.laws.Bonding(40.0, 1e-6, 1e-4),))
         problem = replace(problem, contact=dict.fromkeys(problem.contact, glue))
     return hv.Evolution(problem, inertia=True)
 
@@ -217,7 +217,7 @@ def compared(dim: int, law: str, n: int, steps: int, repeats: int, multigrid: bo
     """One row of the table."""
     discrete = discretize_evolution(statement(dim, law, n))
     linear = Linear(discrete, multigrid)
-    solver: hv.Solver = hv.NonsmoothMultigrid() if multigrid else hv.NonsmoothNewton()
+    solver: hv.Solver = hv.solvers.NonsmoothMultigrid() if multigrid else hv.solvers.NonsmoothNewton()
     alone, swept, whole, beyond = (np.full(steps, np.inf) for _ in range(4))
     for _ in range(repeats):  # every step does the same work in every repeat: of each the shortest
         alone = np.minimum(alone, linear.march(steps))
@@ -254,7 +254,7 @@ def compared(dim: int, law: str, n: int, steps: int, repeats: int, multigrid: bo
     return row
 
 
-def rubbing(dim: int, n: int, normal: hv.Superpotential, friction: hv.Friction) -> DiscreteEvolution:
+def rubbing(dim: int, n: int, normal: hv.laws.Superpotential, friction: hv.laws.Friction) -> DiscreteEvolution:
     """One of the survey's bodies with mass and viscosity that rubs on a foundation."""
     stated = LAWS[dim, "survey"](n)
     material = replace(stated.material, density=1.0, viscosity=(0.4, 0.4))
@@ -262,9 +262,9 @@ def rubbing(dim: int, n: int, normal: hv.Superpotential, friction: hv.Friction) 
     return discretize_evolution(hv.Evolution(replace(stated, material=material, contact=contact), inertia=True))
 
 
-def coulomb(dim: int, n: int, normal: hv.Superpotential, steps: int, repeats: int) -> dict[str, Any]:
+def coulomb(dim: int, n: int, normal: hv.laws.Superpotential, steps: int, repeats: int) -> dict[str, Any]:
     """One row about Coulomb's law: its steps beside those of Tresca's."""
-    bodies = [rubbing(dim, n, normal, hv.Tresca(bound)) for bound in (0.05, hv.CoulombBound(0.3))]
+    bodies = [rubbing(dim, n, normal, hv.Tresca(bound)) for bound in (0.05, hv.laws.CoulombBound(0.3))]
     times = [np.full(steps, np.inf) for _ in bodies]
     for _ in range(repeats):
         for k, discrete in enumerate(bodies):
@@ -292,7 +292,7 @@ def coulomb(dim: int, n: int, normal: hv.Superpotential, steps: int, repeats: in
 def allocated(n: int, steps: int) -> float:
     """KiB that a march of so many steps has allocated at the most after its first steps, beyond what it had then."""
     discrete = discretize_evolution(statement(2, "survey", n))
-    plan = March(steps * STEP, step=STEP, save=Save(every=10.0 * steps * STEP), solver=hv.NonsmoothNewton())
+    plan = March(steps * STEP, step=STEP, save=Save(every=10.0 * steps * STEP), solver=hv.solvers.NonsmoothNewton())
     run = marching(discrete, plan)
     for _ in range(10):
         next(run)
@@ -342,7 +342,7 @@ def main() -> None:
         show(rows, options.json)
     if "coulomb" in options.parts:
         kinds = [(2, 16), (2, 32), (3, 8)]
-        laws: tuple[hv.Superpotential, ...] = (hv.Compliance(50.0), hv.Signorini())
+        laws: tuple[hv.laws.Superpotential, ...] = (hv.Compliance(50.0), hv.Signorini())
         show([coulomb(*kind, law, options.steps, options.repeats) for kind in kinds for law in laws], None)
     if "direct" in options.parts and not mumps_available():
         print("PARDISO and MUMPS, whose half sweeps the mark of 1.3 is for: neither is installed, nothing was run")

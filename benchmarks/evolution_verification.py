@@ -85,21 +85,21 @@ def d1(counts: Sequence[int] = (20, 40, 80)) -> list[Row]:
     known = gallery.relaxing_block()
     return [
         known_series("D1", f"pressure of a relaxing block, {scheme.name}", known, counts, scheme)
-        for scheme in (hv.ImplicitEuler(), hv.SDIRK2())
+        for scheme in (hv.evolution.ImplicitEuler(), hv.evolution.SDIRK2())
     ]
 
 
 def d2(counts: Sequence[int] = (10, 20, 40)) -> list[Row]:
     known = gallery.penetration_memory_block()
-    return [known_series("D2", "penetration that is remembered", known, counts, hv.ImplicitEuler())]
+    return [known_series("D2", "penetration that is remembered", known, counts, hv.evolution.ImplicitEuler())]
 
 
 def d3(counts: Sequence[int] = (16, 32, 64)) -> list[Row]:
-    return [known_series("D3", "pressure on what wears", gallery.wearing_block(), counts, hv.ImplicitEuler())]
+    return [known_series("D3", "pressure on what wears", gallery.wearing_block(), counts, hv.evolution.ImplicitEuler())]
 
 
 def d4(counts: Sequence[int] = (10, 20, 40)) -> list[Row]:
-    return [known_series("D4", "bond that fades", gallery.bonded_block(), counts, hv.ImplicitEuler())]
+    return [known_series("D4", "bond that fades", gallery.bonded_block(), counts, hv.evolution.ImplicitEuler())]
 
 
 def d7(steps: Sequence[float] = (8e-3, 4e-3, 2e-3)) -> list[Row]:
@@ -109,7 +109,7 @@ def d7(steps: Sequence[float] = (8e-3, 4e-3, 2e-3)) -> list[Row]:
 
     def run(step: float) -> History:
         if step not in runs:
-            runs[step] = march(known.evolution, 0.304, step=step, scheme=hv.Midpoint())
+            runs[step] = march(known.evolution, 0.304, step=step, scheme=hv.evolution.Midpoint())
         return runs[step]
 
     def up(step: float) -> float:
@@ -157,7 +157,7 @@ def stick_slip(known: gallery.StickSlip, decay: float) -> tuple[float, float, fl
     """
     until = known.begins + 2.0 * known.slips + known.sticks + 0.3 + 15.0 * decay
     probe = Save(probes={"p": (0.5, 0.0)})
-    history = march(known.evolution(decay), until, step=decay, scheme=hv.GeneralizedAlpha(0.0), save=probe)
+    history = march(known.evolution(decay), until, step=decay, scheme=hv.evolution.GeneralizedAlpha(0.0), save=probe)
     times, friction = history.times, np.abs(history["friction_force"])
     # Friction falls from Fs to Fk where it begins to slip, and, after a peak, to less than Fk where it sticks.
     held = friction < known.kinetic - 0.5 * (known.static - known.kinetic)
@@ -235,7 +235,7 @@ def d14(slow: bool = False, rtols: Sequence[float] = (4e-3, 2e-3)) -> list[Row]:
 
 def earthquakes(known: gallery.EarthquakeSlider, rtol: float, until: float) -> tuple[float, float]:
     """Period in years and largest friction in MPa of a march."""
-    steps = hv.AdaptiveStep(rtol, first_step=1e4, least=1e-4)
+    steps = hv.evolution.AdaptiveStep(rtol, first_step=1e4, least=1e-4)
     history = march(known.evolution(0.06), until, step=steps, save=Save(probes={"p": (0.5, 0.0)}))
     rate = np.diff(history["p.u_x"]) / np.diff(history.times)
     fast = rate > 1e-3
@@ -249,7 +249,7 @@ def earthquakes(known: gallery.EarthquakeSlider, rtol: float, until: float) -> t
 
 def d5(cells: Sequence[int] = (16, 32, 64)) -> list[Row]:
     rows = []
-    for mass, scheme in (("redistributed", hv.Newmark()), ("consistent", hv.MoreauJean())):
+    for mass, scheme in (("redistributed", hv.evolution.Newmark()), ("consistent", hv.evolution.MoreauJean())):
         runs = {1.0 / n: march(gallery.bar_on_wall(n, mass), 3.0, step=0.25 / n, scheme=scheme) for n in cells}
 
         def pressure(h: float, runs: dict[float, History] = runs) -> float:
@@ -272,11 +272,17 @@ def d6(cells: Sequence[int] = (16, 32, 64)) -> list[Row]:
 
     def deep(h: float) -> float:
         evolution = gallery.thrown_bar(round(1.0 / h))
-        return float(march(evolution, 1.0, step=0.5 * h, scheme=hv.GeneralizedAlpha(0.8))["penetration"][-1])
+        return float(march(evolution, 1.0, step=0.5 * h, scheme=hv.evolution.GeneralizedAlpha(0.8))["penetration"][-1])
 
     def leaves(h: float) -> float:
         evolution = gallery.thrown_bar(round(1.0 / h))
-        history = march(evolution, 1.6, step=0.5 * h, scheme=hv.GeneralizedAlpha(0.8), events=[hv.Release("stop")])
+        history = march(
+            evolution,
+            1.6,
+            step=0.5 * h,
+            scheme=hv.evolution.GeneralizedAlpha(0.8),
+            events=[hv.evolution.Release("stop")],
+        )
         return history.moment.time
 
     steps = [1.0 / n for n in cells]
@@ -293,7 +299,10 @@ def d8(step: float = 0.05) -> list[Row]:
     values, modes = scipy.linalg.eigh(body.stiffness.inner.toarray(), body.mass.inner.toarray())
     evolution = replace(evolution, displacement=body.full(modes[:, 1]))
     rows = []
-    for scheme, left in ((hv.ImplicitEuler(), 1.0 / (1.0 + values[1] * step**2)), (hv.Midpoint(), 1.0)):
+    for scheme, left in (
+        (hv.evolution.ImplicitEuler(), 1.0 / (1.0 + values[1] * step**2)),
+        (hv.evolution.Midpoint(), 1.0),
+    ):
         history = march(evolution, 1.0, step=step, scheme=scheme)
         stored = history["elastic"] + history["kinetic"]
         ratio = stored[1:] / stored[:-1]
@@ -326,7 +335,7 @@ def d15(sizes: Sequence[int] = (4, 8, 16)) -> list[Row]:
     """Against the exact displacement at all nodes when t = 1, and the exact pressure."""
     known = gallery.ManufacturedMotion()
     rows = []
-    for scheme in (hv.ImplicitEuler(), hv.GeneralizedAlpha(0.8)):
+    for scheme in (hv.evolution.ImplicitEuler(), hv.evolution.GeneralizedAlpha(0.8)):
         ends = {1.0 / n: march(known.evolution(n), 1.0, step=1.0 / n, scheme=scheme) for n in sizes}
 
         def place(h: float, ends: dict[float, History] = ends) -> float:
@@ -399,7 +408,9 @@ def d17(steps: Sequence[float] = (1 / 16, 1 / 32, 1 / 64), n: int = 8) -> list[R
 
 def bumpy() -> Evolution:
     """A body with mass, viscosity and a branch that falls onto springs and rubs."""
-    material = hv.Material.lame(4, 4, density=1.0, viscosity=(0.4, 0.4), branches=[hv.Branch(lame=(2, 2), time=0.5)])
+    material = hv.Material.lame(
+        4, 4, density=1.0, viscosity=(0.4, 0.4), branches=[hv.materials.Branch(lame=(2, 2), time=0.5)]
+    )
     problem = hv.ContactProblem(
         mesh=hv.rectangle((2.0, 1.0), (6, 3)),
         material=material,
@@ -412,12 +423,12 @@ def bumpy() -> Evolution:
 
 def d18(stops: Sequence[int] = (1, 7, 15)) -> list[Row]:
     """A march that is broken off after some steps, and goes on from its file."""
-    options: dict[str, Any] = {"scheme": hv.GeneralizedAlpha(0.8), "step": hv.AdaptiveStep(3e-3)}
+    options: dict[str, Any] = {"scheme": hv.evolution.GeneralizedAlpha(0.8), "step": hv.evolution.AdaptiveStep(3e-3)}
     whole = march(bumpy(), 0.5, **options)
     worst = 0.0
     for stop in stops:
         with tempfile.TemporaryDirectory() as folder:
-            kept = hv.Checkpoint(Path(folder) / "run.ckpt", 0.0)
+            kept = hv.evolution.Checkpoint(Path(folder) / "run.ckpt", 0.0)
             begun = marching(bumpy(), March(0.5, checkpoint=kept, **options))
             for _ in range(stop):
                 next(begun)
@@ -433,7 +444,7 @@ def d18(stops: Sequence[int] = (1, 7, 15)) -> list[Row]:
 
 def d19() -> list[Row]:
     """Steps that are taken and forgotten."""
-    advance = TimeStepper.of(discretize_evolution(bumpy()), hv.GeneralizedAlpha(0.8), None, Controls())
+    advance = TimeStepper.of(discretize_evolution(bumpy()), hv.evolution.GeneralizedAlpha(0.8), None, Controls())
     moment = initial_moment(advance)
     first = advance.take(moment, 0.1).moment
     for step in (0.4, 0.05, 0.013):

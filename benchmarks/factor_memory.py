@@ -72,7 +72,7 @@ def _row(shape: str, dim: int, cells: int, layers: int) -> dict[str, Any]:
     condensed = condense(discrete)
     seconds = time.perf_counter() - began
     condensing = _status("VmHWM") - base
-    hv.solve(discrete, workspace=hv.Workspace.holding(condensed))
+    hv.solve(discrete, workspace=hv.systems.Workspace.holding(condensed))
     solving = _status("VmHWM") - base
     factor = condensed.body.factor
     fill = factor._factor.nnz if isinstance(factor, SuperLUFactorisation) else 0
@@ -99,7 +99,7 @@ def _block(cells: int, layers: int) -> Any:
         mesh=mesh,
         material=hv.Material.lame(4.0, 4.0),
         supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
+        contact={"bottom": hv.Contact(hv.laws.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
         body_force=(-0.8, 0.0, -0.8),
     )
 

@@ -35,7 +35,7 @@ BEGIN, END = "<!-- method table: begin (benchmarks/method_table.py) -->", "<!-- 
 #: "Converged" with a larger relative residual, and a larger relative error where the solution is known, is wrong.
 WRONG = 1e-6
 
-NORMAL: dict[str, Callable[[], hv.Superpotential]] = {
+NORMAL: dict[str, Callable[[], hv.laws.Superpotential]] = {
     "survey": lambda: laws.SurveyLaw(0.3, 2.0),
     "signorini": laws.Signorini,
     "bilateral": laws.Bilateral,
@@ -51,7 +51,7 @@ NORMAL: dict[str, Callable[[], hv.Superpotential]] = {
     "formula": lambda: laws.FormulaLaw("piecewise((0, r < 0), (0.3*r + 0.1*(1 - exp(-2*r)), True))"),
 }
 
-FRICTION: dict[str, Callable[[], hv.Friction]] = {
+FRICTION: dict[str, Callable[[], hv.laws.Friction]] = {
     "none": laws.NoFriction,
     "tresca": lambda: laws.Tresca(0.2),
     "slip-weakening": lambda: laws.SlipWeakening(0.3, rate=2.0),
@@ -113,9 +113,9 @@ def one(
     """Run a method and judge what it returns."""
     system, unique, seconds = context
     try:
-        solver = suited(hv.METHODS[name], problem)
-        found = hv.solve(problem, solver, hv.Controls(max_time=seconds), workspace=hv.Workspace.holding(system))
-    except hv.MethodError as error:
+        solver = suited(hv.solvers.METHODS[name], problem)
+        found = hv.solve(problem, solver, hv.Controls(max_time=seconds), workspace=hv.systems.Workspace.holding(system))
+    except hv.errors.MethodError as error:
         words = str(error).split("cannot solve this problem: ")[-1]
         return Run(*where, name, "refuses", words, None, None, unique, False)
     except hv.HemivarError as error:
@@ -137,9 +137,9 @@ def run_all(n: int, seconds: float) -> list[Run]:
     for body, normal, friction, problem in bodies(n):
         system = condense(problem)
         margin = smallness(problem, trace_constant=False).margin
-        reference = hv.solve(problem, None, hv.Controls(rtol=1e-13), workspace=hv.Workspace.holding(system))
+        reference = hv.solve(problem, None, hv.Controls(rtol=1e-13), workspace=hv.systems.Workspace.holding(system))
         context = (system, bool(margin > 0.0), seconds)
-        for name in hv.METHODS:
+        for name in hv.solvers.METHODS:
             runs.append(one((body, normal, friction), problem, name, reference, context))
     return runs
 
@@ -169,7 +169,7 @@ def cell(runs: Sequence[Run]) -> str:
 
 def table(title: str, groups: dict[str, list[Run]]) -> list[str]:
     """A Markdown table with one row for each group of problems and one column for each method."""
-    names = list(hv.METHODS)
+    names = list(hv.solvers.METHODS)
     lines = [
         f"| {title} | problems (unique) | " + " | ".join(f"`{name}`" for name in names) + " |",
         "|---" * (len(names) + 2) + "|",
@@ -187,8 +187,8 @@ def report(runs: list[Run], n: int, seconds: float) -> str:
     by_normal = {name: [run for run in runs if run.normal == name] for name in NORMAL}
     by_friction = {name: [run for run in runs if run.friction == name and run.body == "square"] for name in FRICTION}
     wrong = [run for run in runs if run.wrong]
-    problems = len(runs) // len(hv.METHODS)
-    known = sum(run.unique for run in runs) // len(hv.METHODS)
+    problems = len(runs) // len(hv.solvers.METHODS)
+    known = sum(run.unique for run in runs) // len(hv.solvers.METHODS)
     converged = [run for run in runs if run.solved]
     far = [run for run in converged if run.unique and run.difference is not None]
     lines = [

@@ -45,9 +45,9 @@ def measure(dim: int, law: str, n: int, repeats: int) -> tuple[dict[str, Any], h
     statement = PROBLEMS[dim, law](n)
     problem = hv.discretize(statement)
     assembled = time.perf_counter()
-    workspace = hv.Workspace()
+    workspace = hv.systems.Workspace()
     hierarchy = levels_of(problem, workspace)
-    method, controls = hv.NonsmoothMultigrid(tolerance=TOLERANCE / 2), hv.Controls(rtol=TOLERANCE)
+    method, controls = hv.solvers.NonsmoothMultigrid(tolerance=TOLERANCE / 2), hv.Controls(rtol=TOLERANCE)
     linear, contact = [], []
     for _ in range(repeats):
         gc.collect()

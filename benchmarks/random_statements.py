@@ -171,9 +171,9 @@ def random_body(seed: int, space: float = 0.2) -> Body:
     supports, held = _supports(rng, dim, length)
     turn = _turn(rng, dim)
     mesh = Mesh(length * mesh.points @ turn.T, mesh.cells, dict(mesh.boundaries), dict(mesh.regions))
-    touching = {"bottom": hv.Contact(hv.NoContact())}
+    touching = {"bottom": hv.Contact(hv.laws.NoContact())}
     if "right" not in supports and rng.uniform() < 0.2:
-        touching["right"] = hv.Contact(hv.NoContact())
+        touching["right"] = hv.Contact(hv.laws.NoContact())
     problem = hv.ContactProblem(mesh, material, touching, supports)
     units = "" if (length, modulus) == (1.0, 1.0) else f", units {length:g} and {modulus:g}"
     turned = "" if (turn == np.eye(dim)).all() else ", turned"
@@ -194,7 +194,7 @@ def softened(body: Body, seed: int) -> Body:
 # ---- laws and loads ------------------------------------------------------------------------------------------------
 
 
-def _table(rng: np.random.Generator, p: float, L: float, soft: float) -> hv.PiecewiseQuadratic:
+def _table(rng: np.random.Generator, p: float, L: float, soft: float) -> hv.laws.PiecewiseQuadratic:
     """Slopes that rise and fall, with jumps up, and down in places."""
     count = int(rng.integers(1, 5))
     knots = np.sort(rng.uniform(-0.03, 0.05, count)) * L + 1e-4 * L * np.arange(count)
@@ -203,15 +203,17 @@ def _table(rng: np.random.Generator, p: float, L: float, soft: float) -> hv.Piec
     slopes[-1] = abs(slopes[-1])
     jumps = rng.uniform(0.0, 0.1, count) * p * (rng.uniform(size=count) < 0.4)
     jumps *= np.where(rng.uniform(size=count) < 0.3, -0.2, 1.0)
-    return hv.PiecewiseQuadratic(knots[None], slopes[None], jumps[None], start=-float(min(jumps.min(), 0.0)) * count)
+    return hv.laws.PiecewiseQuadratic(
+        knots[None], slopes[None], jumps[None], start=-float(min(jumps.min(), 0.0)) * count
+    )
 
 
-def _normal(rng: np.random.Generator, p: float, L: float, soft: float) -> tuple[hv.Superpotential, str]:
+def _normal(rng: np.random.Generator, p: float, L: float, soft: float) -> tuple[hv.laws.Superpotential, str]:
     """A law of the penetration: ``p`` a pressure, ``L`` a length, ``soft`` the softening that the body nearly bears."""
     kind = int(rng.integers(0, 11))
     u = rng.uniform
     if kind == 0:
-        return hv.SurveyLaw(0.1 * p * u(0.1, 4.0), p / L * u(0.0, 5.0)), "survey"
+        return hv.laws.SurveyLaw(0.1 * p * u(0.1, 4.0), p / L * u(0.0, 5.0)), "survey"
     if kind == 1:
         return hv.Softening(p / L * u(1.0, 10.0), 0.03 * L * u(0.2, 2.0), soft * u(0.05, 0.8)), "softening"
     if kind == 2:
@@ -221,35 +223,37 @@ def _normal(rng: np.random.Generator, p: float, L: float, soft: float) -> tuple[
     if kind == 4:
         return hv.Compliance(p / L**2 * u(20.0, 200.0), 2.0), "compliance of degree 2"
     if kind == 5:
-        return hv.FinitePenetration(p / L * u(1.0, 10.0), 0.03 * L), "finite penetration"
+        return hv.laws.FinitePenetration(p / L * u(1.0, 10.0), 0.03 * L), "finite penetration"
     if kind == 6:
         stiffness = p / L * u(1.0, 5.0)
         return hv.Adhesive(stiffness, stiffness * L * 0.01 * u(0.3, 3.0), soft * u(0.05, 0.7)), "adhesive"
     if kind == 7:
-        return hv.Bilateral(), "bilateral"
+        return hv.laws.Bilateral(), "bilateral"
     if kind == 8:
-        return hv.Capped(
+        return hv.laws.Capped(
             p / L * u(1.0, 8.0), 0.03 * L * u(0.3, 2.0), 0.02 * p * u(0.5, 1.0)
         ), "capped (a downward jump)"
     return _table(rng, p, L, soft), "table"
 
 
-def _friction(rng: np.random.Generator, p: float, L: float, soft: float) -> tuple[hv.Friction, str]:
+def _friction(rng: np.random.Generator, p: float, L: float, soft: float) -> tuple[hv.laws.Friction, str]:
     kind = int(rng.integers(0, 8))
     u = rng.uniform
     bound = p * 0.1 * u(0.1, 3.0)
     if kind <= 1:
-        return hv.NoFriction(), "none"
+        return hv.laws.NoFriction(), "none"
     if kind <= 3:
         return hv.Tresca(bound), "tresca"
     if kind == 4:
         weak = min(bound, soft * u(0.05, 0.6) * L / (0.3 * 50.0))
         return hv.SlipWeakening(weak, 1.0, 0.7, 50.0 / L), "slip weakening"
     if kind == 5:
-        return hv.SlipTable(soft * u(0.05, 0.6) * 0.01 * L, (0.0, 0.01 * L, 0.04 * L), (1.0, 0.5, 0.4)), "slip table"
+        return hv.laws.SlipTable(
+            soft * u(0.05, 0.6) * 0.01 * L, (0.0, 0.01 * L, 0.04 * L), (1.0, 0.5, 0.4)
+        ), "slip table"
     if kind == 6:
         return hv.Tresca(PenetrationBound(([0.0, 0.05 * L], [0.0, soft * u(0.1, 0.5) * 0.05 * L]))), "by penetration"
-    return hv.Logarithmic(min(bound, soft * u(0.05, 0.6) * L), 1.0 / L), "logarithmic"
+    return hv.laws.Logarithmic(min(bound, soft * u(0.05, 0.6) * L), 1.0 / L), "logarithmic"
 
 
 def _varying(function: str, slope: Array, shift: float, vector: Array) -> FormulaArray:
@@ -301,7 +305,7 @@ def random_statement(body: Body, seed: int, trace: float) -> tuple[hv.ContactPro
         friction, second = _friction(rng, body.modulus, body.length, trace)
         rigid = bool(np.isfinite([*np.ravel(normal.domain.lower), *np.ravel(normal.domain.upper)]).any())
         gap = float(rng.choice([0.0, 0.0, 0.01, -0.005])) * body.length
-        if rigid and (gap < 0.0 or isinstance(normal, hv.Bilateral)):
+        if rigid and (gap < 0.0 or isinstance(normal, hv.laws.Bilateral)):
             gap = 0.0  # supports would hold the body where the law forbids it
         contact[name] = hv.Contact(normal, friction, gap=gap)
         said.append(f"{name}: {first}, {second}" + (f", gap {gap:g}" if gap else ""))

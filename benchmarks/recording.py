@@ -106,7 +106,7 @@ def solved(problem: hv.DiscreteProblem) -> dict[str, Any]:
     return solution_record(solution) | {"certificate": certify(solution).record()}
 
 
-def end_of(history: hv.History) -> dict[str, Any]:
+def end_of(history: hv.evolution.History) -> dict[str, Any]:
     """Where a march ends, and what happened on its way: what does not depend on single adaptive steps."""
     moment = history.moment
     return {
@@ -132,9 +132,9 @@ def kept(value: Any) -> Any:
     """What of a variable of a script is compared; None if nothing is."""
     if isinstance(value, hv.Solution):
         return solution_record(value)
-    if isinstance(value, hv.History):
+    if isinstance(value, hv.evolution.History):
         return history_record(value)["table"]
-    if isinstance(value, hv.Path):
+    if isinstance(value, hv.branches.Path):
         return value.to_dataframe().to_dict("list")
     if isinstance(value, dict):
         return {str(key): entry for key, item in value.items() if (entry := kept(item)) is not None} or None
@@ -169,7 +169,7 @@ def record_adaptive() -> dict[str, Any]:
         read = read_problem_file(ROOT / "examples" / "problems" / f"{name}.toml")
         assert read.time is not None
         first = read.time.step if isinstance(read.time.step, float) else None
-        history = hv.march(evolution_of(read), read.time.until, step=hv.AdaptiveStep(1e-3, first_step=first))
+        history = hv.march(evolution_of(read), read.time.until, step=hv.evolution.AdaptiveStep(1e-3, first_step=first))
         found[name] = end_of(history)
     return found
 
@@ -183,7 +183,7 @@ def record_bounds() -> dict[str, Any]:
         "survey cube": gallery.survey_cube("5.1", 2),
     }.items():
         found[name] = certify(hv.solve(problem, controls=FINE), exact=True).record()
-    adaptive = hv.solve_adaptive(gallery.survey("5.1", 4), rtol=0.1)
+    adaptive = hv.adapt.solve_adaptive(gallery.survey("5.1", 4), rtol=0.1)
     last = adaptive.levels[-1]
     found["adaptive survey"] = {
         "unknowns": [level.unknowns for level in adaptive.levels], "energy": adaptive.solution.energy,
@@ -232,7 +232,7 @@ def record_large() -> dict[str, Any]:
     found = {}
     for (dim, law), n in ((key, 128 if key[0] == 2 else 16) for key in overhead.PROBLEMS):
         row, problem = overhead.measure(dim, law, n, 3)
-        solution = hv.solve(problem, hv.NonsmoothMultigrid())
+        solution = hv.solve(problem, hv.solvers.NonsmoothMultigrid())
         kept = {key: row[key] for key in ("unknowns", "steps", "cycles", "linear_cycles", "status")}
         found[f"{dim}D {law} 1/{n}"] = kept | {"energy": solution.energy, "timings": {"ratio": row["ratio"]}}
     return found

@@ -27,13 +27,13 @@ from hemivar import gallery
 
 def one(dim: int, n: int) -> dict[str, Any]:
     """One size, in this process."""
-    hv.solve(hv.discretize(gallery.survey("5.1", 4, "right")), hv.NonsmoothMultigrid())  # imports are done
+    hv.solve(hv.discretize(gallery.survey("5.1", 4, "right")), hv.solvers.NonsmoothMultigrid())  # imports are done
     base = peak_mib()
     began = time.perf_counter()
     statement = gallery.survey("5.1", n, "right") if dim == 2 else gallery.survey_cube("5.1", n)
     problem = hv.discretize(statement)
     assembled = time.perf_counter()
-    solution = hv.solve(problem, hv.NonsmoothMultigrid())
+    solution = hv.solve(problem, hv.solvers.NonsmoothMultigrid())
     ended = time.perf_counter()
     return {
         "dim": dim,

@@ -26,15 +26,15 @@ def _problem(length: float, n: int) -> hv.DiscreteProblem:
             mesh=hv.rectangle((length, 1.0), (int(length * n), n)),
             material=hv.Material.lame(4.0, 4.0),
             supports={"left": hv.Clamped()},
-            contact={"bottom": hv.Contact(hv.NoContact())},
+            contact={"bottom": hv.Contact(hv.laws.NoContact())},
             body_force=(0.0, -1.0),
         )
     )
 
 
-def _soft(sign: float) -> hv.PiecewiseQuadratic:
+def _soft(sign: float) -> hv.laws.PiecewiseQuadratic:
     """Curvature ``sign`` everywhere."""
-    return hv.PiecewiseQuadratic(np.zeros((1, 1)), np.full((1, 2), sign), np.zeros((1, 1)))
+    return hv.laws.PiecewiseQuadratic(np.zeros((1, 1)), np.full((1, 2), sign), np.zeros((1, 1)))
 
 
 def main() -> None:
@@ -47,7 +47,7 @@ def main() -> None:
             began = time.perf_counter()
             traces = trace_constants(problem)
             seconds = time.perf_counter() - began
-            law = hv.ContactLaw(_soft(-1.0), hv.Friction(1.0, _soft(-1.0)))
+            law = hv.laws.ContactLaw(_soft(-1.0), hv.laws.Friction(1.0, _soft(-1.0)))
             found = smallness(problem.with_(law=law), factor=EnergyNorm(problem.stiffness), trace_constant=False)
             rows.append(
                 {

@@ -186,14 +186,14 @@ def line_problem(
     normals: str = "obstacle",
     half_width: float = 0.001,
     sides: float = 40.0,
-    quadrature: hv.Quadrature = hv.Quadrature.NODAL,
+    quadrature: hv.mechanics.Quadrature = hv.mechanics.Quadrature.NODAL,
 ) -> tuple[hv.ContactProblem, LineHertz]:
     """Half of a plane body and a rigid circle pressed into it, or of a round body on a rigid line."""
     known = LineHertz(RADIUS, half_width, contact_modulus(YOUNG, POISSON))
     side = sides * half_width
     mesh = plane_mesh(side, half_width, cells, 2.0 * half_width, symmetric=True)
     depth = known.approach(side)
-    obstacle: Any = hv.Sphere((0.0, depth - RADIUS), RADIUS)
+    obstacle: Any = hv.mechanics.Sphere((0.0, depth - RADIUS), RADIUS)
     if view == "plane":
         mesh, obstacle = rounded(mesh, RADIUS, side), hv.Plane((0.0, depth), (0.0, 1.0))
     far = hv.Prescribed(lambda x: flamant(x, known.force, YOUNG, POISSON, side))
@@ -201,7 +201,7 @@ def line_problem(
         hv.ContactProblem(
             mesh,
             hv.Material.young(YOUNG, POISSON),
-            contact={"contact": hv.Contact(hv.Signorini(), obstacle=obstacle, normals=hv.Normals(normals))},
+            contact={"contact": hv.Contact(hv.Signorini(), obstacle=obstacle, normals=hv.mechanics.Normals(normals))},
             supports={"left": hv.Fixed(x=0.0), "right": far, "top": far},
             quadrature=quadrature,
         ),
@@ -221,7 +221,7 @@ def sphere_problem(
     known = PointHertz(RADIUS, half_width, contact_modulus(YOUNG, POISSON))
     side = sides * half_width
     mesh = box_mesh(side, half_width, cells, 1.5 * half_width, symmetric)
-    obstacle: Any = hv.Sphere((0.0, 0.0, known.approach - RADIUS), RADIUS)
+    obstacle: Any = hv.mechanics.Sphere((0.0, 0.0, known.approach - RADIUS), RADIUS)
     if view == "plane":
         mesh, obstacle = rounded(mesh, RADIUS, side), hv.Plane((0.0, 0.0, known.approach), (0.0, 0.0, 1.0))
     supports: dict[str, Any] = {"far": hv.Prescribed(lambda x: boussinesq(x, known.force, YOUNG, POISSON))}
@@ -231,7 +231,7 @@ def sphere_problem(
         hv.ContactProblem(
             mesh,
             hv.Material.young(YOUNG, POISSON),
-            contact={"contact": hv.Contact(hv.Signorini(), obstacle=obstacle, normals=hv.Normals(normals))},
+            contact={"contact": hv.Contact(hv.Signorini(), obstacle=obstacle, normals=hv.mechanics.Normals(normals))},
             supports=supports,
         ),
         known,
@@ -320,12 +320,12 @@ def cattaneo_problem(
         return moved if bound else moved + flamant(x, known.normal.force, young, poisson, side)
 
     if bound:
-        contact = hv.Contact(hv.NoContact(), hv.Tresca(lambda x: known.friction * known.normal.pressure(x[:, 0])))
+        contact = hv.Contact(hv.laws.NoContact(), hv.Tresca(lambda x: known.friction * known.normal.pressure(x[:, 0])))
     else:
         # Hertz's parabola: a/R = 0.17 is not small, and a circle would differ by (a/R)^2/4
         contact = hv.Contact(
             hv.Signorini(),
-            hv.Tresca(hv.CoulombBound(known.friction)),
+            hv.Coulomb(known.friction),
             gap=lambda x: x[:, 0] ** 2 / (2.0 * known.normal.radius) - depth,
         )
     outer = hv.Prescribed(far)

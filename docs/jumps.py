@@ -13,10 +13,10 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 #: A block of stiffness 1 on a foundation that rises with slope 2 to 0.1 and falls with slope -2 to nothing at 0.2.
-LAW = hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
+LAW = hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
 
 
-def loop(jump: str, step: float) -> hv.History:
+def loop(jump: str, step: float) -> hv.evolution.History:
     """The top is pushed down by 0.4 and drawn back."""
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 1),

@@ -16,7 +16,7 @@ from hemivar import gallery
 # One workspace keeps what the body costs (its condensation) for all methods.
 
 problem = hv.discretize(gallery.survey("5.1", 16))
-workspace = hv.Workspace()
+workspace = hv.systems.Workspace()
 controls = hv.Controls(max_time=20.0)
 reference = hv.solve(problem, workspace=workspace)
 
@@ -31,7 +31,7 @@ def energy_norm(u: np.ndarray) -> float:
 
 rows: dict[str, dict[str, float | str]] = {}
 print(f"{'method':<28}{'status':<12}{'steps':>6}{'eval.':>8}{'seconds':>10}{'residual':>11}{'difference':>12}")
-for name, method in hv.METHODS.items():
+for name, method in hv.solvers.METHODS.items():
     solution = hv.solve(problem, method, controls, workspace=workspace)
     difference = energy_norm(solution.unknowns - reference.unknowns) / energy_norm(reference.unknowns)
     seconds = solution.timings["iterate"]

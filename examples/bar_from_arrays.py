@@ -29,7 +29,7 @@ load[-1] = 0.5 * LOAD * h
 trace = sp.csr_array(([1.0], ([0], [ELEMENTS - 1])), shape=(1, ELEMENTS))  # penetration: u at x = L, less the gap
 
 
-def bar(law: hv.Superpotential) -> hv.DiscreteProblem:
+def bar(law: hv.laws.Superpotential) -> hv.DiscreteProblem:
     """With a weight of one the multiplier is a force."""
     return hv.DiscreteProblem.of_arrays(
         stiffness=stiffness,
@@ -37,7 +37,7 @@ def bar(law: hv.Superpotential) -> hv.DiscreteProblem:
         trace=trace,
         weights=np.ones(1),
         gap=np.array([GAP]),
-        law=hv.ContactLaw(law).at(None),
+        law=hv.laws.ContactLaw(law).at(None),
     )
 
 
@@ -48,7 +48,7 @@ kappa = RIGIDITY / LENGTH
 r0 = LOAD * LENGTH**2 / (2.0 * RIGIDITY) - GAP
 q, p, k = 0.3, 2.0, 5.0
 cases = {
-    "survey": (hv.SurveyLaw(q, p), max(kappa * r0 - q, 0.0) / (kappa + p)),
+    "survey": (hv.laws.SurveyLaw(q, p), max(kappa * r0 - q, 0.0) / (kappa + p)),
     "compliance": (hv.Compliance(k), kappa * r0 / (kappa + k)),
     "signorini": (hv.Signorini(), 0.0),
 }

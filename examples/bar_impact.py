@@ -18,8 +18,8 @@ from hemivar.gallery import bar_on_wall
 
 CELLS = 48
 runs = {
-    "Newmark, redistributed mass": hv.march(bar_on_wall(CELLS), 3.0, step=1 / 192, scheme=hv.Newmark()),
-    "Moreau-Jean": hv.march(bar_on_wall(CELLS, "consistent"), 3.0, step=1 / 192, scheme=hv.MoreauJean()),
+    "Newmark, redistributed mass": hv.march(bar_on_wall(CELLS), 3.0, step=1 / 192, scheme=hv.evolution.Newmark()),
+    "Moreau-Jean": hv.march(bar_on_wall(CELLS, "consistent"), 3.0, step=1 / 192, scheme=hv.evolution.MoreauJean()),
 }
 means = {}
 for name, history in runs.items():

@@ -15,7 +15,7 @@ from hemivar import gallery
 problem = hv.ContactProblem(
     mesh=hv.rectangle((2.0, 1.0), (8, 4)),
     material=hv.Material.lame(400.0, 400.0, density=1.0, viscosity=(0.2, 0.2)),
-    contact={"bottom": hv.Contact(hv.Compliance(400.0), hv.Tresca(hv.CoulombBound(0.3)), gap=0.05)},
+    contact={"bottom": hv.Contact(hv.Compliance(400.0), hv.Coulomb(0.3), gap=0.05)},
     body_force=(0.0, -1.0),
     title="a block that bounces",
 )
@@ -24,9 +24,9 @@ history = hv.march(
     evolution,
     until=0.8,
     step=0.01,
-    scheme=hv.GeneralizedAlpha(0.8),
-    save=hv.Save(every=0.05, probes={"corner": (0.0, 0.0)}),
-    events=[hv.Touch()],
+    scheme=hv.evolution.GeneralizedAlpha(0.8),
+    save=hv.evolution.Save(every=0.05, probes={"corner": (0.0, 0.0)}),
+    events=[hv.evolution.Touch()],
 )
 print(history)
 print(f"it touches first at t = {history.events[0][0]:.3f}; a free fall of 0.05 takes {np.sqrt(0.1):.3f}")
@@ -54,6 +54,6 @@ plt.show()
 
 known = gallery.bouncing_block(stiffness=100.0, damping=4.0)
 duration, restitution = gallery.bounce(100.0, 4.0)
-hit = hv.march(known.evolution, known.until, step=4e-3, scheme=hv.Midpoint())
+hit = hv.march(known.evolution, known.until, step=4e-3, scheme=hv.evolution.Midpoint())
 up = float(np.abs(hit.moment.body.velocity).max())
 print(f"speed after the bounce {up:.6f}, exact {known.exact(known.until):.6f}; restitution {restitution:.4f}")

@@ -19,7 +19,7 @@ from hemivar.solvers import FixedPoint, Search
 # %%
 # A method that walks downhill only stays on the branch on which it starts.
 
-STAY = FixedPoint(hv.NonsmoothNewton(search=Search.DOWNHILL))
+STAY = FixedPoint(hv.solvers.NonsmoothNewton(search=Search.DOWNHILL))
 LIMIT = 0.1
 N = 16
 
@@ -74,7 +74,7 @@ def breaking_load(n: int, tolerance: float = 1e-7) -> float:
     the penetration and holds part of the load.
     """
     problem = hv.discretize(broken_foundation(n))
-    line, workspace = LoadLine(problem), hv.Workspace()
+    line, workspace = LoadLine(problem), hv.systems.Workspace()
 
     def at(factor: float, guess: np.ndarray | None) -> hv.Solution:
         partial = line.at(factor)

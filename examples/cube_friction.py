@@ -15,7 +15,7 @@ problem = hv.ContactProblem(
     mesh=hv.box((1.0, 1.0, 1.0), 8),
     material=hv.Material.lame(4.0, 4.0),
     supports={"left": hv.Clamped()},
-    contact={"bottom": hv.Contact(hv.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.4))},
+    contact={"bottom": hv.Contact(hv.laws.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.4))},
     body_force=(-0.2, 0.5, -0.8),
     title="cube with friction",
 )
@@ -36,7 +36,7 @@ plot_contact(solution)
 # Where it slips, friction has its full length and points against the slip; and the forces on the body balance.
 
 slip, friction = solution.slip, solution.friction
-slipping = solution.tangential_state == hv.TangentialState.SLIP
+slipping = solution.tangential_state == hv.solvers.TangentialState.SLIP
 length = np.linalg.norm(friction, axis=1)
 along = np.einsum("ij,ij->i", slip, friction) / np.maximum(np.linalg.norm(slip, axis=1) * length, 1e-300)
 balance = np.array([-0.2, 0.5, -0.8]) + solution.on("bottom").force + solution.reactions["left"]

@@ -28,7 +28,7 @@ tip = int(np.argmax(problem.contact.points[:, 0]))
 
 def under_load(problem: hv.DiscreteProblem) -> np.ndarray:
     """Tip opening at each of the load factors."""
-    line, workspace = LoadLine(problem), hv.Workspace()
+    line, workspace = LoadLine(problem), hv.systems.Workspace()
     guess, opening = None, []
     for factor in FACTORS:
         solution = hv.solve(line.at(float(factor)), initial=guess, workspace=workspace).raise_for_status()

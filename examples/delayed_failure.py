@@ -21,7 +21,7 @@ def strip(force: float) -> hv.ContactProblem:
         supports={"left": hv.Clamped()},
         contact={
             "bottom": hv.Contact(
-                hv.Adhesive(stiffness=50.0, strength=0.25, softening=2.5, compression=500.0), memory=(hv.Secant(),)
+                hv.Adhesive(stiffness=50.0, strength=0.25, softening=2.5, compression=500.0), memory=(hv.laws.Secant(),)
             )
         },
     )
@@ -33,7 +33,7 @@ def strip(force: float) -> hv.ContactProblem:
 histories = {}
 for force in (0.2, 0.28):
     histories[force] = hv.march(
-        hv.Evolution(strip(force)), until=80.0, step=1.6, save=hv.Save(every=8.0, probes={"tip": (3.0, 0.0)})
+        hv.Evolution(strip(force)), until=80.0, step=1.6, save=hv.evolution.Save(every=8.0, probes={"tip": (3.0, 0.0)})
     )
     print(
         f"force {force:g}: the tip opens to {histories[force]['tip.u_y'][-1]:.4f} mm, "

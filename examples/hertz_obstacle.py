@@ -18,7 +18,11 @@ problem = hv.ContactProblem(
     mesh=hv.rectangle((20.0, 20.0), (80, 80), pattern="cross"),
     material=hv.Material.young(YOUNG, POISSON),
     supports={"left": hv.Fixed(x=0.0), "top": hv.Prescribed((0.0, -0.04))},
-    contact={"bottom": hv.Contact(hv.Signorini(), obstacle=hv.Sphere((0.0, -RADIUS), RADIUS), normals=hv.Normals.BODY)},
+    contact={
+        "bottom": hv.Contact(
+            hv.Signorini(), obstacle=hv.mechanics.Sphere((0.0, -RADIUS), RADIUS), normals=hv.mechanics.Normals.BODY
+        )
+    },
     title="steel block on a rigid cylinder",
 )
 solution = hv.solve(problem).raise_for_status()

@@ -15,7 +15,7 @@ LAM, MU, DOWN = 4.0, 4.0, 0.1
 KAPPA = LAM + 2.0 * MU
 
 
-def pressed_block(law: hv.Superpotential) -> hv.Solution:
+def pressed_block(law: hv.laws.Superpotential) -> hv.Solution:
     """A unit block between frictionless walls, its top moved down by DOWN."""
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 8),
@@ -46,7 +46,7 @@ def threshold(x: np.ndarray) -> np.ndarray:
     return KAPPA * (DOWN - SUNK) - stiffness(x) * SUNK
 
 
-uneven = pressed_block(hv.SurveyLaw(threshold, stiffness))
+uneven = pressed_block(hv.laws.SurveyLaw(threshold, stiffness))
 off = float(np.abs(uneven.penetration - SUNK).max())
 print(f"penetration {uneven.penetration.mean():.12f} (by hand {SUNK}), spread {off:.1e}")
 
@@ -57,7 +57,7 @@ print(f"penetration {uneven.penetration.mean():.12f} (by hand {SUNK}), spread {o
 # :math:`s = (\kappa D - (k_1 - k_2)\delta)/(\kappa + k_2)` once that is more than :math:`\delta`.
 
 k1, k2, depth = 1.0, 8.0, 0.04
-layers = hv.PiecewiseQuadratic(
+layers = hv.laws.PiecewiseQuadratic(
     breakpoints=np.array([0.0, depth]), slopes=np.array([0.0, k1, k2]), jumps=np.zeros(2), name="two layers"
 )
 layered = pressed_block(layers)
@@ -86,14 +86,14 @@ halves = hv.ContactProblem(
     mesh=hv.rectangle((1.0, 1.0), 32, pattern="cross"),
     material=hv.Material.lame(LAM, MU),
     supports={"left": hv.Clamped()},
-    contact={"bottom": hv.Contact(hv.SurveyLaw(hardness, 2.0), hv.Tresca(bound))},
+    contact={"bottom": hv.Contact(hv.laws.SurveyLaw(hardness, 2.0), hv.Tresca(bound))},
     body_force=(0.8, -0.8),
     title="soft and smooth left, hard and rough right",
 )
 solution = hv.solve(halves).raise_for_status()
 points = solution.problem.contact.points
 size = np.abs(solution.friction[:, 0])
-slipping = solution.tangential_state == hv.TangentialState.SLIP
+slipping = solution.tangential_state == hv.solvers.TangentialState.SLIP
 smooth = points[:, 0] < 0.5
 print(f"{np.count_nonzero(slipping & smooth)} nodes slip left, {np.count_nonzero(slipping & ~smooth)} right")
 print(f"largest friction {size[smooth].max():.6f} left, {size[~smooth].max():.6f} right")

@@ -40,12 +40,12 @@ def pressure(r: np.ndarray) -> np.ndarray:
     return np.interp(r, [0.0, 0.05, end], [0.0, 1.5, 0.0], left=0.0, right=0.0)
 
 
-function = hv.FunctionLaw(derivative=pressure, kinks=(0.0, 0.05, end))
+function = hv.laws.FunctionLaw(derivative=pressure, kinks=(0.0, 0.05, end))
 
 # %%
 # The graph of the law: a falling branch, hence :math:`\alpha = 2`.
 
-plot_law(hv.ContactLaw(named).at(None).normal, reach=1.2)
+plot_law(hv.laws.ContactLaw(named).at(None).normal, reach=1.2)
 
 # %%
 # The same body on each of them. Those of a Python function are known from samples only: then

@@ -19,7 +19,7 @@ from hemivar.gallery import StickSlip
 
 belt = StickSlip()
 until = belt.begins + 2.2 * (belt.sticks + belt.slips)
-history = hv.march(belt.evolution(decay=0.02), until, step=0.03, save=hv.Save(probes={"mass": (0.5, 0.0)}))
+history = hv.march(belt.evolution(decay=0.02), until, step=0.03, save=hv.evolution.Save(probes={"mass": (0.5, 0.0)}))
 period = belt.sticks + belt.slips
 print(f"period {period:.4f}, largest slip rate {belt.peak:.4f}, heat of a period {belt.loss:.4f}")
 

@@ -19,7 +19,7 @@ from hemivar.gallery import thermoviscoelastic
 
 body = thermoviscoelastic(16)
 evolution = hv.Evolution(body.problem, inertia=True, heat=body.heat)
-history = hv.march(evolution, body.until, step=1.0 / 32.0, save=hv.Save(every=1.0 / 32.0))
+history = hv.march(evolution, body.until, step=1.0 / 32.0, save=hv.evolution.Save(every=1.0 / 32.0))
 print(f"at most {history['rounds'].max():.0f} rounds of motion and heat in a step; least margin {history.margin:.3f}")
 
 # %%

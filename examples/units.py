@@ -21,7 +21,7 @@ def bracket(length: float, pressure: float) -> hv.ContactProblem:
         supports={"left": hv.Clamped()},
         contact={
             "bottom": hv.Contact(
-                hv.SurveyLaw(q_max=1e4 * pressure, p_const=2e7 * pressure / length),
+                hv.laws.SurveyLaw(q_max=1e4 * pressure, p_const=2e7 * pressure / length),
                 hv.Tresca(6e3 * pressure),
                 gap=0.5e-3 * length,
             )
@@ -53,6 +53,6 @@ print(f"relative differences: displacement {displacement:.1e}, multiplier {press
 # Part of the bracket touches its bed, half a millimetre below it.
 
 touching = np.count_nonzero(si.states.closed)
-slipping = np.count_nonzero(si.tangential_state == hv.TangentialState.SLIP)
+slipping = np.count_nonzero(si.tangential_state == hv.solvers.TangentialState.SLIP)
 print(f"{touching} of {si.normal_state.size} nodes touch, {slipping} slip")
 plot_solution(mm, unit="mm", stress_unit="MPa", scale="auto")

@@ -33,9 +33,9 @@ for _ in range(5):
     meshes.append(meshes[-1].refined())  # h = 1/2, 1/4, ... 1/64
 levels = [hv.discretize(problem.on(mesh)) for mesh in meshes]
 sizes = [2 * 2**k for k in range(len(levels))]
-workspace = hv.Workspace()
-method = hv.PrimalDualActiveSet(sets_from_guess=True)
-warm = hv.solve_nested(levels, method, workspace=workspace)
+workspace = hv.systems.Workspace()
+method = hv.solvers.PrimalDualActiveSet(sets_from_guess=True)
+warm = hv.solvers.solve_nested(levels, method, workspace=workspace)
 cold = [hv.solve(level, method, workspace=workspace) for level in levels]
 print("steps of the active set method")
 for n, w, c in zip(sizes, warm, cold, strict=True):

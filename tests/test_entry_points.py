@@ -70,13 +70,13 @@ ENTRIES: dict[str, tuple[Callable[[Any], object], Any]] = {
     "solve(initial)": (lambda value: hv.solve(PROBLEM, initial=value), U),
     "certify(displacement)": (lambda value: hv.certify(PROBLEM, value), U),
     "certify(multiplier)": (lambda value: hv.certify(PROBLEM, U, value), LAM),
-    "residual(displacement)": (lambda value: hv.residual(PROBLEM, value, LAM), U),
-    "residual(multiplier)": (lambda value: hv.residual(PROBLEM, U, value), LAM),
+    "residual(displacement)": (lambda value: hv.discrete.residual(PROBLEM, value, LAM), U),
+    "residual(multiplier)": (lambda value: hv.discrete.residual(PROBLEM, U, value), LAM),
     "energy(unknowns)": (PROBLEM.energy, U),
     "local(unknowns)": (PROBLEM.local, U),
     "contact_force(multiplier)": (PROBLEM.contact_force, LAM),
     "follow_path(start)": (lambda value: hv.follow_path(PROBLEM, (0.5, 1.0), start=value), U),
-    "condense().start": (lambda value: hv.condense(PROBLEM).start(value), SOLVED.local),
+    "condense().start": (lambda value: hv.systems.condense(PROBLEM).start(value), SOLVED.local),
     "Field(basis)": (lambda value: Field(MESH, 1, value, FIELD.prescribed), FIELD.basis.toarray()),
     "Field(prescribed)": (lambda value: Field(MESH, 1, FIELD.basis, value), FIELD.prescribed),
     "displacement(unknowns)": (FIELD.full, U),
@@ -137,7 +137,7 @@ def _objects(array: Any, kind: type) -> Any:
 def test_what_is_no_array_of_real_numbers_is_refused(entry: str, wrong: str) -> None:
     call, array = ENTRIES[entry]
     spoil, message = WRONG[wrong]
-    with pytest.raises(hv.ProblemError, match=message):
+    with pytest.raises(hv.errors.ProblemError, match=message):
         call(spoil(array))
 
 
@@ -155,17 +155,17 @@ def test_what_is_right_is_taken(entry: str) -> None:
 def test_sparse_matrices(name: str, form: str) -> None:
     matrix = sp.coo_array(arrays()[name]).asformat(form)
     np.testing.assert_array_equal(part(with_(name, matrix), name).toarray(), arrays()[name])
-    with pytest.raises(hv.ProblemError, match=f"{name} is complex"):
+    with pytest.raises(hv.errors.ProblemError, match=f"{name} is complex"):
         with_(name, sp.coo_array(arrays()[name] * (1.0 + 1.0j)).asformat(form))
     spoilt = arrays()[name]
     row, column = np.argwhere(spoilt)[0]
     spoilt[row, column] = np.nan
-    with pytest.raises(hv.ProblemError, match=rf"{name}\[{row}, {column}\] = nan"):
+    with pytest.raises(hv.errors.ProblemError, match=rf"{name}\[{row}, {column}\] = nan"):
         with_(name, sp.coo_array(spoilt).asformat(form))
 
 
 def test_sparse_where_dense_is_wanted() -> None:
-    with pytest.raises(hv.ProblemError, match="load is a sparse matrix"):
+    with pytest.raises(hv.errors.ProblemError, match="load is a sparse matrix"):
         with_("load", sp.csr_array(arrays()["load"][None, :]))
 
 
@@ -212,10 +212,10 @@ def test_nothing_writes_into_the_users_arrays() -> None:
     kept = copy.deepcopy(given)
     problem = hv.DiscreteProblem.of_arrays(**given)
     start, lam = np.array(U), np.array(LAM)
-    for method in hv.METHODS.values():
+    for method in hv.solvers.METHODS.values():
         hv.solve(problem, method, hv.Controls(max_steps=3), initial=start)
     hv.certify(problem, start, lam)
-    hv.residual(problem, start, lam)
+    hv.discrete.residual(problem, start, lam)
     hv.follow_path(problem, (0.5, 1.0), start=start)
     for name in set(given) - {"law"}:
         np.testing.assert_array_equal(given[name], kept[name])

@@ -13,7 +13,7 @@ import os, sys, threading, time
 import hemivar as hv
 problem = hv.ContactProblem(
     mesh=hv.rectangle((1.0, 1.0), 4), material=hv.Material.lame(4, 4), supports={"left": hv.Clamped()},
-    body_force=(0, -0.5), contact={"bottom": hv.Contact(hv.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
+    body_force=(0, -0.5), contact={"bottom": hv.Contact(hv.laws.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
 )
 """
 
@@ -21,7 +21,7 @@ TOGETHER = """
 s = hv.solve(hv.discretize(problem))
 sys.setswitchinterval(1e-4)
 uses = [s.plot, s._repr_html_, s.to_dict, problem.plot, lambda: hv.find_solutions(s.problem), lambda: hv.certify(s),
-        lambda: hv.study, lambda: hv.exact_distance, lambda: hv.report.plot_problem]
+        lambda: hv.study, lambda: hv.certificates.continuous.exact_distance, lambda: hv.report.plot_problem]
 turn = int(sys.argv[1])
 uses = uses[turn:] + uses[:turn]
 start, errors = threading.Barrier(len(uses)), []
@@ -40,14 +40,14 @@ print(errors or "fine")
 """
 
 FORKS = """
-done, w = threading.Event(), hv.Workspace()
+done, w = threading.Event(), hv.systems.Workspace()
 def work():
     while not done.is_set():
         w.forget()
         s = hv.solve(hv.discretize(problem), workspace=w)
-        hv.smallness(s.problem, workspace=w)
+        hv.certificates.smallness(s.problem, workspace=w)
 s = hv.solve(hv.discretize(problem), workspace=w)
-hv.smallness(s.problem)
+hv.certificates.smallness(s.problem)
 thread = threading.Thread(target=work)
 thread.start()
 sys.setswitchinterval(1e-4)
@@ -57,7 +57,7 @@ for k in range(20):
     pid = os.fork()
     if pid == 0:
         s = hv.solve(hv.discretize(problem), workspace=w)
-        hv.smallness(s.problem, workspace=w)
+        hv.certificates.smallness(s.problem, workspace=w)
         os._exit(0 if s.status is hv.Status.CONVERGED else 3)
     children.append(pid)
 done.set()

@@ -78,7 +78,7 @@ def solved() -> hv.Solution:
 
 
 def refused(formula: str) -> None:
-    with pytest.raises(hv.ProblemError):
+    with pytest.raises(hv.errors.ProblemError):
         hv.FormulaLaw(formula)
 
 
@@ -87,20 +87,22 @@ PUBLIC: dict[str, Callable[[hv.Solution, Path], object]] = {
     "box": lambda s, path: hv.box((1.0, 1.0, 1.0), (2, 2, 2)),
     "discretize": lambda s, path: hv.discretize(square(n=4)),
     "solve": lambda s, path: hv.solve(s.problem),
-    "solve by multigrid": lambda s, path: hv.solve(unstructured(32), hv.NonsmoothMultigrid()),
+    "solve by multigrid": lambda s, path: hv.solve(unstructured(32), hv.solvers.NonsmoothMultigrid()),
     "solve by every method": lambda s, path: [
-        hv.solve(hv.discretize(square(n=4)), method, hv.Controls(max_steps=5)) for method in hv.METHODS.values()
+        hv.solve(hv.discretize(square(n=4)), method, hv.Controls(max_steps=5)) for method in hv.solvers.METHODS.values()
     ],
-    "solve_nested": lambda s, path: hv.solve_nested([hv.discretize(square(n=n)) for n in (2, 4)]),
+    "solve_nested": lambda s, path: hv.solvers.solve_nested([hv.discretize(square(n=n)) for n in (2, 4)]),
     "certify": lambda s, path: hv.certify(s.problem, s.unknowns, s.multiplier),
-    "smallness": lambda s, path: hv.smallness(s.problem),
-    "residual": lambda s, path: hv.residual(s.problem, s.unknowns, s.multiplier),
-    "condense": lambda s, path: hv.condense(s.problem),
-    "find_solutions": lambda s, path: hv.find_solutions(bar(0.5, hv.SurveyLaw(0.3, 2.0)), enumerate_up_to=0, starts=3),
-    "follow_path": lambda s, path: hv.follow_path(bar(0.5, hv.SurveyLaw(0.3, 2.0))),
+    "smallness": lambda s, path: hv.certificates.smallness(s.problem),
+    "residual": lambda s, path: hv.discrete.residual(s.problem, s.unknowns, s.multiplier),
+    "condense": lambda s, path: hv.systems.condense(s.problem),
+    "find_solutions": lambda s, path: hv.find_solutions(
+        bar(0.5, hv.laws.SurveyLaw(0.3, 2.0)), enumerate_up_to=0, starts=3
+    ),
+    "follow_path": lambda s, path: hv.follow_path(bar(0.5, hv.laws.SurveyLaw(0.3, 2.0))),
     "laws": lambda s, path: [
         hv.FormulaLaw("10 * max(r, 0)^2 + sqrt(1 + abs(r))"),
-        hv.PenetrationBound("min(8*s, 0.8)"),
+        hv.laws.PenetrationBound("min(8*s, 0.8)"),
         hv.table_law([0.0, 0.01, 0.02], [0.0, 1.0, 0.5]),
     ],
     "refused": lambda s, path: refused("foo(r)"),
@@ -155,7 +157,7 @@ def test_algebraic_levels_repeat_bit_by_bit() -> None:
 
 
 def test_solves_repeat_bit_by_bit() -> None:
-    found = [hv.solve(unstructured(32), hv.NonsmoothMultigrid()) for _ in range(2)]
+    found = [hv.solve(unstructured(32), hv.solvers.NonsmoothMultigrid()) for _ in range(2)]
     np.testing.assert_array_equal(found[0].unknowns, found[1].unknowns)
     np.testing.assert_array_equal(found[0].multiplier, found[1].multiplier)
 
@@ -166,7 +168,9 @@ def test_algebraic_levels_warn_of_nothing() -> None:
         assert algebraic_levels(unstructured(32))
 
 
-@pytest.mark.parametrize("method", [hv.NonsmoothNewton(), hv.NonsmoothMultigrid()], ids=["newton", "multigrid"])
+@pytest.mark.parametrize(
+    "method", [hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()], ids=["newton", "multigrid"]
+)
 def test_threads_solve_one_problem(method: object) -> None:
     """At the same time, and with other loads on the same levels: each as if it were alone."""
     problem = unstructured(24)
@@ -190,10 +194,10 @@ def test_a_certificate_beside_a_solve(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(norms, "FACTORISED", (10, 10))
     problem = unstructured(24)
-    solution = hv.solve(problem, hv.NonsmoothMultigrid())
+    solution = hv.solve(problem, hv.solvers.NonsmoothMultigrid())
     expected = hv.certify(problem, solution.unknowns, solution.multiplier).record()
     with ThreadPoolExecutor(2) as pool:
-        solving = pool.submit(lambda: [hv.solve(problem, hv.NonsmoothMultigrid()) for _ in range(3)])
+        solving = pool.submit(lambda: [hv.solve(problem, hv.solvers.NonsmoothMultigrid()) for _ in range(3)])
         certifying = pool.submit(lambda: hv.certify(problem, solution.unknowns, solution.multiplier))
         found, solutions = certifying.result().record(), solving.result()
     assert all(other.status is hv.Status.CONVERGED for other in solutions)

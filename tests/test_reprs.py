@@ -11,7 +11,7 @@ from tests.problems import bar, square
 STATEMENT = square(n=4)
 PROBLEM = hv.discretize(STATEMENT)
 SOLUTION = hv.solve(PROBLEM)
-SOFT = bar(0.5, hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0.0, 0.0, 0.0]))
+SOFT = bar(0.5, hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0.0, 0.0, 0.0]))
 
 
 @pytest.mark.parametrize(

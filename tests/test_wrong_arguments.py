@@ -23,15 +23,16 @@ PROBLEM = hv.ContactProblem(
     mesh=MESH,
     material=hv.Material.lame(4.0, 4.0),
     supports={"left": hv.Clamped()},
-    contact={"bottom": hv.Contact(hv.SurveyLaw(0.3), hv.Tresca(0.5))},
+    contact={"bottom": hv.Contact(hv.laws.SurveyLaw(0.3), hv.Tresca(0.5))},
 )
 #: What stands for the other arguments that must be given.
 RIGHT: dict[str, object] = {
     "mesh": MESH, "material": PROBLEM.material, "problem": PROBLEM, "points": MESH.points, "cells": MESH.cells,
-    "law": hv.SurveyLaw(0.3), "normal": hv.SurveyLaw(0.3), "friction": hv.Tresca(0.5), "size": (1.0, 1.0),
+    "law": hv.laws.SurveyLaw(0.3), "normal": hv.laws.SurveyLaw(0.3), "friction": hv.Tresca(0.5), "size": (1.0, 1.0),
 }  # fmt: skip
+ROOMS = (hv, hv.laws, hv.mechanics, hv.solvers, hv.evolution, hv.adapt)
 CALLED: dict[str, Callable[..., object]] = {
-    name: getattr(hv, name)
+    name: next(getattr(room, name) for room in ROOMS if name in room.__all__)
     for name in (
         "Adhesive", "AugmentedLagrangian", "Bilateral", "Bonding", "Branch", "Capped", "Checkpoint", "Compliance",
         "Contact", "ContactProblem", "Controls", "CoulombBound", "Cylinder", "Evolution", "FixedPoint", "FixedStep",
@@ -67,9 +68,11 @@ def trouble(function: Callable[..., object], given: dict[str, object]) -> str:
     """How a call failed, if not in words."""
     try:
         made = function(**given)
-        if isinstance(made, hv.Superpotential | hv.Friction):  # which look at their parameters where they are evaluated
+        if isinstance(
+            made, hv.laws.Superpotential | hv.laws.Friction
+        ):  # which look at their parameters where they are evaluated
             at = made.at(MESH.points)
-            _ = at.knots if isinstance(at, hv.Superpotential) else at.bound
+            _ = at.knots if isinstance(at, hv.laws.Superpotential) else at.bound
     except hv.HemivarError as error:
         return "" if len(str(error)) > 15 else f"says {str(error)!r}"
     except Exception as error:
@@ -91,11 +94,11 @@ def test_wrong_arguments_are_refused_in_words(
 @pytest.mark.parametrize("value", [True, np.True_, [True, 0.5], np.array([True])])
 def test_truth_values_are_no_numbers(value: Any) -> None:
     for call in (
-        lambda: hv.SurveyLaw(value).knots,
+        lambda: hv.laws.SurveyLaw(value).knots,
         lambda: hv.Compliance(value).knots,
         lambda: hv.Tresca(value).at(MESH.points[:2]),
         lambda: hv.Material.young(value, 0.3),
-        lambda: hv.affine(hv.SurveyLaw(0.3), value),
+        lambda: hv.laws.affine(hv.laws.SurveyLaw(0.3), value),
     ):
-        with pytest.raises(hv.ProblemError, match="truth value"):
+        with pytest.raises(hv.errors.ProblemError, match="truth value"):
             call()

@@ -26,7 +26,7 @@ NAMES = ("contact.bottom.force", "support.left.force", "boundary.right.displacem
 def square(n: int = 4, **changes: object) -> hv.ContactProblem:
     given: dict[str, Any] = {
         "mesh": rectangle((1.0, 1.0), n, pattern="cross"),
-        "contact": hv.Contact(hv.SurveyLaw(0.3, 2.0), hv.Tresca(0.5)),
+        "contact": hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(0.5)),
         "body_force": (-0.8, -0.8),
     }
     return bodies.body(**given | changes)
@@ -39,7 +39,7 @@ def constants_of(problem: hv.ContactProblem) -> TraceBounds:
     """Those of the body, which meshes and laws do not change."""
     key = f"{problem.supports} {problem.material} {list(problem.contact)} {np.ptp(problem.mesh.points, axis=0)}"
     if key not in _KNOWN:
-        _KNOWN[key] = body_constants(hv.discretize(problem), hv.Workspace())
+        _KNOWN[key] = body_constants(hv.discretize(problem), hv.systems.Workspace())
     return _KNOWN[key]
 
 
@@ -83,16 +83,16 @@ def overkill(problem: hv.ContactProblem, names: tuple[str, ...], times: int) -> 
 def some_laws(count: int) -> list[hv.Contact]:
     rng = np.random.default_rng(4)
 
-    def normal() -> hv.Superpotential:
-        return (hv.SurveyLaw(rng.uniform(0.0, 0.5), rng.uniform(0.5, 4.0)), hv.Compliance(rng.uniform(1.0, 20.0)))[
+    def normal() -> hv.laws.Superpotential:
+        return (hv.laws.SurveyLaw(rng.uniform(0.0, 0.5), rng.uniform(0.5, 4.0)), hv.Compliance(rng.uniform(1.0, 20.0)))[
             rng.integers(2)
         ]
 
     frictions = (
         lambda: hv.Tresca(rng.uniform(0.05, 0.5)),
-        hv.NoFriction,
+        hv.laws.NoFriction,
         lambda: hv.SlipWeakening(0.1, 1.0, 0.5, 20.0),
-        lambda: hv.Tresca(hv.PenetrationBound("min(0.4*s, 0.2)", 0.4)),
+        lambda: hv.Tresca(hv.laws.PenetrationBound("min(0.4*s, 0.2)", 0.4)),
     )
     return [hv.Contact(normal(), frictions[k % 4](), gap=float(rng.choice([0.0, 0.01]))) for k in range(count)]
 
@@ -202,7 +202,7 @@ def test_where_nothing_bounds_a_force() -> None:
 
 
 def test_an_estimated_distance_gives_an_estimated_interval() -> None:
-    contact = hv.Contact(hv.SurveyLaw(0.3, 2.0), hv.Tresca(0.5), gap=lambda x: 0.01 * np.sin(9.0 * x[:, 0]))
+    contact = hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(0.5), gap=lambda x: 0.01 * np.sin(9.0 * x[:, 0]))
     (found,) = valued(square(contact={"bottom": contact}), "contact.bottom.force.y")
     assert not found.guaranteed
     assert any("gap of contact 'bottom' varies" in reason for reason in found.reasons)
@@ -237,7 +237,7 @@ def test_what_the_field_misses_at_the_clamped_end_is_bounded_by_the_law() -> Non
 def test_what_grows_with_the_same_part_of_the_error_adds_up() -> None:
     """Normal force and a friction bound both grow with the penetration: on a side at 45 degrees both count in full."""
     stiffness, rate = 3.0, 0.7
-    friction = hv.Tresca(hv.PenetrationBound(f"min({rate}*s, 0.2)", rate))
+    friction = hv.Tresca(hv.laws.PenetrationBound(f"min({rate}*s, 0.2)", rate))
     problem = square(
         mesh=rectangle((1.0, 1.0), 4, pattern="cross").rotated(np.pi / 4.0),
         contact={"bottom": hv.Contact(hv.Compliance(stiffness), friction)},
@@ -262,7 +262,7 @@ def test_what_grows_with_the_same_part_of_the_error_adds_up() -> None:
 def test_units_do_not_matter() -> None:
     """Lengths in mm, stresses in MPa instead of m and Pa: forces per depth change as they must."""
     (small,) = valued(square(), "contact.bottom.force", constants=as_if_proved(square()))
-    law = hv.Contact(hv.SurveyLaw(0.3e-6, 2.0e-9), hv.Tresca(0.5e-6))
+    law = hv.Contact(hv.laws.SurveyLaw(0.3e-6, 2.0e-9), hv.Tresca(0.5e-6))
     problem = square(
         mesh=rectangle((1e3, 1e3), 4, pattern="cross"), material=hv.Material.lame(4e-6, 4e-6),
         contact={"bottom": law}, body_force=(-0.8e-9, -0.8e-9),
@@ -284,7 +284,7 @@ def test_names() -> None:
     with pytest.raises(ProblemError, match="name it as in"):
         goal_named(problem, 3)  # type: ignore[arg-type]
     with pytest.raises(ProblemError, match="is not known"):
-        hv.solve_adaptive(problem, goal="pressure")
+        hv.adapt.solve_adaptive(problem, goal="pressure")
     dotted = replace(
         problem, mesh=problem.mesh.named({**problem.mesh.boundaries, "a.force.x": problem.mesh.boundaries["top"]}, {})
     )
@@ -295,7 +295,7 @@ def test_names() -> None:
 def test_a_goal_decides_where_the_mesh_is_fine() -> None:
     """For the mean displacement of the right side few cells are spent where the energy needs them; the estimate is met
     with fewer unknowns than by bounding the whole solution."""
-    found = hv.solve_adaptive(square(), goal="boundary.right.displacement", rtol=0.03, max_unknowns=2000)
+    found = hv.adapt.solve_adaptive(square(), goal="boundary.right.displacement", rtol=0.03, max_unknowns=2000)
     assert found.ended == "estimated"
     assert not found.reached
     assert found.goal is not None
@@ -313,7 +313,7 @@ def test_a_goal_decides_where_the_mesh_is_fine() -> None:
 def test_a_goal_ends_with_the_guaranteed_interval() -> None:
     """The estimate is as asked meshes before; where a limit lies between, the end says how wide the interval is."""
     options = {"goal": "contact.bottom.force", "rtol": 0.2}
-    found = hv.solve_adaptive(square(), **options)
+    found = hv.adapt.solve_adaptive(square(), **options)
     assert found.ended == "reached"
     assert found.goal is not None
     assert found.goal.guaranteed
@@ -324,7 +324,7 @@ def test_a_goal_ends_with_the_guaranteed_interval() -> None:
     last = found.levels[-1].unknowns
     assert 0.3 * last < early.needed(0.2) < 3.0 * last
     for limit in ({"max_unknowns": 120}, {"max_memory": early.unknowns * 2e4}, {"max_time": early.seconds * 1e-3}):
-        stopped = hv.solve_adaptive(square(), **options, **limit)
+        stopped = hv.adapt.solve_adaptive(square(), **options, **limit)
         assert not stopped.reached
         assert stopped.goal is not None
         assert (stopped.ended == "estimated") == (stopped.goal.estimated <= 0.2)
@@ -333,7 +333,7 @@ def test_a_goal_ends_with_the_guaranteed_interval() -> None:
 
 @pytest.mark.slow
 def test_a_goal_converges_at_twice_the_rate() -> None:
-    found = hv.solve_adaptive(square(), goal="contact.bottom.force", rtol=1e-6, max_unknowns=4000)
+    found = hv.adapt.solve_adaptive(square(), goal="contact.bottom.force", rtol=1e-6, max_unknowns=4000)
     assert found.ended == "max_unknowns"
     assert 0.85 < found.rate < 1.2
 

@@ -54,11 +54,11 @@ def cubic_curvature(r: np.ndarray) -> np.ndarray:
 
 LAWS = {
     "compliance": hv.Compliance(50.0, 2.0),
-    "survey": hv.SurveyLaw(0.3, 2.0),
+    "survey": hv.laws.SurveyLaw(0.3, 2.0),
     "signorini": hv.Signorini(),
-    "no contact": hv.NoContact(),
+    "no contact": hv.laws.NoContact(),
     "formula": hv.FormulaLaw("10 * max(r, 0)^2"),
-    "function": hv.FunctionLaw(cubic, cubic_slope, cubic_curvature),
+    "function": hv.laws.FunctionLaw(cubic, cubic_slope, cubic_curvature),
     "table": hv.table_law([0.0, 0.01, 0.02], [0.0, 1.0, 0.5]),
     "softening": hv.Softening(50.0, 1.0, 10.0),
     "function of x": hv.Compliance(functools.partial(half_gap)),
@@ -66,10 +66,10 @@ LAWS = {
 FRICTION = {
     "tresca": hv.Tresca(0.5),
     "weakening": hv.SlipWeakening(1.0, 0.5, 200.0),
-    "static": hv.StaticKinetic(1.0, 0.5, 0.01),
-    "coulomb": hv.Tresca(hv.CoulombBound(0.3)),
-    "bound table": hv.Tresca(hv.PenetrationBound(([0.0, 1.0], [0.0, 2.0]))),
-    "bound formula": hv.Tresca(hv.PenetrationBound("min(8*s, 0.8)")),
+    "static": hv.laws.StaticKinetic(1.0, 0.5, 0.01),
+    "coulomb": hv.Coulomb(0.3),
+    "bound table": hv.Tresca(hv.laws.PenetrationBound(([0.0, 1.0], [0.0, 2.0]))),
+    "bound formula": hv.Tresca(hv.laws.PenetrationBound("min(8*s, 0.8)")),
 }
 
 
@@ -119,7 +119,9 @@ def test_meshes_stay_read_only_and_know_what_they_refine(trip: str) -> None:
 
 
 @pytest.mark.parametrize("trip", TRIPS)
-@pytest.mark.parametrize("method", [hv.NonsmoothNewton(), hv.NonsmoothMultigrid()], ids=["newton", "multigrid"])
+@pytest.mark.parametrize(
+    "method", [hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()], ids=["newton", "multigrid"]
+)
 def test_problems_are_solved_as_before_bit_by_bit(method: object, trip: str) -> None:
     problem = square(n=32)
     discrete = hv.discretize(problem)
@@ -133,21 +135,21 @@ def test_problems_are_solved_as_before_bit_by_bit(method: object, trip: str) -> 
 def test_a_hierarchy_stays_at_home() -> None:
     discrete = discrete_square(n=32)
     before = len(pickle.dumps(discrete))
-    hv.solve(discrete, hv.NonsmoothMultigrid())
+    hv.solve(discrete, hv.solvers.NonsmoothMultigrid())
     assert len(pickle.dumps(discrete)) == before
 
 
 @pytest.mark.parametrize("trip", TRIPS)
 def test_condensed_problems(trip: str) -> None:
     discrete = discrete_square()
-    system = hv.condense(discrete)
+    system = hv.systems.condense(discrete)
     pair = TRIPS["pickle"]((discrete, system)) if trip == "pickle" else None
     there = pair[1] if pair else TRIPS[trip](system)
     np.testing.assert_array_equal(there.matrix, system.matrix)
     problem = there.problem
     if pair:
         assert problem is pair[0]
-    found = hv.solve(problem, workspace=hv.Workspace.holding(there))
+    found = hv.solve(problem, workspace=hv.systems.Workspace.holding(there))
     np.testing.assert_array_equal(found.unknowns, hv.solve(discrete).unknowns)
 
 
@@ -170,7 +172,7 @@ def test_solutions_and_certificates(trip: str) -> None:
 
 @pytest.mark.parametrize("trip", TRIPS)
 def test_solution_sets_and_paths(trip: str) -> None:
-    discrete = bar(0.5, hv.SurveyLaw(0.3, 2.0))
+    discrete = bar(0.5, hv.laws.SurveyLaw(0.3, 2.0))
     found = hv.find_solutions(discrete)
     there = TRIPS[trip](found)
     np.testing.assert_array_equal(there.energies, found.energies)
@@ -181,7 +183,7 @@ def test_solution_sets_and_paths(trip: str) -> None:
 @pytest.mark.parametrize("trip", TRIPS)
 def test_histories_with_what_contact_points_remember(trip: str) -> None:
     """Memories are mappings in a mapping: those inside travel too, and arrive read-only."""
-    contact = hv.Contact(hv.Adhesive(5.0, 1.0, 1.0), memory=(hv.Secant(),))
+    contact = hv.Contact(hv.Adhesive(5.0, 1.0, 1.0), memory=(hv.laws.Secant(),))
     problem = bodies.strip(contact, (4, 2), viscosity=(0.4, 0.4), body_force=(0.0, 0.5))
     history = hv.march(hv.Evolution(problem), 0.2, step=0.1)
     again = TRIPS[trip](history)
@@ -196,10 +198,10 @@ def test_histories_with_what_contact_points_remember(trip: str) -> None:
 
 
 def test_methods_controls_and_errors() -> None:
-    for method in hv.METHODS.values():
+    for method in hv.solvers.METHODS.values():
         assert around(method) == method
     assert around(hv.Controls(rtol=1e-6)) == hv.Controls(rtol=1e-6)
-    assert str(around(hv.ProblemError("so"))) == "so"
+    assert str(around(hv.errors.ProblemError("so"))) == "so"
 
 
 def test_replaced_fields() -> None:
@@ -225,12 +227,12 @@ def test_functions_that_can_be_imported_travel(supports: str) -> None:
     [
         (lambda: hv.Compliance(lambda x: 1.0 + x[:, 0]), "Compliance 'compliance' cannot be pickled: its stiffness is"),
         (lambda: hv.Contact(hv.Signorini(), gap=lambda x: 0 * x[:, 0]), "Contact cannot be pickled: its gap is the"),
-        (lambda: hv.FunctionLaw(lambda r: r**2, lambda r: 2 * r, lambda r: 2 + 0 * r), "give a formula as text"),
+        (lambda: hv.laws.FunctionLaw(lambda r: r**2, lambda r: 2 * r, lambda r: 2 + 0 * r), "give a formula as text"),
         (lambda: hv.Fixed(x=lambda x: 0 * x[:, 0]), "Fixed cannot be pickled: its x is the function"),
         (lambda: hv.Pressure(lambda x: 0 * x[:, 0]), "Pressure cannot be pickled: its value is"),
         (lambda: hv.Material.young(lambda x: 1 + x[:, 0], 0.3), "its first is the function"),
-        (lambda: hv.PenetrationBound(lambda s: 0 * s), "PenetrationBound cannot be pickled: its source is"),
-        (lambda: hv.SignedDistance(lambda x: x[:, 1]), "SignedDistance cannot be pickled"),
+        (lambda: hv.laws.PenetrationBound(lambda s: 0 * s), "PenetrationBound cannot be pickled: its source is"),
+        (lambda: hv.mechanics.SignedDistance(lambda x: x[:, 1]), "SignedDistance cannot be pickled"),
         (lambda: replace(square(n=2), body_force=lambda x: 0 * x), "ContactProblem cannot be pickled: its body_force"),
         (lambda: replace(square(n=2), tractions={"top": lambda x: 0 * x}), r"its tractions\['top'\] is the function"),
         (lambda: hv.discretize(replace(square(n=2), body_force=lambda x: -1 + 0 * x)), "its body_force is"),
@@ -239,7 +241,7 @@ def test_functions_that_can_be_imported_travel(supports: str) -> None:
 )
 def test_functions_that_cannot_be_imported_are_told_of(make: Callable[[], object], message: str) -> None:
     thing = make()
-    with pytest.raises(hv.ProblemError, match=message):
+    with pytest.raises(hv.errors.ProblemError, match=message):
         pickle.dumps(thing)
     copy.deepcopy(thing)  # stays in this process
     copy.copy(thing)
@@ -250,7 +252,7 @@ def test_classes_that_cannot_be_imported_are_told_of() -> None:
     class Inner(Portable):
         value: int
 
-    with pytest.raises(hv.ProblemError, match=r"Inner objects cannot be pickled: .* move it there"):
+    with pytest.raises(hv.errors.ProblemError, match=r"Inner objects cannot be pickled: .* move it there"):
         pickle.dumps(Inner(1))
     assert copy.deepcopy(Inner(1)).value == 1
 
@@ -305,5 +307,8 @@ def test_a_pool_of_spawned_processes_solves(tmp_path: Path) -> None:
 
 def test_a_pool_tells_of_functions() -> None:
     problem = hv.discretize(replace(square(n=2), body_force=lambda x: -1.0 + 0.0 * x))
-    with multiprocessing.get_context("spawn").Pool(1) as pool, pytest.raises(hv.ProblemError, match="body_force"):
+    with (
+        multiprocessing.get_context("spawn").Pool(1) as pool,
+        pytest.raises(hv.errors.ProblemError, match="body_force"),
+    ):
         pool.map(hv.solve, [problem])

@@ -17,7 +17,7 @@ STIFFNESS, LIMIT, ALPHA = 2.0, 0.1, 4.0
 def test_crossings_of_straight_stretches_are_equilibria(r0: float) -> None:
     """A bar of stiffness 1 on a foundation that softens has three, at ``r0 = r + j'(r)``; pieces are straight."""
     problem = bar(2.0 * r0, hv.Softening(STIFFNESS, LIMIT, ALPHA), 2)
-    chain = chain_of(hv.Workspace().condensed(problem))
+    chain = chain_of(hv.systems.Workspace().condensed(problem))
     start = np.array([r0 / (1.0 + STIFFNESS)])
     segment = next(s for s in range(int(chain.count[0])) if chain.inside(start, np.array([s]), 0.0).all())
     theta = start + chain.origin[:, segment] - chain.value[:, segment]

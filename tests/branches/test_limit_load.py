@@ -95,7 +95,7 @@ def test_the_limit_load_may_lie_above_the_first_instability() -> None:
 
 def test_single_points_let_go_on_coarse_meshes_only() -> None:
     """alpha w against the stiffness of the body at a point, all others held."""
-    glue = hv.Contact(hv.Adhesive(24.0, 2.0, 20.0, 72.0), hv.SlipTable(1.0, [0.0, 0.1, 0.6], [0.0, 1.0, 0.0]))
+    glue = hv.Contact(hv.Adhesive(24.0, 2.0, 20.0, 72.0), hv.laws.SlipTable(1.0, [0.0, 0.1, 0.6], [0.0, 1.0, 0.0]))
     counts = {}
     for cells in (2, 16):
         path = follow_path(replace(lever(cells=cells), contact={"bottom": glue}), (0.0, 5.0))

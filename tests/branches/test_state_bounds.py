@@ -102,7 +102,9 @@ def test_coulomb_friction_has_its_solutions_on_the_curve_as_well() -> None:
 
 def test_a_path_is_refused_with_a_remedy_that_works() -> None:
     problem = column(Friction(PenetrationBound(([0.0, 1.0], [0.0, 0.15]))))
-    with pytest.raises(MethodError, match=r"solve\(problem, hemivar.FixedPoint\(hemivar.LoadStepping\(\)\)\)"):
+    with pytest.raises(
+        MethodError, match=r"solve\(problem, hemivar.solvers.FixedPoint\(hemivar.solvers.LoadStepping\(\)\)\)"
+    ):
         follow_path(problem)
     found = solve(problem, FixedPoint(LoadStepping()))
     assert found.status is Status.CONVERGED

@@ -50,7 +50,9 @@ def test_a_displacement_off_the_supports_is_refused() -> None:
     moved = SOLUTION.displacement.copy()
     corner = int(np.flatnonzero((PROBLEM.field.nodes == (0.0, 0.0)).all(axis=1))[0])
     moved[corner] += (0.0, 1e-6)
-    with pytest.raises(hv.ProblemError, match=rf"fulfil the supports at 1 nodes; at node {corner}, x = \(0, 0\)"):
+    with pytest.raises(
+        hv.errors.ProblemError, match=rf"fulfil the supports at 1 nodes; at node {corner}, x = \(0, 0\)"
+    ):
         hv.certify(PROBLEM, moved)
     moved[corner] -= (0.0, 1e-6)
     assert hv.certify(PROBLEM, moved).unique
@@ -76,15 +78,17 @@ def test_what_rounding_puts_off_the_supports_is_no_fault(units: float) -> None:
         if accepted:
             assert hv.certify(problem, moved, trace_constant=False).unique
             continue
-        with pytest.raises(hv.ProblemError, match=f"at 1 nodes; at node {held}, .* it is off by"):
+        with pytest.raises(hv.errors.ProblemError, match=f"at 1 nodes; at node {held}, .* it is off by"):
             hv.certify(problem, moved)
 
 
 @pytest.mark.parametrize("bad", [SOLUTION.displacement[1:], SOLUTION.unknowns[1:], SOLUTION.displacement.T])
 def test_other_shapes_are_refused_with_both_that_are_not(bad: np.ndarray) -> None:
-    with pytest.raises(hv.ProblemError, match=r"unknowns have shape \(\d+,\), the displacement of the nodes .*41, 2"):
+    with pytest.raises(
+        hv.errors.ProblemError, match=r"unknowns have shape \(\d+,\), the displacement of the nodes .*41, 2"
+    ):
         hv.certify(PROBLEM, bad)
-    with pytest.raises(hv.ProblemError, match=r"the unknowns have shape \(8,\)$"):
+    with pytest.raises(hv.errors.ProblemError, match=r"the unknowns have shape \(8,\)$"):
         hv.certify(bar(1.0, hv.Compliance(1.0)), np.zeros((9, 1)))
 
 
@@ -100,10 +104,10 @@ def test_what_else_is_refused() -> None:
         ((SOLUTION, None, lam), "a solution stands for its unknowns"),
         (("square", u), "certify: the problem"),
     ):
-        with pytest.raises(hv.ProblemError, match=words):
+        with pytest.raises(hv.errors.ProblemError, match=words):
             hv.certify(*given)  # type: ignore[arg-type]
     other = energy_norm(bar(1.0, hv.Compliance(1.0)))
-    with pytest.raises(hv.ProblemError, match="the factor given belongs to another problem"):
+    with pytest.raises(hv.errors.ProblemError, match="the factor given belongs to another problem"):
         hv.certify(PROBLEM, u, factor=other)
 
 
@@ -112,7 +116,7 @@ def test_a_tolerance_is_a_part_of_the_load(tolerance: float, accepted: bool) -> 
     if accepted:
         assert hv.certify(SOLUTION, tolerance=tolerance, trace_constant=False).tolerance == tolerance
         return
-    with pytest.raises(hv.ProblemError, match=r"it must be between 0 and 0\.1 of the load"):
+    with pytest.raises(hv.errors.ProblemError, match=r"it must be between 0 and 0\.1 of the load"):
         hv.certify(SOLUTION, tolerance=tolerance)
 
 

@@ -233,7 +233,7 @@ def test_curvatures_of_random_points_with_held_and_sliding_components() -> None:
 
 def test_curvature_of_a_point_that_slides_while_it_presses() -> None:
     """Friction weakens along the slip alone; the normal law is stiff and the body couples both."""
-    law = ContactLaw(hv.Compliance(6.0), hv.Friction(1.0, weakening(0.4, 2.0)))
+    law = ContactLaw(hv.Compliance(6.0), hv.laws.Friction(1.0, weakening(0.4, 2.0)))
     problem = DiscreteProblem.of_arrays([[4.0, 1.0], [1.0, 4.0]], [1.5, 1.3], np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
     solution = hv.solve(problem)
     assert 0.01 < solution.slip[0, 0] < 0.19
@@ -310,7 +310,7 @@ def test_the_point_at_which_a_law_fits_best_by_looking_at_every_knot(d: int) -> 
     rng = np.random.default_rng(d)
     knots = np.array([0.0, 0.1, 0.3])
     normal = PiecewiseQuadratic(knots, [0.0, 3.0, -1.0, 0.0], [0.2, 0.4, -0.3])  # type: ignore[arg-type]
-    law = ContactLaw(normal, hv.Friction(0.7, weakening(0.4, 2.0)))  # kinks at 0 and 0.2
+    law = ContactLaw(normal, hv.laws.Friction(0.7, weakening(0.4, 2.0)))  # kinks at 0 and 0.2
     moved = {"normal": 0, "rest": 0, "kink": 0, "stays": 0}
     for _ in range(300):
         near = rng.choice([0.0, 1e-13, 0.02], 2)

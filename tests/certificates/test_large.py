@@ -118,7 +118,7 @@ def test_both_ways_agree(name: str) -> None:
 @pytest.mark.parametrize("name", ["square near its margin", "weakening cube", "mesh from a file", "two materials"])
 def test_the_bound_holds(name: str) -> None:
     problem = INSIDE[name]()
-    exact = hv.solve(problem, hv.NonsmoothNewton(), hv.Controls(rtol=1e-13))
+    exact = hv.solve(problem, hv.solvers.NonsmoothNewton(), hv.Controls(rtol=1e-13))
     energy, norm = MultigridNorm(problem), EnergyNorm(problem.stiffness)
     rng = np.random.default_rng(4)
     for size in (1e-8, 1e-4, 1e-1):
@@ -292,7 +292,7 @@ def test_the_quality_of_a_cycle_is_estimated_from_below(make: Callable[[], Discr
     """The largest factor by which cycles reduce an error, after many of them on the finest level."""
     problem = make()
     norm, K = MultigridNorm(problem), problem.stiffness
-    levels = systems.levels_of(problem, hv.Workspace()).levels
+    levels = systems.levels_of(problem, hv.systems.Workspace()).levels
     x, factor = np.random.default_rng(0).standard_normal(problem.unknowns), 0.0
     for _ in range(40):
         x = x - levels.cycle(len(levels.sizes) - 1, K @ x)
@@ -369,7 +369,7 @@ def test_after_a_solve_by_multigrid() -> None:
     """The solver leaves contact unknowns held and stiff; the certificate does not depend on what was solved before."""
     problem = discretize(gallery.survey_cube("5.1", 16))
     fresh = discretize(gallery.survey_cube("5.1", 16))
-    solution = hv.solve(problem, hv.NonsmoothMultigrid(tolerance=5e-11), TIGHT)
+    solution = hv.solve(problem, hv.solvers.NonsmoothMultigrid(tolerance=5e-11), TIGHT)
     after = certify(problem, solution.unknowns, solution.multiplier, factor=MultigridNorm(problem))
     before = certify(fresh, solution.unknowns, solution.multiplier, factor=MultigridNorm(fresh))
     assert after.equilibrium == pytest.approx(before.equilibrium, rel=1e-9, abs=0.0)

@@ -42,7 +42,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def others(problem: DiscreteProblem) -> list[DiscreteProblem]:
     """The same body under another load, gap and law."""
-    law = hv.ContactLaw(hv.Softening(2.0, 0.02, 0.4), hv.Tresca(0.05))
+    law = hv.laws.ContactLaw(hv.Softening(2.0, 0.02, 0.4), hv.Tresca(0.05))
     offset = problem.offset + 0.01 * np.eye(1, problem.contact.components)
     return [problem.with_(load=2.0 * problem.load), problem.with_(offset=offset), problem.with_(law=law)]
 
@@ -67,7 +67,7 @@ def test_another_load_gap_or_law_costs_no_factorisation(counted: list[str]) -> N
 
 
 def test_searches_and_paths_share_the_condensation(counted: list[str]) -> None:
-    law = hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0.0, 0.0, 0.0])
+    law = hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0.0, 0.0, 0.0])
     problem = bar(0.5, law)
     kept = Workspace()
     known = hv.find_solutions(problem, workspace=kept)
@@ -83,7 +83,7 @@ def test_levels_are_shared_by_solves_and_certificates(counted: list[str], monkey
     monkeypatch.setattr(norms, "FACTORISED", (100, 100))
     problem = hv.discretize(square(n=16))
     kept = Workspace()
-    solution = hv.solve(problem, hv.NonsmoothMultigrid(), workspace=kept)
+    solution = hv.solve(problem, hv.solvers.NonsmoothMultigrid(), workspace=kept)
     assert counted.count("level") > 0
     counted.clear()
     found = hv.certify(solution, trace_constant=False, workspace=kept)
@@ -91,7 +91,7 @@ def test_levels_are_shared_by_solves_and_certificates(counted: list[str], monkey
     assert counted.count("level") == 0
     assert isinstance(energy_norm(problem, kept), MultigridNorm)
     for other in others(problem):
-        other_solution = hv.solve(other, hv.NonsmoothMultigrid(), workspace=kept)
+        other_solution = hv.solve(other, hv.solvers.NonsmoothMultigrid(), workspace=kept)
         assert hv.certify(other_solution, trace_constant=False, workspace=kept).method == "multigrid"
     assert counted.count("level") == 0
 
@@ -111,7 +111,7 @@ def test_a_trace_constant_belongs_to_its_weights() -> None:
 def test_something_else_is_no_workspace(call: object) -> None:
     problem = bar(0.5, hv.Compliance(1.0))
     arguments = (problem, np.zeros(8)) if call is hv.certify else (problem,)
-    with pytest.raises(hv.ProblemError, match="the workspace is"):
+    with pytest.raises(hv.errors.ProblemError, match="the workspace is"):
         call(*arguments, workspace={})  # type: ignore[operator]
 
 

@@ -146,7 +146,7 @@ def resultant(problem: DiscreteProblem, solution: hv.Solution, part: int) -> np.
 
 @pytest.mark.parametrize("method", [None, NonsmoothMultigrid()])
 @pytest.mark.parametrize("law", [Signorini(), Compliance(3.0), SurveyLaw(0.8, 2.0)])
-def test_parts_that_contact_holds_are_solved(method: hv.Solver | None, law: hv.Superpotential) -> None:
+def test_parts_that_contact_holds_are_solved(method: hv.Solver | None, law: hv.laws.Superpotential) -> None:
     """Two blocks beside one another, each under its own weight, on a rough foundation; one is clamped as well."""
     mesh = joined(square(0, 0, 4), square(2, 0, 4))
     contact = Contact(law, Tresca(0.4))

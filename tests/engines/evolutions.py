@@ -78,7 +78,9 @@ def _block(mesh: Mesh) -> Evolution:
     return Evolution(
         hv.ContactProblem(
             mesh=mesh,
-            material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.3), branches=[hv.Branch(lame=(2.0, 1.0), time=0.3)]),
+            material=hv.Material.lame(
+                4.0, 4.0, viscosity=(0.4, 0.3), branches=[hv.materials.Branch(lame=(2.0, 1.0), time=0.3)]
+            ),
             supports={"left": hv.Prescribed(_lowered)},
             tractions={"top": _turning},
             contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.Tresca(0.03), gap=0.01)},
@@ -159,13 +161,15 @@ def _braked(mesh: Mesh) -> Evolution:
     return Evolution(
         hv.ContactProblem(
             mesh=mesh,
-            material=hv.Material.lame(4.0, 4.0, density=1.0, branches=[hv.Branch(lame=(2.0, 1.0), time=0.3)]),
+            material=hv.Material.lame(4.0, 4.0, density=1.0, branches=[hv.materials.Branch(lame=(2.0, 1.0), time=0.3)]),
             supports={"left": hv.Prescribed(_halted)},
             contact={
                 "bottom": hv.Contact(
                     hv.Compliance(20.0), hv.Tresca(0.003), gap=lambda x, t: -0.01 + np.full(len(x), max(0.0, t - 0.2))
                 ),
-                "right": hv.Contact(hv.Bilateral(), gap=lambda x, t: 0.05 * (t + max(0.0, t - 0.2)) + 0.0 * x[:, 0]),
+                "right": hv.Contact(
+                    hv.laws.Bilateral(), gap=lambda x, t: 0.05 * (t + max(0.0, t - 0.2)) + 0.0 * x[:, 0]
+                ),
             },
         ),
         inertia=True,
@@ -210,7 +214,7 @@ def _between(mesh: Mesh) -> Evolution:
             tractions={"top": _turning},
             contact={
                 "bottom": hv.Contact(
-                    hv.Compliance(20.0), hv.Tresca(0.02), damping=hv.Compliance(3.0), memory=(hv.SlipSum(),)
+                    hv.Compliance(20.0), hv.Tresca(0.02), damping=hv.Compliance(3.0), memory=(hv.laws.SlipSum(),)
                 ),
                 "right": hv.Contact(hv.Compliance(5.0), gap=0.001),
             },
@@ -225,7 +229,7 @@ def _lifting(x: Array, t: float) -> Array:
 
 def _torn(mesh: Mesh, viscosity: float | None = None) -> Evolution:
     """A block on a foundation that softens faster than the block is stiff: it jumps off, and back."""
-    law = hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
+    law = hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
     material = hv.Material.lame(0.0, 0.5, viscosity=None if viscosity is None else (0.0, viscosity))
     return Evolution(
         hv.ContactProblem(

@@ -33,7 +33,7 @@ def _over_ranks(ranks: int, *coarsest: str) -> dict[str, tuple[str, int, int, fl
 @cache
 def _serial(name: str) -> hv.Solution:
     state, size = PROBLEMS[name]
-    return hv.solve(hv.discretize(state(size)), hv.NonsmoothMultigrid(), RTOL)
+    return hv.solve(hv.discretize(state(size)), hv.solvers.NonsmoothMultigrid(), RTOL)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

@@ -40,7 +40,9 @@ def closes(found: History) -> bool:
     return bool(np.abs(found["gap"]).max() < 1e-4 * np.abs(found["work"]).max())
 
 
-@pytest.mark.parametrize("scheme", [hv.Newmark(), hv.GeneralizedAlpha(0.8)], ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize(
+    "scheme", [hv.evolution.Newmark(), hv.evolution.GeneralizedAlpha(0.8)], ids=lambda scheme: scheme.name
+)
 @pytest.mark.parametrize("ratio", [1.0, 1e-6, 1e-12, 1e-15])
 def test_a_march_that_finishes_closes_its_balance(scheme: Scheme, ratio: float) -> None:
     found = march(column(ratio), 0.1, step=0.01, scheme=scheme)
@@ -55,13 +57,13 @@ def test_a_march_that_finishes_closes_its_balance(scheme: Scheme, ratio: float) 
 
 def test_next_to_no_mass_is_reported() -> None:
     """The scheme as it is, without shorter steps, is twice as far off as it goes."""
-    found = march(column(1e-12), 0.1, step=hv.FixedStep(0.01, halvings=0), scheme=hv.Newmark())
+    found = march(column(1e-12), 0.1, step=hv.evolution.FixedStep(0.01, halvings=0), scheme=hv.evolution.Newmark())
     assert found.ended == "inaccurate"
 
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-8])
 def test_what_the_residual_allows_is_no_alarm(rtol: float) -> None:
-    for scheme in (hv.ImplicitEuler(), hv.Midpoint(), hv.Newmark()):
+    for scheme in (hv.evolution.ImplicitEuler(), hv.evolution.Midpoint(), hv.evolution.Newmark()):
         found = march(column(), 0.1, step=0.01, scheme=scheme, controls=Controls(rtol=rtol))
         assert found.ended == "finished"
         assert len(found.times) == 11
@@ -71,11 +73,11 @@ def test_what_the_residual_allows_is_no_alarm(rtol: float) -> None:
 def test_a_solution_that_is_wrong_does_not_close(off: float, status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
     """Said to be converged, and off by a part of its size."""
     discrete = discretize_evolution(column())
-    advance = TimeStepper.of(discrete, hv.Newmark(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls())
     first = advance.take(initial_moment(advance, 0.01), 0.01).moment
 
     class Wrong(StageSolver):
-        def solution(self, stage: Stage, initial: Solution | None, jump: hv.Jump) -> StageSolution:
+        def solution(self, stage: Stage, initial: Solution | None, jump: hv.evolution.Jump) -> StageSolution:
             found = super().solution(stage, initial, jump).solution
             return StageSolution(dataclasses.replace(found, unknowns=found.unknowns * (1.0 + off)))
 

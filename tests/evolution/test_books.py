@@ -23,14 +23,14 @@ def pushed(x: Array, t: float) -> Array:
 
 def everything(inertia: bool) -> Evolution:
     """A body with viscosity and two branches, held at a top that moves, on springs and dashpots, rubbed."""
-    dashpot = hv.PiecewiseQuadratic([0.0], [DASHPOT, DASHPOT], [0.0])
-    springs = hv.PiecewiseQuadratic([0.0], [SPRING, SPRING], [0.0])
+    dashpot = hv.laws.PiecewiseQuadratic([0.0], [DASHPOT, DASHPOT], [0.0])
+    springs = hv.laws.PiecewiseQuadratic([0.0], [SPRING, SPRING], [0.0])
     problem = bodies.square(
         hv.Contact(springs, hv.Tresca(RUBBED), damping=dashpot),
         2,
         density=1.0 if inertia else None,
         viscosity=(0.4, 0.4),
-        branches=[hv.Branch(lame=(2.0, 2.0), time=0.3), hv.Branch(lame=(0.5, 1.0), time=0.1)],
+        branches=[hv.materials.Branch(lame=(2.0, 2.0), time=0.3), hv.materials.Branch(lame=(0.5, 1.0), time=0.1)],
         supports={"top": hv.Prescribed(moved)},
         body_force=pushed,
     )
@@ -91,7 +91,7 @@ def measured(history: History, at: float) -> dict[str, float]:
         (Midpoint(), True, 0.5, 1e-10),
         (Midpoint(), False, 0.5, 1e-10),
         (Newmark(0.3, 0.5), True, 0.5, 0.12),
-        (hv.GeneralizedAlpha(0.4), True, 0.5, 0.06),
+        (hv.evolution.GeneralizedAlpha(0.4), True, 0.5, 0.06),
         (SDIRK2(), False, 0.5, 5e-3),
     ],
     ids=lambda value: getattr(value, "name", str(value)),
@@ -120,7 +120,7 @@ def test_every_term_is_what_it_is_called(scheme: Scheme, inertia: bool, at: floa
     assert put_in == pytest.approx(kept + gone, rel=1e-12)
 
 
-LINEAR = hv.PiecewiseQuadratic([0.0], [SPRING, SPRING], [0.0])
+LINEAR = hv.laws.PiecewiseQuadratic([0.0], [SPRING, SPRING], [0.0])
 GLUE = hv.Softening(SPRING, 0.02, 5.0)
 
 
@@ -138,15 +138,20 @@ def on_the_ground(contact: hv.Contact, load: float = 0.0, **more: object) -> Evo
 
 @pytest.mark.parametrize(
     ("memory", "stored", "force"),
-    [(hv.Bonding(50.0, 0.05, 0.2), 0.5 * 50.0 * 0.05**2, -50.0 * 0.05), (hv.Secant(), 0.5 * 5.0 * 0.05**2, -0.25)],
+    [
+        (hv.laws.Bonding(50.0, 0.05, 0.2), 0.5 * 50.0 * 0.05**2, -50.0 * 0.05),
+        (hv.laws.Secant(), 0.5 * 5.0 * 0.05**2, -0.25),
+    ],
     ids=["bond", "secant"],
 )
 def test_a_foundation_that_is_stretched_at_the_start_stores_energy_and_pulls(
-    memory: hv.Memory, stored: float, force: float
+    memory: hv.laws.Memory, stored: float, force: float
 ) -> None:
     """A bond at an opening of 0.05; glue whose tension has fallen to 0.25 there, and unloads along the secant."""
-    glue = hv.PiecewiseQuadratic([-0.1, -0.02, 0.0], [0.0, -5.0, 20.0, 0.0], [0.0, 0.0, 0.0])
-    contact = hv.Contact(glue if isinstance(memory, hv.Secant) else hv.Compliance(SPRING), gap=0.05, memory=(memory,))
+    glue = hv.laws.PiecewiseQuadratic([-0.1, -0.02, 0.0], [0.0, -5.0, 20.0, 0.0], [0.0, 0.0, 0.0])
+    contact = hv.Contact(
+        glue if isinstance(memory, hv.laws.Secant) else hv.Compliance(SPRING), gap=0.05, memory=(memory,)
+    )
     evolution = on_the_ground(contact)
     history = march(evolution, 1e-5, step=1e-5)
     assert history["contact"][0] == pytest.approx(stored, rel=1e-9)
@@ -158,7 +163,7 @@ def test_a_foundation_that_is_stretched_at_the_start_stores_energy_and_pulls(
 def test_a_foundation_that_creeps_beside_a_damper_feels_its_own_pressure_only() -> None:
     """``3 r + 0.6 r' + 20 (r - w) + 2 r' = t`` with ``5 w' = 20 (r - w)``: two linear equations."""
     contact = hv.Contact(
-        LINEAR, damping=hv.PiecewiseQuadratic([0.0], [2.0, 2.0], [0.0]), memory=(hv.ViscousFoundation(5.0),)
+        LINEAR, damping=hv.laws.PiecewiseQuadratic([0.0], [2.0, 2.0], [0.0]), memory=(hv.laws.ViscousFoundation(5.0),)
     )
     A = np.array([[-23.0 / 2.6, 20.0 / 2.6], [4.0, -4.0]])
     rest = np.linalg.solve(A, [-1.0 / 2.6, 0.0])  # y' = A y + (1/2.6, 0) t has y = rest t + slope
@@ -178,15 +183,15 @@ def test_a_foundation_that_creeps_beside_a_damper_feels_its_own_pressure_only() 
 
 def test_springs_that_end_store_what_is_left_of_them_on_a_foundation_that_creeps() -> None:
     """Pressed to the end of its springs, 0.02, the foundation creeps away: what they store stays ``5 0.02^2/2``."""
-    contact = hv.Contact(hv.FinitePenetration(5.0, 0.02), memory=(hv.ViscousFoundation(2.0),))
+    contact = hv.Contact(hv.laws.FinitePenetration(5.0, 0.02), memory=(hv.laws.ViscousFoundation(2.0),))
     history = march(on_the_ground(contact, 4.0), 1.0, step=0.05)
     assert history["penetration"][-1] > 0.1
     assert history["contact"][-1] == pytest.approx(0.5 * 5.0 * 0.02**2)
 
 
-@pytest.mark.parametrize("scheme", [Midpoint(), hv.GeneralizedAlpha(1.0)], ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize("scheme", [Midpoint(), hv.evolution.GeneralizedAlpha(1.0)], ids=lambda scheme: scheme.name)
 def test_a_damper_of_no_size_loses_nothing(scheme: Scheme) -> None:
-    nothing = hv.DampedContact(hv.PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]))
+    nothing = hv.laws.DampedContact(hv.laws.PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]))
     contact = hv.Contact(hv.Compliance(SPRING), memory=(nothing,))
     history = march(on_the_ground(contact, 1.0, inertia=True, velocity=(0.0, -0.1)), 1.0, step=0.05, scheme=scheme)
     assert history.ledger["work"] > 1e-3
@@ -197,7 +202,7 @@ def test_a_damping_that_changes_with_time_is_that_of_the_time() -> None:
     """``3 r + (0.6 + 1 + 100 t) r' = 3``: ``r = 1 - (1 + 100 t/1.6)^(-3/100)``."""
     errors = []
     for count in (20, 40):
-        contact = hv.Contact(hv.NoContact(), damping=hv.Compliance(lambda x, t: 1.0 + 100.0 * t + 0.0 * x[:, 0]))
+        contact = hv.Contact(hv.laws.NoContact(), damping=hv.Compliance(lambda x, t: 1.0 + 100.0 * t + 0.0 * x[:, 0]))
         problem = on_the_ground(contact).body
         pushed = hv.ContactProblem(
             problem.mesh, problem.material, problem.contact, problem.supports, tractions={"bottom": (0.0, -3.0)}
@@ -209,6 +214,9 @@ def test_a_damping_that_changes_with_time_is_that_of_the_time() -> None:
 
 
 def test_what_points_remember_does_not_change_with_time() -> None:
-    for memory in (hv.Wear(lambda x, t: t + 0.0 * x[:, 0]), hv.DampedContact(hv.Compliance(lambda x, t: t + x[:, 0]))):
-        with pytest.raises(hv.ProblemError, match="depends on time, which it cannot"):
+    for memory in (
+        hv.laws.Wear(lambda x, t: t + 0.0 * x[:, 0]),
+        hv.laws.DampedContact(hv.Compliance(lambda x, t: t + x[:, 0])),
+    ):
+        with pytest.raises(hv.errors.ProblemError, match="depends on time, which it cannot"):
             hv.Contact(hv.Compliance(SPRING), memory=(memory,))

@@ -35,26 +35,26 @@ def falling(r: np.ndarray) -> np.ndarray:
 
 
 SAMPLED = FunctionLaw(derivative=falling)
-FLAT = hv.Tresca(hv.PenetrationBound(lambda s: np.full(np.shape(s), 0.1)))  # as far as samples tell
-DASHPOT = hv.PiecewiseQuadratic([0.0], [1.0, 1.0], [0.0])
-FALLING = hv.PiecewiseQuadratic([0.0, 1.0], [1.0, -0.5, 0.0], [0.0, 0.0])
+FLAT = hv.Tresca(hv.laws.PenetrationBound(lambda s: np.full(np.shape(s), 0.1)))  # as far as samples tell
+DASHPOT = hv.laws.PiecewiseQuadratic([0.0], [1.0, 1.0], [0.0])
+FALLING = hv.laws.PiecewiseQuadratic([0.0, 1.0], [1.0, -0.5, 0.0], [0.0, 0.0])
 
 CASES: dict[str, tuple[hv.Contact, dict[str, Any], str, str]] = {
     "displacement": (hv.Contact(hv.Compliance(2.0)), {}, "viscosity", "gradient flow"),
     "softer than the body": (hv.Contact(hv.Softening(2.0, 0.1, 2.9)), {}, "viscosity", "gradient flow"),
     "steeper than the body": (hv.Contact(hv.Softening(2.0, 0.1, 3.1)), {}, "", "not convex"),
     "of samples": (hv.Contact(SAMPLED), {}, "", "samples only"),
-    "damping": (hv.Contact(hv.NoContact(), damping=DASHPOT), {}, "stiffness", "law of the rate"),
-    "damping that falls": (hv.Contact(hv.NoContact(), damping=FALLING), {}, "", "not monotone"),
+    "damping": (hv.Contact(hv.laws.NoContact(), damping=DASHPOT), {}, "stiffness", "law of the rate"),
+    "damping that falls": (hv.Contact(hv.laws.NoContact(), damping=FALLING), {}, "", "not monotone"),
     "damping beside springs": (hv.Contact(hv.Compliance(2.0), damping=DASHPOT), {}, "", "beside a law of the rate"),
-    "friction": (hv.Contact(hv.Bilateral(), hv.Tresca(0.1)), {}, "stiffness", "c = 0"),
+    "friction": (hv.Contact(hv.laws.Bilateral(), hv.Tresca(0.1)), {}, "stiffness", "c = 0"),
     "friction beside springs": (hv.Contact(hv.Compliance(2.0), hv.Tresca(0.1)), {}, "", "beside a law of the rate"),
     "friction of the pressure": (
-        hv.Contact(hv.Compliance(2.0), hv.Tresca(hv.CoulombBound(0.3))), {}, "", "depends on the solution",
+        hv.Contact(hv.Compliance(2.0), hv.Coulomb(0.3)), {}, "", "depends on the solution",
     ),
-    "memory": (hv.Contact(hv.Compliance(2.0), memory=(hv.ViscousFoundation(1.0),)), {}, "", "remember"),
+    "memory": (hv.Contact(hv.Compliance(2.0), memory=(hv.laws.ViscousFoundation(1.0),)), {}, "", "remember"),
     "branches": (
-        hv.Contact(hv.Compliance(2.0)), {"branches": [hv.Branch(lame=(0.0, 1.0), time=1.0)]}, "", "branches",
+        hv.Contact(hv.Compliance(2.0)), {"branches": [hv.materials.Branch(lame=(0.0, 1.0), time=1.0)]}, "", "branches",
     ),
     "inertia": (hv.Contact(hv.Compliance(2.0)), {"density": 1.0, "inertia": True}, "", "inertia"),
     "no viscosity": (hv.Contact(hv.Compliance(2.0)), {"viscous": None}, "", "without viscosity"),
@@ -89,7 +89,7 @@ def test_no_bound_of_other_schemes() -> None:
 def test_friction_that_weakens_must_be_slower_than_the_body_is_viscous(weakening: float, norm: str) -> None:
     """One degree of freedom in shear, viscosity 0.6: alpha of the law against it."""
     problem = bodies.square(
-        hv.Contact(hv.Bilateral(), hv.SlipWeakening(1.0, 1.0, 0.5, 2.0 * weakening)),
+        hv.Contact(hv.laws.Bilateral(), hv.SlipWeakening(1.0, 1.0, 0.5, 2.0 * weakening)),
         1,
         lame=(0.0, 3.0),
         viscosity=(0.0, VISCOUS),
@@ -108,7 +108,7 @@ def test_friction_that_weakens_must_be_slower_than_the_body_is_viscous(weakening
 def test_the_largest_step_with_one_solution(alpha: float) -> None:
     """``alpha < kappa + c/tau``: tau below ``c/(alpha - kappa)``, found to a percent and not above; margins alike."""
     discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, alpha))))
-    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     margins, first = Margins(advance), initial_moment(advance)
     exact = VISCOUS / (alpha - KAPPA)
     for tau in (0.01, 0.3 * exact):
@@ -124,7 +124,7 @@ def test_the_largest_step_beside_damping(tau: float) -> None:
     damped = hv.Contact(hv.Softening(24.0, 0.1, 36.0), damping=hv.Compliance(0.4))
     evolution = block(damped, 0.9, modulus=12.0)
     discrete = discretize_evolution(evolution)
-    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     margins = Margins(advance)
     taken = advance.take(initial_moment(advance), tau)
     exact = 1.3 / 24.0
@@ -135,7 +135,7 @@ def test_the_largest_step_beside_damping(tau: float) -> None:
 def test_the_largest_step_of_a_long_way_off_is_no_infinite_one() -> None:
     """``alpha < kappa + c/tau``: a hundred million times the step is finite."""
     discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, 3.5))))
-    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     exact = VISCOUS / (3.5 - KAPPA)
     found = Margins(advance).largest_step(advance.take(initial_moment(advance), 1e-8 * exact))
     assert 0.985 * exact <= found <= exact * (1.0 + 1e-9)
@@ -150,7 +150,7 @@ def test_steps_of_any_length_or_none() -> None:
         (hv.Contact(hv.Softening(2.0, 0.1, 3.5)), None, 0.0),
     ):
         discrete = discretize_evolution(block(contact, viscous))
-        advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
+        advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
         taken = advance.take(initial_moment(advance), 0.01)
         assert Margins(advance).largest_step(taken) == largest
 
@@ -160,7 +160,7 @@ def test_the_largest_step_of_a_mass() -> None:
     law, found = hv.Contact(hv.Softening(10.0, 0.1, 50.0)), []
     for density in (1.0, 4.0):
         discrete = discretize_evolution(block(law, None, density=density, inertia=True))
-        advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
+        advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
         found.append(Margins(advance).largest_step(advance.take(initial_moment(advance), 1e-3)))
     assert found[1] / found[0] == pytest.approx(2.0, rel=0.03)
     assert 0.0 < found[0] < math.sqrt(1.0 / (50.0 - KAPPA))
@@ -169,15 +169,15 @@ def test_the_largest_step_of_a_mass() -> None:
 def test_a_law_that_falls_at_once_is_refused_in_words() -> None:
     """No viscosity, however large, leaves a step one solution."""
     for viscous in (VISCOUS, None):
-        with pytest.raises(hv.ProblemError, match="falls at once"):
-            march(block(hv.Contact(hv.Capped(2.0, 0.1)), viscous), 0.1, step=0.1)
+        with pytest.raises(hv.errors.ProblemError, match="falls at once"):
+            march(block(hv.Contact(hv.laws.Capped(2.0, 0.1)), viscous), 0.1, step=0.1)
 
 
 @pytest.mark.parametrize(
     ("contact", "more", "words"),
     [
         (hv.Contact(hv.Softening(2.0, 0.01, 0.5)), {}, "every step has one solution only"),
-        (hv.Contact(hv.Compliance(2.0), hv.Tresca(0.1), memory=(hv.Wear(0.1),)), {}, "only for given wear"),
+        (hv.Contact(hv.Compliance(2.0), hv.Tresca(0.1), memory=(hv.laws.Wear(0.1),)), {}, "only for given wear"),
         (hv.Contact(hv.Compliance(2.0)), {"heat": Heat(1.0, 1.0)}, "only for given heat"),
         (hv.Contact(SAMPLED), {}, "as far as samples of the law tell"),
         (hv.Contact(hv.Compliance(2.0), FLAT), {}, "as far as samples of the law tell"),
@@ -203,8 +203,8 @@ def test_no_margin_of_a_march_without_steps() -> None:
 
 def test_the_largest_step_is_that_of_heat_too() -> None:
     """A cell of capacity 1, which hardly conducts, with an exchange on its bottom that falls by 9."""
-    exchange = hv.PiecewiseQuadratic([0.0, 0.1], [10.0, -9.0, 0.0], [0.0, 0.0])
-    heat = Heat(1e-6, 1.0, contact={"bottom": hv.HeatContact(exchange=exchange)}, supports={"top": 0.0})
+    exchange = hv.laws.PiecewiseQuadratic([0.0, 0.1], [10.0, -9.0, 0.0], [0.0, 0.0])
+    heat = Heat(1e-6, 1.0, contact={"bottom": hv.mechanics.HeatContact(exchange=exchange)}, supports={"top": 0.0})
     found = []
     for step in (0.02, 0.2):
         history = march(block(hv.Contact(hv.Compliance(2.0)), heat=heat), 2.0 * step, step=step)

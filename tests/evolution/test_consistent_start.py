@@ -16,7 +16,7 @@ from tests import bodies
 
 #: kappa of the block; with the glue 24 it opens by f / 36.
 _KAPPA = 12.0
-_SCHEMES = [hv.ImplicitEuler(), hv.Midpoint(), hv.SDIRK2()]
+_SCHEMES = [hv.evolution.ImplicitEuler(), hv.evolution.Midpoint(), hv.evolution.SDIRK2()]
 
 
 def block(load: Any, contact: Contact, **more: Any) -> hv.ContactProblem:
@@ -33,7 +33,7 @@ def block(load: Any, contact: Contact, **more: Any) -> hv.ContactProblem:
 
 def glued(load: Any = (0.0, 1.9), **more: Any) -> hv.ContactProblem:
     """Glue of stiffness 24 and strength 2 that does not heal."""
-    return block(load, hv.Contact(hv.Adhesive(24, 2, 6, 72), memory=(hv.Secant(),)), **more)
+    return block(load, hv.Contact(hv.Adhesive(24, 2, 6, 72), memory=(hv.laws.Secant(),)), **more)
 
 
 def opened(problem: hv.ContactProblem, scheme: Scheme, step: Any = 0.01, **options: Any) -> History:
@@ -72,7 +72,7 @@ def test_glue_that_is_torn_by_the_load_at_the_start_is_torn_at_the_start(scheme:
 @pytest.mark.parametrize("scheme", _SCHEMES, ids=lambda scheme: scheme.name)
 def test_branches_have_taken_the_strain_of_the_start(scheme: Scheme) -> None:
     # Springs 6 and 6 in parallel at once, 6 at last, T = 0.5, on a spring 2: s goes from f/14 to f/8.
-    body = hv.Material.lame(0.0, 3.0, branches=[hv.Branch(lame=(0.0, 3.0), time=0.5)])
+    body = hv.Material.lame(0.0, 3.0, branches=[hv.materials.Branch(lame=(0.0, 3.0), time=0.5)])
     found = opened(block((0.0, -1.0), hv.Contact(hv.Compliance(2.0)), material=body), scheme, step=0.05)
     slow = 0.5 * 14.0 / 8.0
     exact = 1.0 / 8.0 + (1.0 / 14.0 - 1.0 / 8.0) * np.exp(-found.times / slow)
@@ -83,15 +83,15 @@ def test_branches_have_taken_the_strain_of_the_start(scheme: Scheme) -> None:
 
 def test_a_stated_displacement_out_of_equilibrium_is_reported() -> None:
     far = {"displacement": (0.0, 0.0)}
-    found = opened(glued(), hv.Midpoint(), evolution=far)
+    found = opened(glued(), hv.evolution.Midpoint(), evolution=far)
     assert found["foot.u_y"][0] == pytest.approx(1.9 / 36.0)
     assert any("not in equilibrium" in message for message in found.messages)
     here = {"displacement": lambda x: np.column_stack([0.0 * x[:, 0], (1.0 - x[:, 1]) * 1.9 / 36.0])}
-    assert opened(glued(), hv.Midpoint(), evolution=here).messages == ()
+    assert opened(glued(), hv.evolution.Midpoint(), evolution=here).messages == ()
 
 
 def test_viscosity_everywhere_keeps_the_stated_displacement() -> None:
-    found = opened(glued(viscosity=(0.4, 0.4)), hv.ImplicitEuler(), step=0.01)
+    found = opened(glued(viscosity=(0.4, 0.4)), hv.evolution.ImplicitEuler(), step=0.01)
     assert found["foot.u_y"][0] == 0.0
     assert found["foot.u_y"][1] == pytest.approx(1.9 / (36.0 + 1.2 / 0.01), rel=1e-8)
 
@@ -111,9 +111,9 @@ def test_viscosity_in_a_part_keeps_the_displacement_of_this_part() -> None:
         material=body,
         supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
         tractions={"bottom": (0.0, 1.9)},
-        contact={"bottom": hv.Contact(hv.Adhesive(24, 2, 6, 72), memory=(hv.Secant(),))},
+        contact={"bottom": hv.Contact(hv.Adhesive(24, 2, 6, 72), memory=(hv.laws.Secant(),))},
     )
-    found = opened(problem, hv.Midpoint(), step=0.01)
+    found = opened(problem, hv.evolution.Midpoint(), step=0.01)
     assert found["foot.u_y"][0] == pytest.approx(1.9 / 48.0, rel=1e-6)
     # Of the middle v and the foot w: 2.4 v' + 24 v = 24 (w - v) and 24 (w - v) + 24 w = 1.9.
     rate = 48.0 - 24.0**2 / 48.0
@@ -140,15 +140,15 @@ def test_a_load_that_sets_in_just_after_the_start_breaks_no_glue_that_holds_it()
     def load(x: Array, t: float) -> Array:
         return np.column_stack([0.0 * x[:, 0], np.full(len(x), 1.9 if t > 0.0 else 0.0)])
 
-    found = opened(glued(load), hv.Midpoint())
+    found = opened(glued(load), hv.evolution.Midpoint())
     assert found["foot.u_y"][0] == 0.0
     np.testing.assert_allclose(found["foot.u_y"][1:], 1.9 / 36.0, rtol=1e-8)
     assert found["work"][-1] == pytest.approx(0.5 * 1.9**2 / 36.0, rel=1e-7)
 
 
 def test_a_start_whose_equilibrium_is_not_found_ends_the_march_there() -> None:
-    strip = bodies.strip(hv.Contact(hv.Signorini(), hv.Tresca(hv.CoulombBound(0.3))), (16, 8), body_force=(0.3, -1.0))
-    found = march(Evolution(strip), 1.0, step=0.1, scheme=hv.Midpoint(), controls=hv.Controls(max_steps=1))
+    strip = bodies.strip(hv.Contact(hv.Signorini(), hv.Coulomb(0.3)), (16, 8), body_force=(0.3, -1.0))
+    found = march(Evolution(strip), 1.0, step=0.1, scheme=hv.evolution.Midpoint(), controls=hv.Controls(max_steps=1))
     assert found.ended == "max_steps"
     assert found.times.tolist() == [0.0]
     assert "the equilibrium at t = 0" in found.messages[-1]
@@ -162,7 +162,7 @@ def test_steps_that_swing_about_an_equilibrium_are_reported(ramp: bool, step: fl
         return np.column_stack([0.0 * x[:, 0], np.full(len(x), -min(t, 1.0) if ramp else -1.0)])
 
     problem = block(load, hv.Contact(hv.Compliance(24.0)), viscosity=(0.6, 0.6))
-    found = opened(problem, hv.Midpoint(), step)
+    found = opened(problem, hv.evolution.Midpoint(), step)
     swings = step > 0.1 and not ramp
     assert (len(found.messages) == 1) == swings
     if swings:

@@ -47,7 +47,7 @@ def body(law: str, n: int = 8, viscosity: tuple[float, float] = (0.4, 0.4)) -> E
 
 def glued(n: int = 4) -> Evolution:
     """A block pulled off its glue, which breaks slowly."""
-    bond = hv.Contact(hv.NoContact(), memory=(hv.Bonding(50.0, 0.05, 0.2),))
+    bond = hv.Contact(hv.laws.NoContact(), memory=(hv.laws.Bonding(50.0, 0.05, 0.2),))
     problem = bodies.square(
         bond, n, viscosity=(0.4, 0.4), supports={"top": hv.Fixed(x=0.0, y=lambda x, t: np.full(len(x), 0.5 * t))}
     )
@@ -79,7 +79,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 def test_a_step_that_stays_costs_two_half_sweeps_and_no_factorisation(law: str, counted: Counter[str]) -> None:
     if law == "cube" and factorisation.mumps_available():
         pytest.skip("in space MUMPS takes the place of the factors whose sweeps are counted")
-    run = marching(body(law), March(1.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+    run = marching(body(law), March(1.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton()))
     next(run)  # with the search for the largest step, whose bodies are condensed as well
     counted.clear()
     for _ in range(30):
@@ -100,7 +100,9 @@ def test_a_step_multiplies_by_each_matrix_once(law: str, others: bool, monkeypat
         return original(operator, x)
 
     viscosity = (0.4, 0.2) if others else (0.4, 0.4)
-    run = marching(body(law, viscosity=viscosity), March(1.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+    run = marching(
+        body(law, viscosity=viscosity), March(1.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton())
+    )
     next(run)
     monkeypatch.setattr(Operator, "times", counting)
     for _ in range(30):
@@ -134,7 +136,7 @@ def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: py
     np.testing.assert_array_equal(expected_multiplier(moment, 3.0 * STEP), moment.multiplier)
 
     def equations() -> int:
-        run = marching(body("softening", 16), March(1.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+        run = marching(body("softening", 16), March(1.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton()))
         return sum(next(run).row.solver_steps for _ in range(40))
 
     told = equations()
@@ -144,15 +146,21 @@ def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: py
 
 @pytest.mark.parametrize(
     "scheme",
-    [hv.ImplicitEuler(), hv.Midpoint(), hv.Newmark(), hv.GeneralizedAlpha(0.8), hv.SDIRK2()],
+    [
+        hv.evolution.ImplicitEuler(),
+        hv.evolution.Midpoint(),
+        hv.evolution.Newmark(),
+        hv.evolution.GeneralizedAlpha(0.8),
+        hv.evolution.SDIRK2(),
+    ],
     ids=lambda scheme: scheme.name,
 )
 def test_what_forces_leave_of_the_load_is_what_the_stiffness_leaves(scheme: Scheme) -> None:
     stated = body("survey").problem
     assert isinstance(stated, hv.ContactProblem)
-    soft = replace(stated.material, branches=[hv.Branch(lame=(2, 2), time=0.5)])
+    soft = replace(stated.material, branches=[hv.materials.Branch(lame=(2, 2), time=0.5)])
     discrete = discretize_evolution(Evolution(replace(stated, material=soft), inertia=scheme.takes_mass))
-    advance = TimeStepper.of(discrete, scheme, hv.NonsmoothNewton(), hv.Controls())
+    advance = TimeStepper.of(discrete, scheme, hv.solvers.NonsmoothNewton(), hv.Controls())
     moment = initial_moment(advance)
     for _ in range(4):
         taken = advance.take(moment, STEP)
@@ -167,14 +175,14 @@ def test_what_forces_leave_of_the_load_is_what_the_stiffness_leaves(scheme: Sche
         assert found.size <= 1e6 * np.linalg.norm(rest)  # else that would say nothing
         rough = left_over(discrete, stage, reached, math.inf).size
         assert found.size <= rough <= 30.0 * found.size
-        direct = hv.residual(stage.problem, solution.unknowns, solution.multiplier)
+        direct = hv.discrete.residual(stage.problem, solution.unknowns, solution.multiplier)
         assert abs(solution.residual.equilibrium - direct.equilibrium) <= solution.residual.noise + direct.noise
 
 
 def test_a_residual_that_only_rounding_explains_is_asked_of_the_stiffness() -> None:
     """A body that flies far off, whose displacement is known to fewer digits than what a step adds to it."""
     problem = hv.discretize(gallery.survey("5.1", 6, "right"))
-    system, known = hv.Workspace().condensed(problem, many=True), hv.solve(problem)
+    system, known = hv.systems.Workspace().condensed(problem, many=True), hv.solve(problem)
     asked: list[Array] = []
 
     def vague(u: Array) -> ForceResidual:
@@ -186,20 +194,22 @@ def test_a_residual_that_only_rounding_explains_is_asked_of_the_stiffness() -> N
     assert len(asked) == 1
     assert found.residual.noise < 1e-12  # and not 8 eps 1e6
     np.testing.assert_allclose(
-        found.residual.equilibrium, hv.residual(problem, found.unknowns, found.multiplier).equilibrium, atol=1e-14
+        found.residual.equilibrium,
+        hv.discrete.residual(problem, found.unknowns, found.multiplier).equilibrium,
+        atol=1e-14,
     )
 
 
 def test_steps_on_a_ladder_factorise_once_for_each_rung(counted: Counter[str]) -> None:
-    control = hv.AdaptiveStep(rtol=1e-2, first_step=STEP)
-    history = march(body("survey"), 0.5, step=control, save=NONE, solver=hv.NonsmoothNewton())
+    control = hv.evolution.AdaptiveStep(rtol=1e-2, first_step=STEP)
+    history = march(body("survey"), 0.5, step=control, save=NONE, solver=hv.solvers.NonsmoothNewton())
     lengths = np.unique(np.round(np.log2(history["step"][1:] / STEP), 9))
     assert history.times.size > 3 * lengths.size
     assert counted["factors"] <= lengths.size + 2  # and where steps were rejected
 
 
 def test_a_step_calls_few_functions() -> None:
-    run = marching(body("survey"), March(1.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+    run = marching(body("survey"), March(1.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton()))
     for _ in range(10):
         next(run)
     with at_most_calls(20 * 600):
@@ -210,7 +220,7 @@ def test_a_step_calls_few_functions() -> None:
 def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
     def growth(n: int) -> float:
         """KiB for each of the steps 100 to 300."""
-        run = marching(body("survey", n), March(10.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+        run = marching(body("survey", n), March(10.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton()))
         for _ in range(100):
             next(run)
         gc.collect()
@@ -233,7 +243,7 @@ def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
 
 @pytest.mark.parametrize("law", ["survey", "softening", "cube"])
 def test_near_solutions_are_those_of_the_search(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    options = {"step": STEP, "save": NONE, "solver": hv.NonsmoothNewton(), "controls": hv.Controls(rtol=1e-11)}
+    options = {"step": STEP, "save": NONE, "solver": hv.solvers.NonsmoothNewton(), "controls": hv.Controls(rtol=1e-11)}
     quick = march(body(law), 20 * STEP, **options)
     monkeypatch.setattr("hemivar.evolution.stage_solver.active_set_newton", lambda *_: None)
     searched = march(body(law), 20 * STEP, **options)
@@ -249,13 +259,13 @@ def test_near_solutions_are_those_of_the_search(law: str, monkeypatch: pytest.Mo
 def test_a_far_start_ends_at_the_solution_or_is_given_up(seed: int) -> None:
     random = np.random.default_rng(seed)
     problem = hv.discretize(gallery.survey("5.1", 6, "right"))
-    system = hv.Workspace().condensed(problem, many=True)
+    system = hv.systems.Workspace().condensed(problem, many=True)
     known = hv.solve(problem)
     r = known.local + random.normal(scale=10.0 ** random.uniform(-4, 1), size=known.local.shape)
     lam = random.normal(scale=np.abs(known.multiplier).max(), size=known.local.shape)
     found = active_set_newton(system, r, lam, hv.Controls(), NewtonCache())
     if found is not None:
-        assert hv.residual(problem, found.unknowns, found.multiplier).below(0.0, 1e-9)
+        assert hv.discrete.residual(problem, found.unknowns, found.multiplier).below(0.0, 1e-9)
         np.testing.assert_allclose(found.unknowns, known.unknowns, atol=1e-7 * np.abs(known.unknowns).max())
 
 
@@ -264,7 +274,7 @@ def test_where_a_step_may_have_several_solutions_it_is_searched(monkeypatch: pyt
         raise AssertionError("a step with several solutions was not searched")
 
     monkeypatch.setattr("hemivar.evolution.stage_solver.active_set_newton", refused)
-    law = hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
+    law = hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
     problem = bodies.column(law, 1.0, top=hv.Fixed(y=lambda x, t: np.full(len(x), -t)))
     history = march(Evolution(problem), 0.05, step=0.01, save=NONE)
     assert (history["margin"][1:] < 0.0).all()
@@ -272,7 +282,9 @@ def test_where_a_step_may_have_several_solutions_it_is_searched(monkeypatch: pyt
 
 def last(evolution: Evolution, steps: int) -> tuple[TimeStepper, list[StepResult], Margins, list[float]]:
     """Steps of a march, with the largest steps that its margins have told."""
-    advance = TimeStepper.of(discretize_evolution(evolution), hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
+    advance = TimeStepper.of(
+        discretize_evolution(evolution), hv.evolution.ImplicitEuler(), hv.solvers.NonsmoothNewton(), hv.Controls()
+    )
     moment, taken, margins = initial_moment(advance), [], Margins(advance)
     told = []
     for _ in range(steps):
@@ -306,7 +318,7 @@ def test_the_margin_changes_its_sign_at_the_largest_step() -> None:
 def test_margins_of_condensed_bodies_are_those_of_certificates() -> None:
     for evolution in (glued(), body("softening"), body("softening", 32)):
         advance = TimeStepper.of(
-            discretize_evolution(evolution), hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls()
+            discretize_evolution(evolution), hv.evolution.ImplicitEuler(), hv.solvers.NonsmoothNewton(), hv.Controls()
         )
         stage = advance.take(initial_moment(advance), STEP).stages[0]
         problem = stage.problem
@@ -317,7 +329,7 @@ def test_margins_of_condensed_bodies_are_those_of_certificates() -> None:
 
 def test_forces_of_a_coasting_body_lack_nothing() -> None:
     discrete = discretize_evolution(body("survey"))
-    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
+    advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), hv.solvers.NonsmoothNewton(), hv.Controls())
     taken = advance.take(initial_moment(advance), STEP)
     stage = advance.take(taken.moment, STEP).stages[0]
     whole, less = (forces(discrete, stage.operator, stage.before, stage.place, coasting) for coasting in (False, True))
@@ -328,7 +340,7 @@ def test_forces_of_a_coasting_body_lack_nothing() -> None:
 
 def test_softening_is_infinite_where_a_law_falls_off_a_cliff() -> None:
     problem = hv.discretize(gallery.survey("5.1", 4, "right"))
-    reduced = hv.Workspace().condensed(problem).body
+    reduced = hv.systems.Workspace().condensed(problem).body
     none: Array = np.zeros(1)
     assert reduced.softening(none, none) == 0.0
     assert reduced.softening(np.array([np.inf]), none) == np.inf

@@ -25,8 +25,8 @@ Arrays = dict[str, AnyArray]
 
 def evolution() -> Evolution:
     """A clamped body with a branch and wear below it."""
-    material = hv.Material.lame(4, 4, branches=[hv.Branch(lame=(2, 2), time=0.5)])
-    contact = hv.Contact(normal=hv.Compliance(20.0), friction=hv.Tresca(0.05), memory=hv.Wear(0.01))
+    material = hv.Material.lame(4, 4, branches=[hv.materials.Branch(lame=(2, 2), time=0.5)])
+    contact = hv.Contact(normal=hv.Compliance(20.0), friction=hv.Tresca(0.05), memory=hv.laws.Wear(0.01))
     problem = bodies.strip(contact, (4, 2), material=material, body_force=(0.0, -0.5))
     return Evolution(problem)
 
@@ -37,7 +37,7 @@ PLAN: dict[str, Any] = {"step": 0.1}
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The checkpoint of a march in its third step."""
-    kept = hv.Checkpoint(tmp_path_factory.mktemp("kept") / "run.ckpt", 0.0)
+    kept = hv.evolution.Checkpoint(tmp_path_factory.mktemp("kept") / "run.ckpt", 0.0)
     begun = marching(evolution(), March(0.6, checkpoint=kept, **PLAN))
     for _ in range(4):
         next(begun)
@@ -45,9 +45,9 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return kept.file.read_bytes()
 
 
-def resumed(path: Path, data: bytes) -> hv.History:
+def resumed(path: Path, data: bytes) -> hv.evolution.History:
     path.write_bytes(data)
-    return march(evolution(), 0.5, checkpoint=hv.Checkpoint(path), resume=True, **PLAN)
+    return march(evolution(), 0.5, checkpoint=hv.evolution.Checkpoint(path), resume=True, **PLAN)
 
 
 def forged(data: bytes, change: Callable[[Head, Arrays], None]) -> bytes:
@@ -96,7 +96,7 @@ def test_every_damaged_byte_is_noticed(tmp_path: Path, written: bytes) -> None:
     for spot in [*spots.tolist(), 0, len(written) - 1]:
         data = bytearray(written)
         data[spot] ^= 0x10
-        kept = hv.Checkpoint(tmp_path / "run.ckpt")
+        kept = hv.evolution.Checkpoint(tmp_path / "run.ckpt")
         try:
             arrays, sound = read_arrays(bytes(data))
         except ValueError:

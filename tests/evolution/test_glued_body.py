@@ -11,13 +11,13 @@ from hemivar.evolution.discrete import Bodies, discretize_evolution
 from tests import bodies
 
 
-def hanging(jump: str, until: float) -> hv.History:
+def hanging(jump: str, until: float) -> hv.evolution.History:
     """A block between frictionless walls, on glue of the strength 2, pulled off it by the tension t."""
     contact = hv.Adhesive(24.0, 2.0, 6.0, 72.0)
     block = bodies.column(contact, cells=2, top=None, tractions={"top": lambda x, t: np.tile([0.0, t], (len(x), 1))})
     evolution = hv.Evolution(block)
     assert discretize_evolution(evolution).problem.notes == (PERHAPS_NO_MINIMUM,)
-    return hv.march(evolution, until=until, step=0.25, jump=jump, save=hv.Save(every=0.25))
+    return hv.march(evolution, until=until, step=0.25, jump=jump, save=hv.evolution.Save(every=0.25))
 
 
 def test_a_block_on_glue_follows_its_load_until_the_strength_is_reached() -> None:

@@ -46,7 +46,7 @@ def test_touch_and_release_of_a_block_that_is_pushed_and_pulled() -> None:
 def test_slip_starts_where_friction_is_overcome() -> None:
     """A block of mass 1, bound 0.3, pushed by ``t``: it sticks until then. Rigid but for 1e-4 of the load."""
     problem = bodies.strip(
-        hv.Contact(hv.Bilateral(), hv.Tresca(0.3)),
+        hv.Contact(hv.laws.Bilateral(), hv.Tresca(0.3)),
         (2, 1),
         size=(1.0, 0.2),
         lame=(1e4, 1e4),
@@ -130,7 +130,7 @@ def test_a_worn_foundation_is_left_where_it_is_worn_to() -> None:
         lifted = 0.1 * max(t - 1.0, 0.0) - 0.05
         return np.stack([np.full(len(x), min(t, 1.0)), np.full(len(x), lifted)], axis=1)
 
-    contact = hv.Contact(hv.Compliance(50.0), hv.Tresca(1e-3), memory=(hv.Wear(0.3),))
+    contact = hv.Contact(hv.Compliance(50.0), hv.Tresca(1e-3), memory=(hv.laws.Wear(0.3),))
     problem = bodies.square(contact, 1, lame=(0.0, 6.0), supports={"top": hv.Prescribed(moved)})
     history = march(Evolution(problem), 1.6, step=0.25, stops=(1.0,), events=[Release("stop")])
     worn = history.moment.memory["bottom"]["0.depth"]

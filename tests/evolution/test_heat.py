@@ -56,7 +56,7 @@ def body(**more: Any) -> hv.ContactProblem:
     ],
 )
 def test_what_heat_refuses(make: Any, words: str) -> None:
-    with pytest.raises(hv.ProblemError, match=words):
+    with pytest.raises(hv.errors.ProblemError, match=words):
         make()
 
 
@@ -82,23 +82,23 @@ def test_what_heat_refuses(make: Any, words: str) -> None:
     ],
 )  # fmt: skip
 def test_what_bodies_with_heat_refuse(heat: Any, words: str) -> None:
-    with pytest.raises(hv.ProblemError, match=words):
+    with pytest.raises(hv.errors.ProblemError, match=words):
         Evolution(body(), heat=heat)
 
 
 def test_what_goes_with_heat() -> None:
     scalar = hv.ScalarProblem(MESH, 1.0, kind=ScalarKind.HEAT, capacity=1.0)
-    with pytest.raises(hv.ProblemError, match="heat= goes with a body"):
+    with pytest.raises(hv.errors.ProblemError, match="heat= goes with a body"):
         Evolution(scalar, heat=Heat(1.0, 1.0))
-    with pytest.raises(hv.ProblemError, match="contact at midpoints"):
-        Evolution(body(quadrature=hv.Quadrature.MIDPOINT), heat=Heat(1.0, 1.0))
-    with pytest.raises(hv.ProblemError, match="has several stages"):
-        march(Evolution(body(), heat=Heat(1.0, 1.0)), 1.0, step=0.5, scheme=hv.SDIRK2())
+    with pytest.raises(hv.errors.ProblemError, match="contact at midpoints"):
+        Evolution(body(quadrature=hv.mechanics.Quadrature.MIDPOINT), heat=Heat(1.0, 1.0))
+    with pytest.raises(hv.errors.ProblemError, match="has several stages"):
+        march(Evolution(body(), heat=Heat(1.0, 1.0)), 1.0, step=0.5, scheme=hv.evolution.SDIRK2())
     falling = {"bottom": HeatContact(lambda r, p: -np.ones_like(r))}
-    with pytest.raises(hv.ProblemError, match="the conductance is -1 at some point"):
+    with pytest.raises(hv.errors.ProblemError, match="the conductance is -1 at some point"):
         march(Evolution(body(), heat=Heat(1.0, 1.0, contact=falling)), 1.0, step=0.5)
     short = {"bottom": HeatContact(lambda r, p: np.ones(2))}
-    with pytest.raises(hv.ProblemError, match=r"the conductance has shape \(2,\) at 3 points|has shape \(2,\)"):
+    with pytest.raises(hv.errors.ProblemError, match=r"the conductance has shape \(2,\) at 3 points|has shape \(2,\)"):
         march(Evolution(body(), heat=Heat(1.0, 1.0, contact=short)), 1.0, step=0.5)
 
 
@@ -111,7 +111,7 @@ RICH = Heat(
 
 def test_a_march_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     evolution = Evolution(body(), inertia=True, heat=RICH)
-    options: dict[str, Any] = {"step": 0.05, "scheme": hv.GeneralizedAlpha(0.7)}
+    options: dict[str, Any] = {"step": 0.05, "scheme": hv.evolution.GeneralizedAlpha(0.7)}
     whole = march(evolution, 0.5, **options)
     assert whole.finished
     file = tmp_path / "run.ckpt"
@@ -132,7 +132,7 @@ def test_a_step_is_a_function_of_the_moment() -> None:
     from hemivar.evolution.thermal_stepper import stepper_of
 
     discrete = discretize_evolution(Evolution(body(), heat=RICH))
-    advance = stepper_of(discrete, hv.ImplicitEuler(), None, hv.Controls())
+    advance = stepper_of(discrete, hv.evolution.ImplicitEuler(), None, hv.Controls())
     first = initial_moment(advance)
     one = advance.take(first, 0.1).moment
     two = advance.take(one, 0.1).moment
@@ -147,7 +147,11 @@ def test_a_step_is_a_function_of_the_moment() -> None:
 
 
 def test_books_of_a_body_with_everything() -> None:
-    for scheme, inertia in ((hv.ImplicitEuler(), False), (hv.Midpoint(), True), (hv.GeneralizedAlpha(0.5), True)):
+    for scheme, inertia in (
+        (hv.evolution.ImplicitEuler(), False),
+        (hv.evolution.Midpoint(), True),
+        (hv.evolution.GeneralizedAlpha(0.5), True),
+    ):
         history = march(Evolution(body(), inertia=inertia, heat=RICH), 1.0, step=0.05, scheme=scheme)
         assert history.finished
         assert history.moment.heat is not None
@@ -186,7 +190,7 @@ def test_degrees_may_be_counted_from_anywhere() -> None:
             contact={"bottom": hv.Contact(hv.Compliance(1000.0))},
             supports={"left": hv.Roller(), "top": pressed},
         )
-        history = march(Evolution(problem, inertia=True, heat=heat), 0.5, step=0.1, scheme=hv.Midpoint())
+        history = march(Evolution(problem, inertia=True, heat=heat), 0.5, step=0.1, scheme=hv.evolution.Midpoint())
         assert history.finished
         assert history.frames[-1].temperature is not None
         return history.frames[-1].temperature - start
@@ -280,7 +284,7 @@ def test_a_file_says_what_the_library_says(tmp_path: Path) -> None:
         _, data, _ = reader.read_data(reader.num_steps - 1)
         np.testing.assert_allclose(data["temperature"], one.frames[-1].temperature)
     unsaid = ProblemFile(found.problem, time=found.time, heat=Heat(1.0, 1.0, contact={"bottom": HeatContact(_leaning)}))
-    with pytest.raises(hv.ProblemError, match="conductance"):
+    with pytest.raises(hv.errors.ProblemError, match="conductance"):
         hv.write_problem(unsaid, tmp_path / "no.toml")
 
 
@@ -309,7 +313,7 @@ def _leaning(penetration: Array, pressure: Array) -> Array:
 )
 def test_what_files_refuse(old: str, new: str, words: str) -> None:
     assert old in FILE
-    with pytest.raises(hv.ProblemError, match=words):
+    with pytest.raises(hv.errors.ProblemError, match=words):
         parse_problem_file(FILE.replace(old, new))
 
 

@@ -19,7 +19,7 @@ KAPPA, VISCOUS, BETA, SOURCE, START = 3.0, 0.6, 2.0, 0.7, 0.2
 @pytest.mark.parametrize(("scheme", "at"), [(ImplicitEuler(), 1.0), (Midpoint(), 0.5)], ids=["euler", "midpoint"])
 def test_a_block_that_is_warmed_from_within(scheme: Scheme, at: float, coupling: float) -> None:
     """``3 e + 0.6 e' = 2 (th - 0.2)``, ``th' = 0.7 - 2 T0 e'``: at the place of the step where the scheme asks."""
-    problem = bodies.column(hv.NoContact(), KAPPA, viscous=VISCOUS)
+    problem = bodies.column(hv.laws.NoContact(), KAPPA, viscous=VISCOUS)
     heat = Heat(
         1.0, 1.0, thermal_stress=BETA, source=SOURCE, coupling=coupling, temperature=START, stress_free=START,
         rtol=1e-13,
@@ -61,7 +61,7 @@ def test_a_coupling_that_pushes_back_hard_is_solved_at_once_as_well(
 ) -> None:
     """Up to 100 times as hard as heat alone resists: against one system for both, without a shorter step."""
     problem = bodies.square(
-        hv.NoContact(),
+        hv.laws.NoContact(),
         12,
         lame=(1.0, 1.0),
         viscosity=(0.05, 0.05),
@@ -101,7 +101,7 @@ def test_a_coupling_that_pushes_back_hard_is_solved_at_once_as_well(
 
 def test_temperatures_of_supports_and_what_they_give() -> None:
     """A rod between temperatures that rise: what it stores comes from its supports."""
-    problem = bodies.strip(hv.NoContact(), (4, 1), size=(1.0, 0.5), lame=(1.0, 1.0))
+    problem = bodies.strip(hv.laws.NoContact(), (4, 1), size=(1.0, 0.5), lame=(1.0, 1.0))
     rise = 0.5
     heat = Heat(
         2.0, 1e-9, temperature=lambda x: x[:, 0],
@@ -136,7 +136,7 @@ def test_where_a_support_holds_the_body_heat_flows_as_beside_it() -> None:
 
 
 @pytest.mark.parametrize("conductivity", [1.0, 1e8])
-@pytest.mark.parametrize("scheme", [ImplicitEuler(), Midpoint(), hv.SDIRK2()], ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize("scheme", [ImplicitEuler(), Midpoint(), hv.evolution.SDIRK2()], ids=lambda scheme: scheme.name)
 def test_a_body_of_one_temperature_waits_for_what_cools_it(scheme: Scheme, conductivity: float) -> None:
     """Nothing flows before the surroundings are colder: nothing is there that a residual could be held against."""
     problem = hv.ScalarProblem(
@@ -161,8 +161,8 @@ def test_a_body_of_one_temperature_waits_for_what_cools_it(scheme: Scheme, condu
     ("scheme", "on"),
     [
         (Midpoint(), "penetration"),
-        (hv.Newmark(), "pressure"),
-        pytest.param(hv.GeneralizedAlpha(0.5), "pressure", marks=pytest.mark.slow),
+        (hv.evolution.Newmark(), "pressure"),
+        pytest.param(hv.evolution.GeneralizedAlpha(0.5), "pressure", marks=pytest.mark.slow),
     ],
     ids=["midpoint", "newmark", "alpha"],
 )
@@ -183,7 +183,9 @@ def test_conductances_are_those_of_the_stage_of_heat(scheme: Scheme, on: str) ->
     assert 3.0 < (found[0] - found[1]) / (found[1] - found[2]) < 6.0
 
 
-@pytest.mark.parametrize("scheme", [Midpoint(), hv.Newmark(), hv.GeneralizedAlpha(0.5)], ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize(
+    "scheme", [Midpoint(), hv.evolution.Newmark(), hv.evolution.GeneralizedAlpha(0.5)], ids=lambda scheme: scheme.name
+)
 def test_a_pressure_that_grows_evenly_is_known_between_the_steps_from_the_first_on(scheme: Scheme) -> None:
     """A block falls on ground too soft to stop it, p = 1e-6 t: 2 th' = -t th by the midpoint rule, step by step."""
     problem = bodies.column(hv.Compliance(1e-6), 6.0, top=None, density=1.0)

@@ -113,7 +113,7 @@ def test_an_obstacle_that_jumps_into_the_body_is_reported(ramp: float, says: boo
         return np.full(len(x), 0.03 - 0.05 * part)
 
     problem = bodies.column(hv.Contact(hv.Signorini(), gap=gap), top=hv.Clamped(), density=1.0)
-    found = march(Evolution(problem, inertia=True), 1.0, step=0.02, scheme=hv.MoreauJean())
+    found = march(Evolution(problem, inertia=True), 1.0, step=0.02, scheme=hv.evolution.MoreauJean())
     told = [message for message in found.messages if "jumps into the body" in message]
     assert (len(told) == 1) == says
     if says:

@@ -42,7 +42,9 @@ def exact(evolution: Evolution, first: float = 0.3, then: float = -1.0) -> tuple
 
 @pytest.mark.parametrize("inclusive", [False, True], ids=["from", "after"])
 @pytest.mark.parametrize(
-    "scheme", [hv.Newmark(), hv.GeneralizedAlpha(0.8), hv.Midpoint()], ids=lambda scheme: scheme.name
+    "scheme",
+    [hv.evolution.Newmark(), hv.evolution.GeneralizedAlpha(0.8), hv.evolution.Midpoint()],
+    ids=lambda scheme: scheme.name,
 )
 def test_a_load_that_jumps_at_a_stop_costs_no_order(scheme: Scheme, inclusive: bool) -> None:
     stated = swinging(inclusive)

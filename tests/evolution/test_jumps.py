@@ -24,14 +24,14 @@ LOSS = KAPPA * STIFF * (UP**2 - DOWN**2) / (2 * (KAPPA + STIFF))
 
 
 #: j' of the block's foundation.
-LAW = hv.PiecewiseQuadratic([0.0, DELTA, DELTA * (1 + STIFF / FALL)], [0.0, STIFF, -FALL, 0.0], np.zeros(3))
+LAW = hv.laws.PiecewiseQuadratic([0.0, DELTA, DELTA * (1 + STIFF / FALL)], [0.0, STIFF, -FALL, 0.0], np.zeros(3))
 
 
 def cycle(
     jump: str,
     step: float,
     viscosity: object = None,
-    law: hv.Superpotential = LAW,
+    law: hv.laws.Superpotential = LAW,
     until: float = 0.8,
     width: float = 1.0,
     density: float = 1.0,
@@ -128,7 +128,9 @@ def test_smooth_laws_jump_where_they_must_without_crawling(law: str, monkeypatch
     monkeypatch.setattr(descent, "solve", counted)
     at = np.concatenate([[-1.0], np.linspace(0.0, 0.5, 401)])
     stated = (
-        hv.FunctionLaw(derivative=bump, kinks=(0.0,), reach=1.0) if law == "function" else hv.table_law(at, bump(at))
+        hv.laws.FunctionLaw(derivative=bump, kinks=(0.0,), reach=1.0)
+        if law == "function"
+        else hv.table_law(at, bump(at))
     )
     history, _ = cycle("arc-length", 0.05, law=stated, until=0.75)
 
@@ -165,7 +167,9 @@ def test_a_jump_by_inertia_keeps_its_own_time() -> None:
 
 
 #: A second hump behind the first one, before which a body that moves slowly stays.
-HUMPS = hv.PiecewiseQuadratic([0.0, 0.1, 0.2, 0.22, 0.24, 0.5], [0.0, 2.0, -2.0, 19.0, -19.0, 0.0, 0.0], np.zeros(6))
+HUMPS = hv.laws.PiecewiseQuadratic(
+    [0.0, 0.1, 0.2, 0.22, 0.24, 0.5], [0.0, 2.0, -2.0, 19.0, -19.0, 0.0, 0.0], np.zeros(6)
+)
 
 
 @pytest.mark.slow
@@ -186,7 +190,7 @@ def test_inertia_carries_beyond_the_next_equilibrium() -> None:
 @pytest.mark.slow
 def test_a_body_of_many_points_jumps_point_by_point() -> None:
     """A strip is bent onto glue-like ground and back: what is lost in jumps is the same with steps of a third."""
-    law = hv.PiecewiseQuadratic([0.0, 0.02, 0.04], [0.0, 40.0, -40.0, 0.0], np.zeros(3))
+    law = hv.laws.PiecewiseQuadratic([0.0, 0.02, 0.04], [0.0, 40.0, -40.0, 0.0], np.zeros(3))
     problem = bodies.strip(
         law,
         (6, 1),
@@ -214,7 +218,7 @@ def test_what_the_ways_of_jumping_need_is_said_before() -> None:
     with pytest.raises(ProblemError, match="no density"):
         march(Evolution(still), 1.0, jump="dynamic")
     with pytest.raises(ProblemError, match="ends of steps"):
-        march(Evolution(still), 1.0, jump="arc-length", scheme=hv.Midpoint())
+        march(Evolution(still), 1.0, jump="arc-length", scheme=hv.evolution.Midpoint())
 
 
 @pytest.mark.slow
@@ -226,8 +230,8 @@ def test_adaptive_steps_go_through_jumps_and_go_on_bit_for_bit(
 ) -> None:
     """A step in which a body jumps is never short enough; what follows does not depend on what was computed before."""
     problem = bodies.column(LAW, KAPPA, cells=2, top=hv.Fixed(y=Formula("-min(t, 0.8 - t)")))
-    file = hv.Checkpoint(tmp_path / "a.ckpt", 0.0)
-    plan = March(0.8, step=hv.AdaptiveStep(0.1), jump=jump, save=hv.Save(0.4), checkpoint=file)
+    file = hv.evolution.Checkpoint(tmp_path / "a.ckpt", 0.0)
+    plan = March(0.8, step=hv.evolution.AdaptiveStep(0.1), jump=jump, save=hv.evolution.Save(0.4), checkpoint=file)
     steps = marching(Evolution(problem), plan)
     done = [next(steps) for _ in range(12)]
     steps.close()
@@ -242,7 +246,7 @@ def test_adaptive_steps_go_through_jumps_and_go_on_bit_for_bit(
 
 def test_viscosity_that_slows_the_body_down_is_told() -> None:
     """A body on a law that falls 50 times as fast as it is stiff is some 54 steps late."""
-    steep = hv.PiecewiseQuadratic([0.0, DELTA, DELTA * 1.04], [0.0, STIFF, -50.0, 0.0], np.zeros(3))
+    steep = hv.laws.PiecewiseQuadratic([0.0, DELTA, DELTA * 1.04], [0.0, STIFF, -50.0, 0.0], np.zeros(3))
     late, pushed = cycle("viscous", 0.002, law=steep, until=0.4)
     slow, r = 1.1 * (50.0 / KAPPA - 1.0) + 0.05, 0.0
     for r0 in pushed[1:41]:
@@ -265,7 +269,7 @@ def test_points_that_rest_on_what_falls_are_found_by_multigrid_too() -> None:
     )
     runs = [
         march(Evolution(problem), 0.36, step=0.12, solver=solver, max_time=60.0)
-        for solver in (None, hv.NonsmoothMultigrid())
+        for solver in (None, hv.solvers.NonsmoothMultigrid())
     ]
     assert all(run.finished for run in runs)
     assert runs[0]["jumped"].tolist() == runs[1]["jumped"].tolist() == [0, 0, 0, 1]

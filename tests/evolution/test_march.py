@@ -27,19 +27,25 @@ from tests.evolution.messages import said_of
 def beam(inertia: bool = True, load: float = -0.5, **contact: Any) -> Evolution:
     """A clamped body above a foundation, with viscosity and a branch."""
     material = hv.Material.lame(
-        4, 4, density=1.0, viscosity=(0.4, 0.4), branches=[hv.Branch(lame=(2, 2), time=0.5)] if inertia else ()
+        4,
+        4,
+        density=1.0,
+        viscosity=(0.4, 0.4),
+        branches=[hv.materials.Branch(lame=(2, 2), time=0.5)] if inertia else (),
     )
     given = {"normal": hv.Compliance(20.0), "friction": hv.Tresca(0.05), "gap": 0.02} | contact
     problem = bodies.strip(hv.Contact(**given), (6, 3), material=material, body_force=(0.0, load))
     return Evolution(problem, inertia=inertia)
 
 
-@pytest.mark.parametrize("step", [0.05, hv.AdaptiveStep(3e-3)], ids=["fixed", "adaptive"])
-@pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.GeneralizedAlpha(0.8)], ids=lambda s: s.name)
+@pytest.mark.parametrize("step", [0.05, hv.evolution.AdaptiveStep(3e-3)], ids=["fixed", "adaptive"])
+@pytest.mark.parametrize(
+    "scheme", [hv.evolution.ImplicitEuler(), hv.evolution.GeneralizedAlpha(0.8)], ids=lambda s: s.name
+)
 def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Scheme, step: Any) -> None:
     options: dict[str, Any] = {"scheme": scheme, "step": step, "events": [Touch()], "save": Save(0.2)}
     whole = march(beam(), 0.6, **options)
-    kept = hv.Checkpoint(tmp_path / "run.ckpt", 0.0)
+    kept = hv.evolution.Checkpoint(tmp_path / "run.ckpt", 0.0)
     begun = marching(beam(), March(0.6, checkpoint=kept, **options))
     for _ in range(5):
         next(begun)
@@ -54,7 +60,7 @@ def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Sche
     with pytest.raises(FileError, match="another evolution"):
         march(beam(load=-0.6), 0.6, checkpoint=kept, resume=True, **options)
     with pytest.raises(FileError, match="another evolution, scheme, method or version"):
-        march(beam(), 0.6, checkpoint=kept, resume=True, solver=hv.NonsmoothMultigrid(), **options)
+        march(beam(), 0.6, checkpoint=kept, resume=True, solver=hv.solvers.NonsmoothMultigrid(), **options)
     kept.file.write_bytes(b"no checkpoint")
     with pytest.raises(FileError, match="no checkpoint"):
         march(beam(), 0.6, checkpoint=kept, resume=True, **options)
@@ -87,7 +93,7 @@ def test_a_checkpoint_beyond_the_end_is_told(tmp_path: Path) -> None:
 
 def test_a_rejected_step_leaves_no_trace() -> None:
     discrete = discretize_evolution(beam())
-    advance = TimeStepper.of(discrete, hv.GeneralizedAlpha(0.8), None, Controls())
+    advance = TimeStepper.of(discrete, hv.evolution.GeneralizedAlpha(0.8), None, Controls())
     moment = initial_moment(advance)
     first = advance.take(moment, 0.1).moment
     for step in (0.4, 0.05, 0.013):
@@ -104,7 +110,9 @@ def test_a_falling_block_touches_when_it_should() -> None:
     problem = bodies.square(contact, 2, lame=(400.0, 400.0), density=1.0, supports={}, body_force=(0.0, -1.0))
     half = When(function=lambda discrete, moment: moment.time - 0.123, label="half way")
     stop = Touch("stop")
-    history = march(Evolution(problem, inertia=True), 1.0, step=0.03, scheme=hv.Midpoint(), events=[half, stop])
+    history = march(
+        Evolution(problem, inertia=True), 1.0, step=0.03, scheme=hv.evolution.Midpoint(), events=[half, stop]
+    )
     assert history.ended == "event: touch"
     (first, name), (touched, _) = history.events
     assert (name, first) == ("half way", pytest.approx(0.123, abs=1e-7))
@@ -118,10 +126,10 @@ def test_bounds_of_the_error_in_time_hold() -> None:
     for case in range(4):
         bound, load = 0.02 + 0.2 * rng.random(), -0.2 - rng.random()
         if case % 2:
-            evolution = beam(False, load, normal=hv.Bilateral(), friction=hv.Tresca(bound), gap=0.0)
+            evolution = beam(False, load, normal=hv.laws.Bilateral(), friction=hv.Tresca(bound), gap=0.0)
             norm = "stiffness"
         else:
-            evolution = beam(False, load, friction=hv.NoFriction(), normal=hv.SurveyLaw(0.1 * bound))
+            evolution = beam(False, load, friction=hv.laws.NoFriction(), normal=hv.laws.SurveyLaw(0.1 * bound))
             norm = "viscosity"
         coarse = march(evolution, 0.4, step=0.1, save=Save(0.1))
         fine = march(evolution, 0.4, step=0.1 / 40, save=Save(0.1))
@@ -150,12 +158,12 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "until before the start": (lambda: march(_moving(), -1.0), "later"),
     "no step": (lambda: march(_moving(), 1.0, step=0.0), "positive"),
     "a step longer than all": (lambda: march(_moving(), 1.0, step=2.0), "longer"),
-    "Newmark without mass": (lambda: march(_moving(), 1.0, scheme=hv.Newmark()), "bodies with mass"),
-    "SDIRK2 with mass": (lambda: march(beam(), 1.0, scheme=hv.SDIRK2()), "without mass"),
-    "Moreau-Jean on springs": (lambda: march(beam(), 1.0, scheme=hv.MoreauJean()), "rigid obstacles"),
-    "unstable Newmark": (lambda: hv.Newmark(0.1, 0.5), "not stable"),
-    "rho": (lambda: hv.GeneralizedAlpha(1.5), r"\[0, 1\]"),
-    "impact with gain": (lambda: hv.MoreauJean(1.0, 0.8), "gain energy"),
+    "Newmark without mass": (lambda: march(_moving(), 1.0, scheme=hv.evolution.Newmark()), "bodies with mass"),
+    "SDIRK2 with mass": (lambda: march(beam(), 1.0, scheme=hv.evolution.SDIRK2()), "without mass"),
+    "Moreau-Jean on springs": (lambda: march(beam(), 1.0, scheme=hv.evolution.MoreauJean()), "rigid obstacles"),
+    "unstable Newmark": (lambda: hv.evolution.Newmark(0.1, 0.5), "not stable"),
+    "rho": (lambda: hv.evolution.GeneralizedAlpha(1.5), r"\[0, 1\]"),
+    "impact with gain": (lambda: hv.evolution.MoreauJean(1.0, 0.8), "gain energy"),
     "scheme by name": (lambda: march(_moving(), 1.0, scheme="newmark"), "scheme"),
     "unknown jump": (lambda: march(_moving(), 1.0, jump="up"), "choose one of"),
     "event that is none": (lambda: march(_moving(), 1.0, events=["touch"]), "Touch"),
@@ -170,9 +178,9 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "probe outside": (lambda: march(_moving(), 1.0, save=Save(probes={"p": (9.0, 9.0)})), "outside"),
     "probe in space": (lambda: march(_moving(), 1.0, save=Save(probes={"p": (0.0, 0.0, 0.0)})), "coordinates"),
     "save nothing": (lambda: Save(every=0.0), "time > 0"),
-    "rtol": (lambda: hv.AdaptiveStep(2.0), "between 0 and 1"),
-    "rtol below rounding": (lambda: hv.AdaptiveStep(1e-300), "take at least 1e-14"),
-    "limits": (lambda: hv.AdaptiveStep(1e-3, least=1.0, most=0.1), "larger than"),
+    "rtol": (lambda: hv.evolution.AdaptiveStep(2.0), "between 0 and 1"),
+    "rtol below rounding": (lambda: hv.evolution.AdaptiveStep(1e-300), "take at least 1e-14"),
+    "limits": (lambda: hv.evolution.AdaptiveStep(1e-3, least=1.0, most=0.1), "larger than"),
     "a body that nothing holds": (lambda: march(Evolution(_loose()), 1.0), "move|rigid|held|support"),
     "a contradiction": (
         lambda: march(Evolution(_static(), displacement=(0.0, 1.0)), 1.0),
@@ -204,7 +212,7 @@ def test_what_cannot_be_is_refused_in_words(case: str) -> None:
 
 def test_a_checkpoint_that_cannot_be_written_is_told_before_the_first_step(tmp_path: Path) -> None:
     for file in (tmp_path, tmp_path / "nowhere" / "run.ckpt"):
-        steps = marching(beam(), March(0.2, step=0.1, checkpoint=hv.Checkpoint(file)))
+        steps = marching(beam(), March(0.2, step=0.1, checkpoint=hv.evolution.Checkpoint(file)))
         with pytest.raises(FileError, match="cannot write"):
             next(steps)
     assert not list(tmp_path.iterdir())
@@ -260,9 +268,10 @@ def test_kinks_of_formulas_are_met_exactly() -> None:
 
 def test_kinks_of_what_warms_a_body_are_met_exactly() -> None:
     problem = bodies.square(hv.Compliance(1.0), 1, lame=(1.0, 1.0), supports={"top": hv.Clamped()})
-    heat = hv.Heat(
+    heat = hv.mechanics.Heat(
         1.0, 1.0, source=Formula("min(t, 0.17)"), supports={"top": Formula("min(t, 0.33)")},
-        fluxes={"left": Formula("max(t, 0.57)")}, contact={"bottom": hv.HeatContact(1.0, Formula("abs(t - 0.71)"))},
+        fluxes={"left": Formula("max(t, 0.57)")},
+        contact={"bottom": hv.mechanics.HeatContact(1.0, Formula("abs(t - 0.71)"))},
     )  # fmt: skip
     times = march(Evolution(problem, heat=heat), 1.0, step=0.25).times
     assert all(np.abs(times - kink).min() < 1e-14 for kink in (0.17, 0.33, 0.57, 0.71))
@@ -272,7 +281,7 @@ def test_kinks_of_what_warms_a_body_are_met_exactly() -> None:
 def test_adaptive_steps_see_a_body_that_slides_as_a_whole(unit: float) -> None:
     """It stops after v0^2/(2 mu g): its deceleration is constant, so that velocities and deformations have no error."""
     problem = bodies.strip(
-        hv.Contact(hv.Bilateral(), hv.Tresca(0.3)),
+        hv.Contact(hv.laws.Bilateral(), hv.Tresca(0.3)),
         (2, 1),
         size=(1.0 * unit, 0.2 * unit),
         lame=(1e4, 1e4),
@@ -282,7 +291,9 @@ def test_adaptive_steps_see_a_body_that_slides_as_a_whole(unit: float) -> None:
     evolution = Evolution(problem, inertia=True, velocity=(1.0 * unit, 0.0))
     way, errors, counts = 1.0 / 0.6 * unit, [], []
     for rtol in (1e-3, 1e-4):
-        history = march(evolution, 3.0, step=hv.AdaptiveStep(rtol), save=Save(probes={"c": (0.5 * unit, 0.1 * unit)}))
+        history = march(
+            evolution, 3.0, step=hv.evolution.AdaptiveStep(rtol), save=Save(probes={"c": (0.5 * unit, 0.1 * unit)})
+        )
         exact = 3.0 * unit - 0.15 * 9.0 * unit
         errors.append(abs(history["c.u_x"][-1] - exact) / way)
         counts.append(len(history.rows))
@@ -305,7 +316,7 @@ problem = hv.ContactProblem(
     material=hv.Material.lame(1.0, 1.0, viscosity=(1.0, 1.0)),
     supports={{"top": hv.Clamped()}},
     tractions={{"right": lambda x, t: np.stack([level * t + 0.0 * x[:, 0], 0.0 * x[:, 0]], axis=1)}},
-    contact={{"bottom": hv.Contact(hv.Bilateral(), hv.Tresca(0.05))}},
+    contact={{"bottom": hv.Contact(hv.laws.Bilateral(), hv.Tresca(0.05))}},
 )
 plan = March(0.5, step=0.1, checkpoint=Checkpoint(sys.argv[1], 0.0), resume={resume})
 steps = marching(Evolution(problem), plan)
@@ -351,7 +362,7 @@ def test_a_checkpoint_knows_all_numbers_of_an_array_and_all_kinks(tmp_path: Path
         problem = dataclasses.replace(beam(False).problem, body_force=load)
         return Evolution(problem)
 
-    kept = hv.Checkpoint(tmp_path / "run.ckpt", 0.0)
+    kept = hv.evolution.Checkpoint(tmp_path / "run.ckpt", 0.0)
     march(evolution(shape), 0.2, step=0.1, checkpoint=kept)
     assert march(evolution(shape), 0.2, step=0.1, checkpoint=kept, resume=True).finished
     other = shape.copy()
@@ -403,10 +414,10 @@ def test_steps_that_are_looked_for_need_no_law_beyond_the_end() -> None:
 
 
 @pytest.mark.parametrize("law", [hv.Compliance(20.0), hv.Signorini()])
-def test_a_step_that_is_solved_has_the_residual_that_was_asked_for(law: hv.Superpotential) -> None:
+def test_a_step_that_is_solved_has_the_residual_that_was_asked_for(law: hv.laws.Superpotential) -> None:
     """The number in the table is held against what the tolerance is held against: a third of it was left out."""
     problem = bodies.strip(
-        hv.Contact(law, hv.Tresca(hv.CoulombBound(0.4))),
+        hv.Contact(law, hv.Coulomb(0.4)),
         (12, 6),
         viscosity=(0.4, 0.3),
         tractions={
@@ -422,7 +433,7 @@ def test_a_step_that_is_solved_has_the_residual_that_was_asked_for(law: hv.Super
 
 def test_a_march_goes_on_to_a_later_end_beyond_kinks_and_stops(tmp_path: Path) -> None:
     """A kink at t = 1.2 and a stop at t = 1.3 lie between the first end and the later one."""
-    kept, whole = hv.Checkpoint(tmp_path / "run.ckpt"), hv.Checkpoint(tmp_path / "whole.ckpt")
+    kept, whole = hv.evolution.Checkpoint(tmp_path / "run.ckpt"), hv.evolution.Checkpoint(tmp_path / "whole.ckpt")
     options: dict[str, Any] = {"step": 0.25, "stops": (0.6, 1.3)}
     problem = dataclasses.replace(
         beam(False).problem, body_force=FormulaArray((0.0, Formula("-0.1 * min(t, 1.2)")), (2,))

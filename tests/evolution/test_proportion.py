@@ -93,11 +93,11 @@ def test_other_viscosities_are_none(viscosity: tuple[float, float] | None) -> No
 @pytest.mark.parametrize(
     ("scheme", "inertia"),
     [
-        (hv.ImplicitEuler(), True),
-        (hv.ImplicitEuler(), False),
-        (hv.Midpoint(), True),
-        (hv.Newmark(), True),
-        (hv.SDIRK2(), False),
+        (hv.evolution.ImplicitEuler(), True),
+        (hv.evolution.ImplicitEuler(), False),
+        (hv.evolution.Midpoint(), True),
+        (hv.evolution.Newmark(), True),
+        (hv.evolution.SDIRK2(), False),
     ],
 )
 def test_steps_are_those_with_a_product_of_its_own(

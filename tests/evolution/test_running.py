@@ -36,7 +36,7 @@ def block(**more: Any) -> Evolution:
         "material": hv.Material.lame(0.0, 0.5 * KAPPA, viscosity=(0.0, 0.5 * VISCOUS)),
         "supports": {"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
         "tractions": {"bottom": (0.0, -1.0)},
-        "contact": {"bottom": hv.Contact(hv.NoContact())},
+        "contact": {"bottom": hv.Contact(hv.laws.NoContact())},
     }
     return Evolution(hv.ContactProblem(**given | more), **options)
 
@@ -177,7 +177,7 @@ def test_stops_are_met_once() -> None:
 def test_the_estimate_of_an_error_is_the_error() -> None:
     """Of implicit Euler ``tau^2 u''/2`` in the energy norm, and the largest displacement since the start."""
     discrete = discretize_evolution(block())
-    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     moment, tau = initial_moment(advance), 1e-4
     origin = moment.body.displacement
     for _ in range(3):
@@ -199,7 +199,7 @@ def test_the_estimate_of_an_error_is_the_error() -> None:
 def test_the_estimate_with_mass_is_half_the_distance_from_the_prediction() -> None:
     problem = block(material=hv.Material.lame(0.0, 1.5, density=2.0)).problem
     discrete = discretize_evolution(Evolution(problem, inertia=True))
-    advance = TimeStepper.of(discrete, hv.Newmark(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls())
     moment, tau = initial_moment(advance), 0.05
     for _ in range(3):
         before, taken = moment, advance.take(moment, tau)
@@ -231,7 +231,7 @@ def test_the_acceleration_at_the_start_balances_the_forces() -> None:
         velocity=lambda x: (1.0 - x[:, 1:]) * [0.2, -1.0],
     )  # fmt: skip
     discrete = discretize_evolution(evolution)
-    moment = initial_moment(TimeStepper.of(discrete, hv.Newmark(), None, Controls()))
+    moment = initial_moment(TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls()))
     assert discrete.mass is not None
     assert discrete.viscosity is not None
     inertial = discrete.mass.times(moment.body.acceleration)
@@ -251,7 +251,10 @@ def test_the_acceleration_at_the_start_balances_the_forces() -> None:
     assert ledger.start == pytest.approx(ledger.elastic + ledger.kinetic + ledger.contact)
 
 
-@pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.Midpoint(), hv.Newmark(), hv.GeneralizedAlpha(0.8)])
+@pytest.mark.parametrize(
+    "scheme",
+    [hv.evolution.ImplicitEuler(), hv.evolution.Midpoint(), hv.evolution.Newmark(), hv.evolution.GeneralizedAlpha(0.8)],
+)
 def test_a_body_that_sets_out_with_its_support_is_the_body_at_rest(scheme: Scheme) -> None:
     """Who moves along at a constant speed sees a body that hangs from a support at rest and swings."""
     found, speed = [], 0.3
@@ -276,26 +279,28 @@ def test_a_body_that_sets_out_with_its_support_is_the_body_at_rest(scheme: Schem
 @pytest.mark.parametrize(
     ("scheme", "normal", "mass", "told"),
     [
-        (hv.Newmark(), hv.Signorini(), "consistent", True),
-        (hv.GeneralizedAlpha(), hv.Adhesive(5.0, 1.0, 2.0), "consistent", True),
-        (hv.Midpoint(), hv.Signorini(), "consistent", True),
-        (hv.Newmark(), hv.Signorini(), "redistributed", False),
-        (hv.Newmark(), hv.Compliance(4.0), "consistent", False),
-        (hv.Midpoint(), hv.Bilateral(), "consistent", False),
-        (hv.Newmark(), hv.Bilateral(), "redistributed", False),
-        (hv.ImplicitEuler(), hv.Signorini(), "consistent", False),
-        (hv.MoreauJean(), hv.Signorini(), "consistent", False),
+        (hv.evolution.Newmark(), hv.Signorini(), "consistent", True),
+        (hv.evolution.GeneralizedAlpha(), hv.Adhesive(5.0, 1.0, 2.0), "consistent", True),
+        (hv.evolution.Midpoint(), hv.Signorini(), "consistent", True),
+        (hv.evolution.Newmark(), hv.Signorini(), "redistributed", False),
+        (hv.evolution.Newmark(), hv.Compliance(4.0), "consistent", False),
+        (hv.evolution.Midpoint(), hv.laws.Bilateral(), "consistent", False),
+        (hv.evolution.Newmark(), hv.laws.Bilateral(), "redistributed", False),
+        (hv.evolution.ImplicitEuler(), hv.Signorini(), "consistent", False),
+        (hv.evolution.MoreauJean(), hv.Signorini(), "consistent", False),
     ],
 )
 def test_a_scheme_for_springs_says_that_it_rings_on_a_rigid_obstacle(
-    scheme: Scheme, normal: hv.Superpotential, mass: str, told: bool
+    scheme: Scheme, normal: hv.laws.Superpotential, mass: str, told: bool
 ) -> None:
     problem = bodies.square(normal, 2, density=1.0, supports={}, body_force=(0.0, -1.0))
     history = march(Evolution(problem, inertia=True, mass=Mass(mass)), 0.02, step=0.02, scheme=scheme)
     assert ["rigid" in message and scheme.name in message for message in said_of(history)] == [True] * told
 
 
-@pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.GeneralizedAlpha(0.8), hv.MoreauJean()])
+@pytest.mark.parametrize(
+    "scheme", [hv.evolution.ImplicitEuler(), hv.evolution.GeneralizedAlpha(0.8), hv.evolution.MoreauJean()]
+)
 @pytest.mark.parametrize("velocity", [(0.1, -0.2), (0.0, -1.0)])
 def test_a_body_on_which_nothing_acts_flies_on(scheme: Scheme, velocity: tuple[float, float]) -> None:
     """Far from its foundation, thrown, without a load: all forces are rounding, against which nothing can be held."""
@@ -321,7 +326,7 @@ def set_out(path: Callable[[float], float]) -> TimeState:
         hv.Contact(hv.Compliance(8.0), gap=below), 2, density=1.0, supports={"top": hv.Fixed(x=along)}
     )
     still = Evolution(problem, inertia=True, displacement=(path(0.0), 0.0))
-    return initial_moment(TimeStepper.of(discretize_evolution(still), hv.Newmark(), None, Controls()), 0.1)
+    return initial_moment(TimeStepper.of(discretize_evolution(still), hv.evolution.Newmark(), None, Controls()), 0.1)
 
 
 @pytest.mark.parametrize(
@@ -363,7 +368,7 @@ def test_what_a_support_moves_is_the_component_that_it_holds() -> None:
         material=hv.Material.lame(1.0, 1.0),
         supports={"bottom": hv.Fixed(y=0.0), "left": hv.Fixed(x=0.0), "top": lifted},
         tractions={},
-        contact={"right": hv.Contact(hv.NoContact())},
+        contact={"right": hv.Contact(hv.laws.NoContact())},
     )
     discrete = discretize_evolution(evolution)
     mesh = discrete.field.mesh
@@ -393,7 +398,9 @@ def test_steps_that_time_does_not_resolve_are_refused(start: float, step: float)
         march(block(start=start), start + 1.0, step=step, max_time=0.1)
 
 
-@pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.GeneralizedAlpha(0.8), hv.Newmark()])
+@pytest.mark.parametrize(
+    "scheme", [hv.evolution.ImplicitEuler(), hv.evolution.GeneralizedAlpha(0.8), hv.evolution.Newmark()]
+)
 def test_a_very_short_step_is_as_exact_as_displacements_are(scheme: Scheme) -> None:
     """Its forces are those of differences that rounding hides: with a mass they were too inexact for any tolerance."""
     contact = hv.Contact(hv.Compliance(10.0), hv.Tresca(0.1))
@@ -419,16 +426,19 @@ def test_steps_beyond_the_range_of_numbers_are_refused(unit: float) -> None:
     problem = bodies.square(hv.Compliance(8.0), 1, density=1.0, supports={})
     with pytest.raises(ProblemError, match="state times in another unit"):
         march(Evolution(problem, inertia=True), 10.0 * unit, step=unit)
-    told = hv.When(function=lambda discrete, moment: "high", label="level")  # type: ignore[arg-type,return-value]
+    told = hv.evolution.When(function=lambda discrete, moment: "high", label="level")  # type: ignore[arg-type,return-value]
     with pytest.raises(ProblemError, match="event 'level' gave 'high'; return a number"):
         march(Evolution(problem, inertia=True), 1.0, step=0.5, events=[told])
 
 
-@pytest.mark.parametrize("scheme", [hv.Newmark(), hv.Midpoint(), hv.GeneralizedAlpha(0.8), hv.ImplicitEuler()])
+@pytest.mark.parametrize(
+    "scheme",
+    [hv.evolution.Newmark(), hv.evolution.Midpoint(), hv.evolution.GeneralizedAlpha(0.8), hv.evolution.ImplicitEuler()],
+)
 def test_pressures_of_what_is_held_do_not_ring_from_the_start(scheme: Scheme) -> None:
     """From one step to the next they bend less than they change, and nothing is told."""
     problem = bodies.square(
-        hv.Bilateral(), 2, lame=(40.0, 40.0), density=1.0, supports={"top": hv.Clamped()}, body_force=(0.0, -1.0)
+        hv.laws.Bilateral(), 2, lame=(40.0, 40.0), density=1.0, supports={"top": hv.Clamped()}, body_force=(0.0, -1.0)
     )
     history = march(Evolution(problem, inertia=True), 0.2, step=0.01, scheme=scheme)
     force = history["normal_force"][1:]
@@ -437,7 +447,9 @@ def test_pressures_of_what_is_held_do_not_ring_from_the_start(scheme: Scheme) ->
 
 
 @pytest.mark.parametrize(
-    "scheme", [hv.Midpoint(), hv.GeneralizedAlpha(0.5), hv.Newmark(), hv.ImplicitEuler()], ids=repr
+    "scheme",
+    [hv.evolution.Midpoint(), hv.evolution.GeneralizedAlpha(0.5), hv.evolution.Newmark(), hv.evolution.ImplicitEuler()],
+    ids=repr,
 )
 def test_nodes_without_mass_swing_where_forces_balance_within_a_step(scheme: Scheme) -> None:
     """Half a block of mass 1/2 and a side without any, which its weight takes to ``w`` at once, swings as is told."""
@@ -451,7 +463,10 @@ def test_nodes_without_mass_swing_where_forces_balance_within_a_step(scheme: Sch
     assert [f"{ratio:.3g} times as far" in message for message in told] == [True] * (ratio > 0.0)
 
 
-@pytest.mark.parametrize(("scheme", "told"), [(hv.Midpoint(), True), (hv.SDIRK2(), False), (hv.ImplicitEuler(), False)])
+@pytest.mark.parametrize(
+    ("scheme", "told"),
+    [(hv.evolution.Midpoint(), True), (hv.evolution.SDIRK2(), False), (hv.evolution.ImplicitEuler(), False)],
+)
 def test_a_body_without_mass_rings_on_a_rigid_obstacle_with_the_midpoint_rule(scheme: Scheme, told: bool) -> None:
     """Pushed onto it by ``t``, it rests from then on; with the midpoint rule it goes to and fro, as the march says."""
     problem = bodies.column(

@@ -52,16 +52,20 @@ HEAT = membrane(kind=ScalarKind.HEAT, density=None, capacity=1.0)
     ],
 )  # fmt: skip
 def test_what_scalar_evolutions_refuse(problem: Any, options: dict[str, Any], words: str) -> None:
-    with pytest.raises(hv.ProblemError, match=words):
+    with pytest.raises(hv.errors.ProblemError, match=words):
         Evolution(problem, **options)
 
 
 @pytest.mark.parametrize(
     ("evolution", "options", "words"),
     [
-        (Evolution(HEAT), {"scheme": hv.Newmark()}, "the scheme newmark is one for bodies with mass"),
+        (Evolution(HEAT), {"scheme": hv.evolution.Newmark()}, "the scheme newmark is one for bodies with mass"),
         (Evolution(membrane(supports={}, viscosity=1.0)), {}, "free|constant|held"),
-        (Evolution(membrane(contact={"right": RUBS}), inertia=True), {"scheme": hv.MoreauJean()}, "rigid obstacles"),
+        (
+            Evolution(membrane(contact={"right": RUBS}), inertia=True),
+            {"scheme": hv.evolution.MoreauJean()},
+            "rigid obstacles",
+        ),
         (Evolution(membrane(), displacement=0.5), {}, "the initial displacement contradicts the supports"),
         (
             Evolution(membrane(contact={"right": STOP}), displacement=lambda x: x[:, 0]), {},
@@ -71,7 +75,7 @@ def test_what_scalar_evolutions_refuse(problem: Any, options: dict[str, Any], wo
     ],
 )  # fmt: skip
 def test_what_scalar_marches_refuse(evolution: Evolution, options: dict[str, Any], words: str) -> None:
-    with pytest.raises(hv.ProblemError, match=words):
+    with pytest.raises(hv.errors.ProblemError, match=words):
         march(evolution, 1.0, step=0.5, **options)
 
 
@@ -81,7 +85,7 @@ def test_a_body_is_quenched() -> None:
         hv.rectangle((1.0, 0.25), (16, 4)), 1.0, supports={"left": 0.0, "right": 0.0}, kind=ScalarKind.HEAT,
         capacity=1.0, order=2,
     )  # fmt: skip
-    history = march(Evolution(slab, displacement=1.0), 0.1, step=0.1 / 64, scheme=hv.SDIRK2())
+    history = march(Evolution(slab, displacement=1.0), 0.1, step=0.1 / 64, scheme=hv.evolution.SDIRK2())
     x, odd = slab.mesh.nodes(2)[:, 0], np.arange(1, 60, 2)
     exact = (4.0 / np.pi / odd * np.exp(-((odd * np.pi) ** 2) * 0.1)) @ np.sin(np.pi * np.outer(odd, x))
     np.testing.assert_allclose(history.frames[-1].displacement[:, 0], exact, atol=2e-4)
@@ -89,9 +93,9 @@ def test_a_body_is_quenched() -> None:
 
 def test_the_effective_problem_is_that_of_a_step() -> None:
     stated = membrane(viscosity=2.0)
-    with pytest.raises(hv.ProblemError, match="no branches"):
+    with pytest.raises(hv.errors.ProblemError, match="no branches"):
         stated.effective(1.0, (1.0,))
-    with pytest.raises(hv.ProblemError, match="already"):
+    with pytest.raises(hv.errors.ProblemError, match="already"):
         stated.effective(1.0).effective(1.0)
     here = stated.effective(0.5, (), 3.0)
     same = membrane(density=None, coefficient=2.0, bedding=3.0)
@@ -127,7 +131,7 @@ def test_a_march_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
         source=lambda x, t: np.sin(3.0 * t) + 0.0 * x[:, 0],
     )
     evolution = Evolution(problem, inertia=True)
-    options: dict[str, Any] = {"step": 0.05, "scheme": hv.GeneralizedAlpha(0.7)}
+    options: dict[str, Any] = {"step": 0.05, "scheme": hv.evolution.GeneralizedAlpha(0.7)}
     whole = march(evolution, 1.0, **options)
     file = tmp_path / "run.ckpt"
     march(evolution, 1.0, checkpoint=file, max_time=0.0, **options)
@@ -169,7 +173,7 @@ def test_a_file_says_what_the_library_says(tmp_path: Path) -> None:
     again = parse_problem_file((tmp_path / "heat.toml").read_text())
     assert difference(found.problem, again.problem) is None
     assert difference(found.time, again.time) is None
-    history = march(evolution_of(found), 0.5, step=0.1, save=hv.Save(probes={"corner": (1.0, 1.0)}))
+    history = march(evolution_of(found), 0.5, step=0.1, save=hv.evolution.Save(probes={"corner": (1.0, 1.0)}))
     assert history["corner.u"][0] == pytest.approx(0.3)
     by_hand = hv.ScalarProblem(
         hv.rectangle((1.0, 1.0), 4), 0.5,
@@ -196,9 +200,9 @@ def test_regions_of_a_file(tmp_path: Path) -> None:
         ),
     ):
         assert wrong != text
-        with pytest.raises(hv.ProblemError, match=words):
+        with pytest.raises(hv.errors.ProblemError, match=words):
             parse_problem_file(wrong, tmp_path)
-    with pytest.raises(hv.ProblemError, match="by the regions that the tension is given by"):
+    with pytest.raises(hv.errors.ProblemError, match="by the regions that the tension is given by"):
         hv.write_problem(membrane(mesh=halves, density={"low": 3.0, "high": 4.0}), tmp_path / "no.toml", beside=True)
 
 
@@ -216,7 +220,7 @@ def test_regions_of_a_file(tmp_path: Path) -> None:
 )
 def test_what_files_refuse(old: str, new: str, words: str) -> None:
     assert old in FILE
-    with pytest.raises(hv.ProblemError, match=words):
+    with pytest.raises(hv.errors.ProblemError, match=words):
         parse_problem_file(FILE.replace(old, new))
 
 
@@ -236,7 +240,7 @@ def test_frames_are_read_back(tmp_path: Path) -> None:
         time, data, _ = reader.read_data(reader.num_steps - 1)
         assert time == pytest.approx(0.5)
         np.testing.assert_allclose(data["temperature"], history.frames[-1].displacement[:, 0])
-    with pytest.raises(hv.ProblemError, match="films show bodies that deform"):
+    with pytest.raises(hv.errors.ProblemError, match="films show bodies that deform"):
         history.animate(tmp_path / "heat.gif")
     ringing = march(Evolution(membrane(source=1.0), inertia=True), 0.1, step=0.05)
     ringing.write(tmp_path / "membrane.pvd")
@@ -250,7 +254,9 @@ def test_the_command_marches_a_file(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "hemivar", "march", "heat.toml", "--table", "heat.csv", "--fields", "heat.pvd"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    history = march(evolution_of(parse_problem_file(FILE)), 0.5, step=0.1, save=hv.Save(probes={"corner": (1.0, 1.0)}))
+    history = march(
+        evolution_of(parse_problem_file(FILE)), 0.5, step=0.1, save=hv.evolution.Save(probes={"corner": (1.0, 1.0)})
+    )
     column = read_history_table(tmp_path / "heat.csv")["corner.u"]
     assert np.array_equal(column, history["corner.u"])
     assert (tmp_path / "heat.pvd").exists()

@@ -93,8 +93,10 @@ def test_what_points_remember_lasts_whole_steps(known: KnownEvolution, error: fl
     assert abs(history.ledger["gap"]) < 1e-8
 
 
-@pytest.mark.parametrize("memory", [hv.ViscousFoundation(5.0), hv.PenetrationMemory(30.0, 0.4)], ids=lambda m: m.name)
-def test_schemes_agree_on_what_points_remember(memory: hv.Memory) -> None:
+@pytest.mark.parametrize(
+    "memory", [hv.laws.ViscousFoundation(5.0), hv.laws.PenetrationMemory(30.0, 0.4)], ids=lambda m: m.name
+)
+def test_schemes_agree_on_what_points_remember(memory: hv.laws.Memory) -> None:
     contact = hv.Contact(hv.Compliance(24.0), memory=(memory,))
     problem = bodies.column(contact, 12.0, top=None, viscous=1.0, density=0.2, tractions={"top": (0.0, -1.0)})
     states = []
@@ -177,7 +179,7 @@ def test_a_sliding_block_comes_to_rest(step: float) -> None:
 
 def test_a_block_on_ground_that_hardens_bounces_without_loss() -> None:
     """The mean of the law over a step keeps the energy, to the solver's tolerance; the law at the midpoint does not."""
-    ground = hv.PiecewiseQuadratic([0.0, 0.02, 0.04], [0.0, 20.0, 200.0, 2000.0], np.zeros(3))
+    ground = hv.laws.PiecewiseQuadratic([0.0, 0.02, 0.04], [0.0, 20.0, 200.0, 2000.0], np.zeros(3))
     evolution = moving_bar(4, hv.Contact(ground), modulus=50.0, velocity=1.0)
     kept = march(evolution, 1.0, step=0.02, scheme=Midpoint(conserving=True))
     assert kept["normal_force"].max() > 0.5  # it has been down, and up again

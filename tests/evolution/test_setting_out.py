@@ -29,7 +29,7 @@ from tests import bodies
 from tests.evolution.messages import said_of
 
 SPRING, PERIOD, BOUND = 60.0, 0.3, 0.05
-SCHEMES = (hv.Newmark(), hv.GeneralizedAlpha(), hv.Midpoint())
+SCHEMES = (hv.evolution.Newmark(), hv.evolution.GeneralizedAlpha(), hv.evolution.Midpoint())
 #: Where the speed of the top (along, across) and of the gap jumps.
 TOP, DOWN, SINKS, END = 0.4, 0.7, 0.5, 1.0
 
@@ -43,7 +43,7 @@ def dragged(**more: Any) -> Evolution:
         lame=(50.0, 40.0),
         density=1.0,
         viscosity=(0.02, 0.02),
-        branches=[hv.Branch(lame=(0.0, 10.0), time=PERIOD)],
+        branches=[hv.materials.Branch(lame=(0.0, 10.0), time=PERIOD)],
         supports={"top": hv.Fixed(x=Formula(f"0.03*min(t, {TOP})"), y=Formula(f"-0.02*max(0, t - {DOWN})"))},
     )
     return Evolution(problem, inertia=True, **more)
@@ -121,11 +121,11 @@ def test_where_speeds_jump_schemes_stay_of_their_order(scheme: Scheme) -> None:
 def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
     """The blow changes no momentum of the unknowns; accelerations are those of the new velocities."""
     stated = dragged() if name == "body" else warm()
-    moment = march(stated, until, step=0.02, scheme=hv.Newmark()).moment
+    moment = march(stated, until, step=0.02, scheme=hv.evolution.Newmark()).moment
     discrete = discretize_evolution(stated)
     contact, n = discrete.problem.contact, discrete.unknowns
     assert discrete.mass is not None
-    advance = stepper_of(discrete, hv.Newmark(), None, Controls())
+    advance = stepper_of(discrete, hv.evolution.Newmark(), None, Controls())
     after = set_out_anew(advance, moment, 0.02)
     if name == "heat" and until != TOP:
         assert after is moment
@@ -161,7 +161,7 @@ def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
 def test_adaptive_steps_go_on_where_speeds_jump(scheme: Scheme) -> None:
-    history = march(dragged(), END, step=hv.AdaptiveStep(1e-3, first_step=0.01), scheme=scheme)
+    history = march(dragged(), END, step=hv.evolution.AdaptiveStep(1e-3, first_step=0.01), scheme=scheme)
     place, *_ = exact()
     assert history.ended == "finished"
     assert all(one.startswith("rtol bounds the error of one step") for one in said_of(history))
@@ -179,7 +179,7 @@ def shaken(tilt: float = 0.0) -> Evolution:
     problem = hv.ContactProblem(
         mesh=replace(mesh, parent=None, points=mesh.points @ np.array([[c, s], [-s, c]])),
         material=hv.Material.lame(50.0, 40.0, density=1.0, viscosity=(0.1, 0.1)),
-        contact={"bottom": hv.Contact(hv.Bilateral(), gap=Formula(SHAKES))},
+        contact={"bottom": hv.Contact(hv.laws.Bilateral(), gap=Formula(SHAKES))},
     )
     return Evolution(problem, inertia=True)
 
@@ -239,8 +239,8 @@ def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme,
 
 def test_an_impulse_that_is_not_found_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hemivar.evolution.setting_out_anew._STEPS", 1)
-    with pytest.raises(hv.ProblemError, match=r"t = 0 the impulse of the foundation .* could not be found"):
-        march(shaken(), END, step=0.05, scheme=hv.Newmark())
+    with pytest.raises(hv.errors.ProblemError, match=r"t = 0 the impulse of the foundation .* could not be found"):
+        march(shaken(), END, step=0.05, scheme=hv.evolution.Newmark())
 
 
 def warm() -> Evolution:
@@ -260,11 +260,11 @@ def warm() -> Evolution:
 @pytest.mark.parametrize("stated", [dragged, warm], ids=["body", "heat"])
 def test_a_march_goes_on_from_a_kink_bit_for_bit(stated: Callable[[], Evolution], tmp_path: Path) -> None:
     kept = Checkpoint(tmp_path / "kept.npz", 0.0)
-    plan = March(0.6, step=0.05, scheme=hv.Newmark())
-    whole = march(stated(), 0.6, step=0.05, scheme=hv.Newmark())
+    plan = March(0.6, step=0.05, scheme=hv.evolution.Newmark())
+    whole = march(stated(), 0.6, step=0.05, scheme=hv.evolution.Newmark())
     steps = marching(stated(), replace(plan, checkpoint=kept))
     assert any(step.moment.time == TOP for step in steps)  # ends it there
-    resumed = march(stated(), 0.6, step=0.05, scheme=hv.Newmark(), checkpoint=kept, resume=True)
+    resumed = march(stated(), 0.6, step=0.05, scheme=hv.evolution.Newmark(), checkpoint=kept, resume=True)
     assert len(resumed.rows) == len(whole.rows)
     for part in ("displacement", "velocity", "acceleration"):
         assert getattr(resumed.moment.body, part).tobytes() == getattr(whole.moment.body, part).tobytes()
@@ -285,7 +285,7 @@ def test_paths_that_jump_themselves_are_left_alone() -> None:
             supports={"top": hv.Fixed(x=Formula(path), y=0.0)},
         )
         discrete = discretize_evolution(Evolution(problem, inertia=True))
-        found = speeds_jump(TimeStepper.of(discrete, hv.Newmark(), None, Controls()), at, 0.01)
+        found = speeds_jump(TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls()), at, 0.01)
         return found is not None
 
     assert kinks("0.1*abs(t - 0.5)", 0.5)

@@ -128,7 +128,7 @@ def test_a_fixed_step_that_failed_is_halved_and_comes_back() -> None:
 def crept(scheme: Scheme, step: float | AdaptiveStep) -> tuple[History, Array, Array]:
     """A viscous block of stiffness 3 on a spring of 2 under a sudden load, with the exact displacement and velocity."""
     problem = bodies.column(hv.Compliance(2.0), 3.0, viscous=0.6, tractions={"bottom": (0.0, -0.1)})
-    history = march(Evolution(problem), 1.0, step=step, scheme=scheme, save=hv.Save(every=1e-9))
+    history = march(Evolution(problem), 1.0, step=step, scheme=scheme, save=hv.evolution.Save(every=1e-9))
     fading = np.exp(-history.times * 5.0 / 0.6)
     return history, 0.1 / 5.0 * (1.0 - fading), 0.1 / 0.6 * fading
 

@@ -24,13 +24,13 @@ def rate_problem(seed: int) -> tuple[Evolution, float, int]:
     bound = 0.02 + 0.2 * rng.random()
     friction = (
         hv.Tresca(bound),
-        hv.Logarithmic(min(bound, 0.2 * mu_v)),
+        hv.laws.Logarithmic(min(bound, 0.2 * mu_v)),
         hv.SlipWeakening(min(bound, 0.3 * mu_v), 0.5 + rng.random()),
         hv.Tresca(lambda x: bound * (1.0 + x[:, 0])),
     )[seed % 4]
     free = seed % 3 == 0
     contact = hv.Contact(
-        hv.NoContact() if free else hv.Bilateral(),
+        hv.laws.NoContact() if free else hv.laws.Bilateral(),
         friction,
         damping=hv.Compliance(1.0 + rng.random()) if free else None,
     )
@@ -44,7 +44,7 @@ def place_problem(seed: int) -> tuple[Evolution, float, int]:
     normal = (
         hv.Compliance(40.0 * rng.random()),
         hv.Signorini(),
-        hv.SurveyLaw(0.1 * rng.random(), 3.0 * rng.random()),
+        hv.laws.SurveyLaw(0.1 * rng.random(), 3.0 * rng.random()),
         hv.Softening(2.0, 0.03, 0.3 + 0.5 * rng.random()),
     )[seed % 4]
     contact = hv.Contact(normal, gap=0.02 * rng.random())
@@ -134,7 +134,7 @@ def test_loads_that_bend_within_a_step_make_an_estimate(norm: str, wave: Callabl
     law = (
         hv.Contact(hv.Compliance(2.0))
         if norm == "viscosity"
-        else hv.Contact(hv.NoContact(), damping=hv.Compliance(1.0))
+        else hv.Contact(hv.laws.NoContact(), damping=hv.Compliance(1.0))
     )
     problem = bodies.square(law, 1, lame=(0.0, 1.5), viscosity=(0.0, 0.3), body_force=load)
     coarse, bound, error = compared(Evolution(problem), 1.0, 5)
@@ -156,7 +156,7 @@ def test_the_effectivity_of_one_degree_of_freedom(norm: str) -> None:
     error.  That of laws of the displacement forgets: at t = 1/a it is nearer, and it falls with the error.
     """
     damped = {"damping": hv.Compliance(0.0)} if norm == "stiffness" else {}
-    evolution = block(hv.Contact(hv.NoContact(), **damped), -1.0)  # type: ignore[arg-type]
+    evolution = block(hv.Contact(hv.laws.NoContact(), **damped), -1.0)  # type: ignore[arg-type]
     count = 100
     history = march(evolution, 3.0, step=3.0 / count)
     assert history.time_error.norm == norm, history.time_error.why
@@ -178,7 +178,7 @@ def test_the_effectivity_of_one_degree_of_freedom(norm: str) -> None:
 def test_bodies_that_stick_keep_their_error() -> None:
     """Why laws of the rate forget nothing: two bodies that differ, and stick, are both at rest for ever."""
     problem = bodies.square(
-        hv.Contact(hv.Bilateral(), hv.Tresca(0.5)), 2, viscosity=(0.4, 0.4), supports={"top": hv.Clamped()}
+        hv.Contact(hv.laws.Bilateral(), hv.Tresca(0.5)), 2, viscosity=(0.4, 0.4), supports={"top": hv.Clamped()}
     )
     left = Evolution(problem, displacement=lambda x: np.stack([0.05 * (1.0 - x[:, 1]), 0.0 * x[:, 0]], axis=1))
     history = march(left, 50.0, step=5.0, save=Save(5.0))
@@ -193,7 +193,7 @@ def test_no_bound_without_viscosity_somewhere() -> None:
     mesh = hv.Mesh(mesh.points, mesh.cells, dict(mesh.boundaries), regions)
     parts = {"a": hv.Material.lame(4, 4, viscosity=(0.4, 0.4)), "b": hv.Material.lame(4, 4)}
     cases: tuple[tuple[hv.Contact, Any, bool], ...] = (
-        (hv.Contact(hv.Bilateral(), hv.Tresca(0.1)), (0.0, -0.2), False),
+        (hv.Contact(hv.laws.Bilateral(), hv.Tresca(0.1)), (0.0, -0.2), False),
         (hv.Contact(hv.Compliance(3.0)), (0.0, -0.2), True),
         (hv.Contact(hv.Compliance(3.0)), lambda x, t: np.array([0.0, -t]), False),
     )
@@ -271,7 +271,7 @@ def test_the_bound_is_the_one_that_is_written() -> None:
 def test_the_bound_of_rates_is_the_one_that_is_written() -> None:
     """``sum tau^3/6 |K dU - df|^2/C`` on one degree of freedom with friction that does not soften."""
     moving = bodies.square(
-        hv.Contact(hv.Bilateral(), hv.Tresca(0.2)),
+        hv.Contact(hv.laws.Bilateral(), hv.Tresca(0.2)),
         1,
         lame=(0.0, 3.0),
         viscosity=(0.0, 0.6),

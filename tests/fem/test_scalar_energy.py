@@ -106,7 +106,7 @@ def test_what_is_held_where_its_law_forbids_it() -> None:
     law = hv.ScalarContact(hv.Compliance(2.0), 0.1)
     soft = hv.discretize(hv.ScalarProblem(MESH, 1.0, area=law, supports=rim))
     inner = float(soft.contact.weights.sum())
-    free = hv.discretize(hv.ScalarProblem(MESH, 1.0, area=hv.ScalarContact(hv.NoContact()), supports=rim))
+    free = hv.discretize(hv.ScalarProblem(MESH, 1.0, area=hv.ScalarContact(hv.laws.NoContact()), supports=rim))
     assert soft.constant - free.constant == pytest.approx((1.0 - inner) * 0.2**2)
 
 
@@ -126,7 +126,9 @@ def test_contact_points_of_boundaries_and_regions() -> None:
     areas = hv.discretize(hv.ScalarProblem(mesh, 1.0, area={"low": STOP, "high": STOP}, bedding=1.0)).contact
     assert areas.weights.sum() == pytest.approx(1.0)
     assert np.unique(areas.node).size == areas.count == len(mesh.points)
-    with pytest.raises(hv.ProblemError, match=r"meet at 3 nodes, the first at x = \(0, 0\); a node bears one law"):
+    with pytest.raises(
+        hv.errors.ProblemError, match=r"meet at 3 nodes, the first at x = \(0, 0\); a node bears one law"
+    ):
         hv.discretize(hv.ScalarProblem(mesh, 1.0, {"left": STOP}, {"low": STOP}, bedding=1.0))
     both = hv.ScalarProblem(
         mesh, 1.0, {"top": hv.ScalarContact(hv.Tresca(0.5), 0.2)}, {"low": replace(STOP, side=Side.BELOW)}, bedding=1.0
@@ -141,7 +143,9 @@ def test_contact_points_of_boundaries_and_regions() -> None:
     np.testing.assert_array_equal(np.diff(mixed.trace.indptr)[2 * over + 1], 0)
     edge = mixed.on("top")
     np.testing.assert_array_equal(discrete.offset[edge], np.broadcast_to([0.0, 0.2], (len(edge), 2)))
-    found = {method: hv.solve(replace(both, source=-1.0), hv.METHODS[method]) for method in ("newton", "multigrid")}
+    found = {
+        method: hv.solve(replace(both, source=-1.0), hv.solvers.METHODS[method]) for method in ("newton", "multigrid")
+    }
     np.testing.assert_allclose(found["newton"].displacement, found["multigrid"].displacement, atol=1e-9)
     assert found["newton"].certify().unique
 
@@ -178,7 +182,7 @@ def test_loads_and_supports_grow_together() -> None:
 @pytest.mark.parametrize("order", [1, 2])
 def test_reactions_balance_loads_and_contact(order: int) -> None:
     problem = hv.ScalarProblem(
-        MESH, lambda x: 1.0 + x[:, 0], {"bottom": hv.ScalarContact(hv.SurveyLaw(0.1, 4.0), -0.02)},
+        MESH, lambda x: 1.0 + x[:, 0], {"bottom": hv.ScalarContact(hv.laws.SurveyLaw(0.1, 4.0), -0.02)},
         supports={"left": 0.1, "right": lambda x: 0.1 + 0.1 * x[:, 1]}, source=lambda x: x[:, 1], fluxes={"top": 0.3},
         order=order,
     )  # fmt: skip
@@ -190,5 +194,5 @@ def test_reactions_balance_loads_and_contact(order: int) -> None:
     assert total == pytest.approx(0.0, abs=1e-10)
     assert found.on("bottom").contact_length > 0.0
     other = found.problem.with_(load=2.0 * found.problem.load)
-    with pytest.raises(hv.ProblemError, match="under the stated load only"):
+    with pytest.raises(hv.errors.ProblemError, match="under the stated load only"):
         _ = hv.solve(other).reactions

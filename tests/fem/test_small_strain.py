@@ -189,7 +189,7 @@ def test_paths(prescribed: bool, named: bool) -> None:
         changes = {"supports": {"left": hv.Clamped(), "right": hv.Fixed(y=-0.3)}, "body_force": (0.0, 0.0)}
     line = LoadLine.of(shelf(0.1, **changes))
 
-    def followed(*ends: float) -> hv.Path:
+    def followed(*ends: float) -> hv.branches.Path:
         return hv.follow_path(line.loaded, ends or (0.0, 1.0), unloaded=line.unloaded if named else None)  # type: ignore[arg-type]
 
     path, whole = followed(), hv.solve(line.loaded).raise_for_status()

@@ -47,7 +47,7 @@ def test_a_file_says_what_the_library_says() -> None:
     assert isinstance(found, hv.ScalarProblem)
     same = hv.ScalarProblem(
         hv.rectangle((2.0, 2.0), 8, origin=(-1.0, -1.0)), Formula("2 + x"),
-        {"bottom": hv.ScalarContact(hv.SurveyLaw(0.1), Formula("0.1*x"))},
+        {"bottom": hv.ScalarContact(hv.laws.SurveyLaw(0.1), Formula("0.1*x"))},
         supports={"left": 0.0, "top": Formula("0.1*(x + 1)")},
         source=-1.0, fluxes={"right": Formula("y")}, bedding=Formula("0.5*x^2", minimum=0.0), title="hill",
         density=3.0, viscosity=Formula("1 + y^2", minimum=0.0),
@@ -93,12 +93,12 @@ def test_regions_are_written_beside(tmp_path: Path) -> None:
         mesh, {"low": 1.0, "high": Formula("1 + x")}, supports={"left": 0.0},
         area={
             "low": hv.ScalarContact(hv.Signorini(), 0.1),
-            "high": hv.ScalarContact(hv.SurveyLaw(0.1), -0.1, Side.BELOW),
+            "high": hv.ScalarContact(hv.laws.SurveyLaw(0.1), -0.1, Side.BELOW),
         },
     )  # fmt: skip
     path = hv.write_problem(problem, tmp_path / "p.toml", beside=True)
     assert difference(problem, hv.read_problem(path)) is None
-    with pytest.raises(hv.ProblemError, match="Python function"):
+    with pytest.raises(hv.errors.ProblemError, match="Python function"):
         hv.write_problem(hv.ScalarProblem(hv.rectangle(), lambda x: 1.0 + x[:, 0]), tmp_path / "r.toml")
 
 
@@ -134,14 +134,14 @@ def test_regions_are_written_beside(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_what_a_file_refuses(old: str, new: str, words: str) -> None:
     assert old in FILE
-    with pytest.raises(hv.ProblemError, match=words) as refused:
+    with pytest.raises(hv.errors.ProblemError, match=words) as refused:
         parse_problem(FILE.replace(old, new), name="file.toml")
     assert str(refused.value).startswith("file.toml: ")
     assert "\n" not in str(refused.value)
 
 
 def test_a_key_of_scalar_problems_is_unknown_to_bodies() -> None:
-    with pytest.raises(hv.ProblemError, match="area: unknown table"):
+    with pytest.raises(hv.errors.ProblemError, match="area: unknown table"):
         parse_problem(
             '[mesh]\nrectangle = [1, 1]\ncells = 2\n[material]\nlame = [1, 1]\n[area]\nnormal = "signorini"\n'
         )

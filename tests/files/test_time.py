@@ -92,9 +92,11 @@ def test_what_is_read_is_what_the_library_states() -> None:
         density=Formula("1 + 0.1 * y"),
         viscosity=(0.1, Formula("0.2 + x")),
         branches=[
-            hv.Branch(lame=(2.0, Formula("1 + y")), time=0.5),
-            hv.Branch(young=3.0, poisson=0.25, time=0.1),
-            hv.Branch(tensor=FormulaArray((2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, Formula("1 + x")), (3, 3)), time=2),
+            hv.materials.Branch(lame=(2.0, Formula("1 + y")), time=0.5),
+            hv.materials.Branch(young=3.0, poisson=0.25, time=0.1),
+            hv.materials.Branch(
+                tensor=FormulaArray((2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, Formula("1 + x")), (3, 3)), time=2
+            ),
         ],
     )
     problem = hv.ContactProblem(
@@ -103,7 +105,7 @@ def test_what_is_read_is_what_the_library_states() -> None:
         contact={
             "bottom": hv.Contact(
                 hv.Compliance(Formula("2 + t")),
-                hv.Tresca(hv.CoulombBound(Formula("0.1 + 0.1 * t"))),
+                hv.Tresca(hv.laws.CoulombBound(Formula("0.1 + 0.1 * t"))),
                 gap=Formula("0.1 * t * x"),
                 damping=hv.Compliance(Formula("1 + t")),
             )

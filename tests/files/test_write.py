@@ -146,7 +146,7 @@ def tables(folder: Path) -> list[Path]:
 
 
 @st.composite
-def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.Superpotential | hv.Friction:
+def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.laws.Superpotential | hv.laws.Friction:
     """A law by its name, with parameters in every form that a file can hold."""
     law, slip, bound = tables(folder)
     values: dict[str, object] = {}
@@ -162,10 +162,10 @@ def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.Superpotential | 
                 choices: list[st.SearchStrategy[object]] = [
                     st.floats(0.0, 9.0),
                     formulas,
-                    st.just(hv.CoulombBound(0.3)),
-                    st.just(hv.CoulombBound(Formula("0.1 + abs(x)"))),
-                    st.just(hv.PenetrationBound("min(8*s, 0.8)")),
-                    st.just(hv.PenetrationBound(_read_bound(bound), file=bound)),
+                    st.just(hv.laws.CoulombBound(0.3)),
+                    st.just(hv.laws.CoulombBound(Formula("0.1 + abs(x)"))),
+                    st.just(hv.laws.PenetrationBound("min(8*s, 0.8)")),
+                    st.just(hv.laws.PenetrationBound(_read_bound(bound), file=bound)),
                 ]
                 values[parameter.name] = draw(st.one_of(choices))
             case ParameterForm.FILE:
@@ -211,13 +211,13 @@ def statements(draw: st.DrawFn, folder: Path) -> hv.ContactProblem:
             way = tuple(draw(st.floats(0.1, 9.0)) for _ in range(dim))
             shapes: list[st.SearchStrategy[object]] = [
                 st.just(hv.Plane(ends, way)),
-                st.builds(hv.Sphere, st.just(ends), numbers, st.booleans()),
-                st.just(hv.SignedDistance(Formula("y + 0.1"))),
+                st.builds(hv.mechanics.Sphere, st.just(ends), numbers, st.booleans()),
+                st.just(hv.mechanics.SignedDistance(Formula("y + 0.1"))),
             ]
             if dim == 3:
-                shapes.append(st.builds(hv.Cylinder, st.just(ends), st.just(way), numbers, st.booleans()))
+                shapes.append(st.builds(hv.mechanics.Cylinder, st.just(ends), st.just(way), numbers, st.booleans()))
             obstacle = draw(st.one_of(shapes))
-            normals = draw(st.sampled_from(list(hv.Normals)))
+            normals = draw(st.sampled_from(list(hv.mechanics.Normals)))
         damping = draw(st.none() | laws(draw(st.sampled_from(list(NORMAL_LAWS.values()))), folder))
         contact[name] = hv.Contact(normal, friction, gap, obstacle, normals, damping)  # type: ignore[arg-type]
     held: list[st.SearchStrategy[object]] = [
@@ -237,10 +237,10 @@ def statements(draw: st.DrawFn, folder: Path) -> hv.ContactProblem:
     full = np.eye(size) + 0.1 * np.ones((size, size))
     entries = [Formula("1 + x^2") if k % (size + 1) == 0 else 0.0 for k in range(size * size)]
     pairs = st.tuples(st.floats(0.0, 9.0), st.floats(0.0, 9.0) | st.just(Formula("1 + x^2")))
-    branches: list[st.SearchStrategy[hv.Branch]] = [
-        st.builds(hv.Branch, lame=pairs, time=numbers),
-        st.builds(hv.Branch, young=numbers, poisson=st.floats(-0.5, 0.45), time=numbers),
-        st.builds(hv.Branch, tensor=st.just(FormulaArray(tuple(entries), (size, size))), time=numbers),
+    branches: list[st.SearchStrategy[hv.materials.Branch]] = [
+        st.builds(hv.materials.Branch, lame=pairs, time=numbers),
+        st.builds(hv.materials.Branch, young=numbers, poisson=st.floats(-0.5, 0.45), time=numbers),
+        st.builds(hv.materials.Branch, tensor=st.just(FormulaArray(tuple(entries), (size, size))), time=numbers),
     ]
     in_time: dict[str, st.SearchStrategy[object]] = {
         "density": st.none() | numbers | st.sampled_from(POSITIVE).map(Formula),
@@ -262,7 +262,7 @@ def statements(draw: st.DrawFn, folder: Path) -> hv.ContactProblem:
         tractions,  # type: ignore[arg-type]
         draw(st.text(st.characters(exclude_categories=["Cs"]), max_size=12)),
         draw(st.sampled_from([1, 2])) if dim == 2 or not contact else 1,
-        draw(st.sampled_from(list(hv.Quadrature))) if dim == 2 else hv.Quadrature.NODAL,
+        draw(st.sampled_from(list(hv.mechanics.Quadrature))) if dim == 2 else hv.mechanics.Quadrature.NODAL,
         draw(st.just(0.0) | st.floats(0.0, 9.0) | st.sampled_from(POSITIVE).map(Formula)),
     )
 
@@ -367,7 +367,9 @@ def test_a_scaled_mesh_whose_digits_no_recipe_gives_has_none() -> None:
 
 def test_tables_are_written_beside_and_take_no_other_files_place(tmp_path: Path) -> None:
     law = hv.table_law([0.0, 0.1, 0.1, 0.3], [0.0, 2.0, 1 / 3, 0.1])
-    friction = hv.Friction(hv.PenetrationBound(([0.0, 0.1], [0.0, 0.8])), hv.table_law([0, 1], [1, 0.5], friction=True))
+    friction = hv.laws.Friction(
+        hv.laws.PenetrationBound(([0.0, 0.1], [0.0, 0.8])), hv.table_law([0, 1], [1, 0.5], friction=True)
+    )
     problem = stated(contact={"bottom": hv.Contact(law, friction)})
     round_trip(problem, tmp_path, beside=True)
     names = {"p.bottom-normal.csv", "p.bottom-friction.csv", "p.bottom-bound.csv", "p.toml"}
@@ -391,13 +393,15 @@ def test_files_beside_go_again_where_the_problem_is_refused(tmp_path: Path) -> N
 
 def test_settings_of_the_solver(tmp_path: Path) -> None:
     path = tmp_path / "p.toml"
-    hv.write_problem(stated(), path, method=hv.METHODS["multigrid"], controls=hv.Controls(rtol=1e-7, max_time=3.0))
+    hv.write_problem(
+        stated(), path, method=hv.solvers.METHODS["multigrid"], controls=hv.Controls(rtol=1e-7, max_time=3.0)
+    )
     assert read_problem_file(path).solver == SolverSettings("multigrid", 1e-7, None, 3.0)
     hv.write_problem(read_problem_file(path), path, method="newton")
     assert read_problem_file(path).solver == SolverSettings("newton", 1e-7, None, 3.0)
     for options, words in (
         (
-            {"method": dataclasses.replace(hv.NonsmoothNewton(), sweeps=17)},
+            {"method": dataclasses.replace(hv.solvers.NonsmoothNewton(), sweeps=17)},
             "method is 'newton' with options of its own",
         ),
         ({"method": "nought"}, "method is nought, .* one of newton"),
@@ -418,18 +422,25 @@ def law(r: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"contact": {"bottom": hv.Contact(hv.SurveyLaw(lambda x: x[:, 0]))}}, r"normal\.q_max is the Python function"),
-        ({"contact": {"bottom": hv.Contact(hv.SurveyLaw(np.ones(5)))}}, r"normal\.q_max is given as 5 numbers"),
         (
-            {"contact": {"bottom": hv.Contact(hv.PiecewiseQuadratic([0.0], [0.0, 1.0], [0.0]))}},
+            {"contact": {"bottom": hv.Contact(hv.laws.SurveyLaw(lambda x: x[:, 0]))}},
+            r"normal\.q_max is the Python function",
+        ),
+        ({"contact": {"bottom": hv.Contact(hv.laws.SurveyLaw(np.ones(5)))}}, r"normal\.q_max is given as 5 numbers"),
+        (
+            {"contact": {"bottom": hv.Contact(hv.laws.PiecewiseQuadratic([0.0], [0.0, 1.0], [0.0]))}},
             r"contact\['bottom'\]\.normal is a PiecewiseQuadratic, which .* it can say the laws",
         ),
         (
-            {"contact": {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(hv.PenetrationBound(law)))}},
+            {"contact": {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(hv.laws.PenetrationBound(law)))}},
             r"friction\.bound is the Python function law",
         ),
         (
-            {"contact": {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(hv.PenetrationBound("s + 1", reach=3.0)))}},
+            {
+                "contact": {
+                    "bottom": hv.Contact(hv.Signorini(), hv.Tresca(hv.laws.PenetrationBound("s + 1", reach=3.0)))
+                }
+            },
             r"friction\.bound\.reach would come back otherwise",
         ),
         (
@@ -437,7 +448,11 @@ def law(r: np.ndarray) -> np.ndarray:
             r"contact\['bottom'\]\.normal\.even would come back otherwise",
         ),
         (
-            {"contact": {"bottom": hv.Contact(dataclasses.replace(hv.Layered([1.0], [2.0]), slopes=[0.0, 3.0, 0.0]))}},
+            {
+                "contact": {
+                    "bottom": hv.Contact(dataclasses.replace(hv.laws.Layered([1.0], [2.0]), slopes=[0.0, 3.0, 0.0]))
+                }
+            },
             r"contact\['bottom'\]\.normal\.slopes would come back otherwise",
         ),
         (
@@ -445,7 +460,11 @@ def law(r: np.ndarray) -> np.ndarray:
             r"contact\['bottom'\]\.gap would come back otherwise",
         ),
         (
-            {"contact": {"bottom": hv.Contact(hv.Signorini(), obstacle=hv.SignedDistance(lambda x: x[:, 1]))}},
+            {
+                "contact": {
+                    "bottom": hv.Contact(hv.Signorini(), obstacle=hv.mechanics.SignedDistance(lambda x: x[:, 1]))
+                }
+            },
             r"obstacle\.function is the Python function",
         ),
         ({"material": hv.Material.lame(lambda x: x[:, 0] + 1, 2.0)}, r"material\.lam is the Python function"),
@@ -489,7 +508,7 @@ def test_a_folder_that_is_a_link_is_no_obstacle(tmp_path: Path) -> None:
     real.mkdir(parents=True)
     os.symlink(real, tmp_path / "link")
     tables(tmp_path)
-    problem = stated(contact={"bottom": hv.Contact(hv.read_law_table(tmp_path / "law.csv"))})
+    problem = stated(contact={"bottom": hv.Contact(hv.laws.read_law_table(tmp_path / "law.csv"))})
     hv.write_problem(problem, tmp_path / "link" / "p.toml")
     assert "../../law.csv" in (real / "p.toml").read_text(encoding="utf-8")
     assert parse_problem_file((real / "p.toml").read_text(encoding="utf-8"), real).problem.contact.keys() == {"bottom"}

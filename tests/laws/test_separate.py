@@ -16,8 +16,8 @@ from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed import affine, bonded
 
 M = 300
-KINKS = hv.PiecewiseQuadratic([-0.5, 0.0, 0.5], [0.0, 2.0, -1.0, 0.0], [0.1, 0.2, 0.1], start=-0.3)
-WEAKENING = hv.PiecewiseQuadratic([-1.0, 0.0, 1.0], [0.0, -0.2, -0.2, 0.0], [0.0, 1.6, 0.0], start=-0.6)
+KINKS = hv.laws.PiecewiseQuadratic([-0.5, 0.0, 0.5], [0.0, 2.0, -1.0, 0.0], [0.1, 0.2, 0.1], start=-0.3)
+WEAKENING = hv.laws.PiecewiseQuadratic([-1.0, 0.0, 1.0], [0.0, -0.2, -0.2, 0.0], [0.0, 1.6, 0.0], start=-0.6)
 GLUE = bonded(hv.Compliance(5.0).at(None), 2.0, 0.1, 0.3, np.linspace(0.0, 1.0, M), 0.1)
 LAWS = {
     "spring": ContactLaw(hv.Compliance(3.0), Friction(0.2)),
@@ -100,6 +100,6 @@ def test_distances_and_rest_are_those_of_the_law(name: str, c: int) -> None:
 
 def test_laws_with_many_knots_have_no_tables() -> None:
     knots = np.linspace(0.0, 1.0, 60)
-    many = ContactLaw(hv.PiecewiseQuadratic(knots, np.linspace(0.0, 1.0, 61), np.zeros(60)))
+    many = ContactLaw(hv.laws.PiecewiseQuadratic(knots, np.linspace(0.0, 1.0, 61), np.zeros(60)))
     assert SeparateLaw.of(many, STIFF, 2) is None
     assert RadialLaw.of(many, STIFF) is None

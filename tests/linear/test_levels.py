@@ -242,7 +242,7 @@ def test_hierarchy_serves_other_loads_and_laws() -> None:
     problem = square()
     hierarchy = ElasticMultigrid.of(problem)
     other = problem.with_(
-        law=hv.ContactLaw(hv.Compliance(3.0).at(problem.contact.points), hv.Tresca(0.1).at(problem.contact.points))
+        law=hv.laws.ContactLaw(hv.Compliance(3.0).at(problem.contact.points), hv.Tresca(0.1).at(problem.contact.points))
     )
     step = hierarchy.steps[-1]
     below = step.posed(other)

@@ -128,12 +128,14 @@ def without_meshes() -> hv.ContactProblem:
 STATEMENTS = [lambda: gallery.survey("5.1", 16), lambda: gallery.survey_cube("5.1", 8), without_meshes]
 
 
-@pytest.mark.parametrize("method", [hv.NonsmoothMultigrid(), hv.NonsmoothNewton(), hv.METHODS["active-set"]])
+@pytest.mark.parametrize(
+    "method", [hv.solvers.NonsmoothMultigrid(), hv.solvers.NonsmoothNewton(), hv.solvers.METHODS["active-set"]]
+)
 @pytest.mark.parametrize("state", STATEMENTS)
 def test_a_solve_changes_no_bit_of_problem_and_workspace(
     state: Callable[[], hv.ContactProblem], method: hv.Solver
 ) -> None:
-    problem, workspace = hv.discretize(state()), hv.Workspace()
+    problem, workspace = hv.discretize(state()), hv.systems.Workspace()
     levels = levels_of(problem, workspace)
     once = hv.solve(problem, method, workspace=workspace)
     held = [problem, problem.space, levels.levels, levels.steps]
@@ -147,18 +149,18 @@ def test_a_solve_changes_no_bit_of_problem_and_workspace(
 
 
 def test_threads_with_two_laws_of_one_body_take_no_more_cycles() -> None:
-    problem, workspace = hv.discretize(gallery.survey("5.1", 32, "right")), hv.Workspace()
+    problem, workspace = hv.discretize(gallery.survey("5.1", 32, "right")), hv.systems.Workspace()
     at = problem.contact.points
-    stiff = problem.with_(law=hv.ContactLaw(hv.Compliance(20.0).at(at), hv.Tresca(0.1).at(at)))
+    stiff = problem.with_(law=hv.laws.ContactLaw(hv.Compliance(20.0).at(at), hv.Tresca(0.1).at(at)))
     weak = problem.with_(load=0.5 * problem.load)
     problems = [problem, stiff, weak, stiff]
-    alone = [hv.solve(one, hv.NonsmoothMultigrid()) for one in problems]
+    alone = [hv.solve(one, hv.solvers.NonsmoothMultigrid()) for one in problems]
     assert {one.status for one in alone} == {hv.Status.CONVERGED}
     barrier = threading.Barrier(len(problems))
 
     def work(one: hv.DiscreteProblem) -> list[hv.Solution]:
         barrier.wait(30)
-        return [hv.solve(one, hv.NonsmoothMultigrid(), workspace=workspace) for _ in range(3)]
+        return [hv.solve(one, hv.solvers.NonsmoothMultigrid(), workspace=workspace) for _ in range(3)]
 
     with ThreadPoolExecutor(len(problems)) as pool:
         together = list(pool.map(work, problems))
@@ -170,12 +172,14 @@ def test_threads_with_two_laws_of_one_body_take_no_more_cycles() -> None:
 
 def test_solves_of_one_thread_within_one_another_leave_each_other_alone() -> None:
     """A solve that a callback starts in the middle of another one works on the same levels."""
-    problem, workspace = hv.discretize(gallery.survey("5.1", 16, "right")), hv.Workspace()
-    expected = hv.solve(problem, hv.NonsmoothMultigrid(), workspace=workspace)
+    problem, workspace = hv.discretize(gallery.survey("5.1", 16, "right")), hv.systems.Workspace()
+    expected = hv.solve(problem, hv.solvers.NonsmoothMultigrid(), workspace=workspace)
 
     def inside(_: hv.Progress) -> bool:
-        hv.solve(problem.with_(load=2.0 * problem.load), hv.NonsmoothMultigrid(nested=False), workspace=workspace)
+        hv.solve(
+            problem.with_(load=2.0 * problem.load), hv.solvers.NonsmoothMultigrid(nested=False), workspace=workspace
+        )
         return False
 
-    found = hv.solve(problem, hv.NonsmoothMultigrid(), hv.Controls(callback=inside), workspace=workspace)
+    found = hv.solve(problem, hv.solvers.NonsmoothMultigrid(), hv.Controls(callback=inside), workspace=workspace)
     np.testing.assert_array_equal(found.unknowns, expected.unknowns)

@@ -135,4 +135,4 @@ def test_boundaries_that_end_within_facets_of_the_coarser_mesh_have_none() -> No
         {"right half": hv.Clamped()},
         body_force=(0.0, -1.0),
     )
-    assert hv.solve(hv.discretize(statement), hv.NonsmoothMultigrid()).status is hv.Status.CONVERGED
+    assert hv.solve(hv.discretize(statement), hv.solvers.NonsmoothMultigrid()).status is hv.Status.CONVERGED

@@ -23,7 +23,7 @@ from tests import bodies
 from .test_figures import texts
 
 
-def estimated(discrete: hv.DiscreteProblem, workspace: hv.Workspace) -> TraceBounds:
+def estimated(discrete: hv.DiscreteProblem, workspace: hv.systems.Workspace) -> TraceBounds:
     """Constants of the discrete problem, which cost little."""
     return discrete_trace_bounds(discrete, workspace)
 
@@ -32,7 +32,7 @@ def estimated(discrete: hv.DiscreteProblem, workspace: hv.Workspace) -> TraceBou
 def found() -> AdaptiveSolution:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(adaptive, "body_constants", estimated)
-        return hv.solve_adaptive(survey("5.1", 4), rtol=0.12, goal=None)
+        return hv.adapt.solve_adaptive(survey("5.1", 4), rtol=0.12, goal=None)
 
 
 def labels(figure: object) -> list[str]:
@@ -76,7 +76,7 @@ def test_figures_tell_how_far_the_last_solution_is(found: AdaptiveSolution) -> N
 
 def test_a_goal_has_curves_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adaptive, "body_constants", estimated)
-    found = hv.solve_adaptive(survey("5.1", 4), goal="contact.bottom.force.y", rtol=1e-3, max_unknowns=100)
+    found = hv.adapt.solve_adaptive(survey("5.1", 4), goal="contact.bottom.force.y", rtol=1e-3, max_unknowns=100)
     figure = plot_adaptive(found)
     assert sum("contact.bottom.force.y" in label for label in labels(figure)) == 2
     assert "order 1 in the unknowns" in labels(figure)
@@ -85,7 +85,7 @@ def test_a_goal_has_curves_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_in_space(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adaptive, "body_constants", estimated)
-    found = hv.solve_adaptive(survey_cube("5.1", 2), rtol=0.1, max_unknowns=60)
+    found = hv.adapt.solve_adaptive(survey_cube("5.1", 2), rtol=0.1, max_unknowns=60)
     figure = plot_meshes(found)
     assert len(figure.axes) == len(found.levels)
     assert all("unknowns" in axes.get_title() for axes in figure.axes)
@@ -105,8 +105,8 @@ def test_values_of_cells_that_do_not_fit_are_refused(found: AdaptiveSolution, tm
 
 
 def test_nothing_to_draw() -> None:
-    problem = bodies.square(hv.Contact(hv.Compliance(10.0), hv.Tresca(hv.CoulombBound(0.2))), 4, body_force=(0.1, -0.3))
-    found = hv.solve_adaptive(problem)
+    problem = bodies.square(hv.Contact(hv.Compliance(10.0), hv.Coulomb(0.2)), 4, body_force=(0.1, -0.3))
+    found = hv.adapt.solve_adaptive(problem)
     assert found.ended is AdaptiveEnd.NO_BOUND
     with pytest.raises(ProblemError, match="no mesh of this adaptive solve has a distance"):
         plot_adaptive(found)

@@ -24,11 +24,11 @@ from hemivar.report.notebook import picture_of
 from tests.problems import bar
 from tests.report.test_notebook import Reader, picture_size, shown
 
-THREE = bar(0.5, hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0.0, 0.0, 0.0]))
+THREE = bar(0.5, hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0.0, 0.0, 0.0]))
 
 
 def swept(q_max: float) -> hv.ContactProblem:
-    return replace(survey("5.1", 2), contact={"bottom": hv.Contact(hv.SurveyLaw(q_max, 2.0))})
+    return replace(survey("5.1", 2), contact={"bottom": hv.Contact(hv.laws.SurveyLaw(q_max, 2.0))})
 
 
 MADE: dict[str, Callable[[], Any]] = {
@@ -41,7 +41,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "history": lambda: hv.march(hv.Evolution(survey("5.1", 2)), 0.1, step=0.1),
     "study": lambda: hv.study(survey("5.1", 2), 2),
     "sweep": lambda: hv.sweep(swept, {"q_max": [0.0, 0.5]}),
-    "adaptive": lambda: hv.solve_adaptive(survey("5.1", 4), rtol=0.5),
+    "adaptive": lambda: hv.adapt.solve_adaptive(survey("5.1", 4), rtol=0.5),
 }
 
 
@@ -187,7 +187,9 @@ def test_whether_a_problem_has_one_solution_stands_beside_it() -> None:
     assert shown(survey("5.1", 2)).row("margin") == "1: one solution"
     several = shown(THREE).row("margin")
     assert "there may be several" in several
-    assert float(several.split(":")[0].split(",")[0]) == pytest.approx(hv.smallness(THREE).margin, rel=1e-3)
+    assert float(several.split(":")[0].split(",")[0]) == pytest.approx(
+        hv.certificates.smallness(THREE).margin, rel=1e-3
+    )
     loose = replace(survey("5.1", 2), supports={}, contact={})
     assert "held" in shown(loose).row("refused") or "support" in shown(loose).row("refused")
 

@@ -35,7 +35,7 @@ def worn() -> History:
             hv.Compliance(1000.0),
             hv.Tresca(0.05),
             gap=lambda x: 0.1 * (x[:, 0] - 1.0) ** 2,
-            memory=(hv.Wear(0.1),),
+            memory=(hv.laws.Wear(0.1),),
         ),
         (6, 3),
         material=hv.Material.young(100.0, 0.3),
@@ -43,7 +43,7 @@ def worn() -> History:
         body_force=(0.0, -1.0),
         title="hump",
     )
-    return hv.march(hv.Evolution(problem), 0.4, step=0.1, save=hv.Save(every=0.1))
+    return hv.march(hv.Evolution(problem), 0.4, step=0.1, save=hv.evolution.Save(every=0.1))
 
 
 def flying(dim: int, frames: int = 4) -> Film:

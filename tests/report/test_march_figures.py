@@ -57,7 +57,7 @@ def test_the_ledger_stacks_to_what_was_put_in(history: History) -> None:
 def test_the_ledger_of_a_warm_body_closes() -> None:
     """Work of thermal stress is put in, too: what is left of the balance is that of the table."""
     problem = bodies.square(hv.Compliance(20.0), 2, viscosity=(0.4, 0.4))
-    heat = hv.Heat(1.0, 1.0, expansion=0.01, source=1.0, supports={"left": 0.0})
+    heat = hv.mechanics.Heat(1.0, 1.0, expansion=0.01, source=1.0, supports={"left": 0.0})
     warm = march(Evolution(problem, heat=heat), 1.0, step=0.25)
     table = history_columns(warm)
     upper, lower = plot_march(table).axes

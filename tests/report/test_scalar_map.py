@@ -41,7 +41,7 @@ def test_a_membrane_and_its_foundation() -> None:
 
 def test_marks_of_friction() -> None:
     found = hv.solve(gallery.antiplane_friction(8).problem)
-    slips = int((found.tangential_state == hv.TangentialState.SLIP).sum())
+    slips = int((found.tangential_state == hv.solvers.TangentialState.SLIP).sum())
     words = texts(plot_solution(found))
     assert f"contact, slip ({slips})" in words
     assert "displacement u across the plane" in words
@@ -51,15 +51,15 @@ def test_marks_of_friction() -> None:
 
 def test_heat_in_space() -> None:
     problem = hv.ScalarProblem(
-        hv.box((1.0, 1.0, 1.0), 2), 1.0, {"bottom": hv.ScalarContact(hv.SurveyLaw(0.1))}, supports={"top": 1.0},
+        hv.box((1.0, 1.0, 1.0), 2), 1.0, {"bottom": hv.ScalarContact(hv.laws.SurveyLaw(0.1))}, supports={"top": 1.0},
         kind="heat",  # type: ignore[arg-type]
     )  # fmt: skip
     found = hv.solve(problem)
     assert "temperature" in texts(plot_solution(found))
-    with pytest.raises(hv.ProblemError, match="write it with write_vtu"):
+    with pytest.raises(hv.errors.ProblemError, match="write it with write_vtu"):
         plot_contact(found)
-    with pytest.raises(hv.ProblemError, match="write it with write_vtu"):
-        plot_contact(hv.solve(replace(problem, contact={}, area=hv.ScalarContact(hv.SurveyLaw(0.1)))))
+    with pytest.raises(hv.errors.ProblemError, match="write it with write_vtu"):
+        plot_contact(hv.solve(replace(problem, contact={}, area=hv.ScalarContact(hv.laws.SurveyLaw(0.1)))))
 
 
 def test_what_a_notebook_shows() -> None:

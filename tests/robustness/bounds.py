@@ -157,7 +157,7 @@ def make(seed: int, number: int) -> BoundCase:
     shape = ("gap", "turned", "turned", "sphere", "body's")[number % 5]
     normal = np.zeros(dim)
     normal[-1] = 1.0
-    obstacle: hv.Plane | hv.Sphere | None = None
+    obstacle: hv.Plane | hv.mechanics.Sphere | None = None
     if shape in ("turned", "body's"):
         angle = rng.uniform(-1.3, 1.3) if shape == "turned" else rng.uniform(-0.3, 0.3)
         normal[0], normal[-1] = math.sin(angle), math.cos(angle)
@@ -165,13 +165,13 @@ def make(seed: int, number: int) -> BoundCase:
         obstacle = hv.Plane(tuple(lowest - abs(gap) * normal), tuple(normal))
     elif shape == "sphere":
         radius = extent * rng.uniform(1.0, 4.0)
-        obstacle = hv.Sphere(tuple(centre - (radius + abs(gap)) * normal), radius)
+        obstacle = hv.mechanics.Sphere(tuple(centre - (radius + abs(gap)) * normal), radius)
     own = hv.mechanics.Normals.BODY if shape == "body's" else None
 
     def gaps(places: np.ndarray, outward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if obstacle is None:
             return np.full(len(places), gap), outward
-        if isinstance(obstacle, hv.Sphere):
+        if isinstance(obstacle, hv.mechanics.Sphere):
             arm = places - np.array(obstacle.center)
             size = np.linalg.norm(arm, axis=1)
             return size - obstacle.radius, -arm / size[:, None]
@@ -197,7 +197,7 @@ def make(seed: int, number: int) -> BoundCase:
     else:
         law, table = hv.Signorini(), None
     slip = float(rng.choice([0.0, 0.05, 0.5])) * mu * 0.05 if dim == 2 else 0.0
-    friction = hv.Tresca(slip) if slip > 0.0 else hv.NoFriction()
+    friction = hv.Tresca(slip) if slip > 0.0 else hv.laws.NoFriction()
     where = {"gap": gap} if obstacle is None else {"obstacle": obstacle, "normals": own}
     body, texts = _load(rng, dim, mu * 0.05)
     top, others = _load(rng, dim, mu * 0.05)

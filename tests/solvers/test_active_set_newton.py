@@ -25,9 +25,9 @@ def test_newtons_equation_is_that_of_dense_algebra(components: int, coupled: boo
         np.eye(n),
         weights,
         np.zeros(m),
-        hv.ContactLaw(hv.Compliance(1.0), hv.Tresca(0.1)),
+        hv.laws.ContactLaw(hv.Compliance(1.0), hv.Tresca(0.1)),
     )
-    system = hv.Workspace().condensed(problem)
+    system = hv.systems.Workspace().condensed(problem)
     index = np.sort(rng.choice(n, n - 2, replace=False))
     bends = rng.uniform(0.0, 9.0, (m, components))
     blocks = np.zeros((m, components, components))

@@ -21,7 +21,7 @@ from tests import bodies
 OPEN, BONDED, SOFTENING, DEBONDED, CONTACT = NormalState
 FREE, STICK, SLIP = TangentialState
 LARGE = (0.02, 50.0)  # displacement and multiplier of the point that sets the sizes
-RIGID = hv.ContactLaw(hv.Signorini(), hv.Tresca(0.5)).at(None)
+RIGID = hv.laws.ContactLaw(hv.Signorini(), hv.Tresca(0.5)).at(None)
 #: The glue carries 4 up to the opening 0.5, nothing from 2.5 on.
 GLUE = hv.Adhesive(stiffness=8.0, strength=4.0, softening=2.0)
 
@@ -62,8 +62,8 @@ def test_points_that_lifted_and_are_pulled_back_are_bonded_and_stick_or_slip(sli
 
 def test_points_pulled_where_they_touch_are_bonded_if_the_law_pulls_there() -> None:
     local, multiplier = np.zeros((1, 2)), np.array([[-1.0, 0.0]])
-    for normal, state in ((hv.Bilateral(), BONDED), (hv.Signorini(), CONTACT)):
-        assert contact_states(hv.ContactLaw(normal).at(None), local, multiplier).normal.tolist() == [state]
+    for normal, state in ((hv.laws.Bilateral(), BONDED), (hv.Signorini(), CONTACT)):
+        assert contact_states(hv.laws.ContactLaw(normal).at(None), local, multiplier).normal.tolist() == [state]
 
 
 def test_sizes_of_all_points_count_where_these_are_not_all() -> None:
@@ -74,7 +74,7 @@ def test_sizes_of_all_points_count_where_these_are_not_all() -> None:
 
 def test_friction_whose_bound_is_rounding_is_none() -> None:
     """Of Coulomb's law, at a point that touches and hardly presses."""
-    law = hv.ContactLaw(hv.Signorini(), hv.Tresca(hv.CoulombBound(0.3))).at(None)
+    law = hv.laws.ContactLaw(hv.Signorini(), hv.Coulomb(0.3)).at(None)
     local, multiplier = np.array([[0.0, 1.0]] * 2), np.array([[1.0, 0.3], [1e-12, 0.0]])
     assert contact_states(law, local, multiplier).tangential.tolist() == [SLIP, FREE]
 
@@ -90,7 +90,7 @@ def test_where_friction_is_left_out_in_the_plane_there_is_none(components: int) 
 # ---- solutions ---------------------------------------------------------------------------------------------------
 
 
-def springs(law: hv.ContactLaw, loads: np.ndarray, stiffness: float = 10.0) -> DiscreteProblem:
+def springs(law: hv.laws.ContactLaw, loads: np.ndarray, stiffness: float = 10.0) -> DiscreteProblem:
     """Independent points (p, 2) on springs of their own, each loaded along the normal and the tangent."""
     size, count = loads.size, len(loads)
     matrix, trace = stiffness * sp.eye_array(size, format="csr"), sp.eye_array(size, format="csr")
@@ -99,7 +99,7 @@ def springs(law: hv.ContactLaw, loads: np.ndarray, stiffness: float = 10.0) -> D
 
 def test_five_glued_points_at_the_friction_bound_slip_and_are_bonded() -> None:
     loads = np.column_stack([np.full(5, -1.0), np.full(5, 3.0)])
-    found = hv.solve(springs(hv.ContactLaw(GLUE, hv.Tresca(0.5)), loads)).raise_for_status()
+    found = hv.solve(springs(hv.laws.ContactLaw(GLUE, hv.Tresca(0.5)), loads)).raise_for_status()
     np.testing.assert_allclose(found.friction, -0.5)
     assert found.normal_state.tolist() == [BONDED] * 5
     assert found.tangential_state.tolist() == [SLIP] * 5
@@ -111,10 +111,10 @@ def test_five_glued_points_at_the_friction_bound_slip_and_are_bonded() -> None:
     assert found.contact_length == 5.0
 
 
-@pytest.mark.parametrize("friction", [hv.NoFriction(), hv.Tresca(0.0), hv.Tresca(hv.CoulombBound(0.0))])
-def test_points_without_friction_are_neither_stuck_nor_slipping(friction: hv.Friction) -> None:
+@pytest.mark.parametrize("friction", [hv.laws.NoFriction(), hv.Tresca(0.0), hv.Coulomb(0.0)])
+def test_points_without_friction_are_neither_stuck_nor_slipping(friction: hv.laws.Friction) -> None:
     loads = np.array([[1.0, 0.0], [1.0, 3.0], [-1.0, 3.0]])
-    found = hv.solve(springs(hv.ContactLaw(GLUE, friction), loads))
+    found = hv.solve(springs(hv.laws.ContactLaw(GLUE, friction), loads))
     assert found.states.present.keys() == {(CONTACT, FREE), (BONDED, FREE)}
     assert found.states.codes.tolist() == [6, 6, 3]
 
@@ -122,7 +122,7 @@ def test_points_without_friction_are_neither_stuck_nor_slipping(friction: hv.Fri
 @pytest.mark.parametrize("pull", [0.5, 6.0, 8.9, 9.1, 16.0, 24.9, 25.1, 40.0])
 def test_glue_under_a_growing_pull(pull: float) -> None:
     """A spring of stiffness 10 and glue: 18 w up to w = 1/2, then 10 w + 5 - 2 w up to w = 5/2, then 10 w."""
-    found = hv.solve(springs(hv.ContactLaw(GLUE, hv.Tresca(0.5)), np.array([[-pull, 0.0]]))).raise_for_status()
+    found = hv.solve(springs(hv.laws.ContactLaw(GLUE, hv.Tresca(0.5)), np.array([[-pull, 0.0]]))).raise_for_status()
     opening = pull / 18.0 if pull < 9.0 else (pull - 5.0) / 8.0 if pull < 25.0 else pull / 10.0
     assert found.penetration == pytest.approx([-opening])
     expected = BONDED if pull < 9.0 else SOFTENING if pull < 25.0 else DEBONDED
@@ -134,15 +134,15 @@ def test_glue_under_a_growing_pull(pull: float) -> None:
 @pytest.mark.parametrize(
     ("law", "openings", "past"),
     [
-        (hv.SawTooth([1.0, 2.0], [4.0, 1.0]), [0.5, 1.0 - 1e-6, 1.0 + 1e-6, 1.9, 2.1], [0, 0, 1, 1, 1]),
-        (hv.SawTooth([1.0, 2.0], [4.0, 3.0]), [0.5, 1.1, 1.4, 1.9, 2.1], [0, 1, 0, 0, 1]),  # 4, then from 3 to 6
+        (hv.laws.SawTooth([1.0, 2.0], [4.0, 1.0]), [0.5, 1.0 - 1e-6, 1.0 + 1e-6, 1.9, 2.1], [0, 0, 1, 1, 1]),
+        (hv.laws.SawTooth([1.0, 2.0], [4.0, 3.0]), [0.5, 1.1, 1.4, 1.9, 2.1], [0, 1, 0, 0, 1]),  # 4, then from 3 to 6
         (hv.FormulaLaw("(r - 1)*exp(r)", reach=8.0), [0.5, 0.99, 1.01, 1.5, 2.5, 5.0], [0, 0, 1, 1, 1, 1]),
         (hv.Compliance(3.0), [0.5, 2.0], [0, 0]),
-        (hv.Bilateral(), [0.0, 1e-9], [0, 0]),
+        (hv.laws.Bilateral(), [0.0, 1e-9], [0, 0]),
     ],
     ids=["teeth", "a stronger tooth", "w exp(-w)", "never pulls", "rigid"],
 )
-def test_the_peak_of_the_pull(law: hv.Superpotential, openings: list[float], past: list[int]) -> None:
+def test_the_peak_of_the_pull(law: hv.laws.Superpotential, openings: list[float], past: list[int]) -> None:
     one = law.at(None)
     assert [bool(one.past_peak(np.array([-w]))[0]) for w in openings] == [bool(p) for p in past]
 
@@ -173,8 +173,8 @@ def column(pulled: list[float], contact: hv.Contact, **more: object) -> hv.Evolu
 
 def test_glue_with_a_memory_stays_softened_and_broken(tmp_path: Path) -> None:
     """Pulled beyond the peak, let go, then off: irreversible glue is not bonded again below its largest opening."""
-    pulled = column([0.0, 0.3, 1.5, 0.3, 3.0, 1.0, -0.1], hv.Contact(GLUE, memory=(hv.Secant(),)))
-    found = hv.march(pulled, 6.0, step=0.5, save=hv.Save(every=1.0))
+    pulled = column([0.0, 0.3, 1.5, 0.3, 3.0, 1.0, -0.1], hv.Contact(GLUE, memory=(hv.laws.Secant(),)))
+    found = hv.march(pulled, 6.0, step=0.5, save=hv.evolution.Save(every=1.0))
     assert found.finished
     largest = 145.0 / 98.0  # 100 (1.5 - w) = 5 - 2 w
     secant = (5.0 - 2.0 * largest) / largest
@@ -189,15 +189,15 @@ def test_glue_with_a_memory_stays_softened_and_broken(tmp_path: Path) -> None:
 
 
 def test_glue_without_a_memory_is_that_of_its_opening() -> None:
-    found = hv.march(column([0.0, 0.3, 1.5, 0.3], hv.Contact(GLUE)), 3.0, step=0.5, save=hv.Save(every=1.0))
+    found = hv.march(column([0.0, 0.3, 1.5, 0.3], hv.Contact(GLUE)), 3.0, step=0.5, save=hv.evolution.Save(every=1.0))
     seen = [moving_states(found.discrete, frame).normal[0] for frame in found.frames[1:]]
     assert seen == [BONDED, SOFTENING, BONDED]
 
 
 def test_a_bond_that_fades_softens_and_breaks() -> None:
     """Beneath its energy, 4 w^2 = 1e-3, it is whole."""
-    bond = hv.Contact(hv.Signorini(), memory=(hv.Bonding(4.0, 1e-3, 1e-3),))
-    found = hv.march(column([0.0, 0.01, 0.2], bond), 2.0, step=0.5, save=hv.Save(every=1.0))
+    bond = hv.Contact(hv.Signorini(), memory=(hv.laws.Bonding(4.0, 1e-3, 1e-3),))
+    found = hv.march(column([0.0, 0.01, 0.2], bond), 2.0, step=0.5, save=hv.evolution.Save(every=1.0))
     frame = found.frames[-1]
     broken = replace(frame, multiplier=0.0 * frame.multiplier, memory={"0.bond": np.zeros(2)})
     seen = [moving_states(found.discrete, one).normal[0] for one in (*found.frames[1:], broken)]
@@ -206,8 +206,8 @@ def test_a_bond_that_fades_softens_and_breaks() -> None:
 
 def test_a_point_above_a_foundation_that_has_crept_is_open() -> None:
     """It lies deeper than the foundation was at first, and not as deep as it has become."""
-    crept = hv.Contact(hv.Compliance(20.0), hv.Tresca(0.1), memory=(hv.ViscousFoundation(2.0),))
-    found = hv.march(column([0.0, -0.3, -0.3, -0.02], crept), 3.0, step=0.5, save=hv.Save(every=1.0))
+    crept = hv.Contact(hv.Compliance(20.0), hv.Tresca(0.1), memory=(hv.laws.ViscousFoundation(2.0),))
+    found = hv.march(column([0.0, -0.3, -0.3, -0.02], crept), 3.0, step=0.5, save=hv.evolution.Save(every=1.0))
     assert (found.frames[-1].local[:, 0] > 0.01).all()
     assert [moving_states(found.discrete, frame).normal[0] for frame in found.frames[1:]] == [CONTACT, CONTACT, OPEN]
 
@@ -224,7 +224,7 @@ def test_points_at_midpoints_of_facets_have_states_that_there_are(tmp_path: Path
         lame=(40.0, 40.0),
         body_force=(0.0, -1.0),
         tractions={"right": (0.0, 2.0)},
-        quadrature=hv.Quadrature.MIDPOINT,
+        quadrature=hv.mechanics.Quadrature.MIDPOINT,
     )
     found = hv.solve(strip)
     assert set(found.states.codes.tolist()) == {0, 6}

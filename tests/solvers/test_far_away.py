@@ -10,15 +10,15 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from tests import bodies
 
-METHODS = [hv.NonsmoothNewton(), hv.NonsmoothMultigrid()]
+METHODS = [hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()]
 #: Glue that has let go at an opening of 0.042.
 TORN = hv.Adhesive(240, 2, 60, 72)
 LAWS = [hv.Signorini(), hv.Compliance(3.0), TORN]
 
 
-def hanging(load: object, law: hv.Superpotential, friction: hv.Friction | None = None) -> hv.ContactProblem:
+def hanging(load: object, law: hv.laws.Superpotential, friction: hv.laws.Friction | None = None) -> hv.ContactProblem:
     """A block under a ceiling, 0.05 above its foundation."""
-    contact = hv.Contact(law, hv.NoFriction() if friction is None else friction, gap=0.05)
+    contact = hv.Contact(law, hv.laws.NoFriction() if friction is None else friction, gap=0.05)
     return bodies.square(contact, 4, density=1.0, supports={"top": hv.Clamped()}, body_force=load)
 
 
@@ -26,7 +26,7 @@ def hanging(load: object, law: hv.Superpotential, friction: hv.Friction | None =
 @pytest.mark.parametrize("law", [hv.Signorini(), hv.Compliance(3.0), TORN], ids=lambda law: law.name)
 @pytest.mark.parametrize("size", [1e-9, 1e-12, 1e-18, 1e-100])
 def test_where_nothing_touches_the_linear_answer_is_the_answer(
-    size: float, law: hv.Superpotential, method: hv.NonsmoothNewton
+    size: float, law: hv.laws.Superpotential, method: hv.solvers.NonsmoothNewton
 ) -> None:
     if law is TORN:
         assert TORN.subdifferential(np.array([-0.05])).upper == 0.0
@@ -65,6 +65,6 @@ def test_loads_may_begin_as_flat_as_they_like(power: int, inertia: bool) -> None
     assert history.finished
     assert history.residual < 1e-9
     if not inertia:
-        unit = hv.discretize(hanging((0.0, -1.0), hv.NoContact()))
+        unit = hv.discretize(hanging((0.0, -1.0), hv.laws.NoContact()))
         linear = 0.01**power * sla.spsolve(unit.stiffness.tocsc(), unit.load)
         assert np.abs(history.moment.body.displacement[: linear.size] - linear).max() <= 1e-9 * np.abs(linear).max()

@@ -73,7 +73,7 @@ def test_survey_without_a_hierarchy_of_meshes(data: str) -> None:
 def test_irregular_mesh_refined_uniformly() -> None:
     statement = gallery.survey("5.1", 4)
     found = check(replace(statement, mesh=shaken(4).refined(3)))
-    sizes = [step.problem.unknowns for step in levels_of(found.problem, hv.Workspace()).steps]
+    sizes = [step.problem.unknowns for step in levels_of(found.problem, hv.systems.Workspace()).steps]
     assert sizes == [272, 1056]  # the coarsest mesh is not needed
 
 
@@ -152,7 +152,7 @@ def test_rotation_of_a_cube_by_any_angle_changes_nothing() -> None:
 def test_units_change_nothing() -> None:
     """In millimetres and megapascals: lengths times 1000, stresses over 1e6."""
     plain = gallery.survey("5.1", 16, "right")
-    law = hv.SurveyLaw(0.3e-6, 2.0e-9)
+    law = hv.laws.SurveyLaw(0.3e-6, 2.0e-9)
     scaled = replace(
         plain,
         mesh=plain.mesh.scaled(1e3),
@@ -168,9 +168,9 @@ def test_units_change_nothing() -> None:
 
 BEYOND = {
     "softening": (hv.Softening(40.0, 0.02, 20.0), hv.Tresca(0.1)),
-    "jump down": (hv.Capped(20.0, 0.02), hv.Tresca(0.1)),
-    "layers": (hv.Layered([0.01, 0.02], [10.0, 40.0], [0.05, 0.3], base=80.0), hv.Tresca(0.2)),
-    "friction that drops": (hv.Compliance(20.0), hv.StaticKinetic(0.3, 0.01, 1.0, 0.3)),
+    "jump down": (hv.laws.Capped(20.0, 0.02), hv.Tresca(0.1)),
+    "layers": (hv.laws.Layered([0.01, 0.02], [10.0, 40.0], [0.05, 0.3], base=80.0), hv.Tresca(0.2)),
+    "friction that drops": (hv.Compliance(20.0), hv.laws.StaticKinetic(0.3, 0.01, 1.0, 0.3)),
     "friction that weakens": (hv.Compliance(20.0), hv.SlipWeakening(0.5, 1.0, 0.3, 100.0)),
 }
 
@@ -207,7 +207,7 @@ def test_rigid_foundation_and_gap() -> None:
 def test_coulomb_friction_by_fixed_point() -> None:
     statement = replace(
         gallery.survey("5.1", 16, "right"),
-        contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.Friction(hv.CoulombBound(0.3)))},
+        contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.laws.Friction(hv.laws.CoulombBound(0.3)))},
     )
     problem = hv.discretize(statement)
     expected = hv.solve(problem, FixedPoint(NonsmoothNewton()))
@@ -226,7 +226,7 @@ def test_starting_from_the_solution_takes_no_steps() -> None:
 
 
 def test_coarser_problems_are_posed_only_for_a_start_that_nobody_names(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, workspace = hv.discretize(gallery.survey("5.1", 32)), hv.Workspace()
+    problem, workspace = hv.discretize(gallery.survey("5.1", 32)), hv.systems.Workspace()
     NonsmoothMultigrid().prepare(problem, workspace)
     posed, pose = [], Coarser.posed
 
@@ -246,7 +246,7 @@ def test_coarser_problems_are_posed_only_for_a_start_that_nobody_names(monkeypat
 
 def test_a_start_at_rest_needs_no_product_with_the_whole_matrix() -> None:
     problem = hv.discretize(gallery.survey_cube("5.1", 4))
-    body, K = NonsmoothMultigrid().prepare(problem, hv.Workspace()), problem.stiffness
+    body, K = NonsmoothMultigrid().prepare(problem, hv.systems.Workspace()), problem.stiffness
     rng, x = np.random.default_rng(7), np.zeros(problem.unknowns)
     for unknown in (body.unknown, np.arange(problem.unknowns)[::-7], body.unknown[:0]):
         x[unknown] = rng.standard_normal(unknown.size)
@@ -254,7 +254,7 @@ def test_a_start_at_rest_needs_no_product_with_the_whole_matrix() -> None:
 
 
 def test_midpoint_quadrature_is_refused_in_words() -> None:
-    statement = replace(gallery.survey("5.1", 8), quadrature=hv.Quadrature.MIDPOINT)
+    statement = replace(gallery.survey("5.1", 8), quadrature=hv.mechanics.Quadrature.MIDPOINT)
     with pytest.raises(MethodError, match="quadrature at the nodes"):
         hv.solve(hv.discretize(statement), NonsmoothMultigrid())
 
@@ -289,7 +289,7 @@ def test_choice_depends_on_size_and_is_logged(caplog: pytest.LogCaptureFixture) 
     assert found.method == "multigrid"
     assert found.status is Status.CONVERGED
     assert "predicted" in caplog.text
-    midpoints = replace(gallery.survey("5.1", 64), quadrature=hv.Quadrature.MIDPOINT)
+    midpoints = replace(gallery.survey("5.1", 64), quadrature=hv.mechanics.Quadrature.MIDPOINT)
     assert isinstance(choose(hv.discretize(midpoints))[0], NonsmoothNewton)
 
 
@@ -312,7 +312,7 @@ def test_choice_heeds_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_from_the_right_pieces_one_equation_is_solved(statement: hv.ContactProblem, part: float) -> None:
     # What conjugate gradients do on the way carries contact points beyond their pieces, and back.
     problem = hv.discretize(statement)
-    body = NonsmoothMultigrid().prepare(problem, hv.Workspace())
+    body = NonsmoothMultigrid().prepare(problem, hv.systems.Workspace())
     expected = hv.solve(problem, NonsmoothNewton(), TIGHT)
     start = body.moved(part * expected.unknowns, expected.local)
     found = hv.solve(problem, NonsmoothMultigrid(settled=True), TIGHT, initial=start)
@@ -324,7 +324,7 @@ def test_from_the_right_pieces_one_equation_is_solved(statement: hv.ContactProbl
 
 def test_from_the_wrong_pieces_the_same_is_found() -> None:
     problem = hv.discretize(gallery.survey_cube("5.1", 8))
-    body = NonsmoothMultigrid().prepare(problem, hv.Workspace())
+    body = NonsmoothMultigrid().prepare(problem, hv.systems.Workspace())
     expected = hv.solve(problem, NonsmoothNewton(), TIGHT)
     far = body.moved(expected.unknowns, expected.local + 0.1)
     found = hv.solve(problem, NonsmoothMultigrid(settled=True), TIGHT, initial=far)

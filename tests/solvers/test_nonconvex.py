@@ -290,7 +290,7 @@ def test_a_potential_that_cancels_keeps_no_solution_from_its_tolerance(down: flo
     """Its differences are rounding where the residual is 1e-9 to 7e-8; forces know them."""
     law = hv.FormulaLaw("piecewise((0, r < 0), (0.2 - (2*r + 0.2)*exp(-10*r), True))")
     problem = bodies.column(law, 2.0 * mu, top=hv.Fixed(y=-down))
-    solution = hv.solve(problem, hv.NonsmoothNewton(), controls=hv.Controls(rtol=1e-9))
+    solution = hv.solve(problem, hv.solvers.NonsmoothNewton(), controls=hv.Controls(rtol=1e-9))
     assert solution.status is hv.Status.CONVERGED
     r = float(solution.local[0, 0])
     pressed = 2.0 * mu * (down - r)  # a bar of the stiffness 2 mu, of force per area

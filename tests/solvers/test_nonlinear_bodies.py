@@ -18,9 +18,9 @@ from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS, ProximalNewton, Search, Solver, suited
 
 BULK, SHEAR, LEFT, SIZE = 20 / 3, 4.0, 0.25, 0.05
-FRICTIONS = (hv.NoFriction(), hv.Tresca(0.1), hv.Tresca(hv.CoulombBound(0.3)))
+FRICTIONS = (hv.laws.NoFriction(), hv.Tresca(0.1), hv.Coulomb(0.3))
 #: Laws of the block and the penetrations that belong to them, computed apart from one equation.
-BLOCK = [(hv.SurveyLaw(0.3, 2.0), 0.062733873583324), (hv.Compliance(20.0), 0.034941569056)]
+BLOCK = [(hv.laws.SurveyLaw(0.3, 2.0), 0.062733873583324), (hv.Compliance(20.0), 0.034941569056)]
 
 
 def hencky(left: float = LEFT, scale: float = 1.0, plane: str = "strain") -> Material:
@@ -36,7 +36,9 @@ def block(law: Superpotential, cells: int = 4, order: int = 1, dim: int = 2) -> 
     return hv.ContactProblem(mesh, hencky(), supports=supports, contact={"bottom": hv.Contact(law)}, order=order)
 
 
-@pytest.mark.parametrize("method", [hv.NonsmoothNewton(), hv.NonsmoothMultigrid()], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "method", [hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()], ids=lambda m: m.name
+)
 @pytest.mark.parametrize(("dim", "cells", "order"), [(2, 4, 1), (2, 16, 1), (2, 4, 2), (3, 4, 1)])
 @pytest.mark.parametrize(("law", "penetration"), BLOCK)
 def test_the_block(law: Superpotential, penetration: float, dim: int, cells: int, order: int, method: Solver) -> None:
@@ -123,10 +125,10 @@ def test_three_solutions_of_a_ring_that_softens() -> None:
     """Started near each of the two that are minima, the method stays there."""
     law = hv.Softening(40.0, 0.02, 25.0)
     problem = discretize(ring(hencky(), law, 0.055, 16))
-    method = hv.NonsmoothNewton(search=Search.DOWNHILL)
+    method = hv.solvers.NonsmoothNewton(search=Search.DOWNHILL)
     low = hv.solve(problem, method).raise_for_status()
     assert low.local[:, 0].mean() == pytest.approx(0.0153219650073, rel=2e-2)
-    pressed = discretize(ring(hencky(), hv.NoContact(), 0.055, 16))
+    pressed = discretize(ring(hencky(), hv.laws.NoContact(), 0.055, 16))
     far = hv.solve(problem, method, initial=hv.solve(pressed).unknowns).raise_for_status()
     assert far.local[:, 0].mean() == pytest.approx(0.0579090994297, rel=2e-2)
 
@@ -145,7 +147,9 @@ def punch(material: Material, cells: int = 8, order: int = 1, friction: Friction
     )
 
 
-@pytest.mark.parametrize("method", [hv.NonsmoothNewton(), hv.NonsmoothMultigrid()], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "method", [hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()], ids=lambda m: m.name
+)
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("plane", ["strain", "stress"])
 @pytest.mark.parametrize("friction", FRICTIONS, ids=["none", "tresca", "coulomb"])
@@ -164,7 +168,7 @@ def test_a_linear_material_as_a_potential_has_the_linear_answer(
 @pytest.mark.parametrize("friction", FRICTIONS, ids=["none", "tresca", "coulomb"])
 def test_condensed_and_multigrid_agree(friction: Friction) -> None:
     problem, found = discretize(punch(hencky(), 16, friction=friction)), []
-    for method in (hv.NonsmoothNewton(), hv.NonsmoothMultigrid()):
+    for method in (hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()):
         chosen = suited(method, problem)
         found.append(hv.solve(problem, chosen, hv.Controls(rtol=1e-11)).raise_for_status())
     np.testing.assert_allclose(found[0].unknowns, found[1].unknowns, atol=1e-8 * np.abs(found[0].unknowns).max())
@@ -213,7 +217,7 @@ def test_reactions_balance_the_foundation() -> None:
 def test_a_state_without_contact_points() -> None:
     """A nonlinear body alone, in the plane and in space: displacement u_y = -0.1 y of the block."""
     for dim in (2, 3):
-        stated = block(hv.NoContact(), 4, 1, dim)
+        stated = block(hv.laws.NoContact(), 4, 1, dim)
         stated = dataclasses.replace(stated, contact={}, supports={**stated.supports, "bottom": hv.Roller()})
         solution = hv.solve(stated).raise_for_status()
         np.testing.assert_allclose(solution.displacement[:, -1], -0.1 * stated.mesh.points[:, -1], atol=1e-12)
@@ -221,13 +225,13 @@ def test_a_state_without_contact_points() -> None:
 
 @pytest.mark.parametrize("limit", [hv.Controls(max_steps=1), hv.Controls(callback=lambda progress: progress.step == 1)])
 def test_it_stops_when_it_is_told(limit: hv.Controls) -> None:
-    solution = hv.solve(punch(hencky()), hv.NonsmoothNewton(), limit)
+    solution = hv.solve(punch(hencky()), hv.solvers.NonsmoothNewton(), limit)
     assert solution.steps == 1
     assert solution.status in (hv.Status.MAX_STEPS, hv.Status.INTERRUPTED)
 
 
 def test_what_it_refuses() -> None:
-    with pytest.raises(hv.ProblemError, match="must be in"):
+    with pytest.raises(hv.errors.ProblemError, match="must be in"):
         ProximalNewton(forcing=1.0)
-    with pytest.raises(hv.ProblemError, match="put it outside"):
-        ProximalNewton(hv.FixedPoint())
+    with pytest.raises(hv.errors.ProblemError, match="put it outside"):
+        ProximalNewton(hv.solvers.FixedPoint())

@@ -100,7 +100,7 @@ def random_steps(seed: int, steps: int = 4) -> tuple[int, int]:
     )
     evolution = hv.Evolution(problem, inertia=True, velocity=tuple(random.normal(size=2)))
     discrete = discretize_evolution(evolution)
-    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     moment, alone, other = initial_moment(advance), 0, 0
     for _ in range(steps):
         taken = advance.take(moment, float(random.choice([0.01, 0.1, 0.5])))
@@ -256,14 +256,14 @@ def test_what_has_no_derivative_keeps_the_fixed_point() -> None:
     assert suited(NonsmoothNewton(), problem).name == "semismooth-newton"
     assert suited(NonsmoothNewton(search=hv.solvers.Search.DOWNHILL), problem).name == "fixed-point(newton)"
     python = PenetrationBound(lambda s: 0.1 * np.maximum(s, 0.0))
-    with pytest.raises(hv.ProblemError, match="derivatives"):
+    with pytest.raises(hv.errors.ProblemError, match="derivatives"):
         python.slopes(np.zeros(1), np.zeros(1))
 
 
 def reacting(bound: PenetrationBound) -> DiscreteProblem:
     """A bound that reacts 1.9 times on its penetration: ``r_n = 0.1 + 0.9 r_t``, ``r_t = 20 + 0.9 r_n - h``."""
     K = np.array([[1.0, -0.9], [-0.9, 1.0]])
-    law = ContactLaw(hv.PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Tresca(bound))
+    law = ContactLaw(hv.laws.PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Tresca(bound))
     return DiscreteProblem.of_arrays(K, np.array([0.1, 20.0]), np.eye(2), np.ones(1), np.zeros(1), law)
 
 
@@ -333,12 +333,12 @@ def test_nothing_ends_on_a_ridge() -> None:
 
 
 def test_options_are_checked() -> None:
-    with pytest.raises(hv.ProblemError, match="fallback"):
+    with pytest.raises(hv.errors.ProblemError, match="fallback"):
         SemismoothNewton(NonsmoothNewton())  # type: ignore[arg-type]
-    with pytest.raises(hv.ProblemError, match="halvings"):
+    with pytest.raises(hv.errors.ProblemError, match="halvings"):
         SemismoothNewton(halvings=0)
-    with pytest.raises(hv.ProblemError, match="NonsmoothMultigrid"):
-        SemismoothNewton(FixedPoint(LoadStepping(hv.NonsmoothMultigrid())))
+    with pytest.raises(hv.errors.ProblemError, match="NonsmoothMultigrid"):
+        SemismoothNewton(FixedPoint(LoadStepping(hv.solvers.NonsmoothMultigrid())))
 
 
 # ---- in time -------------------------------------------------------------------------------------------------

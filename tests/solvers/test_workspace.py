@@ -45,8 +45,8 @@ def variants(problem: hv.DiscreteProblem) -> list[hv.DiscreteProblem]:
 
 def test_another_load_gap_or_law_costs_no_factorisation(factorisations: list[int]) -> None:
     problem = discrete_square(n=6)
-    workspace = hv.Workspace()
-    newton = hv.NonsmoothNewton()
+    workspace = hv.systems.Workspace()
+    newton = hv.solvers.NonsmoothNewton()
     found = [hv.solve(p, newton, workspace=workspace) for p in [problem, *variants(problem)]]
     assert len(factorisations) == 1
     alone = [hv.solve(p, newton) for p in [problem, *variants(problem)]]
@@ -57,14 +57,14 @@ def test_another_load_gap_or_law_costs_no_factorisation(factorisations: list[int
 
 @pytest.mark.skipif(mumps_available(), reason="counts the solves of SuperLU")
 def test_another_load_costs_two_sparse_solves(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, workspace, newton = discrete_square(n=12), hv.Workspace(), hv.NonsmoothNewton()
+    problem, workspace, newton = discrete_square(n=12), hv.systems.Workspace(), hv.solvers.NonsmoothNewton()
     factors = sparse_factors(monkeypatch)
     first = hv.solve(problem, newton, workspace=workspace)
     spent = sum(one.solves for one in factors)
     other = problem.with_(load=1.5 * problem.load)
     found = hv.solve(other, newton, workspace=workspace, initial=first)
     assert sum(one.solves for one in factors) - spent == 2
-    again = hv.residual(other, found.unknowns, found.multiplier)
+    again = hv.discrete.residual(other, found.unknowns, found.multiplier)
     assert again.relative < 1e-12
     assert found.residual.total == pytest.approx(again.total, rel=1e-6, abs=1e-15 * again.scale)
 
@@ -108,18 +108,18 @@ def test_another_body_costs_one(factorisations: list[int]) -> None:
     bulk = problem.bulk
     assert isinstance(bulk, Quadratic)
     stiffer = problem.with_(bulk=Quadratic(2.0 * bulk.stiffness))
-    workspace = hv.Workspace()
+    workspace = hv.systems.Workspace()
     for p in (problem, stiffer, problem, stiffer):
-        hv.solve(p, hv.NonsmoothNewton(), workspace=workspace)
+        hv.solve(p, hv.solvers.NonsmoothNewton(), workspace=workspace)
     assert len(factorisations) == 2
     workspace.forget()
-    hv.solve(problem, hv.NonsmoothNewton(), workspace=workspace)
+    hv.solve(problem, hv.solvers.NonsmoothNewton(), workspace=workspace)
     assert len(factorisations) == 3
 
 
 def test_a_small_workspace_forgets_the_body_used_longest_ago(factorisations: list[int]) -> None:
     bodies = [discrete_square(n=n) for n in (2, 3, 4)]
-    workspace = hv.Workspace(bodies=2)
+    workspace = hv.systems.Workspace(bodies=2)
     for body in (bodies[0], bodies[1], bodies[0], bodies[2]):
         workspace.condensed(body)
     assert len(factorisations) == 3
@@ -131,21 +131,21 @@ def test_a_small_workspace_forgets_the_body_used_longest_ago(factorisations: lis
 
 def test_threads_wait_for_one_factorisation(factorisations: list[int]) -> None:
     problem = discrete_square(n=8)
-    workspace, gate = hv.Workspace(), threading.Barrier(4)
+    workspace, gate = hv.systems.Workspace(), threading.Barrier(4)
 
     def work(p: hv.DiscreteProblem) -> np.ndarray:
         gate.wait()
-        return hv.solve(p, hv.NonsmoothNewton(), workspace=workspace).unknowns
+        return hv.solve(p, hv.solvers.NonsmoothNewton(), workspace=workspace).unknowns
 
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(work, [problem, *variants(problem)]))
     assert len(factorisations) == 1
     for u, p in zip(found, [problem, *variants(problem)], strict=True):
-        np.testing.assert_array_equal(u, hv.solve(p, hv.NonsmoothNewton()).unknowns)
+        np.testing.assert_array_equal(u, hv.solve(p, hv.solvers.NonsmoothNewton()).unknowns)
 
 
 def test_it_says_what_it_holds_and_travels_empty() -> None:
-    workspace = hv.Workspace()
+    workspace = hv.systems.Workspace()
     assert repr(workspace) == "Workspace(empty)"
     problem = discrete_square(n=2)
     workspace.condensed(problem)
@@ -167,20 +167,20 @@ def test_a_solve_leaves_the_problem_as_it_was(method: str) -> None:
         mesh.cells,
     ]
     before = [array.copy() for array in arrays]
-    hv.solve(problem, hv.METHODS[method])
+    hv.solve(problem, hv.solvers.METHODS[method])
     for array, was in zip(arrays, before, strict=True):
         np.testing.assert_array_equal(array, was)
 
 
 def test_what_differs_is_checked_as_the_constructor_does() -> None:
     problem = discrete_square(n=2)
-    with pytest.raises(hv.ProblemError, match=r"load\[0\] = nan"):
+    with pytest.raises(hv.errors.ProblemError, match=r"load\[0\] = nan"):
         problem.with_(load=np.full(problem.unknowns, np.nan))
-    with pytest.raises(hv.ProblemError, match="load has 3 entries"):
+    with pytest.raises(hv.errors.ProblemError, match="load has 3 entries"):
         problem.with_(load=np.zeros(3))
-    with pytest.raises(hv.ProblemError, match="offset has shape"):
+    with pytest.raises(hv.errors.ProblemError, match="offset has shape"):
         problem.with_(offset=np.zeros((1, 2)))
-    with pytest.raises(hv.ProblemError, match="offset has shape"):
+    with pytest.raises(hv.errors.ProblemError, match="offset has shape"):
         problem.with_(offset=np.zeros((problem.contact_points, 1)))
-    with pytest.raises(hv.ProblemError, match="the bulk of a discrete problem is 3"):
+    with pytest.raises(hv.errors.ProblemError, match="the bulk of a discrete problem is 3"):
         problem.with_(bulk=3)  # type: ignore[arg-type]

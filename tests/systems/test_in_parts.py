@@ -68,7 +68,7 @@ class Points:
     """Contact points that only their neighbours in the same part couple to."""
 
     vectors: Vectors
-    law: hv.ContactLaw
+    law: hv.laws.ContactLaw
     weights: Array
     matrix: Array
     active: BoolArray
@@ -93,14 +93,14 @@ M, D = 24, 3
 HALVES = [np.arange(M // 3), np.arange(M // 3, M)]
 
 
-def whole(normal: hv.Superpotential) -> tuple[Points, Array, Array]:
+def whole(normal: hv.laws.Superpotential) -> tuple[Points, Array, Array]:
     """Points, local displacements and forces; the second part is the stiffer one, and has more of them."""
     rng = np.random.default_rng(6)
     blocks = []
     for number, own in enumerate(HALVES):
         root = rng.standard_normal((own.size * D, own.size * D))
         blocks.append((1.0 + 30.0 * number) * (root @ root.T / own.size + np.eye(own.size * D)))
-    law = hv.ContactLaw(normal, hv.Tresca(rng.uniform(0.1, 0.5, M)))
+    law = hv.laws.ContactLaw(normal, hv.Tresca(rng.uniform(0.1, 0.5, M)))
     matrix = sp.block_diag(blocks).toarray()
     body = Points(WHOLE, law, rng.uniform(0.5, 2.0, M), matrix, np.ones((M, D), dtype=bool), np.zeros((M, D)))
     return body, 0.1 * rng.standard_normal((M, D)), rng.standard_normal((M, D))
@@ -113,7 +113,7 @@ def part(body: Points, own: IntArray, vectors: Vectors) -> Points:
 
 
 @pytest.mark.parametrize("normal", [hv.Compliance(5.0), hv.Softening(40.0, 0.02, 20.0)], ids=["convex", "softening"])
-def test_contact_moves(normal: hv.Superpotential) -> None:
+def test_contact_moves(normal: hv.laws.Superpotential) -> None:
     body, r, force = whole(normal)
     stiff = majorant(body)
     move, (best, gained) = diagonal_step(body, r, force, 0.1), best_component(body, r, force)
@@ -183,7 +183,7 @@ def test_all_tangential_components_of_a_point_move_together() -> None:
     """
     k, w, h = 8.0, 0.5, 0.6
     force = np.array([[0.0, 0.3, 0.4], [0.0, -0.9, 1.2]])
-    law = hv.ContactLaw(hv.Signorini(), hv.Tresca(np.full(2, h)))
+    law = hv.laws.ContactLaw(hv.Signorini(), hv.Tresca(np.full(2, h)))
     free = np.ones((2, 3), dtype=bool)
     body = Points(WHOLE, law, np.full(2, w), k * np.eye(6), free, np.zeros((2, 3)))
     moved, gained = best_component(body, np.zeros((2, 3)), force)

@@ -142,7 +142,7 @@ def test_a_manufactured_motion_on_springs_and_dampers(cases: ModuleType) -> None
     assert orders["error in the energy norm, implicit-euler"] > 0.8
     assert orders["error in the energy norm, generalized-alpha"] > 0.8
     known = gallery.ManufacturedMotion()
-    history = march(known.evolution(8), 1.0, step=1.0 / 16, scheme=hv.GeneralizedAlpha(0.8))
+    history = march(known.evolution(8), 1.0, step=1.0 / 16, scheme=hv.evolution.GeneralizedAlpha(0.8))
     points = history.discrete.problem.contact.points
     exact = known.pressure(points, 1.0)
     inside = (points[:, 0] > 0.1) & (points[:, 0] < 1.9)

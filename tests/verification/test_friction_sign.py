@@ -135,7 +135,7 @@ def test_a_multiplier_that_is_read_back_keeps_its_sign(
     unknowns, multiplier = read_solution(solution.to_json(tmp_path / "r.json"), solution.problem)
     assert multiplier is not None
     np.testing.assert_array_equal(multiplier, solution.multiplier)
-    assert hv.residual(solution.problem, unknowns, multiplier).relative < 1e-8
+    assert hv.discrete.residual(solution.problem, unknowns, multiplier).relative < 1e-8
 
 
 def test_in_pictures(plane: hv.Solution) -> None:
@@ -194,7 +194,7 @@ def test_in_histories_of_python() -> None:
         return np.tile([-t, -0.5 * t], (len(points), 1))
 
     evolution = hv.Evolution(replace(pulled(), body_force=load), inertia=False)
-    history = march(evolution, until=1.0, step=1.0, save=hv.Save(every=1.0))
+    history = march(evolution, until=1.0, step=1.0, save=hv.evolution.Save(every=1.0))
     assert history["friction_force"][-1] == pytest.approx(BOUND * (1.0 - 1.0 / 12.0))
     film = film_of(history)
     assert (film.frame(len(film.times) - 1).force[:, 0] > 0.0).all()

@@ -129,7 +129,7 @@ def test_orders_of_stick_and_slip() -> None:
     known = gallery.antiplane_friction(64)
     found = hv.solve(known.problem).raise_for_status()
     x = found.problem.contact.points[:, 0]  # type: ignore[index]
-    slips = found.tangential_state == hv.TangentialState.SLIP
+    slips = found.tangential_state == hv.solvers.TangentialState.SLIP
     assert np.abs(x[slips].min()) < 2.1 / 64
     np.testing.assert_allclose(found.friction[slips, 0], -1.0, rtol=1e-9)
     inside = np.abs(x) < 0.9
@@ -160,16 +160,18 @@ def test_an_obstacle_by_projected_relaxation() -> None:
         for i in inner:
             u[i] = min(u[i] + (2.0 * area[i] - K[i] @ u) / K[i, i], 0.05)
     for method in ("newton", "multigrid", "active-set", "augmented-lagrangian-newton"):
-        found = hv.solve(problem, hv.METHODS[method]).raise_for_status()
+        found = hv.solve(problem, hv.solvers.METHODS[method]).raise_for_status()
         np.testing.assert_allclose(found.displacement[:, 0], u, atol=1e-9)
 
 
 def test_mirrored_problems_have_mirrored_solutions() -> None:
     """What lies below and is met by falling is what lies above and is met by rising."""
-    hill = hv.ScalarContact(hv.SurveyLaw(0.2, 30.0), lambda x: 0.02 + 0.1 * x[:, 0])
+    hill = hv.ScalarContact(hv.laws.SurveyLaw(0.2, 30.0), lambda x: 0.02 + 0.1 * x[:, 0])
     above = membrane(16, area=hill)
     below = membrane(
-        16, area=hv.ScalarContact(hv.SurveyLaw(0.2, 30.0), lambda x: -0.02 - 0.1 * x[:, 0], Side.BELOW), source=-2.0
+        16,
+        area=hv.ScalarContact(hv.laws.SurveyLaw(0.2, 30.0), lambda x: -0.02 - 0.1 * x[:, 0], Side.BELOW),
+        source=-2.0,
     )
     one, other = hv.solve(above), hv.solve(below)
     np.testing.assert_allclose(one.displacement, -other.displacement, atol=1e-13)
@@ -235,12 +237,12 @@ def test_the_margin_of_an_area_is_that_of_the_dense_matrices() -> None:
     import scipy.linalg as la
 
     c = 12.0 * la.eigh(np.diag(area[inner]), K[np.ix_(inner, inner)], eigvals_only=True)[-1]
-    found = hv.smallness(problem)
+    found = hv.certificates.smallness(problem)
     assert found.constant == pytest.approx(c, rel=1e-6)
     assert found.margin == pytest.approx(1.0 - c, rel=1e-5)
     assert found.m_A == 1.0
     assert found.trace_constant == pytest.approx(np.sqrt(c / 12.0), rel=1e-6)
-    twice = hv.smallness(replace(problem, coefficient=2.0))
+    twice = hv.certificates.smallness(replace(problem, coefficient=2.0))
     assert twice.constant == pytest.approx(0.5 * c, rel=1e-6)
     assert twice.m_A == 2.0
     assert twice.trace_constant == pytest.approx(found.trace_constant, rel=1e-9)
@@ -253,7 +255,7 @@ def test_the_margin_of_an_area_is_that_of_the_dense_matrices() -> None:
 @pytest.mark.parametrize("method", ["newton", "multigrid"])
 def test_units_do_not_matter(method: str, length: float, force: float) -> None:
     """Lengths times ``length``, forces per area times ``force``; tensions are forces per length."""
-    here = hv.solve(membrane(16, hv.Softening(20.0, 0.01, 12.0)), hv.METHODS[method])
+    here = hv.solve(membrane(16, hv.Softening(20.0, 0.01, 12.0)), hv.solvers.METHODS[method])
     there = hv.solve(
         hv.ScalarProblem(
             hv.rectangle((length, length), 16),
@@ -263,7 +265,7 @@ def test_units_do_not_matter(method: str, length: float, force: float) -> None:
             supports=dict.fromkeys(SIDES, 0.0),
             source=2.0 * force,
         ),
-        hv.METHODS[method],
+        hv.solvers.METHODS[method],
     )  # fmt: skip
     np.testing.assert_allclose(there.displacement / length, here.displacement, atol=1e-9)
     assert there.energy == pytest.approx(here.energy * force * length**3, rel=1e-9)
@@ -276,7 +278,7 @@ def test_multigrid_takes_as_many_cycles_on_every_mesh() -> None:
     cycles = []
     for n in (16, 32, 64, 128, 256):
         problem = hv.discretize(membrane(n))
-        found = hv.solve(problem, hv.NonsmoothMultigrid()).raise_for_status()
+        found = hv.solve(problem, hv.solvers.NonsmoothMultigrid()).raise_for_status()
         _, linear = ElasticMultigrid.of(problem).solve(problem.load, 1e-10)
         cycles.append((found.evaluations, linear))
     assert max(found for found, _ in cycles) <= 25
@@ -308,7 +310,7 @@ def between_plates(n: int, k: float, source: float, warm: float) -> tuple[hv.Sca
     problem = hv.ScalarProblem(
         hv.box((1.0, 1.0, 1.0), n),
         k,
-        contact={"bottom": hv.ScalarContact(hv.SurveyLaw(q, p), outside)},
+        contact={"bottom": hv.ScalarContact(hv.laws.SurveyLaw(q, p), outside)},
         supports={"top": warm},
         source=source,
         kind="heat",  # type: ignore[arg-type]
@@ -326,7 +328,7 @@ def test_heat_in_space_between_plates() -> None:
     for n in (4, 8):
         problem, exact = between_plates(n, 2.0, 3.0, 0.0)
         for method in ("newton", "multigrid"):
-            found = hv.solve(problem, hv.METHODS[method]).raise_for_status()
+            found = hv.solve(problem, hv.solvers.METHODS[method]).raise_for_status()
             assert float(found.reactions["top"][0]) + 3.0 - found.normal_force == pytest.approx(0.0, abs=1e-8)
         wrong.append(np.sqrt(np.mean((found.displacement[:, 0] - exact(problem.mesh.points[:, 2])) ** 2)))
     assert wrong[1] < 0.3 * wrong[0]
@@ -409,9 +411,9 @@ def test_a_block_between_rubbing_plates() -> None:
 
 def test_a_membrane_between_two_stops() -> None:
     """One law that ends on both sides: pushed up on one half and down on the other, it rests on both."""
-    stops = hv.PiecewiseQuadratic([-0.03, 0.02], [0.0, 0.0, 0.0], [0.0, 0.0], lower=-0.03, upper=0.02)
+    stops = hv.laws.PiecewiseQuadratic([-0.03, 0.02], [0.0, 0.0, 0.0], [0.0, 0.0], lower=-0.03, upper=0.02)
     problem = membrane(24, area=hv.ScalarContact(stops), source=lambda x: np.where(x[:, 0] < 0.5, 8.0, -8.0))
-    found = {name: hv.solve(problem, hv.METHODS[name]).raise_for_status() for name in ("newton", "multigrid")}
+    found = {name: hv.solve(problem, hv.solvers.METHODS[name]).raise_for_status() for name in ("newton", "multigrid")}
     u = found["newton"].displacement[:, 0]
     np.testing.assert_allclose(found["multigrid"].displacement[:, 0], u, atol=1e-9)
     assert u.max() == pytest.approx(0.02, abs=1e-14)

@@ -27,7 +27,9 @@ def error(history: History, factor: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("scheme", "order"), [(hv.ImplicitEuler(), 1), (hv.Midpoint(), 2), (hv.SDIRK2(), 2)], ids=lambda s: str(s)
+    ("scheme", "order"),
+    [(hv.evolution.ImplicitEuler(), 1), (hv.evolution.Midpoint(), 2), (hv.evolution.SDIRK2(), 2)],
+    ids=lambda s: str(s),
 )
 def test_heat_of_a_mode_decays(scheme: Scheme, order: int) -> None:
     """``c u' = k lap u``: exp(-2 pi^2 k t / c); quadratic elements, whose error is far below that of the steps."""
@@ -43,7 +45,11 @@ def test_heat_of_a_mode_decays(scheme: Scheme, order: int) -> None:
     assert errors[-1] < (2.5e-2 if order == 1 else 2e-3)
 
 
-@pytest.mark.parametrize("scheme", [hv.Midpoint(), hv.Newmark(), hv.GeneralizedAlpha(0.8)], ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "scheme",
+    [hv.evolution.Midpoint(), hv.evolution.Newmark(), hv.evolution.GeneralizedAlpha(0.8)],
+    ids=lambda s: s.name,
+)
 def test_a_membrane_rings(scheme: Scheme) -> None:
     """``rho u'' = T lap u``: cos(pi sqrt(2 T/rho) t), of order 2 in the step."""
     membrane = hv.ScalarProblem(
@@ -66,7 +72,7 @@ def test_a_viscous_membrane_rings_down() -> None:
     weights = np.linalg.solve(np.array([[1.0, 1.0], roots]), [1.0, 0.0])
     exact = float((weights @ np.exp(roots * until)).real)
     evolution = Evolution(membrane, inertia=True, displacement=mode)
-    found = [march(evolution, until, scheme=hv.Midpoint(), step=until / n) for n in (20, 40)]
+    found = [march(evolution, until, scheme=hv.evolution.Midpoint(), step=until / n) for n in (20, 40)]
     errors = [error(history, exact) for history in found]
     assert errors[1] < 2e-3
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
@@ -90,7 +96,13 @@ def test_a_string_hits_a_stop(cells: int) -> None:
         displacement=lambda x: 0.5 * (1.0 - x[:, 0]),
         mass="redistributed",  # type: ignore[arg-type]
     )
-    history = march(evolution, 2.9, scheme=hv.Newmark(), step=0.5 / cells, save=hv.Save(probes={"end": (0.0, 0.0)}))
+    history = march(
+        evolution,
+        2.9,
+        scheme=hv.evolution.Newmark(),
+        step=0.5 / cells,
+        save=hv.evolution.Save(probes={"end": (0.0, 0.0)}),
+    )
     times, end, force = history.times, history["end.u"], history["normal_force"] * cells
     first = times < 0.95
     assert np.abs(end - 0.5 * (1.0 - times))[first].max() < 0.01
@@ -115,7 +127,7 @@ def test_a_string_meets_a_spring() -> None:
         given = strip(n, coefficient=tension, density=rho, contact={"left": end})
         string = hv.ScalarProblem(**given)  # type: ignore[arg-type]
         evolution = Evolution(string, inertia=True, velocity=-speed)
-        history = march(evolution, until, scheme=hv.Newmark(), step=0.5 / n)
+        history = march(evolution, until, scheme=hv.evolution.Newmark(), step=0.5 / n)
         r = history["penetration"]
         exact = z * speed / spring * (1.0 - np.exp(-spring * history.times / z))
         errors.append(float(np.abs(r - exact).max()))
@@ -138,7 +150,7 @@ def test_antiplane_friction_in_the_slip_rate() -> None:
     errors = []
     for n in (40, 80):
         probes = {"foot": (0.5, 0.0)}
-        history = march(Evolution(problem), 2.0 * slips, step=slips / n, save=hv.Save(probes=probes))
+        history = march(Evolution(problem), 2.0 * slips, step=slips / n, save=hv.evolution.Save(probes=probes))
         times, foot, friction = history.times, history["foot.u"], history["friction_force"]
         sticks = (times > 0.0) & (times < slips * (1.0 - 1e-9))
         np.testing.assert_allclose(foot[sticks], speed * times[sticks], rtol=1e-9)
@@ -182,7 +194,7 @@ def test_friction_weakens_with_the_slip_rate() -> None:
 def test_a_thermostat_cools_past_its_peak() -> None:
     """A uniform temperature, ``c u' = q - lam(u)``: the law rises to u = d and then falls, and u runs away."""
     c, q, rise, peak, fall = 2.0, 1.0, 3.0, 0.3, 1.5
-    law = hv.PiecewiseQuadratic([0.0, peak], [0.0, rise, -fall], [0.0, 0.0])
+    law = hv.laws.PiecewiseQuadratic([0.0, peak], [0.0, rise, -fall], [0.0, 0.0])
     stated = hv.ScalarProblem(
         hv.rectangle((1.0, 1.0), 2), 1.0, area=hv.ScalarContact(law), source=q, kind=ScalarKind.HEAT, capacity=c
     )
@@ -212,7 +224,7 @@ def test_heat_is_counted_by_regions() -> None:
         halves, {"low": 1.0, "high": 5.0}, source=lambda x, t: 2.0 * t + 0.0 * x[:, 0], kind=ScalarKind.HEAT,
         capacity={"low": 1.0, "high": 3.0},
     )  # fmt: skip
-    history = march(Evolution(stated), 2.0, step=0.05, scheme=hv.Midpoint())
+    history = march(Evolution(stated), 2.0, step=0.05, scheme=hv.evolution.Midpoint())
     heat = np.asarray(history.discrete.viscosity.inner.sum(axis=0)).ravel()  # type: ignore[union-attr]
     assert heat.sum() == pytest.approx(2.0)
     assert heat @ history.frames[-1].displacement[:, 0] == pytest.approx(4.0, rel=1e-12)
@@ -232,7 +244,7 @@ def test_levels_take_part_in_steps() -> None:
         evolution = Evolution(stated, inertia=inertia)
         one, other = (
             march(evolution, 0.5, step=0.05, solver=solver, controls=hv.Controls(rtol=1e-11))
-            for solver in (hv.NonsmoothNewton(), hv.NonsmoothMultigrid())
+            for solver in (hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid())
         )
         assert one.finished
         assert other.finished

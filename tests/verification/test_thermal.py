@@ -111,7 +111,11 @@ def test_conduction_needs_contact() -> None:
     closed(history)
 
 
-@pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.Midpoint(), hv.GeneralizedAlpha(0.8)], ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "scheme",
+    [hv.evolution.ImplicitEuler(), hv.evolution.Midpoint(), hv.evolution.GeneralizedAlpha(0.8)],
+    ids=lambda s: s.name,
+)
 def test_a_sliding_block_heats_itself(scheme: Scheme) -> None:
     """Dragged at V under N with friction mu it makes mu N V t of heat, of which its share warms it."""
     mu, weight, speed, share, until = 0.3, 2.0, 0.5, 0.4, 1.0
@@ -126,7 +130,7 @@ def test_a_sliding_block_heats_itself(scheme: Scheme) -> None:
         tractions={"top": (0.0, -weight)},
     )
     heat = Heat(1.0, 3.0, contact={"bottom": HeatContact(share=share)})
-    still = (0.0, 0.0) if isinstance(scheme, hv.ImplicitEuler) else (speed, 0.0)
+    still = (0.0, 0.0) if isinstance(scheme, hv.evolution.ImplicitEuler) else (speed, 0.0)
     evolution = Evolution(problem, inertia=True, velocity=still, heat=heat)
     history = march(evolution, until, step=0.02, scheme=scheme)
     made = history.ledger["friction"]
@@ -158,7 +162,9 @@ def coupled(cells: int, scheme: Scheme, steps: int, coupling: float) -> tuple[fl
     return float(np.abs(-foot - strain).max()), float(np.abs(frame.temperature - th).max()), history
 
 
-@pytest.mark.parametrize(("scheme", "order"), [(hv.ImplicitEuler(), 1), (hv.Midpoint(), 2)], ids=lambda s: str(s))
+@pytest.mark.parametrize(
+    ("scheme", "order"), [(hv.evolution.ImplicitEuler(), 1), (hv.evolution.Midpoint(), 2)], ids=lambda s: str(s)
+)
 def test_coupled_decay(scheme: Scheme, order: int) -> None:
     found = [coupled(1, scheme, steps, 0.8)[:2] for steps in (10, 20, 40)]
     errors = np.array(found)
@@ -173,7 +179,7 @@ def test_coupled_decay(scheme: Scheme, order: int) -> None:
 @pytest.mark.slow
 def test_a_coupling_that_would_not_contract() -> None:
     """T0 beta^2 / (c kappa) = 26: rounds that only repeat each other would run away, weighted ones meet."""
-    off, warmer, history = coupled(1, hv.ImplicitEuler(), 400, 30.0)
+    off, warmer, history = coupled(1, hv.evolution.ImplicitEuler(), 400, 30.0)
     assert history.finished
     assert history["rounds"][1:].max() <= 12
     assert off < 2e-3
@@ -197,7 +203,7 @@ def test_no_agreement_is_told() -> None:
 def test_an_exchange_that_is_not_monotone() -> None:
     """``c th' = q/H - lam(th)/H`` over a rising and a falling law: the temperature runs away past the peak."""
     rise, peak, fall, q, c = 3.0, 0.3, 1.5, 1.0, 2.0
-    law = hv.PiecewiseQuadratic([0.0, peak], [0.0, rise, -fall], [0.0, 0.0])
+    law = hv.laws.PiecewiseQuadratic([0.0, peak], [0.0, rise, -fall], [0.0, 0.0])
     body = block(1, contact={"bottom": hv.Contact(hv.Compliance(1.0))})
     heat = Heat(1e6, c, source=q, contact={"bottom": HeatContact(exchange=law)})
     reached = -c / rise * math.log(1.0 - rise * peak / q)
@@ -228,7 +234,7 @@ def test_orders_in_space_and_time() -> None:
     for n in (6, 12, 24):
         problem = block(n)
         start = {"displacement": lambda x: np.column_stack([0.0 * x[:, 0], rises(x[:, 1], 0.0)])}
-        history = march(Evolution(problem, heat=heat, **start), 0.5, step=0.5 / n, scheme=hv.Midpoint())  # type: ignore[arg-type]
+        history = march(Evolution(problem, heat=heat, **start), 0.5, step=0.5 / n, scheme=hv.evolution.Midpoint())  # type: ignore[arg-type]
         y, frame = problem.mesh.points[:, 1], history.frames[-1]
         decay = math.exp(-0.5)
         v = rises(y, 0.5)

@@ -32,11 +32,11 @@ def problem() -> hv.ContactProblem:
 
 
 @pytest.fixture(scope="module")
-def exact(problem: hv.ContactProblem) -> hv.Study:
+def exact(problem: hv.ContactProblem) -> hv.workflows.Study:
     return hv.study(problem, 3, exact=MANUFACTURED_EXACT)
 
 
-def test_orders_of_linear_elements_are_those_of_theory(exact: hv.Study) -> None:
+def test_orders_of_linear_elements_are_those_of_theory(exact: hv.workflows.Study) -> None:
     assert exact.reference == "exact solution"
     assert exact.orders["energy"] == pytest.approx(1.0, abs=0.03)
     assert exact.orders["displacement"] == pytest.approx(2.0, abs=0.05)
@@ -58,7 +58,7 @@ def test_orders_of_quadratic_elements_are_one_higher(problem: hv.ContactProblem)
 
 
 def test_the_finest_mesh_is_a_reference_and_what_it_shares_is_left_out(
-    problem: hv.ContactProblem, exact: hv.Study
+    problem: hv.ContactProblem, exact: hv.workflows.Study
 ) -> None:
     found = hv.study(problem, 3)
     assert found.reference == "finest mesh"
@@ -105,7 +105,7 @@ def test_norms_in_closed_form() -> None:
     assert found.energy**2 == pytest.approx(16.0, rel=1e-12)  # 12 (2 x)^2
 
 
-def test_errors_do_not_depend_on_units(problem: hv.ContactProblem, exact: hv.Study) -> None:
+def test_errors_do_not_depend_on_units(problem: hv.ContactProblem, exact: hv.workflows.Study) -> None:
     from tests.problem_files import MANUFACTURED_MM, MANUFACTURED_MM_EXACT
 
     other = hv.study(parse_problem(MANUFACTURED_MM), 1, exact=MANUFACTURED_MM_EXACT)
@@ -126,14 +126,14 @@ def test_an_interruption_keeps_the_meshes_that_are_done(problem: hv.ContactProbl
     assert np.isnan(found.errors("energy")[-1])
 
 
-def test_every_mesh_begins_with_the_solution_on_the_one_before(exact: hv.Study) -> None:
+def test_every_mesh_begins_with_the_solution_on_the_one_before(exact: hv.workflows.Study) -> None:
     for level in exact.levels[1:]:
         warm, cold = level.solution, hv.solve(level.solution.problem)
         above = [one.history[0].energy - one.energy for one in (warm, cold)]
         assert 0.0 <= above[0] < 0.1 * above[1]
 
 
-def stopped_after(problem: hv.ContactProblem, count: int, options: StudyOptions) -> hv.Study:
+def stopped_after(problem: hv.ContactProblem, count: int, options: StudyOptions) -> hv.workflows.Study:
     """A study that is interrupted after so many meshes."""
     seen: list[StudyLevel] = []
 
@@ -146,7 +146,7 @@ def stopped_after(problem: hv.ContactProblem, count: int, options: StudyOptions)
     return result_of(studying(problem, options), view)
 
 
-def same_bits(one: hv.Study, other: hv.Study) -> None:
+def same_bits(one: hv.workflows.Study, other: hv.workflows.Study) -> None:
     assert len(one.levels) == len(other.levels)
     for mine, theirs in zip(one.levels, other.levels, strict=True):
         for name in ("unknowns", "multiplier", "displacement", "local", "pressure", "normal_state", "tangential_state"):
@@ -158,7 +158,7 @@ def same_bits(one: hv.Study, other: hv.Study) -> None:
         assert one.norms[name] == other.norms[name]
 
 
-def solved(problem: hv.ContactProblem, options: StudyOptions) -> tuple[list[int], hv.Study]:
+def solved(problem: hv.ContactProblem, options: StudyOptions) -> tuple[list[int], hv.workflows.Study]:
     """Which meshes were solved, and the study."""
     begun: list[int] = []
 
@@ -185,7 +185,7 @@ def test_what_was_interrupted_goes_on_with_the_same_bits(problem: hv.ContactProb
 
 
 def test_more_meshes_and_an_exact_solution_go_on_from_the_same_file(
-    problem: hv.ContactProblem, exact: hv.Study, tmp_path: Path
+    problem: hv.ContactProblem, exact: hv.workflows.Study, tmp_path: Path
 ) -> None:
     keep = tmp_path / "a.jsonl"
     hv.study(problem, 1, keep=keep)
@@ -206,7 +206,7 @@ def test_the_record_of_other_work_is_refused(problem: hv.ContactProblem, tmp_pat
         (replace(problem, body_force=(0.0, -1.0)), StudyOptions(1, keep=keep)),
         (finer, StudyOptions(1, keep=keep)),
         (problem, StudyOptions(1, controls=hv.Controls(rtol=1e-8), keep=keep)),
-        (problem, StudyOptions(1, solver=hv.NonsmoothMultigrid(), keep=keep)),
+        (problem, StudyOptions(1, solver=hv.solvers.NonsmoothMultigrid(), keep=keep)),
     ):
         with pytest.raises(
             FileError, match=r"a\.jsonl: the file holds another study, or the problem has changed since"
@@ -257,7 +257,9 @@ def test_what_a_time_limit_ended_is_tried_again(problem: hv.ContactProblem, tmp_
 
 @pytest.mark.slow
 @pytest.mark.parametrize("jobs", [2, 5])
-def test_processes_find_the_same_bits(problem: hv.ContactProblem, exact: hv.Study, tmp_path: Path, jobs: int) -> None:
+def test_processes_find_the_same_bits(
+    problem: hv.ContactProblem, exact: hv.workflows.Study, tmp_path: Path, jobs: int
+) -> None:
     same_bits(hv.study(problem, 3, exact=MANUFACTURED_EXACT, jobs=jobs), exact)
     keep = tmp_path / "a.jsonl"
     stopped_after(problem, 1, StudyOptions(3, keep=keep, jobs=jobs))
@@ -283,7 +285,7 @@ def test_what_makes_no_sense_is_refused(problem: hv.ContactProblem) -> None:
         hv.study(hv.discretize(problem), 1)  # type: ignore[arg-type]
 
 
-def test_table_and_figure_show_what_was_found(exact: hv.Study) -> None:
+def test_table_and_figure_show_what_was_found(exact: hv.workflows.Study) -> None:
     table = study_table(exact, "a_b & 50%")
     assert len(table.rows) == 4
     errors = [row[table.columns.index("energy error")] for row in table.rows]

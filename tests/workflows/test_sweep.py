@@ -38,7 +38,7 @@ def solutions_by_hand(r0: float, alpha: float) -> list[float]:
     return [*found, *([r0] if r0 >= end else [])]
 
 
-def stopped_after(count: int, keep: Path) -> hv.Sweep:
+def stopped_after(count: int, keep: Path) -> hv.workflows.Sweep:
     """A sweep that is interrupted after so many points of its own."""
     seen: list[SweepPoint] = []
 
@@ -52,11 +52,11 @@ def stopped_after(count: int, keep: Path) -> hv.Sweep:
 
 
 @pytest.fixture(scope="module")
-def whole() -> hv.Sweep:
+def whole() -> hv.workflows.Sweep:
     return hv.sweep(softening_bar, AXES)
 
 
-def test_the_number_of_solutions_is_that_by_hand(whole: hv.Sweep) -> None:
+def test_the_number_of_solutions_is_that_by_hand(whole: hv.workflows.Sweep) -> None:
     assert whole.complete
     assert whole.shape == (4, 4)
     assert (whole.exhaustive == 1.0).all()
@@ -68,11 +68,11 @@ def test_the_number_of_solutions_is_that_by_hand(whole: hv.Sweep) -> None:
     assert set(whole.count.ravel()) == {1.0, 3.0}
 
 
-def test_the_margin_is_that_by_hand(whole: hv.Sweep) -> None:
+def test_the_margin_is_that_by_hand(whole: hv.workflows.Sweep) -> None:
     np.testing.assert_allclose(whole.margin, np.broadcast_to(1.0 - np.array(SOFTENINGS), (4, 4)), atol=1e-9)
 
 
-def test_what_was_interrupted_goes_on_with_the_same_bits(whole: hv.Sweep, tmp_path: Path) -> None:
+def test_what_was_interrupted_goes_on_with_the_same_bits(whole: hv.workflows.Sweep, tmp_path: Path) -> None:
     keep = tmp_path / "a.jsonl"
     first = stopped_after(5, keep)
     assert first.interrupted
@@ -215,7 +215,7 @@ def test_a_point_keeps_every_bit_in_its_line() -> None:
     assert math.isnan(SweepPoint.of_line(SweepPoint((0,)).line()).margin)
 
 
-def test_figures_show_margin_and_number(whole: hv.Sweep) -> None:
+def test_figures_show_margin_and_number(whole: hv.workflows.Sweep) -> None:
     fig = plot_sweep(whole, labels=["load (m)"])
     left, right = fig.axes[:2]
     assert (left.get_xlabel(), left.get_ylabel()) == ("load (m)", "alpha")
@@ -234,7 +234,7 @@ def test_figures_show_margin_and_number(whole: hv.Sweep) -> None:
         plot_sweep(three)
 
 
-def test_a_table_has_a_line_for_each_point(whole: hv.Sweep, tmp_path: Path) -> None:
+def test_a_table_has_a_line_for_each_point(whole: hv.workflows.Sweep, tmp_path: Path) -> None:
     table = sweep_table(whole)
     assert table.columns[:3] == ("r0", "alpha", "solutions")
     assert [row[2] for row in table.rows] == whole.count.ravel().tolist()
@@ -243,15 +243,15 @@ def test_a_table_has_a_line_for_each_point(whole: hv.Sweep, tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_processes_find_the_same_bits(whole: hv.Sweep, tmp_path: Path) -> None:
+def test_processes_find_the_same_bits(whole: hv.workflows.Sweep, tmp_path: Path) -> None:
     found = hv.sweep(softening_bar, AXES, jobs=2, keep=tmp_path / "a.jsonl")
     assert found.points == whole.points
 
 
 def rubbing_point(mu: float) -> DiscreteProblem:
     """One point, whose friction weakens with the slip and grows with the penetration."""
-    friction = hv.SlipWeakening(hv.PenetrationBound(([0.0, 1.0], [0.0, 4.0 * mu])), 1.0, 0.5, 1.5)
-    law = hv.ContactLaw(hv.Compliance(4.0), friction)
+    friction = hv.SlipWeakening(hv.laws.PenetrationBound(([0.0, 1.0], [0.0, 4.0 * mu])), 1.0, 0.5, 1.5)
+    law = hv.laws.ContactLaw(hv.Compliance(4.0), friction)
     stiffness, load = np.diag([3.0, 2.0]), np.array([1.0, 0.7])
     return DiscreteProblem.of_arrays(stiffness, load, np.eye(2), np.array([0.5]), np.zeros(1), law)
 

@@ -185,7 +185,7 @@ class _Refusing(NonsmoothNewton):
         return "it is Monday"
 
 
-METHODS = {"active-set": hv.METHODS["active-set"], "failing": _Failing(), "refusing": _Refusing()}
+METHODS = {"active-set": hv.solvers.METHODS["active-set"], "failing": _Failing(), "refusing": _Refusing()}
 
 
 def test_a_comparison_has_an_attempt_for_every_method() -> None:
@@ -372,7 +372,7 @@ def test_the_room_is_loaded_when_it_is_used() -> None:
 
 
 def test_controls_reach_the_solve() -> None:
-    stopped = result_of(workflows.run(PROBLEM, RunOptions(hv.METHODS["direct-lbfgs"], Controls(max_steps=1))))
+    stopped = result_of(workflows.run(PROBLEM, RunOptions(hv.solvers.METHODS["direct-lbfgs"], Controls(max_steps=1))))
     assert stopped.solution.status is hv.Status.MAX_STEPS
     assert not stopped.interrupted
 
@@ -385,7 +385,7 @@ def test_solve_and_certificate_share_their_levels(monkeypatch: pytest.MonkeyPatc
     original = ElasticMultigrid.of
     monkeypatch.setattr(ElasticMultigrid, "of", lambda problem: made.append(problem.unknowns) or original(problem))
     monkeypatch.setattr(norms, "FACTORISED", (10, 10))
-    found = result_of(workflows.run(PROBLEM, RunOptions(hv.METHODS["multigrid"])))
+    found = result_of(workflows.run(PROBLEM, RunOptions(hv.solvers.METHODS["multigrid"])))
     assert found.certificate is not None
     assert made == [found.solution.problem.unknowns]
 

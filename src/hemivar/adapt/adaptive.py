@@ -5,9 +5,9 @@ the mesh before.  Cells are marked by Doerfler's rule: the fewest that hold a sh
 
     eta_T^2 + |xi - zeta|_F^2 / Lambda + G_F,
 
-what a cell and its contact facets add to the bound (:func:`hemivar.exact_distance`). With a goal the share is one
-of what cells add to the error of that quantity (:mod:`hemivar.adapt.goal_values`) until the estimate of it is as asked;
-from there on that of the bound, with which the guaranteed interval shrinks.
+what a cell and its contact facets add to the bound (:func:`hemivar.certificates.continuous.exact_distance`). With a
+goal the share is one of what cells add to the error of that quantity (:mod:`hemivar.adapt.goal_values`) until the
+estimate of it is as asked; from there on that of the bound, with which the guaranteed interval shrinks.
 """
 
 from __future__ import annotations

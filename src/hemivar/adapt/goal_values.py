@@ -143,7 +143,7 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
         From :func:`hemivar.adapt.goal_named`.
     solution : Solution
     distance : ExactDistance
-        Of the solution, by :func:`hemivar.exact_distance`.
+        Of the solution, by :func:`hemivar.certificates.continuous.exact_distance`.
     constants : TraceBounds
         Of the body, as they were taken for the distance.
 

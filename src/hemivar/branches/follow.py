@@ -160,7 +160,7 @@ def following(
     if problem.law.state_dependent:
         raise MethodError(
             "path following needs a friction bound that does not depend on the solution; take one that is a number, or "
-            "raise the load in steps instead: hemivar.solve(problem, hemivar.FixedPoint(hemivar.LoadStepping()))"
+            "raise the load in steps instead: hemivar.solve(problem, FixedPoint(LoadStepping()))"
         )
     budget = Budget(options.max_time)
     line = LoadLine(problem, unloaded)

@@ -147,7 +147,7 @@ def find_solutions(
     """Find the stationary points of the energy: all of them where this is possible, otherwise as many as turn up.
 
     If all laws are piecewise quadratic and there are at most ``enumerate_up_to`` combinations of pieces and kinks, all
-    are tried and nothing is missed.  If the margin of :func:`hemivar.smallness` is positive, there is one
+    are tried and nothing is missed.  If the margin of :func:`hemivar.certificates.smallness` is positive, there is one
     solution, and it is solved for.  Otherwise the search goes on from many starts: the default method and the downhill
     one from zero, by load stepping, from both sides of every kink of the law and from random points; Newton's method on
     the residual deflated by what was found already, which also finds saddles and maxima; the load path through every

@@ -1,5 +1,9 @@
 """Certificates: constants, error bounds and the kind of a point, recomputed from the problem alone."""
 
+import importlib
+from types import ModuleType
+
+from hemivar.basics.first_use import IMPORTS
 from hemivar.certificates.bound import equilibrium_multiplier, trace_force
 from hemivar.certificates.certificate import Certificate, certify
 from hemivar.certificates.distance_to_exact import DistanceToExact
@@ -32,3 +36,10 @@ __all__ = [
     "trace_constants",
     "trace_force",
 ]
+
+
+def __getattr__(name: str) -> ModuleType:
+    if name != "continuous":
+        raise AttributeError(f"module 'hemivar.certificates' has no attribute '{name}'")
+    with IMPORTS:
+        return importlib.import_module("hemivar.certificates.continuous")

@@ -103,8 +103,8 @@ class Smallness:
         slope.
     trace_bound : float or None
         Upper bound of the c_gamma of the continuous problem, which those of meshes approach from below
-        (:func:`hemivar.lower_bounds`). It is computed where laws soften, in space, where it takes
-        a second or two, only if asked for; without it (H_s) speaks of this mesh.
+        (:func:`hemivar.certificates.continuous.lower_bounds`). It is computed where laws soften, in space, where it
+        takes a second or two, only if asked for; without it (H_s) speaks of this mesh.
     reach_normal, reach_tangential : float
         Penetrations (and openings) and slips up to which the constants hold; inf where they hold for all.
     m_A_sampled : bool

@@ -74,7 +74,8 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     force), ``steps``, ``evaluations``, ``timings`` (seconds), ``history``, ``error_bound``, ``fallbacks`` (how
     often the method had to take another way), ``contact_length``,
     ``resultants``, ``boundaries``, ``reactions``, ``contact``, ``displacement`` (vectors of the nodes; the unknowns of
-    a problem made of arrays) and, where one is given, ``certificate`` (:meth:`hemivar.Certificate.record`).
+    a problem made of arrays) and, where one is given, ``certificate``, see
+    :meth:`hemivar.certificates.Certificate.record`.
 
     ``resultants`` holds ``normal_force`` (resultant of the pressure), ``friction_force`` (resultant of the friction
     on the body in local components) and ``force``, the global vector of the force of the foundation on the body,

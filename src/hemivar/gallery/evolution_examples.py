@@ -117,7 +117,7 @@ def viscoelastic_beam(
     (0, 2.5) x (0, 1), clamped at x = 0, contact at y = 0 with the pressure ``stiffness u_nu``; Lame constants 4 and 4,
     viscosities 4 and 4, density 1, body force (-0.2, -0.2).  The authors take squares of side 0.5 that are cut by their
     centres, and 32 steps of 0.1, without friction; their law of friction is ``bound ln(1 + |u_tau'|)``,
-    :func:`hemivar.Logarithmic`.
+    :func:`hemivar.laws.Logarithmic`.
 
     Parameters
     ----------

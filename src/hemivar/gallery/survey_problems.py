@@ -154,7 +154,7 @@ def survey_logarithmic(
 ) -> ContactProblem:
     """The survey's body with data (5.1) and friction that weakens with the slip, ``bound ln(1 + |u_tau|)``.
 
-    alpha_tau = bound: unique while the margin of :func:`hemivar.smallness` is positive.
+    alpha_tau = bound: unique while the margin of :func:`hemivar.certificates.smallness` is positive.
 
     Parameters
     ----------
@@ -177,7 +177,8 @@ def survey_logarithmic(
 def survey_cube_logarithmic(bound: float = 0.3, n: int = 8) -> ContactProblem:
     """The cube of :func:`survey_cube`, data (5.1), and friction that weakens with the slip, ``bound ln(1 + |u_tau|)``.
 
-    alpha_tau = bound: unique while the margin of :func:`hemivar.smallness` is positive, as it is by default.
+    alpha_tau = bound: unique while the margin of :func:`hemivar.certificates.smallness` is positive, as it is by
+    default.
 
     Parameters
     ----------

@@ -46,12 +46,12 @@ class ContactValues:
 
     @property
     def normal_state(self) -> IntArray:
-        """A :class:`hemivar.NormalState` for each point, (m,): open, contact, bonded, softening or debonded."""
+        """A :class:`hemivar.solvers.NormalState` for each point, (m,): open, contact, bonded, softening or debonded."""
         return self.states.normal
 
     @property
     def tangential_state(self) -> IntArray:
-        """A :class:`hemivar.TangentialState` for each point, (m,): free, stick or slip."""
+        """A :class:`hemivar.solvers.TangentialState` for each point, (m,): free, stick or slip."""
         return self.states.tangential
 
     @property

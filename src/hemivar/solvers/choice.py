@@ -37,7 +37,7 @@ def _dimension(problem: DiscreteProblem) -> int:
 
 
 def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
-    """The method with its standard options, and why, in words, under the names of ``hemivar.METHODS``.
+    """The method with its standard options, and why, in words, under the names of ``hemivar.solvers.METHODS``.
 
     :class:`NonsmoothNewton` where it takes no longer than a moment, or than multigrid, and has the memory it needs;
     for laws that are not convex it is preferred a while longer, for it looks further for a lower energy.

@@ -76,7 +76,7 @@ class Solution(ContactValues, Portable, Displayed):
     kind : PointKind or None
         What kind of stationary point it is, where it was determined.
     fallbacks : int
-        How often the method had to take another way, see :class:`hemivar.SemismoothNewton`.
+        How often the method had to take another way, see :class:`hemivar.solvers.SemismoothNewton`.
     """
 
     problem: DiscreteProblem

@@ -64,7 +64,7 @@ class Workspace:
         """
         if workspace is None:
             return Workspace()
-        remedy = "make one, hemivar.Workspace(), and pass it to every call"
+        remedy = "make one, hemivar.systems.Workspace(), and pass it to every call"
         return expect(workspace, Workspace, "the workspace", remedy)
 
     @classmethod

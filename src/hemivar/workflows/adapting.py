@@ -112,7 +112,7 @@ def adapt(problem: ContactProblem | KnownStatement, options: AdaptOptions | None
     Raises
     ------
     ProblemError, MethodError
-        As :func:`hemivar.solve_adaptive`.
+        As :func:`hemivar.adapt.solve_adaptive`.
     """
     options = AdaptOptions() if options is None else options
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"

@@ -27,7 +27,7 @@ class CompareOptions:
     Parameters
     ----------
     methods : mapping of name to Solver
-        All of ``hemivar.METHODS`` by default; the reference comes first, whether it is among them or not.
+        All of ``hemivar.solvers.METHODS`` by default; the reference comes first, whether it is among them or not.
     controls : Controls
         Tolerances and limits of each method; a minute by default.
     """

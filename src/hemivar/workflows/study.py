@@ -81,7 +81,7 @@ class StudyOptions:
     must_keep : bool
         Whether the study ends where that file cannot be written; else ``Study.unkept`` says why.
     certify : bool
-        Whether the error on each mesh is bounded as well, see :func:`hemivar.exact_distance`.
+        Whether the error on each mesh is bounded as well, see :func:`hemivar.certificates.continuous.exact_distance`.
 
     Raises
     ------

@@ -49,7 +49,7 @@ def shown(problem: ContactProblem, normal: Array, parts: tuple[float, float]) ->
     [name] = problem.contact
     fine = replace(problem, order=2)
     K = stiffness_matrix(mesh, problem.material, 2)
-    field = discretize(replace(fine, contact={name: Contact(hv.NoContact())}), check_coercivity=False).field
+    field = discretize(replace(fine, contact={name: Contact(hv.laws.NoContact())}), check_coercivity=False).field
     assert field is not None
     facets = mesh.facet_nodes(mesh.boundaries[name], 2)
     measures = mesh.facet_normals(mesh.boundaries[name])[1]
@@ -95,7 +95,7 @@ def test_a_curved_obstacle_takes_the_whole_trace() -> None:
     corners = problem.mesh.points[problem.mesh.boundaries["top"]]
     one = np.ones(len(corners))
     assert found.weighted(corners, one, 0.1 * one)[0] == pytest.approx(1.0 / found.both.lower)
-    beside = hv.Contact(hv.NoContact(), obstacle=Sphere((6.0, 4.0), 5.0), normals=hv.Normals.BODY)
+    beside = hv.Contact(hv.laws.NoContact(), obstacle=Sphere((6.0, 4.0), 5.0), normals=hv.mechanics.Normals.BODY)
     assert not lower_bounds(replace(problem, contact={"top": beside})).whole
 
 

@@ -14,16 +14,18 @@ from hemivar.gallery import antiplane_friction, survey
 
 
 @pytest.fixture(scope="module")
-def workspace() -> hv.Workspace:
-    return hv.Workspace()
+def workspace() -> hv.systems.Workspace:
+    return hv.systems.Workspace()
 
 
 @pytest.fixture(scope="module")
-def solution(workspace: hv.Workspace) -> hv.Solution:
+def solution(workspace: hv.systems.Workspace) -> hv.Solution:
     return hv.solve(survey("5.1", 4), workspace=workspace)
 
 
-def test_a_certificate_holds_the_distance_where_it_is_asked_for(solution: hv.Solution, workspace: hv.Workspace) -> None:
+def test_a_certificate_holds_the_distance_where_it_is_asked_for(
+    solution: hv.Solution, workspace: hv.systems.Workspace
+) -> None:
     assert solution.certify().exact is None
     certificate = hv.certify(solution, exact=True, workspace=workspace)
     found = certificate.exact
@@ -42,7 +44,7 @@ def test_a_certificate_holds_the_distance_where_it_is_asked_for(solution: hv.Sol
     assert "(guaranteed)" in certificate._repr_html_()
 
 
-def test_any_displacement_is_bounded(solution: hv.Solution, workspace: hv.Workspace) -> None:
+def test_any_displacement_is_bounded(solution: hv.Solution, workspace: hv.systems.Workspace) -> None:
     """One that solves nothing is farther away, by what it lacks for equilibrium, and called an estimate."""
     best = distance_to_exact(solution.problem, solution.unknowns, workspace=workspace)
     other = distance_to_exact(solution.problem, 1.1 * solution.unknowns, workspace=workspace)
@@ -53,7 +55,7 @@ def test_any_displacement_is_bounded(solution: hv.Solution, workspace: hv.Worksp
     assert other.parts["algebraic"] > best.parts["algebraic"]
 
 
-def test_where_there_is_none(solution: hv.Solution, workspace: hv.Workspace) -> None:
+def test_where_there_is_none(solution: hv.Solution, workspace: hv.systems.Workspace) -> None:
     problem, u = solution.problem, solution.unknowns
 
     def why(problem: hv.DiscreteProblem, u: np.ndarray, **options: float) -> str:  # type: ignore[type-arg]
@@ -68,7 +70,7 @@ def test_where_there_is_none(solution: hv.Solution, workspace: hv.Workspace) -> 
     changed = "not those of the stated problem"
     assert changed in why(problem.with_(load=1.01 * problem.load), u)
     assert changed in why(problem.with_(offset=problem.offset + 1e-3), u)
-    stiffer = hv.discretize(replace(survey("5.1", 4), contact={"bottom": hv.Contact(hv.SurveyLaw(0.3, 2.1))}))
+    stiffer = hv.discretize(replace(survey("5.1", 4), contact={"bottom": hv.Contact(hv.laws.SurveyLaw(0.3, 2.1))}))
     assert changed in why(problem.with_(law=stiffer.law), u)
     scalar = hv.solve(antiplane_friction(4).problem)
     assert "scalar problem" in why(scalar.problem, scalar.unknowns)

@@ -41,7 +41,7 @@ def round_plate(n: int) -> hv.Mesh:
 
 
 def on_mesh(mesh: hv.Mesh) -> hv.ContactProblem:
-    foundation = hv.Contact(hv.SurveyLaw(0.3, 2.0))
+    foundation = hv.Contact(hv.laws.SurveyLaw(0.3, 2.0))
     force = (0.0, -1.0, -0.5)[: mesh.dim]
     return bodies.body(mesh, foundation, body_force=force)
 
@@ -120,9 +120,12 @@ def test_a_curved_boundary_makes_an_estimate() -> None:
 @pytest.mark.parametrize(
     ("contact", "named"),
     [
-        (hv.Contact(hv.SurveyLaw(lambda x: 0.3 + x[:, 0], 2.0)), "q_max"),
-        (hv.Contact(hv.SurveyLaw(0.3, 2.0), hv.Tresca(lambda x: 0.1 + x[:, 0])), "bound"),
-        (hv.Contact(hv.SurveyLaw(0.3, 2.0), hv.SlipWeakening(0.1, 1.0, lambda x: 0.7 + 0.0 * x[:, 0], 1.0)), "kinetic"),
+        (hv.Contact(hv.laws.SurveyLaw(lambda x: 0.3 + x[:, 0], 2.0)), "q_max"),
+        (hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(lambda x: 0.1 + x[:, 0])), "bound"),
+        (
+            hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.SlipWeakening(0.1, 1.0, lambda x: 0.7 + 0.0 * x[:, 0], 1.0)),
+            "kinetic",
+        ),
     ],
 )
 def test_laws_that_vary_along_the_boundary_make_an_estimate(contact: hv.Contact, named: str) -> None:
@@ -147,7 +150,7 @@ def test_laws_that_vary_along_the_boundary_make_an_estimate(contact: hv.Contact,
 def test_friction_that_is_sampled_makes_an_estimate(bound: Any, proved: bool, beside: bool) -> None:
     """Also where it stands beside another law, and in the law that is taken at the solution."""
     problem = survey("5.1", 3)
-    contact = {"bottom": hv.Contact(hv.SurveyLaw(0.3, 2.0), hv.Tresca(hv.PenetrationBound(bound)))}
+    contact = {"bottom": hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(hv.laws.PenetrationBound(bound)))}
     if beside:
         contact = {"right": hv.Contact(hv.Compliance(1.0)), **contact}
         problem = replace(problem, tractions={"top": (0.0, -0.1)})
@@ -163,15 +166,15 @@ def test_friction_that_is_sampled_makes_an_estimate(bound: Any, proved: bool, be
 
 def test_parameters_of_contact_points_are_refused() -> None:
     problem = survey("5.1", 3)
-    problem = replace(problem, contact={"bottom": hv.Contact(hv.SurveyLaw(np.linspace(0.1, 0.3, 4), 2.0))})
+    problem = replace(problem, contact={"bottom": hv.Contact(hv.laws.SurveyLaw(np.linspace(0.1, 0.3, 4), 2.0))})
     u = hv.solve(problem).displacement
     with pytest.raises(ProblemError, match=r"parameter q_max given at 4 contact points.*a number, or a function of x"):
         exact_distance(problem, u, PROVED)
 
 
 LAWS = {
-    "falling": hv.PiecewiseQuadratic([[-0.02, 0.01, 0.03]], [[0.0, 4.0, -2.0, 1.0]], [[0.0, 0.0, 0.0]]),
-    "jump up": hv.PiecewiseQuadratic([[0.0, 0.02]], [[0.0, 3.0, -1.5]], [[0.2, 0.05]]),
+    "falling": hv.laws.PiecewiseQuadratic([[-0.02, 0.01, 0.03]], [[0.0, 4.0, -2.0, 1.0]], [[0.0, 0.0, 0.0]]),
+    "jump up": hv.laws.PiecewiseQuadratic([[0.0, 0.02]], [[0.0, 3.0, -1.5]], [[0.2, 0.05]]),
     "softening": hv.Softening(4.0, 0.02, 2.0),
 }
 
@@ -204,7 +207,7 @@ def test_constants_hold_on_whole_facets(name: str, dim: int) -> None:
 
 def test_a_downward_jump_between_points_of_a_rule_is_seen() -> None:
     """However small it is: where the trace passes it no constant is finite."""
-    law = hv.PiecewiseQuadratic([[0.0, 0.02]], [[0.0, 2.0, 2.0]], [[0.0, -1e-5]])
+    law = hv.laws.PiecewiseQuadratic([[0.0, 0.02]], [[0.0, 2.0, 2.0]], [[0.0, -1e-5]])
     problem = replace(survey("5.1", 4), contact={"bottom": hv.Contact(law)})
     discrete = hv.discretize(problem)
     u = hv.solve(discrete).displacement

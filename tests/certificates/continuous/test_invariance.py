@@ -16,7 +16,7 @@ def stated(dim: int, turn: Array, length: float, modulus: float) -> hv.ContactPr
     mesh = hv.rectangle((1.2, 1.0), (5, 4), pattern="cross") if dim == 2 else hv.box((1.2, 1.0, 0.9), 2)
     mesh = hv.Mesh(length * mesh.points @ turn.T, mesh.cells, dict(mesh.boundaries))
     law = hv.Softening(8.0 * modulus / length, 0.02 * length, 0.4 * modulus / length)
-    friction = hv.SlipTable(0.02 * modulus, (0.0, 0.02 * length), (1.0, 0.7))
+    friction = hv.laws.SlipTable(0.02 * modulus, (0.0, 0.02 * length), (1.0, 0.7))
     supports: dict[str, hv.Roller | hv.Clamped] = {"left": hv.Roller(), "top": hv.Roller()}
     if dim == 3:
         supports["back"] = hv.Roller()

@@ -183,7 +183,7 @@ def test_the_oscillation_is_above_what_linear_fields_do_not_see(most: int, monke
 
 
 def test_an_adaptive_solve_finds_it() -> None:
-    found = hv.solve_adaptive(block(4, top=vector("0", MISSED)), rtol=0.3)
+    found = hv.adapt.solve_adaptive(block(4, top=vector("0", MISSED)), rtol=0.3)
     assert found.reached
     first = found.levels[0]
     assert first.solution.displacement.max() == 0.0
@@ -218,7 +218,7 @@ def test_a_function_of_python_makes_an_estimate() -> None:
         found = bounded(problem)
         assert not found.guaranteed
         assert "is a function of Python, which is seen at points only" in found.reasons[0]
-    adapted = hv.solve_adaptive(block(4, top=push), rtol=0.3)
+    adapted = hv.adapt.solve_adaptive(block(4, top=push), rtol=0.3)
     assert adapted.ended == "estimated"
     assert not adapted.reached
 
@@ -273,7 +273,7 @@ def test_bounds_do_not_depend_on_units(unit: float) -> None:
 def test_a_goal_counts_the_stated_load() -> None:
     """The body weighs -0.3 and is held at its side alone: the support's force is known."""
     problem = replace(block(4, top=vector("0", MISSED)), contact={"bottom": hv.Contact(hv.Compliance(1e-9))})
-    found = hv.solve_adaptive(problem, goal="support.left.force.y", rtol=0.5, max_unknowns=50)
+    found = hv.adapt.solve_adaptive(problem, goal="support.left.force.y", rtol=0.5, max_unknowns=50)
     goal = found.levels[0].goal
     assert goal is not None
     assert goal.guaranteed, goal.reasons

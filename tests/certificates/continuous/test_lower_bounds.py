@@ -38,7 +38,7 @@ from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mesh import Mesh, box, rectangle
 
 LAME = hv.Material.lame(4.0, 4.0)
-FREE = hv.Contact(hv.NoContact())
+FREE = hv.Contact(hv.laws.NoContact())
 
 
 def held(mesh: Mesh, material: hv.Material = LAME, **changes: object) -> hv.ContactProblem:
@@ -153,7 +153,7 @@ def weighted_value(facets: Array, normal: Array, tangential: Array) -> float:
 
 
 def test_a_workspace_keeps_them_for_refined_meshes_and_other_laws() -> None:
-    kept = hv.Workspace()
+    kept = hv.systems.Workspace()
     first = held(rectangle((1.0, 1.0), (4, 4)))
     found = lower_bounds(first, workspace=kept)
     finer = held(first.mesh.refined_where([0, 5]), contact={"bottom": hv.Contact(hv.Compliance(5.0))})

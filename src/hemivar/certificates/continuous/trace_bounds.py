@@ -135,7 +135,7 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
 
 
 def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None = None) -> TraceBounds:
-    """Lower bounds of the continuous problem, by :func:`hemivar.lower_bounds`.
+    """Lower bounds of the continuous problem, by :func:`hemivar.certificates.continuous.lower_bounds`.
 
     Parameters
     ----------
