@@ -10,14 +10,14 @@ import scipy.sparse as sp
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.branches import chain_of, find_solutions
-from hemivar.certificates import EnergyNorm, PointKind, bound, certify, equilibrium_multiplier, norms
-from hemivar.certificates.bound import Point, snap
+from hemivar.certificates import EnergyNorm, PointKind, certify, equilibrium_multiplier, norms
+from hemivar.certificates.bound import Point
 from hemivar.certificates.kind import study
 from hemivar.certificates.subspace import Subspace, counting_rows
 from hemivar.certificates.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.bulk import Quadratic
-from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca
+from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca, scalar_graph
 from hemivar.solvers import Solution
 from hemivar.systems import condense
 from tests.branches.random_problems import random_problem
@@ -166,7 +166,7 @@ def test_a_point_at_rest_is_snapped_to_rest() -> None:
     law = ContactLaw(Signorini(), Tresca(1.0)).at(np.zeros((3, 2)))
     r = np.array([[1e-14, 0.0], [-0.5, 1e-14], [1e-14, 0.3]])
     lam = np.array([[2.0, 0.4], [0.0, 0.2], [1.0, 1.0]])
-    np.testing.assert_array_equal(snap(law, r, lam, np.full((3, 2), 0.1)), [[0.0, 0.0], [-0.5, 0.0], [0.0, 0.3]])
+    np.testing.assert_array_equal(law.fitted(r, lam, np.full((3, 2), 0.1)), [[0.0, 0.0], [-0.5, 0.0], [0.0, 0.3]])
 
 
 @pytest.mark.parametrize("pairs", [1, 2, 7, 50])
@@ -178,9 +178,9 @@ def test_the_best_knot_does_not_depend_on_how_many_are_looked_at_in_one_go(
     law = PiecewiseQuadratic(knots, rng.normal(size=41), rng.normal(size=40))  # type: ignore[arg-type]
     one = ContactLaw(law)
     r, lam, tau = rng.uniform(-1.0, 1.0, (30, 1)), rng.normal(size=(30, 1)), np.full((30, 2), 0.3)
-    whole = snap(one, r, lam, tau)
-    monkeypatch.setattr(bound, "_PAIRS", pairs)
-    np.testing.assert_array_equal(snap(one, r, lam, tau), whole)
+    whole = one.fitted(r, lam, tau)
+    monkeypatch.setattr(scalar_graph, "_PAIRS", pairs)
+    np.testing.assert_array_equal(one.fitted(r, lam, tau), whole)
 
 
 def curvature_by_hand(solution: Solution) -> float | None:
@@ -322,7 +322,7 @@ def test_the_point_at_which_a_law_fits_best_by_looking_at_every_knot(d: int) -> 
         force = rng.choice([0.3, 0.7, 0.5]) * (way if rng.random() < 0.6 else other / np.linalg.norm(other))
         lam = np.concatenate([[rng.normal()], force])[None, :d]
         tau = 10.0 ** rng.uniform(-2.0, 1.0, (1, 2))
-        found = snap(law, r, lam, tau)
+        found = law.fitted(r, lam, tau)
         places = np.append(knots, r[0, 0])
         misses = [np.hypot((r[0, 0] - x) / tau[0, 0], normal.distance(np.array([x]), lam[:, 0])[0]) for x in places]
         at = int(np.argmin(np.round(misses, 12)))

@@ -81,9 +81,9 @@ class Points:
         return diagonal
 
     @property
-    def tangential_blocks(self) -> Array:
+    def blocks(self) -> Array:
         m, d = self.active.shape
-        return np.asarray(self.matrix.reshape(m, d, m, d)[np.arange(m), 1:, np.arange(m), 1:])
+        return np.asarray(self.matrix.reshape(m, d, m, d)[np.arange(m), :, np.arange(m), :])
 
     def couple(self, step: Array) -> Array:
         return (self.matrix @ step.ravel()).reshape(step.shape)

@@ -31,7 +31,6 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.display import brief
 from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.basics.types import Array, IntArray
-from hemivar.certificates.bound import snap
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.body_data import BodyData, VaryingLoads
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
@@ -339,7 +338,7 @@ def _bend(solution: Solution) -> sp.csr_array | None:
     K = problem.stiffness
     stiff = _STIFF * float(K.diagonal().max())
     tau = np.broadcast_to(problem.contact.weights[:, None] / float(K.diagonal().max()), (m, 2))
-    line = law.linearise(snap(law, r, lam, tau))
+    line = law.linearise(law.fitted(r, lam, tau))
     hessian = problem.contact.weights[:, None, None] * line.hessian
     for part, axes in ((0, range(1)), (1, range(1, d))):
         for axis in axes:

@@ -21,7 +21,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.segments import Segments, graph_segments, joined_rows
 from hemivar.errors import MethodError
-from hemivar.laws import ContactLaw
+from hemivar.laws import ContactLaw, separable
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["Chain", "chain_of", "segments_at_most"]
@@ -69,7 +69,7 @@ class Chain(Segments):
     @staticmethod
     def graph_law(system: CondensedProblem) -> ContactLaw:
         """The law whose graph the curves are."""
-        return system.law
+        return separable(system.law, "the graph of the law as curves")
 
     @staticmethod
     def lengths(system: CondensedProblem, point: IntArray, column: IntArray) -> Array:
@@ -273,5 +273,5 @@ def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # t
 
 def segments_at_most(system: CondensedProblem) -> int:
     """Number of segments that :func:`chain_of` will lay out, at most."""
-    counts = [2 * law.knots.shape[-1] + 1 for law in system.law.scalar_laws(system.shape[1])]
+    counts = [2 * law.knots.shape[-1] + 1 for law in Chain.graph_law(system).scalar_laws(system.shape[1])]
     return int(np.bincount(system.free % system.shape[1], minlength=len(counts)) @ counts)

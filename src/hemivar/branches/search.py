@@ -240,8 +240,8 @@ class SolutionSearch:
         size = self.system.length_scale
         places = [np.full(m, far * size) for far in (-5.0, 5.0)]
         if not self.system.law.state_dependent:
-            knots = np.broadcast_to(self.system.law.normal.knots, (m, self.system.law.normal.knots.shape[-1]))
-            ends = np.where(np.isfinite(knots), knots, np.nan)
+            knots = self.system.law.penetration_knots
+            ends = np.broadcast_to(np.where(np.isfinite(knots), knots, np.nan), (m, knots.shape[-1]))
             for k in range(min(ends.shape[1], 12)):
                 for side in (-1e-3, 1e-3):  # from both sides of every kink
                     places.append(np.where(np.isfinite(ends[:, k]), ends[:, k], 0.0) + side * size)

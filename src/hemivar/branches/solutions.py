@@ -49,8 +49,8 @@ class SolutionSet(Sequence[Solution], Displayed):
         undecided, or the problem has one solution by its margin.  Solutions nearer to each other than their rounding
         errors count as one.
     combinations : float
-        Number of combinations of pieces and kinks; inf where the graph of the law is no curve (three dimensions, bounds
-        that depend on the solution).
+        Number of combinations of pieces and kinks; inf where the graph of the law is no curve (three dimensions, laws
+        that couple opening and slip, bounds that depend on the solution).
     starts : int
         Number of starting points tried, 0 where all combinations were.
     searched : str
@@ -207,7 +207,7 @@ def finding(
     system = kept.condensed(problem)
     chain: Chain | None = None
     dependent = bool(problem.contact_points and problem.law.state_dependent)
-    plane = problem.contact.components <= 2 and problem.contact_points > 0
+    plane = problem.contact.components <= 2 and problem.contact_points > 0 and problem.law.splits
     if plane and (dependent or segments_at_most(system) <= _SEGMENTS):
         chain = state_chain_of(system) if dependent else chain_of(system)
     random = np.random.default_rng(options.seed)
@@ -273,7 +273,7 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgres
         return SolutionSet(search.sorted(), False, chain.combinations, 0, searched, search.interrupted)
     undecided = search.left_out + points.undecided
     law = search.system.law
-    sampled = law.normal.constants_sampled or (search.system.shape[1] > 1 and law.friction.profile.constants_sampled)
+    sampled = law.constants_sampled
     limit = search.system.problem.limit
     complete = not (points.continuum or search.full_and_more or undecided or sampled or limit)
     searched = f"all {count} of pieces and kinks were tried"
@@ -295,7 +295,7 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgres
 
 def _affine(chain: Chain) -> bool:
     law = chain.system.law
-    if law.normal.alpha_sampled or law.tangential.alpha_sampled:
+    if law.alpha_sampled:
         return False  # that its pieces are straight, and all of them, was only seen at samples
     used = np.arange(chain.kink.shape[1])[None, :] < chain.count[:, None]
     return bool((chain.affine | chain.kink)[used].all())

@@ -15,7 +15,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
-from hemivar.laws import ContactLaw, Friction, StateBound
+from hemivar.laws import ContactLaw, Friction, StateBound, separable
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["StateChain", "state_chain_of"]
@@ -30,7 +30,8 @@ class StateChain(Chain):
     @staticmethod
     def graph_law(system: CondensedProblem) -> ContactLaw:
         """The normal law, and the friction profile with the bound 1."""
-        return ContactLaw(system.law.normal, Friction(1.0, system.law.friction.profile))
+        stated = separable(system.law, "a bound that depends on the state")
+        return ContactLaw(stated.normal, Friction(1.0, stated.friction.profile))
 
     @staticmethod
     def lengths(system: CondensedProblem, point: IntArray, column: IntArray) -> Array:
@@ -53,7 +54,7 @@ class StateChain(Chain):
 
     @cached_property
     def _bound(self) -> StateBound:
-        bound = self.system.law.friction.bound
+        bound = separable(self.system.law, "a bound that depends on the state").friction.bound
         assert isinstance(bound, StateBound)
         return bound
 

@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.norms import EnergyNorm, Norm
 from hemivar.certificates.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
-from hemivar.laws import ContactLaw, StateBound, Superpotential
+from hemivar.laws import StateBound, VectorLaw, separable
 
-__all__ = ["Point", "equilibrium_multiplier", "error_bound", "friction_bound", "snap", "trace_force"]
+__all__ = ["Point", "equilibrium_multiplier", "error_bound", "friction_bound", "trace_force"]
 
 #: Search for a better pair if the bound is above this part of |u|_K: on a small problem, on a large one.
 _POOR = (1e-10, 1e-7)
@@ -41,8 +41,6 @@ _SEARCH_STEPS = 60
 _OPERATIONS = 32
 _Real = TypeVar("_Real", bound=np.floating)
 _ROWS = 1 << 14
-#: Contact points times knots that are looked at in one go.
-_PAIRS = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +68,7 @@ class Point:
             np.diff(problem.contact.trace.indptr).reshape(problem.contact_points, problem.contact.components) > 0
         )
 
-    def law(self, r: Array, lam: Array) -> ContactLaw:
+    def law(self, r: Array, lam: Array) -> VectorLaw:
         """The ordinary law at a state."""
         return self.problem.law.frozen(r, lam)
 
@@ -125,84 +123,9 @@ def trace_force(problem: DiscreteProblem, force: Array) -> Array:
     return np.zeros(shape) if inner is None else inner.reshape(shape)
 
 
-def snap(law: ContactLaw, r: Array, lam: Array, tau: Array) -> Array:
-    """The point at which the law fits ``(r, lam)`` best: r itself or, part by part, a knot of the law, (m, d)."""
-    out = r.copy()
-    out[:, 0] = _snap(law.normal, r[:, 0], lam[:, 0], tau[:, 0])
-    if r.shape[1] > 1:
-        size = np.linalg.norm(r[:, 1:], axis=1)
-        direction = r[:, 1:] / np.where(size > 0.0, size, 1.0)[:, None]
-        along = np.where(size > 0.0, np.einsum("mi,mi->m", direction, lam[:, 1:]), np.linalg.norm(lam[:, 1:], axis=1))
-        length = np.maximum(_snap(law.tangential, size, along, tau[:, 1], at_least=0.0), 0.0)
-        # at rest the friction may point anywhere
-        stays = law.tangential.distance(np.zeros_like(size), np.linalg.norm(lam[:, 1:], axis=1))
-        moves = np.hypot((size - length) / tau[:, 1], law.tangential.distance(length, along))
-        length = np.where(np.hypot(size / tau[:, 1], stays) <= moves, 0.0, length)
-        out[:, 1:] = length[:, None] * direction
-    return out
-
-
-def _snap(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
-    """r, or the knot of least ``hypot((r - knot) / tau, distance of lam to dj(knot))`` if that fits better.
-
-    Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
-    """
-    place, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
-    knots = law.knots
-    left, right = law.knot_slopes()
-    low, high = np.minimum(left, right), np.maximum(left, right)
-    shared = knots.shape[0] == 1 or knots.strides[0] == 0
-    width = knots.shape[-1]
-
-    def look(point: IntArray, index: IntArray) -> Array:
-        at = knots[0, index] if shared else knots[point, index]
-        row = point if low.shape[0] > 1 else np.zeros_like(point)
-        off = np.maximum(np.maximum(low[row, index] - lam[point], lam[point] - high[row, index]), 0.0)
-        usable = np.isfinite(at) & (at >= at_least)
-        return np.where(usable, np.hypot((r[point] - np.where(usable, at, 0.0)) / tau[point], off), np.inf)
-
-    def between(low_end: Array, high_end: Array) -> tuple[IntArray, IntArray]:
-        if shared:
-            return np.searchsorted(knots[0], low_end), np.searchsorted(knots[0], high_end, side="right")
-        return (knots < low_end[:, None]).sum(axis=1), (knots <= high_end[:, None]).sum(axis=1)
-
-    every = np.arange(r.size)
-    after = between(r, r)[0]
-    for side in (after - 1, after):  # the two knots around r first
-        index = np.clip(side, 0, width - 1)
-        off = look(every, index)
-        better = off < best
-        best = np.where(better, off, best)
-        place = np.where(better, knots[0, index] if shared else knots[every, index], place)
-    reach = best * tau
-    first, last = between(r - reach, r + reach)
-    count = last - first
-    starts = np.concatenate([[0], np.cumsum(count)])
-    point = 0
-    while point < r.size:
-        check_time()
-        stop = max(int(np.searchsorted(starts, starts[point] + _PAIRS, side="right")) - 1, point + 1)
-        rows = np.repeat(every[point:stop], count[point:stop])
-        begins = starts[point:stop] - starts[point]
-        index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])
-        some = np.flatnonzero(count[point:stop] > 0)
-        if some.size:
-            off = look(rows, index)
-            least = np.minimum.reduceat(off, begins[some])
-            here = np.flatnonzero(off == np.repeat(least, count[point:stop][some]))
-            _, which = np.unique(rows[here], return_index=True)
-            chosen = here[which]  # the first of the best ones
-            better = least < best[point:stop][some]
-            rows, index = rows[chosen][better], index[chosen][better]
-            best[rows] = least[better]
-            place[rows] = knots[0, index] if shared else knots[rows, index]
-        point = stop
-    return place
-
-
 def friction_bound(problem: DiscreteProblem, r: Array, lam: Array) -> Array:
     """The friction bound (m,) in a state, where it depends on the state."""
-    bound = problem.law.friction.bound
+    bound = separable(problem.law, "a bound that depends on the state").friction.bound
     assert isinstance(bound, StateBound)
     return np.asarray(bound.value(r[:, 0], lam[:, 0]))
 
@@ -232,7 +155,7 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
     for given in (True, False):
         lam = point.lam if given else equilibrium_multiplier(problem, point.u)
         law = point.law(r, lam)
-        snapped = np.where(point.active, snap(law, r, lam, tau), r)
+        snapped = np.where(point.active, law.fitted(r, lam, tau), r)
         best = min(best, _admissible(point, point.u, snapped, lam, margin, ceiling))
         if best <= poor * scale and not point.energy.factorised:
             break

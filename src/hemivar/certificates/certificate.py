@@ -434,7 +434,7 @@ def _multiplier(problem: DiscreteProblem, u: Array) -> Array:
     if fixed.any():
         r = problem.local(u)
         law = problem.law.frozen(r, lam)
-        bound = law.normal.domain
+        bound = law.penetrations
         r[:, 0] = np.clip(r[:, 0], bound.lower, bound.upper)
         lam = np.where(fixed, law.nearest_multiplier(r, np.zeros_like(lam)), lam)
     return lam
@@ -467,6 +467,4 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> _Classifi
 
 def _bounded_below(problem: DiscreteProblem) -> bool:
     """Whether the law falls at most linearly, so that a positive definite stiffness makes the energy coercive."""
-    parts = (problem.law.normal, problem.law.tangential)
-    m = problem.contact_points
-    return all(bool(np.all(part.recession(np.full(m, sign)) > -np.inf)) for part in parts for sign in (1.0, -1.0))
+    return all(bool((rate > -np.inf).all()) for rate in problem.law.rates)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +15,7 @@ from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_n
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.laws import Superpotential
+from hemivar.laws import Sides
 
 __all__ = ["LocalStudy", "kind_of", "study"]
 
@@ -50,45 +50,6 @@ class LocalStudy:
     kind: PointKind
     curvature: float | None
     direction: Array | None
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """One-sided derivatives of a scalar law at r."""
-
-    below: Array
-    above: Array
-    curvature_below: Array
-    curvature_above: Array
-
-    def take(self, index: IntArray) -> _Part:
-        """Some of them."""
-        return _Part(*(values[index] for values in vars(self).values()))
-
-
-def _sides(law: Superpotential, r: Array, tau: Array, slack: float) -> _Part:
-    """One-sided derivatives; r sits on a knot where it equals it, or where it is as near as ``slack`` is to nothing.
-
-    The latter only at a knot where nothing but the curvature jumps: others were decided by the multiplier.
-    """
-    knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
-    lefts, rights = (np.broadcast_to(side, knots.shape) for side in law.knot_slopes())
-    rows = np.arange(r.size)
-    for before in (1, 0):
-        at = np.clip(law.piece_of(r) - before, 0, knots.shape[-1] - 1)
-        with np.errstate(invalid="ignore"):
-            near = np.abs(r - knots[rows, at]) <= slack * tau
-            r = np.where(near & (np.abs(rights[rows, at] - lefts[rows, at]) <= slack), knots[rows, at], r)
-    piece = law.piece_of(r)
-    at = np.minimum(piece, knots.shape[-1] - 1)  # piece i ends at knot i, and a knot belongs to the piece before it
-    knot = knots[rows, at]
-    here = (r == knot) & np.isfinite(knot)
-    left, right = lefts[rows, at], rights[rows, at]
-    after = np.where(here, at + 1, piece)
-    slope = np.broadcast_to(law.piece_derivative(piece, r), r.shape)
-    bend = (np.broadcast_to(law.piece_curvature(i, r), r.shape) for i in (piece, after))
-    below, above = np.where(here, left, slope), np.where(here, right, slope)
-    return _Part(below, above, *(np.array(b) for b in bend))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +92,9 @@ class _Sorted:
         return _Sorted(*(mine + more for mine, more in zip(vars(self).values(), vars(other).values(), strict=True)))
 
 
-def _sort(point: IntArray, axis: Array, lam: Array, sides: _Part, slack: float) -> _Sorted:
-    """Sort components by their one-sided derivatives and multipliers; arrays (k,), ``axis (k, d)``."""
-    below, above = sides.below, sides.above
+def _sort(sides: Sides, slack: float) -> _Sorted:
+    """Sort components by their one-sided derivatives and multipliers."""
+    point, axis, lam, below, above = sides.point, sides.axis, sides.multiplier, sides.below, sides.above
     low, high = sides.curvature_below, sides.curvature_above
     with np.errstate(invalid="ignore"):
         jump = above - below
@@ -159,37 +120,15 @@ def _sort(point: IntArray, axis: Array, lam: Array, sides: _Part, slack: float) 
 def _components(point: Point) -> _Sorted:
     """Every contact component, sorted."""
     problem = point.problem
-    m, d = problem.contact_points, problem.contact.components
     active = point.active
     law, tau = point.law(problem.local(point.u), point.lam), point.compliance
-    r = np.where(active, snap(law, problem.local(point.u), point.lam, tau), 0.0)
+    r = np.where(active, law.fitted(problem.local(point.u), point.lam, tau), 0.0)
     slack = _AT_END * max(float(np.abs(point.lam).max(initial=0.0)), np.finfo(float).tiny)
-    unit = np.eye(d)
-    index = np.flatnonzero(active[:, 0])
-    sides = _sides(law.normal, r[:, 0], tau[:, 0], slack)
-    found = _sort(index, np.broadcast_to(unit[0], (index.size, d)), point.lam[index, 0], sides.take(index), slack)
-    if d == 1 or m == 0:
-        return found
-    size = np.linalg.norm(r[:, 1:], axis=1)
-    radial = _sides(law.tangential, size, tau[:, 1], slack)
-    # at rest: every direction that is not held by a support, with the curvature of first slip
-    force = np.linalg.norm(np.where(active[:, 1:], point.lam[:, 1:], 0.0), axis=1)
-    rest, column = np.nonzero(active[:, 1:] & (size == 0.0)[:, None])
-    still = _Components(rest, unit[1:][column], radial.curvature_above[rest])
-    loose, stuck = radial.above[rest] <= slack, radial.above[rest] - force[rest] > slack
-    # on the move: outward, and in three dimensions across it
-    moving = np.flatnonzero(size > 0.0)
-    outward = np.zeros((moving.size, d))
-    outward[:, 1:] = r[moving, 1:] / size[moving, None]
-    lam = np.einsum("ki,ki->k", outward, point.lam[moving])
-    found += _sort(moving, outward, lam, radial.take(moving), slack)
-    none = still.where(np.zeros(rest.size, dtype=bool))
-    free = still.where(loose)
-    if d == 3:
-        across = np.stack([np.zeros(moving.size), -outward[:, 2], outward[:, 1]], axis=1)
-        turns = np.any((across != 0.0) & active[moving], axis=1)
-        free += _Components(moving, across, lam / size[moving]).where(turns)
-    return found + _Sorted(free.ordered(), still.where(~loose & stuck), still.where(~loose & ~stuck), none, none)
+    first, *others = (_sort(sides, slack) for sides in law.sides(r, point.lam, active, tau, slack))
+    found = first
+    for more in others:
+        found += more
+    return replace(found, free=found.free.ordered())
 
 
 def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: Norm) -> PointKind:

@@ -24,7 +24,7 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.posed import Posable, posed
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
-from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws import VectorLaw, Superpotential
 from hemivar.mechanics.material import BoundsBy, Material
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.systems.workspace import Workspace
@@ -289,7 +289,8 @@ def largest_bounds(
     """
     m, d = problem.contact_points, problem.contact.components
     rate = np.broadcast_to(problem.law.lipschitz, (m,))
-    weakens = np.broadcast_to(problem.law.friction.profile.weak_convexity, (m,)) > 0.0
+    own = separable(problem.law, "a bound that depends on the state")
+    weakens = np.broadcast_to(own.friction.profile.weak_convexity, (m,)) > 0.0
     if point is None:
         r, lam = -problem.offset, np.zeros((m, d))
         return np.where(rate > 0.0, np.inf, friction_bound(problem, r, lam))
@@ -323,15 +324,16 @@ def _constants(
         energy = None
     if m:
         law = problem.law
-        normal = np.broadcast_to(_alpha(law.normal, reach[0]), (m,))
         if bounds is None:
-            tangential = np.broadcast_to(_alpha(law.tangential, reach[1]), (m,))
+            normal, tangential = (np.broadcast_to(alpha, (m,)) for alpha in law.weak_convexity_within(reach))
         else:
-            profile = np.broadcast_to(_alpha(law.friction.profile, reach[1]), (m,))
+            own = separable(law, "a bound that depends on the state")
+            unit = ContactLaw(own.normal, Friction(1.0, own.friction.profile))
+            normal, profile = (np.broadcast_to(alpha, (m,)) for alpha in unit.weak_convexity_within(reach))
             with np.errstate(invalid="ignore"):
                 tangential = np.where((profile > 0.0) & (bounds > 0.0), profile * bounds, 0.0)
         coupling_weight = np.broadcast_to(_coupling(law), (m,))
-        sampled = law.normal.alpha_sampled or law.friction.profile.alpha_sampled
+        sampled = law.alpha_sampled
     else:
         normal = tangential = coupling_weight = np.zeros(m)
         sampled = False
@@ -391,10 +393,6 @@ def _constants(
     )
 
 
-def _alpha(law: Superpotential, reach: float) -> Array:
-    return law.weak_convexity if reach == np.inf else law.weak_convexity_within(reach)
-
-
 def _margin(energy: Norm | None, c: float, coupling: float) -> float:
     """``1 - c - coupling``, less what rounding can hide where K is badly conditioned."""
     if energy is None or not energy.definite:
@@ -447,7 +445,7 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
     if not (m and constants.alpha_sampled):
         return constants, ""
     r, law = problem.local(point.u), problem.law
-    limits = (law.normal.alpha_reach, law.friction.profile.alpha_reach if d > 1 else np.inf)
+    limits = (law.alpha_reach[0], law.alpha_reach[1] if d > 1 else np.inf)
     if min(limits) == 0.0:
         return constants, ""
     sizes = float(np.abs(r[:, 0]).max()), float(np.linalg.norm(r[:, 1:], axis=1).max())
@@ -472,12 +470,12 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
     return found, ""
 
 
-def _coupling(law: ContactLaw) -> Array:
+def _coupling(law: VectorLaw) -> Array:
     """Lipschitz constant in the penetration of the friction force: that of the bound times the steepest profile."""
     if not law.state_dependent:
         return np.zeros(1)
     rate = law.lipschitz
-    steepest, growing = law.friction.profile.growth
+    steepest, growing = separable(law, "a bound that depends on the state").friction.profile.growth
     steepest = np.where(growing > 0.0, np.inf, steepest)
     return np.where(rate > 0.0, rate * np.maximum(steepest, np.finfo(float).tiny), 0.0)
 

@@ -23,7 +23,7 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, IntArray
 from hemivar.coercivity.recession import SLACK, Growth, Verdict, decide, growth_along, hinges
 from hemivar.coercivity.rigid_modes import FreeMotions
-from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws import VectorLaw
 
 if TYPE_CHECKING:
     from hemivar.discrete.contact import ContactPoints
@@ -37,18 +37,16 @@ NO_MINIMUM = "held by the foundation up to a limit; the energy has no minimum"
 PERHAPS_NO_MINIMUM = "held by the foundation up to a limit; whether the energy has a minimum is not known"
 #: Part of the load against which a foundation must hold a body at rest.
 _SMALL = 1e-6
-#: Displacements, as parts of the size of the body, at which laws are asked how much they resist.
-_SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
 
 
-def growths(field: Field, contact: ContactPoints, law: ContactLaw, forces: Array, motions: FreeMotions) -> list[Growth]:
+def growths(field: Field, contact: ContactPoints, law: VectorLaw, forces: Array, motions: FreeMotions) -> list[Growth]:
     """Growth of the energy along the motions of each group of parts, by the recession of the laws.
 
     Parameters
     ----------
     field : Field
     contact : ContactPoints
-    law : ContactLaw
+    law : VectorLaw
     forces : array (nodes * d,)
         Nodal loads.
     motions : FreeMotions
@@ -72,15 +70,11 @@ def resistances(
     law = loading.law
     for points, rows, work, load in _grouped(field, contact, forces, motions):
         own = law.take(points) if len(points) else law
-        if not len(points) or not _softens(own):
+        if not len(points) or not own.softens:
             found.append(None)
             continue
         rest, weights = -loading.offset[points], contact.weights[points]
-        up = weights * strongest(own.normal, rest[:, 0], 1.0, size)
-        down = weights * strongest(own.normal, rest[:, 0], -1.0, size)
-        slip = None
-        if rows.shape[1] > 1 and not own.state_dependent:
-            slip = weights * strongest(own.tangential, np.linalg.norm(rest[:, 1:], axis=1), 1.0, size)
+        up, down, slip = (weights * most for most in own.strongest(rest, size))
         found.append(hinges(rows, up, down, slip, part * work, part * load, slack))
     return found
 
@@ -104,29 +98,6 @@ def limit_of(field: Field, contact: ContactPoints, loading: Loading, motions: Fr
     return limit
 
 
-def strongest(law: Superpotential, rest: Array, sign: float, size: float) -> Array:
-    """The largest derivative of j, against the motion, on the way from ``rest (m,)`` in one direction; (m,).
-
-    At rest, at the knots, far away, and at places between them; +inf where the law ends.
-    """
-    m = rest.size
-    far = rest + sign * size
-    found = np.broadcast_to(law.recession(np.full(m, sign)), (m,)).astype(float)
-    with np.errstate(all="ignore"):
-        for part in (0.0, *_SAMPLED):
-            at = rest + sign * part * size
-            ends = law.domain
-            inside = (at >= ends.lower) & (at <= ends.upper)
-            slope = sign * law.derivative(np.clip(at, ends.lower, ends.upper))
-            found = np.where(inside & (slope > found), slope, found)
-        left, right = law.knot_slopes()
-        knots, left, right = (np.broadcast_to(a, (m, law.knots.shape[-1])) for a in (law.knots, left, right))
-        onward = np.isfinite(knots) & (sign * (knots - rest[:, None]) >= 0.0)
-        steepest = np.where(onward, np.maximum(sign * left, sign * right), -np.inf).max(axis=1, initial=-np.inf)
-    ends_before = np.isfinite(far) & ((far > law.domain.upper) if sign > 0.0 else (far < law.domain.lower))
-    return np.where(ends_before, np.inf, np.maximum(found, steepest))
-
-
 def geometric_slack(points: Array | None, weights: Array) -> float:
     """What rounding of the coordinates makes of a tangential motion of size one."""
     if points is None or not len(points):
@@ -134,12 +105,6 @@ def geometric_slack(points: Array | None, weights: Array) -> float:
     length = float(weights.min()) ** (1.0 / max(points.shape[1] - 1, 1))
     noise = 64.0 * float(np.finfo(float).eps) * float(np.abs(points).max()) / length
     return float(min(max(SLACK, noise), 1e-6))
-
-
-def _softens(law: ContactLaw) -> bool:
-    """Whether a normal law or the profile of a friction is not convex."""
-    normal, profile = law.normal.weak_convexity, law.friction.profile.weak_convexity
-    return bool(np.any(normal > 0.0) or np.any(profile > 0.0))
 
 
 def _grouped(

@@ -28,7 +28,7 @@ import numpy as np
 import scipy.optimize
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 
 __all__ = ["Growth", "Held", "Hold", "Verdict", "decide", "growth_along", "hinges"]
 
@@ -155,13 +155,13 @@ class Growth:
 
 
 def growth_along(
-    law: ContactLaw, local: Array, weights: Array, work: Array, load: float, slack: float = SLACK
+    law: VectorLaw, local: Array, weights: Array, work: Array, load: float, slack: float = SLACK
 ) -> Growth:
     """Growth of the energy along motions.
 
     Parameters
     ----------
-    law : ContactLaw
+    law : VectorLaw
         At the contact points.  Friction whose bound depends on the solution counts nothing, for it may vanish.
     local : array (m, d, a)
         Local displacements of the contact points in each motion.
@@ -173,13 +173,7 @@ def growth_along(
     slack : float
         What rounding makes of a tangential motion: displacements that a rigid foundation lets pass.
     """
-    m, d, _ = local.shape
-    one = np.ones(m)
-    up = weights * np.broadcast_to(law.normal.recession(one), (m,))
-    down = weights * np.broadcast_to(law.normal.recession(-one), (m,))
-    slip = None
-    if d > 1 and not law.state_dependent:
-        slip = weights * np.broadcast_to(law.tangential.recession(one), (m,))
+    up, down, slip = (weights * rate for rate in law.rates)
     return hinges(local, up, down, slip, work, load, slack)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 
 __all__ = ["contact_energy", "law_forces"]
 
 
-def contact_energy(law: ContactLaw, weights: Array, r: Array, close: float) -> float:
+def contact_energy(law: VectorLaw, weights: Array, r: Array, close: float) -> float:
     """``sum_j w_j j_j(r_j)`` of local displacements (m, d).
 
     Where a law ends (a rigid foundation), a penetration beyond its end by no more than ``close`` counts as being at the
@@ -18,14 +18,14 @@ def contact_energy(law: ContactLaw, weights: Array, r: Array, close: float) -> f
 
     Parameters
     ----------
-    law : ContactLaw
+    law : VectorLaw
         Whose bounds do not depend on the solution.
     weights : array (m,)
     r : array (m, d)
     close : float
         A length: rounding.
     """
-    domain = law.normal.domain
+    domain = law.penetrations
     inside = np.clip(r[:, 0], domain.lower, domain.upper)
     if (inside != r[:, 0]).any():
         r = r.copy()
@@ -33,14 +33,14 @@ def contact_energy(law: ContactLaw, weights: Array, r: Array, close: float) -> f
     return float(weights @ law.value(r))
 
 
-def law_forces(law: ContactLaw, weights: Array, r: Array, lam: Array, compliance: Array) -> Array:
+def law_forces(law: VectorLaw, weights: Array, r: Array, lam: Array, compliance: Array) -> Array:
     """Forces (m,) by which pairs of local displacement and multiplier (m, d) miss the graph of the law.
 
     A bound that depends on the solution is taken at the pair itself.
 
     Parameters
     ----------
-    law : ContactLaw
+    law : VectorLaw
     weights : array (m,)
     r, lam : arrays (m, d)
     compliance : array (m, 2)

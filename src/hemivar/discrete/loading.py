@@ -13,7 +13,7 @@ from hemivar.basics.arrays import norm, real_array
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 
 __all__ = ["Loading"]
 
@@ -29,7 +29,7 @@ class Loading(Portable):
     offset : array, shape (m, c)
         Subtracted from ``B u``: column 0 is the gap between body and foundation along the normal, less any prescribed
         displacement, the others a slip that is there already.
-    law : ContactLaw
+    law : VectorLaw
         With parameters resolved at the contact points.
     constant : float
         Energy that does not depend on the unknowns.
@@ -42,12 +42,12 @@ class Loading(Portable):
 
     load: Array
     offset: Array
-    law: ContactLaw
+    law: VectorLaw
     constant: float = 0.0
 
     def __post_init__(self) -> None:
         remedy = "pass ContactLaw(normal, friction), resolved at the contact points"
-        expect(self.law, ContactLaw, "the law of a discrete problem", remedy)
+        expect(self.law, VectorLaw, "the law of a discrete problem", remedy)
         constant = float(real_array(self.constant, "constant", 0, finite=False))
         if not math.isfinite(constant):
             raise ProblemError(f"constant = {self.constant}; the constant part of the energy must be finite")

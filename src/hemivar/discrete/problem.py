@@ -23,7 +23,7 @@ from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 
 if TYPE_CHECKING:
     from hemivar.mechanics.scalar import Statement
@@ -91,7 +91,7 @@ class DiscreteProblem(Portable, Displayed):
         trace: ArrayLike | sp.sparray,
         weights: Array,
         gap: Array,
-        law: ContactLaw,
+        law: VectorLaw,
         constant: float = 0.0,
         slip_offset: Array | None = None,
         points: Array | None = None,
@@ -110,7 +110,7 @@ class DiscreteProblem(Portable, Displayed):
             ``B``; row ``j * c`` is the normal component of contact point j, the c - 1 rows after it its slip.
         weights, gap : arrays, shape (m,)
             Quadrature weights, and distances between body and foundation.
-        law : ContactLaw
+        law : VectorLaw
             Resolved at the contact points.
         constant : float
             Energy that does not depend on the unknowns.
@@ -157,7 +157,7 @@ class DiscreteProblem(Portable, Displayed):
         *,
         load: Array | None = None,
         offset: Array | None = None,
-        law: ContactLaw | None = None,
+        law: VectorLaw | None = None,
         constant: float | None = None,
         bulk: Bulk | None = None,
     ) -> DiscreteProblem:
@@ -171,7 +171,7 @@ class DiscreteProblem(Portable, Displayed):
         load : array, shape (n,), optional
         offset : array, shape (m, c), optional
             Gap in column 0, slip offset in the others.
-        law : ContactLaw, optional
+        law : VectorLaw, optional
             Resolved at the same contact points.
         constant : float, optional
             Energy that does not depend on the unknowns.
@@ -196,7 +196,7 @@ class DiscreteProblem(Portable, Displayed):
     def __repr__(self) -> str:
         contact, names = self.contact, ", ".join(self.contact.names)
         where = f"{contact.count} contact points of {contact.components} components" + (f" on {names}" if names else "")
-        return f"DiscreteProblem({self.unknowns} unknowns, {where}, law {self.law.normal.name})"
+        return f"DiscreteProblem({self.unknowns} unknowns, {where}, law {self.law.name})"
 
     @property
     def bulk(self) -> Bulk:
@@ -256,7 +256,7 @@ class DiscreteProblem(Portable, Displayed):
         return np.asarray(self.loading.offset[:, 0])
 
     @property
-    def law(self) -> ContactLaw:
+    def law(self) -> VectorLaw:
         """The contact law at the contact points."""
         return self.loading.law
 
@@ -377,7 +377,7 @@ class DiscreteProblem(Portable, Displayed):
         return u
 
 
-def _check_law(law: ContactLaw, offset: Array) -> None:
+def _check_law(law: VectorLaw, offset: Array) -> None:
     """Refuse a law that cannot be evaluated at its contact points, those of an offset (m, c)."""
     m = len(offset)
     if m == 0:

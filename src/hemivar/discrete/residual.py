@@ -16,7 +16,7 @@ from hemivar.discrete.contact_energy import law_forces
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 
 __all__ = [
     "LoadScale",
@@ -126,12 +126,12 @@ def load_scale(problem: DiscreteProblem, compliance: Array) -> LoadScale:
     return LoadScale(problem.loading.load_size, rest if math.isfinite(rest) else math.inf)
 
 
-def resting_multiplier(law: ContactLaw, offset: Array, compliance: Array) -> Array:
+def resting_multiplier(law: VectorLaw, offset: Array, compliance: Array) -> Array:
     """What presses on a body that has not moved, (m, d), as far as a body of this ``compliance (m, 2)`` can bear it.
 
     ``offset (m, d)`` is the gap and what stands beside it in the tangential components.
     """
-    domain, start = law.normal.domain, -offset
+    domain, start = law.penetrations, -offset
     inside = start.copy()
     inside[:, 0] = np.clip(start[:, 0], domain.lower, domain.upper)
     with np.errstate(all="ignore"):

@@ -27,13 +27,15 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.hierarchy import family_of
 from hemivar.fem.scalar_dynamics import scalar_acting
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws import ContactLaw, Superpotential, separable
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Statement
 from hemivar.mechanics.statement import Contact, ContactProblem
 
 __all__ = ["Acting", "Bodies", "DiscreteEvolution", "dampings", "discretize_evolution"]
 
+#: Who asks for laws that split.
+_MARCH = "a march in time"
 #: Matrices of different steps that are kept.
 _KEPT = 6
 
@@ -168,16 +170,16 @@ class DiscreteEvolution(Portable):
         if isinstance(bound, ScalarProblem):
             force, held, offset, law = scalar_acting(bound, self.field.basis)
             load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
-            return Acting(load, held[self.moved], offset, law)
+            return Acting(load, held[self.moved], offset, separable(law, _MARCH))
         assert isinstance(stated, ContactProblem)
         force = load_vector(bound.mesh, bound.order, bound.body_force, bound.tractions)
         load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
         if not stated.time_dependent & {"supports", "gap", "law"}:
-            loading = self.problem.loading
-            return Acting(load, self.field.prescribed[self.moved], loading.offset, loading.law, dampings(bound))
+            loading, law = self.problem.loading, separable(self.problem.law, _MARCH)
+            return Acting(load, self.field.prescribed[self.moved], loading.offset, law, dampings(bound))
         conditions = nodal_conditions(bound)
         _, offset, law, _ = conditions.contact()
-        return Acting(load, conditions.prescribed[self.moved], offset, law, dampings(bound))
+        return Acting(load, conditions.prescribed[self.moved], offset, separable(law, _MARCH), dampings(bound))
 
 
 def dampings(bound: ContactProblem) -> dict[str, Superpotential]:

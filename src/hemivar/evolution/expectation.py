@@ -6,6 +6,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.evolution.stage import Stage
+from hemivar.laws import separable
 from hemivar.systems.body import Body
 
 __all__ = ["expected_contact"]
@@ -33,7 +34,7 @@ def expected_contact(stage: Stage, body: Body) -> Array | None:
     weights, stiffness, r = body.weights[:, None], body.diagonal, body.local(way)
     force = body.spread(body.load[body.unknown] - body.pull(way))
     pair = stiffness[:, [0, min(1, r.shape[1] - 1)]] / weights
-    place = body.law.place_on_piece(pair, (stiffness * r + force) / weights, r)
+    place = separable(body.law, "a march in time").place_on_piece(pair, (stiffness * r + force) / weights, r)
     if not np.isfinite(place).all():
         return None
     return body.moved(np.zeros(way.shape), np.where(body.active, place, body.fixed))

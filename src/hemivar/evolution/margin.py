@@ -16,6 +16,7 @@ from hemivar.evolution.stage import Stage
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_laws import BlockLaw
 from hemivar.evolution.stepper import StepResult, TimeStepper
+from hemivar.laws import separable
 from hemivar.solvers import Solution
 from hemivar.systems.elimination import Elimination
 
@@ -59,7 +60,7 @@ class Margins:
 
     def _at(self, problem: DiscreteProblem, solution: Solution) -> float:
         """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
-        stiffness, law = problem.stiffness, problem.law
+        stiffness, law = problem.stiffness, separable(problem.law, "a bound that depends on the state")
         if self._known[0] is stiffness and self._known[1] is law and law.friction.profile.convex:
             return self._known[2]
         found = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.stages.workspace)

@@ -49,7 +49,7 @@ def _energies(advance: TimeStepper, stage: Stage, solution: Solution) -> Array:
     parts, pressed = np.linspace(0.0, 1.0, _PARTS + 1), np.zeros(_PARTS + 1)
     if contact.count:
         law = stage.problem.law.frozen(solution.local, solution.multiplier)
-        start, ends = -stage.problem.offset, law.normal.domain
+        start, ends = -stage.problem.offset, law.penetrations
         rounding = _AT_END * max(float(np.abs(start).max()), float(np.abs(solution.local).max()))
         for i, part in enumerate(parts):
             r = start + part * (solution.local - start)

@@ -572,7 +572,7 @@ def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
     """That a scheme which is made for springs has a body hit something rigid, or nodes without mass swing, if so."""
     if not scheme.rings_on_rigid_obstacles:
         return ()
-    ends, points = discrete.problem.law.normal.domain, discrete.problem.contact_points > 0
+    ends, points = discrete.problem.law.penetrations, discrete.problem.contact_points > 0
     if discrete.mass is not None and discrete.evolution.mass is Mass.REDISTRIBUTED:
         (rule,) = scheme.rules(1.0)
         swing = (

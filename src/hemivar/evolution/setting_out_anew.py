@@ -108,7 +108,7 @@ def _at_the_start(advance: TimeStepper, moment: TimeState, step: float) -> tuple
 def _glued(advance: TimeStepper) -> BoolArray:
     """Which contact components (m, c) have a mass, a foundation that holds them both ways, and no support."""
     discrete = advance.discrete
-    contact, ends = discrete.problem.contact, discrete.problem.law.normal.domain
+    contact, ends = discrete.problem.contact, discrete.problem.law.penetrations
     found = np.zeros(contact.shape, dtype=bool)
     if discrete.evolution.mass is not Mass.REDISTRIBUTED and not advance.scheme.is_impact_law:
         found[:, 0] = ends.lower == ends.upper

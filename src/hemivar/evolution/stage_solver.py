@@ -19,7 +19,7 @@ from hemivar.evolution.expectation import expected_contact
 from hemivar.evolution.jump_paths import JumpPaths
 from hemivar.evolution.jumps import Jump, Leap
 from hemivar.evolution.stage import Stage, StageState, expected_multiplier, left_over, stage_state
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.solvers import (
     Controls,
     NonsmoothMultigrid,
@@ -116,7 +116,7 @@ class StageSolver:
         law = problem.law
         return self.constant(stage, law.frozen_at(-problem.offset) if law.state_dependent else law) - 1.0
 
-    def constant(self, stage: Stage, law: ContactLaw) -> float:
+    def constant(self, stage: Stage, law: VectorLaw) -> float:
         """The constant c of a stage with a law that depends on no state, ``1 - c`` being its margin.
 
         Of a body that is condensed anyway it is the largest eigenvalue of a small matrix.

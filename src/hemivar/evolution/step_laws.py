@@ -12,7 +12,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import Acting, DiscreteEvolution
 from hemivar.evolution.schemes import Rule, Scheme
 from hemivar.evolution.state import TimeState
-from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential
+from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential, separable
 from hemivar.laws.memory import LocalStep, Memory, MemoryChain, friction_in_increments, in_increments, law_of_step
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
@@ -236,7 +236,7 @@ def refuse_unaveraged(discrete: DiscreteEvolution, scheme: Scheme) -> None:
                 f"the scheme {scheme.name} is to conserve energy, but contact '{name}' has a memory or a damping, "
                 "which do not; leave conserving out"
             )
-    averaged(discrete.problem.law.normal, 0.0)
+    averaged(separable(discrete.problem.law, "a march in time").normal, 0.0)
 
 
 def _impact(stated: ContactLaw, before: TimeState, step: float, rate: float) -> ContactLaw:

@@ -230,7 +230,7 @@ def bound_in_time(advance: TimeStepper) -> TimeBound:
     assert discrete.viscosity is not None
     stated = discrete.evolution.problem
     law = discrete.problem.law
-    moving = not np.any(law.friction.bounds)
+    moving = not law.rubs.any()
     still = moving and all(contact.damping is None for contact in discrete.contacts.values())
     if stated.time_dependent - {"load"}:
         return TimeBound(advance, "", "supports, gaps or laws change with time")

@@ -119,7 +119,7 @@ def shares(order: int, dim: int) -> Array:
 
 def _check_never_touching(law: ContactLaw, name: str, points: Array) -> None:
     """Refuse laws without opening where the body's normal misses the obstacle."""
-    held = np.broadcast_to(np.isfinite(law.normal.domain.lower), len(points))
+    held = np.broadcast_to(np.isfinite(law.penetrations.lower), len(points))
     if held.any():
         place = in_words(points[int(np.flatnonzero(held)[0])])
         raise ProblemError(
@@ -226,7 +226,7 @@ def join(
     if not groups:
         return _no_points(basis.shape[1], dim), np.zeros((0, dim)), ContactLaw(NoContact()).at(None), 0.0
     blocked = np.concatenate([group.blocked for group in groups])
-    rough = np.concatenate([_rough(group.law, group.points.count) for group in groups])
+    rough = np.concatenate([np.broadcast_to(group.law.rubs, (group.points.count,)) for group in groups])
     law = ContactLaw.concatenate([(group.law, group.points.count) for group in groups])
     full = sp.csr_array(sp.vstack([group.points.trace for group in groups]))
     offset = np.zeros((full.shape[0] // dim, dim))
@@ -279,13 +279,6 @@ def _no_points(unknowns: int, dim: int, names: tuple[str, ...] = ()) -> ContactP
     place, turned, flags = np.zeros((0, dim)), np.zeros((0, dim, dim)), np.zeros(0, dtype=bool)
     trace = sp.csr_array((0, unknowns))
     return ContactPoints(trace, np.zeros(0), place, turned, none, none, none, names, flags, dim)
-
-
-def _rough(law: ContactLaw, count: int) -> BoolArray:
-    """Where a law has friction, or may have it in some state."""
-    if law.state_dependent:
-        return np.ones(count, dtype=bool)
-    return np.broadcast_to(law.friction.bounds > 0.0, (count,))
 
 
 def refuse_dependent(contact: ContactPoints) -> None:

@@ -8,7 +8,7 @@ remember from one time step to the next.  ``registry`` knows the laws by name fo
 a law of one's own.
 """
 
-from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.contact_law import ContactLaw, separable
 from hemivar.laws.description import LawDescription, LawKink
 from hemivar.laws.friction import (
     Coulomb,
@@ -56,7 +56,7 @@ from hemivar.laws.own import FormulaLaw, FunctionLaw, read_law_table, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed import affine, averaged, bonded, envelope, plus, pushing, secant, slipped
-from hemivar.laws.vector_law import Linearisation, VectorLaw
+from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
 
 __all__ = [
     "Adhesive",
@@ -90,6 +90,7 @@ __all__ = [
     "RateAndState",
     "SawTooth",
     "Secant",
+    "Sides",
     "Signorini",
     "SlipSum",
     "SlipTable",
@@ -113,6 +114,7 @@ __all__ = [
     "pushing",
     "read_law_table",
     "secant",
+    "separable",
     "slipped",
     "table_law",
 ]

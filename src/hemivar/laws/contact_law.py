@@ -9,17 +9,18 @@ import numpy as np
 
 from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, IntArray
-from hemivar.errors import ProblemError
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction import Friction, NoFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.neighbourhood import Neighbourhood, lengths, polar
+from hemivar.laws.scalar_graph import downhill, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
-from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.vector_law import Linearisation, VectorLaw
+from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
 
-__all__ = ["ContactLaw"]
+__all__ = ["ContactLaw", "separable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,19 @@ class ContactLaw(VectorLaw):
                 f"the friction law must be a Friction such as Tresca(0.5), not {described(self.friction)}"
             )
         check_own(self.normal)
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Name of the normal law, used in messages."""
+        return self.normal.name
+
+    @property
+    def tangential_name(self) -> str:
+        return self.tangential.name
+
+    @property
+    def splits(self) -> bool:
+        return True
 
     def at(self, points: Array | None) -> ContactLaw:
         return ContactLaw(self.normal.at(points), self.friction.at(points))
@@ -252,23 +266,33 @@ class ContactLaw(VectorLaw):
 
     @property
     def by_differences(self) -> bool:
-        """Whether a derivative is found by differences, so that :meth:`derivative_error` is not 0."""
         return self.normal.by_differences or self.friction.profile.by_differences
 
     def derivative_error(self, r: Array) -> Array:
-        """What the multiplier of the law at ``r (m, d)`` may be off by, (m,): residuals include it."""
         normal = np.broadcast_to(self.normal.derivative_error(r[:, 0]), r.shape[:1])
         if r.shape[1] == 1 or not self.friction.profile.by_differences:
             return normal
         return np.hypot(normal, self.tangential.derivative_error(lengths(r[:, 1:])))
 
     @property
-    def alpha_doubt(self) -> str:
-        """Why alpha is not proved for every penetration and slip, in words; empty if it is."""
-        reach = min(self.normal.alpha_reach, self.friction.profile.alpha_reach)
-        if reach == np.inf:
-            return ""
-        return "known from samples only" if reach == 0.0 else f"proved within the reach {reach:g} only"
+    def alpha_reach(self) -> tuple[float, float]:
+        return self.normal.alpha_reach, self.friction.profile.alpha_reach
+
+    @property
+    def alpha_sampled(self) -> bool:
+        return self.normal.alpha_sampled or self.friction.profile.alpha_sampled
+
+    @property
+    def constants_sampled(self) -> bool:
+        return self.normal.constants_sampled or self.friction.profile.constants_sampled
+
+    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
+        parts = (self.normal, self.tangential)
+        normal, tangential = (
+            law.weak_convexity if far == np.inf else law.weak_convexity_within(far)
+            for law, far in zip(parts, reach, strict=True)
+        )
+        return normal, tangential
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:
@@ -276,6 +300,122 @@ class ContactLaw(VectorLaw):
         if not friction.state_dependent and friction.profile.convex:  # whatever the bound
             return self.normal.weak_convexity, np.zeros(1)
         return self.normal.weak_convexity, self.tangential.weak_convexity
+
+    # ---- far away ---------------------------------------------------------------------------------------
+
+    @property
+    def rates(self) -> tuple[Array, Array, Array]:
+        one = np.ones(1)
+        slip = np.zeros(1) if self.state_dependent else self.tangential.recession(one)
+        return self.normal.recession(one), self.normal.recession(-one), slip
+
+    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
+        up, down = (steepest(self.normal, rest[:, 0], sign, size) for sign in (1.0, -1.0))
+        if rest.shape[1] == 1 or self.state_dependent:
+            return up, down, np.zeros(len(rest))
+        return up, down, steepest(self.tangential, lengths(rest[:, 1:]), 1.0, size)
+
+    def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
+        return self.normal.asymptotic_curvature(sign), self.tangential.asymptotic_curvature(sign)
+
+    @property
+    def softens(self) -> bool:
+        normal, profile = self.normal.weak_convexity, self.friction.profile.weak_convexity
+        return bool((normal > 0.0).any() or (profile > 0.0).any())
+
+    @property
+    def penetrations(self) -> Interval:
+        return self.normal.domain
+
+    @property
+    def penetration_knots(self) -> Array:
+        return self.normal.knots
+
+    @property
+    def rubs(self) -> BoolArray:
+        return np.asarray(self.state_dependent or self.friction.bounds > 0.0)
+
+    # ---- where a pair lies ------------------------------------------------------------------------------
+
+    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+        out = np.empty(r.shape)
+        out[:, 0] = downhill(self.normal, a[:, 0], b[:, 0], r[:, 0])
+        if r.shape[1] == 2:
+            out[:, 1] = downhill(self.tangential, a[:, 1], b[:, 1], r[:, 1])
+        elif r.shape[1] > 2:
+            # Turning the slip into the direction of the force lowers the energy; what is left is radial.
+            (size, towards), (old, own) = polar(b[:, 1:]), polar(r[:, 1:])
+            own[:, 0] = np.where(old > 0.0, own[:, 0], 1.0)
+            heading = np.where(size[:, None] > 0.0, towards, own)
+            out[:, 1:] = np.maximum(downhill(self.tangential, a[:, 1], size, old), 0.0)[:, None] * heading
+        return out
+
+    def snapped(self, r: Array, near: float) -> Array:
+        out = r.copy()
+        knot = self.normal.kink_within(r[:, 0], near)
+        out[:, 0] = np.where(np.isfinite(knot), knot, r[:, 0])
+        if r.shape[1] > 1:
+            size = lengths(r[:, 1:])
+            knot = self.tangential.kink_within(size, near)
+            scale = np.where(np.isfinite(knot) & (size > 0.0), knot / np.where(size > 0.0, size, 1.0), 1.0)
+            out[:, 1:] = r[:, 1:] * scale[:, None]
+        return out
+
+    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
+        out = r.copy()
+        out[:, 0] = nearest_knot(self.normal, r[:, 0], lam[:, 0], tau[:, 0])
+        if r.shape[1] > 1:
+            (size, direction), force = polar(r[:, 1:]), lengths(lam[:, 1:])
+            along = np.where(size > 0.0, np.einsum("mi,mi->m", direction, lam[:, 1:]), force)
+            length = np.maximum(nearest_knot(self.tangential, size, along, tau[:, 1], at_least=0.0), 0.0)
+            # at rest the friction may point anywhere
+            stays = self.tangential.distance(np.zeros_like(size), force)
+            moves = np.hypot((size - length) / tau[:, 1], self.tangential.distance(length, along))
+            length = np.where(np.hypot(size / tau[:, 1], stays) <= moves, 0.0, length)
+            out[:, 1:] = length[:, None] * direction
+        return out
+
+    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
+        d, unit = r.shape[1], np.eye(r.shape[1])
+        index = np.flatnonzero(active[:, 0])
+        axis = np.broadcast_to(unit[0], (index.size, d))
+        normal = one_sided(self.normal, r[:, 0], tau[:, 0], slack)
+        found = [Sides(index, axis, lam[index, 0], *(values[index] for values in normal))]
+        return found if d == 1 else found + radial_sides(self.tangential, r, lam, active, tau[:, 1], slack)
+
+    def at_normal_kink(self, r: Array) -> BoolArray:
+        return self.normal.at_kink(r[:, 0])
+
+    def pulls(self, r: Array) -> BoolArray:
+        ends = self.normal.domain
+        return np.asarray(self.normal.subdifferential(np.clip(r[:, 0], ends.lower, ends.upper)).lower < 0.0)
+
+    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+        return self.normal.past_peak(r[:, 0], pull, near, slack)
+
+    def resistance(self, r: Array, lam: Array) -> Array:
+        return self.friction.frozen(r[:, 0], lam[:, 0]).bounds
+
+
+def separable(law: VectorLaw, what: str) -> ContactLaw:
+    """The law as one that splits into a normal law and friction.
+
+    Parameters
+    ----------
+    law : VectorLaw
+    what : str
+        Who asks for it, as the subject of the message.
+
+    Raises
+    ------
+    MethodError
+        It couples opening and slip.
+    """
+    if isinstance(law, ContactLaw):
+        return law
+    raise MethodError(
+        f"law '{law.name}' couples opening and slip; {what} is only known for a normal law with friction beside it"
+    )
 
 
 def _first_axis(direction: Array) -> Array:

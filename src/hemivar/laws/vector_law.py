@@ -10,8 +10,9 @@ import numpy as np
 
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.superpotential import Interval
 
-__all__ = ["Linearisation", "Near", "VectorLaw", "spread"]
+__all__ = ["Linearisation", "Near", "Sides", "VectorLaw", "spread"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,31 @@ class Linearisation:
     smooth: BoolArray
     gradient: Array
     hessian: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """Directions of contact points in which a law is looked at, and its derivatives to both sides along them.
+
+    Attributes
+    ----------
+    point : int array (k,)
+    axis : array (k, c)
+        A unit vector of local components each.
+    multiplier : array (k,)
+        Of the pair, along the axis.
+    below, above : arrays (k,)
+        Derivatives against and along the axis; equal where the law is smooth.
+    curvature_below, curvature_above : arrays (k,)
+    """
+
+    point: IntArray
+    axis: Array
+    multiplier: Array
+    below: Array
+    above: Array
+    curvature_below: Array
+    curvature_above: Array
 
 
 class Near(Protocol):
@@ -57,6 +83,18 @@ class VectorLaw(Portable, ABC):
     (column 0) and minus the friction.  Numbers for the normal and the tangential part, such as a compliance, have shape
     ``(m, 2)``; where c = 1 the second one is not looked at.
     """
+
+    name: str
+
+    @property
+    def tangential_name(self) -> str:
+        """Name of what resists slip, used in messages."""
+        return self.name
+
+    @property
+    def splits(self) -> bool:
+        """Whether it is a :class:`~hemivar.laws.ContactLaw`: j is a part of the penetration plus a part of the slip."""
+        return False
 
     @abstractmethod
     def at(self, points: Array | None) -> VectorLaw:
@@ -152,8 +190,140 @@ class VectorLaw(Portable, ABC):
 
     @property
     @abstractmethod
+    def rates(self) -> tuple[Array, Array, Array]:
+        """Growth rates far away, (m or 1,) each: with the penetration, with the opening, with the length of the slip.
+
+        The rate along a direction is at most what these give; friction whose bound depends on the state counts 0.
+        """
+
+    @abstractmethod
+    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
+        """The most that the law resists on ways of length ``size`` from ``rest (m, c)``, as :attr:`rates`; (m,)."""
+
+    @abstractmethod
+    def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
+        """Curvature far away in the direction of one sign, of the normal and of the tangential part, (m or 1,)."""
+
+    @property
+    @abstractmethod
     def weak_convexity(self) -> tuple[Array, Array]:
-        """alpha of the normal and of the tangential part, each of shape (m or 1,)."""
+        """alpha of the normal and of the tangential part, each of shape (m or 1,): with ``alpha_n/2 r_n^2 +
+        alpha_t/2 |r_t|^2`` added, j is convex."""
+
+    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
+        """Proved alphas of penetrations and slips up to a ``reach`` each; inf where none is proved."""
+        return self.weak_convexity
+
+    @property
+    def alpha_reach(self) -> tuple[float, float]:
+        """Penetration and slip up to which :attr:`weak_convexity` is proved; 0 where it is sampled."""
+        return np.inf, np.inf
+
+    @property
+    def alpha_sampled(self) -> bool:
+        """Whether an alpha is not proved for every penetration and slip."""
+        return min(self.alpha_reach) < np.inf
+
+    @property
+    def alpha_doubt(self) -> str:
+        """Why alpha is not proved for every penetration and slip, in words; empty if it is."""
+        reach = min(self.alpha_reach)
+        if reach == np.inf:
+            return ""
+        return "known from samples only" if reach == 0.0 else f"proved within the reach {reach:g} only"
+
+    @property
+    def constants_sampled(self) -> bool:
+        """Whether alpha or the growth constants of a part come from sampling."""
+        return False
+
+    @property
+    def by_differences(self) -> bool:
+        """Whether a derivative is found by differences, so that :meth:`derivative_error` is not 0."""
+        return False
+
+    def derivative_error(self, r: Array) -> Array:
+        """What the multiplier of the law at ``r (m, c)`` may be off by, (m,): residuals include it."""
+        return np.zeros(len(r))
+
+    @property
+    def follows_state(self) -> bool:
+        """Whether Newton's equation can contain how a bound depends on the state."""
+        return False
+
+    @property
+    def convex(self) -> bool:
+        """Whether the law is convex at all points, and that is proved."""
+        return not self.alpha_sampled and all(bool((alpha == 0.0).all()) for alpha in self.weak_convexity)
+
+    @property
+    def softens(self) -> bool:
+        """Whether some part is not convex, whatever a bound that depends on the state may be."""
+        return any(bool((alpha > 0.0).any()) for alpha in self.weak_convexity)
+
+    @property
+    @abstractmethod
+    def penetrations(self) -> Interval:
+        """The penetrations that the law allows."""
+
+    @property
+    @abstractmethod
+    def penetration_knots(self) -> Array:
+        """Penetrations without slip at which the law changes, increasing, (m or 1, K); unused entries are +inf."""
+
+    @property
+    @abstractmethod
+    def rubs(self) -> BoolArray:
+        """Whether something may resist slip, bool (m or 1,)."""
+
+    # ---- where a pair lies ------------------------------------------------------------------------------
+
+    @abstractmethod
+    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+        """The local minimiser of the problem of :meth:`local_argmin` that is reached from ``r (m, c)`` downhill."""
+
+    @abstractmethod
+    def snapped(self, r: Array, near: float) -> Array:
+        """``r (m, c)`` with the parts that miss a kink by no more than ``near`` put on it."""
+
+    @abstractmethod
+    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
+        """Where the law fits a pair best, (m, c): ``r`` itself or, part by part, a knot; as :meth:`graph_distance`."""
+
+    @abstractmethod
+    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
+        """The directions of all points in which the law has two sides, or bends, at ``r (m, c)``.
+
+        Parameters
+        ----------
+        r, lam : arrays (m, c)
+            A pair, ``r`` as :meth:`fitted` puts it.
+        active : bool array (m, c)
+            Components that can move.
+        tau : array (m, 2)
+        slack : float
+            What is nothing, of a multiplier.
+        """
+
+    @abstractmethod
+    def at_normal_kink(self, r: Array) -> BoolArray:
+        """Whether the penetration of ``r (m, c)`` sits on a kink, (m,)."""
+
+    def moves(self, r: Array, small: float) -> BoolArray:
+        """Which points count as moving sideways, (m,): those with a slip above ``small``."""
+        return np.asarray(np.linalg.norm(r[:, 1:], axis=1) > small)
+
+    @abstractmethod
+    def pulls(self, r: Array) -> BoolArray:
+        """Whether the law can pull at ``r (m, c)``, cut at the ends of its domain."""
+
+    @abstractmethod
+    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+        """Whether the law has let go of some of its ``pull (m,)``; see :meth:`Superpotential.past_peak`."""
+
+    @abstractmethod
+    def resistance(self, r: Array, lam: Array) -> Array:
+        """The most that resists a slip at a pair (m, c) that does not slip, (m or 1,); 0 where it is free."""
 
     def prox(self, x: Array, tau: Array) -> Array:
         """Proximal map of j with step ``tau (m, 2)`` for the normal and the tangential part."""

@@ -12,6 +12,7 @@ from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import contact_boundaries
+from hemivar.laws import ContactLaw
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.report.certificate_line import FOOT, certificate_line, with_notes, write_foot
 from hemivar.report.contact_maps import contact_maps
@@ -164,8 +165,9 @@ def _slip_factor(local: Array) -> float:
 
 def _rest_bound(problem: DiscreteProblem) -> Array | None:
     """Largest friction without slip at each contact point, (m,); None without friction."""
-    if problem.contact.components == 1 or problem.law.state_dependent:
+    law = problem.law
+    if problem.contact.components == 1 or law.state_dependent or not isinstance(law, ContactLaw):
         return None
-    rest = problem.law.tangential.subdifferential(np.zeros(problem.contact_points)).upper
+    rest = law.tangential.subdifferential(np.zeros(problem.contact_points)).upper
     bound = np.broadcast_to(rest, (problem.contact_points,))
     return bound if (bound > 0.0).any() else None

@@ -12,7 +12,15 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws import CoulombBound, Friction, PenetrationBound, PiecewiseQuadratic, StateBound, Superpotential
+from hemivar.laws import (
+    ContactLaw,
+    CoulombBound,
+    Friction,
+    PenetrationBound,
+    PiecewiseQuadratic,
+    StateBound,
+    Superpotential,
+)
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, drawing
 
@@ -111,6 +119,8 @@ def law_captions(problem: DiscreteProblem) -> list[str]:
     if problem.contact_points == 0:
         return []
     law = problem.law
+    if not isinstance(law, ContactLaw):
+        return [_proper(law.name)]
     lines = [f"{_proper(part.name)} law{_constants(part)}" for part in getattr(law.normal, "parts", (law.normal,))]
     if law.state_dependent:
         lines.append(_state_dependent(law.friction))

@@ -18,6 +18,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.fem import discretize
+from hemivar.laws import ContactLaw
 from hemivar.mechanics import ContactProblem, ScalarProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.adaptive_figures import plot_adaptive
@@ -290,13 +291,14 @@ def _scalar_problem(problem: ScalarProblem) -> _Shown:
 
 def _discrete(problem: DiscreteProblem) -> _Shown:
     law = problem.law
-    rubs = problem.contact_points and problem.contact.components > 1 and law.friction.acts
+    split = isinstance(law, ContactLaw) and problem.contact.components > 1
+    friction = law.friction if isinstance(law, ContactLaw) and split and law.friction.acts else None
     rows: list[_Row] = [
         ("unknowns", problem.unknowns),
         ("contact points", problem.contact_points),
         ("local components", problem.contact.components),
-        ("normal law", law.normal.name if problem.contact_points else None),
-        ("friction", law.friction.name if rubs else None),
+        ("normal law" if law.splits else "law", law.name if problem.contact_points else None),
+        ("friction", friction.name if friction and problem.contact_points else None),
         ("entries of the stiffness", problem.bulk.stiffness.nnz if isinstance(problem.bulk, Quadratic) else None),
         *_margin(problem),
         *(("warning", sentence) for sentence in problem.notes),

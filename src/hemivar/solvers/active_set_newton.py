@@ -20,7 +20,7 @@ from scipy.linalg import lapack
 from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.residual import LoadScale, Residual
-from hemivar.laws import ContactLaw
+from hemivar.laws import ContactLaw, separable
 from hemivar.laws.dependent import DependentLaw
 from hemivar.laws.separate import OnGraph, RadialLaw, SeparateLaw
 from hemivar.solvers.controls import Controls
@@ -93,7 +93,7 @@ class NewtonCache:
 
     def graphs(self, system: CondensedProblem) -> _Graphs | None:
         """The graphs of the law; None where its bound depends on the state and Newton's equation cannot follow it."""
-        found, law, body = self._law, system.law, system.body
+        found, law, body = self._law, separable(system.law, "a march in time"), system.body
         if found is None or found.law is not law:
             d, pair = system.shape[1], body.pointwise
             made: _Graphs | None
@@ -197,7 +197,7 @@ def active_set_newton(
 def _stands(system: CondensedProblem, r: Array, lam: Array, free: BoolArray) -> bool:
     """Whether friction that weakens, under a bound that depends on the state, leaves a pair stable, the bound frozen:
     whether there is one solution is not known before."""
-    law = system.law
+    law = separable(system.law, "a bound that depends on the state")
     if not law.state_dependent or law.friction.profile.convex:
         return True
     index = np.flatnonzero(free)

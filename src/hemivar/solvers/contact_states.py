@@ -12,8 +12,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws import ContactLaw
-from hemivar.laws.neighbourhood import lengths
+from hemivar.laws import VectorLaw
 
 __all__ = ["KINDS", "ContactStates", "Kind", "NormalState", "TangentialState", "contact_states", "state_words"]
 
@@ -165,7 +164,7 @@ def state_words(normal: Mapping[NormalState, int], tangential: Mapping[Tangentia
 
 
 def contact_states(
-    law: ContactLaw,
+    law: VectorLaw,
     local: Array,
     multiplier: Array,
     sizes: tuple[float, float] | None = None,
@@ -178,7 +177,7 @@ def contact_states(
 
     Parameters
     ----------
-    law : ContactLaw
+    law : VectorLaw
         With resolved parameters.
     local, multiplier : arrays (m, c)
         Penetration and slip, and force per area of the body on the foundation.
@@ -201,18 +200,17 @@ def contact_states(
     opened = lifted & (np.abs(pressure) <= weak)
     held = pulled & lifted
     if (pulled & ~lifted).any():  # by a law that pulls where it touches, and not by what a solver leaves
-        ends = law.normal.domain
-        held = pulled & (law.normal.subdifferential(np.clip(penetration, ends.lower, ends.upper)).lower < 0.0) | held
+        held = pulled & law.pulls(local) | held
     if (opened | held).any():
         if past_peak is None:
-            past_peak = law.normal.past_peak(penetration, -pressure, small, weak)
+            past_peak = law.past_peak(local, -pressure, small, weak)
         normal = np.where(held, np.where(past_peak, _SOFTENING, _BONDED), normal)
         normal = np.where(opened, np.where(past_peak, _DEBONDED, _OPEN), normal)
     tangential = np.zeros(len(local), dtype=np.int64)
     if local.shape[1] > 1:
         if moves is None:
-            moves = lengths(local[:, 1:]) > small
-        bound = law.friction.frozen(penetration, pressure).bounds
+            moves = law.moves(local, small)
+        bound = law.resistance(local, multiplier)
         rubs = (bound > (weak if law.state_dependent else 0.0)) & ~opened
         if without_friction is not None and local.shape[1] == 2:  # in space one direction of two may be left
             rubs &= ~without_friction

@@ -17,6 +17,7 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.laws import separable
 from hemivar.laws.dependent import DependentLaw
 from hemivar.laws.separate import OnGraph
 from hemivar.laws.vector_law import spread
@@ -288,9 +289,10 @@ class _Equation:
     @staticmethod
     def of(system: ContactSystem, accuracy: Accuracy) -> _Equation | None:
         """The equation of a problem; None where p does not sort its points, or its law has no derivatives."""
+        law = separable(system.law, "a bound that depends on the state")
         pair, d = 1.0 / system.compliance, system.active.shape[1]
-        graphs = DependentLaw.of(system.law, pair, d)
-        soft = bool((system.law.normal.weak_convexity >= pair[:, 0]).any())
+        graphs = DependentLaw.of(law, pair, d)
+        soft = bool((law.normal.weak_convexity >= pair[:, 0]).any())
         if graphs is None or system.vectors.largest(float(soft))[0]:
             return None
         return _Equation(system, graphs, spread(pair, d), system.newton_equation(), accuracy)

@@ -352,11 +352,8 @@ def _check_coercive(system: CondensedProblem) -> None:
         return
     m, d = system.shape
     law = system.law_at(system.start(), np.zeros(system.shape))  # the bound matters little far away
-    laws = [law.normal] + [law.tangential] * (d - 1)
-    ends = [
-        np.stack([np.broadcast_to(law.asymptotic_curvature(sign), (m,)) for law in laws], axis=1)
-        for sign in (1.0, -1.0)
-    ]
+    pairs = [law.asymptotic_curvature(sign) for sign in (1.0, -1.0)]
+    ends = [np.stack([np.broadcast_to(pair[min(c, 1)], (m,)) for c in range(d)], axis=1) for pair in pairs]
     least = np.minimum(*ends)
     if not (least < 0.0).any():
         return
@@ -375,7 +372,7 @@ def _check_coercive(system: CondensedProblem) -> None:
         )
         if growth < 0.0:
             worst = int(np.argmin(least.min(axis=1)))
-            name = laws[int(np.argmin(least[worst]))].name
+            name = law.name if int(np.argmin(least[worst])) == 0 else law.tangential_name
             raise ProblemError(
                 f"the energy has no lower bound: law '{name}' softens without end by {-least.min():.3g} per unit of "
                 "displacement, faster than the body is stiff; end the softening, or take a stiffer body"

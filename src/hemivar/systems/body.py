@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.residual import LoadScale, Residual, resting_multiplier
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import Vectors
 from hemivar.systems.contact_stiffness import ContactStiffness
 from hemivar.systems.contact_system import Equilibrium
@@ -36,7 +36,7 @@ class Body(Equilibrium, ABC):
         How the parts of all processes are looked at together.
     elastic : ContactStiffness
         What the body knows of its stiffness, whatever its load, gap and law.
-    law : ContactLaw
+    law : VectorLaw
     weights : array (m,)
     offset : array (m, d)
         Gap, and what stands beside it in the tangential components.
@@ -60,7 +60,7 @@ class Body(Equilibrium, ABC):
 
     vectors: Vectors
     elastic: ContactStiffness
-    law: ContactLaw
+    law: VectorLaw
     weights: Array
     offset: Array
     unknown: IntArray
@@ -142,14 +142,14 @@ class Body(Equilibrium, ABC):
         return self.elastic.gather(values)
 
     @property
-    def tangential_blocks(self) -> Array:
-        """Stiffness of the tangential components of each point, (m, d - 1, d - 1)."""
+    def blocks(self) -> Array:
+        """Stiffness between the components of each point, (m, d, d)."""
         m, d = self.active.shape
         entries = self.own_block.tocoo()
         own = entries.row // d == entries.col // d
         blocks = np.zeros((m, d, d))
         blocks[entries.row[own] // d, entries.row[own] % d, entries.col[own] % d] = entries.data[own]
-        return np.asarray(blocks[:, 1:, 1:])
+        return blocks
 
     def local(self, x: Array) -> Array:
         """Local displacements (m, d) of the unknowns (n,)."""
@@ -167,7 +167,7 @@ class Body(Equilibrium, ABC):
         if far.any():
             now = self.local(x)
             same = far & (np.abs(r - now) <= 4.0 * np.finfo(float).eps * np.abs(self.offset))
-            same[:, 0] &= ~self.law.normal.at_kink(r[:, 0])
+            same[:, 0] &= ~self.law.at_normal_kink(r)
             kept = self.unknown[same[self.active]]
             out[kept] = x[kept]
         return out
@@ -184,7 +184,7 @@ class Body(Equilibrium, ABC):
         return unknowns
 
     @abstractmethod
-    def with_law(self, law: ContactLaw) -> Self:
+    def with_law(self, law: VectorLaw) -> Self:
         """The same body on another foundation, no problem being posed below."""
 
     def out_of_balance(self, x: Array) -> Array:

@@ -16,7 +16,7 @@ from hemivar.coercivity.recession import Growth, growth_along
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns
 from hemivar.linear.definite import (
     below_zero,
@@ -127,7 +127,7 @@ class BodyProblem(Body):
     def from_below(self, x: Array) -> Array:
         return self.hierarchy.steps[self.top - self.hierarchy.first - 1].interpolate(x)
 
-    def with_law(self, law: ContactLaw) -> BodyProblem:
+    def with_law(self, law: VectorLaw) -> BodyProblem:
         return self.for_problem(self.problem.with_(law=law))
 
     def for_problem(self, problem: DiscreteProblem) -> BodyProblem:

@@ -20,7 +20,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, load_scale, residuals
 from hemivar.errors import ProblemError
 from hemivar.fem.posed import Posable, posed
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.linear.factor_memory import check_memory, shortage
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.contact_system import Equilibrium
@@ -82,7 +82,7 @@ class CondensedProblem(Equilibrium, Portable):
     # ---- views -----------------------------------------------------------------------------------------
 
     @property
-    def law(self) -> ContactLaw:
+    def law(self) -> VectorLaw:
         """The contact law."""
         return self.problem.law
 
@@ -126,10 +126,10 @@ class CondensedProblem(Equilibrium, Portable):
         return np.asarray(self.matrix @ step.ravel()).reshape(step.shape)
 
     @property
-    def tangential_blocks(self) -> Array:
-        """Stiffness of the tangential components of each point, (m, d - 1, d - 1)."""
+    def blocks(self) -> Array:
+        """Stiffness between the components of each point, (m, d, d)."""
         m, d = self.shape
-        return np.asarray(self.matrix.reshape(m, d, m, d)[np.arange(m), 1:, np.arange(m), 1:])
+        return np.asarray(self.matrix.reshape(m, d, m, d)[np.arange(m), :, np.arange(m), :])
 
     @cached_property
     def compliance(self) -> Array:
@@ -289,7 +289,7 @@ class CondensedProblem(Equilibrium, Portable):
             return replace(self, problem=problem, seconds=0.0)
         return _under(self.body, problem, began)
 
-    def with_law(self, law: ContactLaw) -> CondensedProblem:
+    def with_law(self, law: VectorLaw) -> CondensedProblem:
         """The same body on another foundation."""
         return self.for_problem(self.problem.with_(law=law))
 

@@ -9,10 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.laws import ContactLaw
+from hemivar.laws import ContactLaw, VectorLaw
 from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.vectors import Vectors
-from hemivar.systems.downhill import downhill_minimiser
 
 __all__ = [
     "ContactBody",
@@ -72,7 +71,7 @@ class ContactBody(ElasticBody, Protocol):
     """The same with its foundation."""
 
     @property
-    def law(self) -> ContactLaw: ...
+    def law(self) -> VectorLaw: ...
     @property
     def weights(self) -> Array: ...
     @property
@@ -81,8 +80,8 @@ class ContactBody(ElasticBody, Protocol):
         ...
 
     @property
-    def tangential_blocks(self) -> Array:
-        """Stiffness of the tangential components of each point, (m, d - 1, d - 1)."""
+    def blocks(self) -> Array:
+        """Stiffness between the components of each point, (m, d, d)."""
         ...
 
 
@@ -175,7 +174,7 @@ def diagonal_step(
         if search is Search.GLOBAL or not feasible:
             target = body.law.local_argmin(pair, pull)
         else:
-            target = downhill_minimiser(body.law, pair, pull, r)
+            target = body.law.downhill(pair, pull, r)
         new = np.where(body.active, target, body.fixed)
         if vectors.largest(float(not np.isfinite(new).all()))[0]:
             return Move(r, 0.0, attempt, factor, value, force, endless=True)
@@ -193,13 +192,15 @@ def diagonal_step(
 def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, float]:
     """The best move of one component (the tangential ones of a point together), all others being held: point, gain.
 
-    ``force (m, d)`` is the elastic force at ``r``.
+    Where the law couples them all components of a point move together. ``force (m, d)`` is the elastic force at ``r``.
     """
     m, d = r.shape
     law, w = body.law, body.weights
+    if not isinstance(law, ContactLaw):
+        return _best_point(body, r, force)
     a = body.diagonal.copy()
     if d > 2:  # the tangential block is replaced by its largest eigenvalue
-        a[:, 1:] = np.maximum(np.linalg.eigvalsh(body.tangential_blocks)[:, -1:], 1e-12 * a[:, 1:])
+        a[:, 1:] = np.maximum(np.linalg.eigvalsh(body.blocks[:, 1:, 1:])[:, -1:], 1e-12 * a[:, 1:])
     pair = np.stack([a[:, 0], a[:, min(1, d - 1)]], axis=1) / w[:, None]
     target = law.local_argmin(pair, (a * r + force) / w[:, None])
     target = np.where(body.active & np.isfinite(target), target, r)
@@ -219,6 +220,24 @@ def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, fl
     return new, best
 
 
+def _best_point(body: ContactBody, r: Array, force: Array) -> tuple[Array, float]:
+    """The best move of one point in the diagonal body that is stiffer than its block, all other points being held."""
+    law, scale = body.law, 1.0 / np.sqrt(body.diagonal)
+    stiffest = np.linalg.eigvalsh(scale[:, :, None] * body.blocks * scale[:, None, :])[:, -1:]
+    a = body.diagonal * np.maximum(stiffest, 1e-12)
+    pair = np.stack([a[:, 0], a[:, -1]], axis=1) / body.weights[:, None]
+    target = law.local_argmin(pair, (a * r + force) / body.weights[:, None])
+    target = np.where(body.active & np.isfinite(target).all(axis=1, keepdims=True), target, r)
+    step = target - r
+    gains = (0.5 * a * step**2 - force * step).sum(axis=1) + body.weights * (law.value(target) - law.value(r))
+    best, mine = body.vectors.lowest(float(gains.min(initial=np.inf)))
+    new = r.copy()
+    if mine and len(r):
+        point = int(np.argmin(gains))
+        new[point] = target[point]
+    return new, best
+
+
 def smooth_components(line: Linearisation, active: BoolArray) -> BoolArray:
     """Components (m, d) on which the law is smooth where it has been linearised, and that are free to move."""
     smooth = np.repeat(line.smooth, [1, active.shape[1] - 1], axis=1)
@@ -232,15 +251,5 @@ def moving_curvature(body: ContactBody, line: Linearisation, moving: BoolArray) 
 
 def snapped(body: ContactBody, r: Array) -> Array:
     """``r`` with the components that miss a kink by rounding put on it."""
-    out = r.copy()
     near = _MISSED * float(body.vectors.largest(np.abs(r).max(initial=0.0))[0])
-    sizes = [r[:, 0]] if r.shape[1] == 1 else [r[:, 0], np.linalg.norm(r[:, 1:], axis=1)]
-    for c, (size, scalar) in enumerate(zip(sizes, (body.law.normal, body.law.tangential), strict=False)):
-        knot = scalar.kink_within(size, near)
-        hit = np.isfinite(knot)
-        if c == 0:
-            out[:, 0] = np.where(hit, knot, r[:, 0])
-        else:
-            scale = np.where(hit & (size > 0.0), knot / np.where(size > 0.0, size, 1.0), 1.0)
-            out[:, 1:] = r[:, 1:] * scale[:, None]
-    return np.where(body.active, out, body.fixed)
+    return np.where(body.active, body.law.snapped(r, near), body.fixed)

@@ -13,7 +13,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact_energy import contact_energy, law_forces
 from hemivar.discrete.residual import LoadScale, Residual
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import Vectors
 from hemivar.systems.contact_moves import ContactBody
 from hemivar.systems.newton_equation import NewtonEquation
@@ -33,7 +33,7 @@ class PointSystem(Protocol):
         ...
 
     @property
-    def law(self) -> ContactLaw:
+    def law(self) -> VectorLaw:
         """The contact law."""
         ...
 
@@ -113,7 +113,7 @@ class PointSystem(Protocol):
         """Energy norm of a difference of two points."""
         ...
 
-    def law_at(self, x: Array, lam: Array | None = None) -> ContactLaw:
+    def law_at(self, x: Array, lam: Array | None = None) -> VectorLaw:
         """See :meth:`Equilibrium.law_at`."""
         ...
 
@@ -133,7 +133,7 @@ class PointSystem(Protocol):
         """All unknowns (n,), with the residual of the whole problem for each multiplier; the first one is theirs."""
         ...
 
-    def with_law(self, law: ContactLaw) -> Self:
+    def with_law(self, law: VectorLaw) -> Self:
         """The same body on another foundation."""
         ...
 
@@ -173,7 +173,7 @@ class Equilibrium:
     In all of them ``force`` is :meth:`PointSystem.out_of_balance` of the point where the caller has it already.
     """
 
-    def law_at(self: PointSystem, x: Array, lam: Array | None = None) -> ContactLaw:
+    def law_at(self: PointSystem, x: Array, lam: Array | None = None) -> VectorLaw:
         """The law, with a bound that depends on the solution evaluated at ``x`` and the multiplier ``lam (m, d)``, by
         default what is in equilibrium with ``x``."""
         if not self.law.state_dependent:

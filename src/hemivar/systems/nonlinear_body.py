@@ -20,7 +20,7 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale
 from hemivar.fem.hierarchy import Coarser, coarser, tangent_problem
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.linear.cycle import selects
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.contact_system import Equilibrium
@@ -69,7 +69,7 @@ class NonlinearBody(Equilibrium):
         return self.workspace.once("stiffness at rest", model, lambda: linear_bulk(bulk, np.zeros(bulk.unknowns)))
 
     @property
-    def law(self) -> ContactLaw:
+    def law(self) -> VectorLaw:
         """The contact law."""
         return self.problem.law
 
@@ -171,7 +171,7 @@ class NonlinearBody(Equilibrium):
         force = self.out_of_balance(x)
         return x, [self.residual(x, lam, force) for lam in multipliers]
 
-    def with_law(self, law: ContactLaw) -> NonlinearBody:
+    def with_law(self, law: VectorLaw) -> NonlinearBody:
         """The same body on another foundation."""
         return self.for_problem(self.problem.with_(law=law))
 

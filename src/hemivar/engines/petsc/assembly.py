@@ -30,7 +30,7 @@ from hemivar.fem.edge_blocks import EdgeBlocks
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
 from hemivar.fem.mass import body_blocks
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -148,7 +148,7 @@ class BodyOnRanks(Body):
         assert ends is not None
         return self.restrict(below.displacement(x)[ends].mean(axis=1))
 
-    def with_law(self, law: ContactLaw) -> Self:
+    def with_law(self, law: VectorLaw) -> Self:
         return replace(self, law=law, below=None)
 
     # ---- vectors and displacements -----------------------------------------------------------------------

@@ -256,9 +256,10 @@ def _alphas(body: BodyOnRanks) -> tuple[float, float, bool, bool]:
     one of the constants is known from samples only."""
     law = body.law
     dependent = law.state_dependent
-    sampled = bool(law.normal.alpha_sampled or law.friction.profile.alpha_sampled) and body.points > 0
-    normal = float(np.max(law.normal.weak_convexity, initial=0.0))
-    tangential = 0.0 if dependent else float(np.max(law.weak_convexity[1], initial=0.0))
+    sampled = law.alpha_sampled and body.points > 0
+    fixed = law.frozen(np.zeros(body.active.shape), np.zeros(body.active.shape)) if dependent else law
+    normal, tangential = (float(np.max(alpha, initial=0.0)) for alpha in fixed.weak_convexity)
+    tangential = 0.0 if dependent else tangential
     found = body.ranks.largest(normal, tangential, float(dependent), float(sampled))
     return float(found[0]), float(found[1]), bool(found[2]), bool(found[3])
 

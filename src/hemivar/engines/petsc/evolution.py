@@ -29,7 +29,7 @@ from hemivar.fem.dynamics import moved_components
 from hemivar.fem.edge_blocks import EdgeBlocks
 from hemivar.fem.mass import body_blocks, mass_blocks
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.laws import ContactLaw
+from hemivar.laws import ContactLaw, separable
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.vectors import Vectors
 from hemivar.mechanics.bedding import Bedding, bedding_of
@@ -244,7 +244,7 @@ class EvolutionOnRanks(DiscreteEvolution):
         load = self.frame.reduced(self._summed(ranks.agree(forces)))
         if not stated.time_dependent & {"supports", "gap", "law"}:
             prescribed, loading = self._prescribed(self.body.prescribed), self.problem.loading
-            return Acting(load, prescribed, loading.offset, loading.law, dampings(stated))
+            return Acting(load, prescribed, loading.offset, separable(loading.law, "a march in time"), dampings(stated))
 
         def conditions() -> tuple[Array, ContactLaw, Array]:
             nodal = nodal_conditions(_present(self.state(self.skin).body.at_time(time)))

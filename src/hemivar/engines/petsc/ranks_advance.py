@@ -26,7 +26,7 @@ from hemivar.evolution.stage import Stage
 from hemivar.evolution.stage_solver import StageSolution, StageSolver
 from hemivar.evolution.step_operator import StepOperators
 from hemivar.evolution.stepper import StepResult, TimeStepper
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Solver, Status
 from hemivar.solvers.base import State
 from hemivar.systems.workspace import Workspace
@@ -65,7 +65,7 @@ class StageSolverOnRanks(StageSolver):
     bodies: BodiesOnRanks
     alarm: Alarm = field(kw_only=True)
 
-    def constant(self, stage: Stage, law: ContactLaw) -> float:
+    def constant(self, stage: Stage, law: VectorLaw) -> float:
         """The largest eigenvalue c of ``(B'W diag(alpha) B, K)`` as :func:`certify_on_ranks` finds it; nan if not."""
         ranks, problem = self.discrete.ranks, stage.problem
         alphas = [np.asarray(alpha) for alpha in law.weak_convexity] if problem.contact_points else []

@@ -10,7 +10,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.stiffness import Stiffness
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.systems.krylov_newton import Truncation
 
 __all__ = ["Cycles", "StepBody"]
@@ -84,7 +84,7 @@ class StepBody(BodyOnRanks):
         """A body to be put under other loads."""
         return StepBody(**{entry.name: getattr(body, entry.name) for entry in fields(body)}, cycles=Cycles())
 
-    def under(self, load: Array, offset: Array, law: ContactLaw) -> StepBody:
+    def under(self, load: Array, offset: Array, law: VectorLaw) -> StepBody:
         """The body under a load (n,), with offsets (m, d) and a law of its contact points; all ranks call this."""
         own = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         own |= {"load": np.where(self.held, 0.0, load), "offset": offset, "law": law, "below": None, "constant": 0.0}

@@ -14,7 +14,7 @@ import scipy.optimize as opt
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.laws import Superpotential
+from hemivar.laws import Superpotential, separable
 from hemivar.laws.vector_law import spread
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
@@ -325,10 +325,12 @@ class PrimalDualActiveSet(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         if problem.contact_points and any(np.isinf(alpha).any() for alpha in problem.law.weak_convexity):
             return "the law jumps down, so a kink has no place in the order of the sets; use newton"
+        if not problem.law.splits:
+            return f"law '{problem.law.name}' couples opening and slip, which the sets do not know; use newton"
         return None
 
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
-        laws = system.law.scalar_laws(system.shape[1])
+        laws = separable(system.law, self.name).scalar_laws(system.shape[1])
         sets = _sets_of_start(system, laws, _parts(start.r if self.sets_from_guess else system.start()))
         if system.shape[1] > 2:
             return replace(start, memory=(sets, {}))
@@ -337,7 +339,7 @@ class PrimalDualActiveSet(Solver):
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         if system.shape[1] > 2:
             return self._radial_step(system, state, budget)
-        laws = system.law.scalar_laws(system.shape[1])
+        laws = separable(system.law, self.name).scalar_laws(system.shape[1])
         sets, seen = state.memory
         flat, used = self.inner.solve(FixedSets(system, laws, sets), state.r.ravel(), budget)
         r = flat.reshape(state.r.shape)
@@ -357,7 +359,7 @@ class PrimalDualActiveSet(Solver):
         return State(r, lam, evaluations, ended, memory=(new, seen | {new.tobytes()}))
 
     def _radial_step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
-        laws = system.law.scalar_laws(system.shape[1])
+        laws = separable(system.law, self.name).scalar_laws(system.shape[1])
         sets, seen = state.memory
         tau = np.stack([_step_length(system, law, c) for c, law in enumerate(laws)], axis=1)
         flat, used = self.inner.solve_radial(RadialSets(system, laws, sets, tau, state.r, state.lam), budget)

@@ -13,7 +13,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw, Friction, Interval, Superpotential
+from hemivar.laws import ContactLaw, Friction, Interval, Superpotential, separable
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.newton import NonsmoothNewton
@@ -71,30 +71,34 @@ class ProximalBundle(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         if problem.contact_points and any((alpha > 0.0).any() for alpha in problem.law.weak_convexity):
             return "the law is not convex, and cutting planes of a nonconvex law are no lower bounds; use newton"
+        if not problem.law.splits:
+            return f"law '{problem.law.name}' couples opening and slip, which the model does not know; use newton"
         return None
 
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
         m, d = system.shape
         reach = 10.0 * system.length_scale
-        normal = CuttingPlanes.around(system.law.normal, m, reach)
-        tangential = CuttingPlanes.around(system.law.tangential, m, reach) if d > 1 else None
+        law = separable(system.law, self.name)
+        normal = CuttingPlanes.around(law.normal, m, reach)
+        tangential = CuttingPlanes.around(law.tangential, m, reach) if d > 1 else None
         memory = _Memory(normal, tangential, self.weight, start.r, system.energy(start.r))
         return replace(start, evaluations=1, memory=memory)
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         memory: _Memory = state.memory
-        normal = memory.normal.cut(system.law.normal, state.r[:, 0]).nearest(state.r[:, 0], self.planes)
+        law = separable(system.law, self.name)
+        normal = memory.normal.cut(law.normal, state.r[:, 0]).nearest(state.r[:, 0], self.planes)
         tangential = memory.tangential
         if tangential is not None:
             size = np.linalg.norm(state.r[:, 1:], axis=1)
-            tangential = tangential.cut(system.law.tangential, size).cut(system.law.tangential, -size)
+            tangential = tangential.cut(law.tangential, size).cut(law.tangential, -size)
             tangential = tangential.nearest(size, self.planes)
         profile = Friction(1.0, tangential) if tangential is not None else Friction(0.0)
         model = ContactLaw(normal, profile)
         r, inner = _minimise_model(system, model, memory.weight, memory.centre, budget)
-        above = normal.gap(system.law.normal, r[:, 0])
+        above = normal.gap(law.normal, r[:, 0])
         if tangential is not None:
-            above = above + tangential.gap(system.law.tangential, np.linalg.norm(r[:, 1:], axis=1))
+            above = above + tangential.gap(law.tangential, np.linalg.norm(r[:, 1:], axis=1))
         gap = float(system.weights @ above)
         energy = system.energy(r)
         # The model at r is the energy less the gap: predicted against true decrease from the centre.

@@ -48,10 +48,10 @@ class Powell(Solver):
             raise ProblemError(f"Powell's tolerances are {self.ftol}, {self.xtol}; they must be positive")
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
-        domain = problem.law.normal.domain
+        domain = problem.law.penetrations
         if problem.contact_points and (np.isfinite(domain.lower).any() or np.isfinite(domain.upper).any()):
             return (
-                f"law '{problem.law.normal.name}' is +inf outside its domain, and line searches along single unknowns "
+                f"law '{problem.law.name}' is +inf outside its domain, and line searches along single unknowns "
                 "need a finite energy; use newton, bundle, direct-lbfgs or active-set"
             )
         return None

@@ -1,0 +1,174 @@
+"""Where a pair lies on the graph of a scalar law: the way downhill from it, the knot next to it, its two sides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hemivar.basics.deadline import check_time
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.superpotential import Superpotential
+from hemivar.laws.vector_law import Sides
+
+__all__ = ["downhill", "nearest_knot", "one_sided", "radial_sides", "steepest"]
+
+#: Pairs of a point and a knot that are looked at together.
+_PAIRS = 1 << 20
+#: Parts of a way at which a law is looked at.
+_SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
+
+
+def _one_sided_slopes(law: Superpotential, r: Array) -> tuple[Array, Array]:
+    """Derivatives of j to the left and to the right of each ``r (m,)``; -inf and +inf at the ends of the domain."""
+    left = law.derivative(r)
+    right = law.piece_derivative(np.asarray(np.sum(r[..., None] >= law.knots, axis=-1), dtype=np.int64), r)
+    bound = law.domain
+    return np.where(r <= bound.lower, -np.inf, left), np.where(r >= bound.upper, np.inf, right)
+
+
+def downhill(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
+    """The local minimiser of ``a/2 r^2 - b r + j(r)`` that is reached from ``r (m,)`` downhill."""
+    points, energies = law.local_minimisers(a, b)
+    left, right = _one_sided_slopes(law, r)
+    rising, falling = a * r - b + left, a * r - b + right
+    valid = np.isfinite(energies)
+    # A minimiser that misses r by rounding is the one next to r.
+    rounding = 1e-13 * (np.abs(r) + np.abs(b) / np.maximum(a, 1e-300))[..., None]
+    after = np.where(valid & (points >= r[..., None] - rounding), points, np.inf).min(axis=-1)
+    before = np.where(valid & (points <= r[..., None] + rounding), points, -np.inf).max(axis=-1)
+    go_right, go_left = falling < 0.0, rising > 0.0
+    lowest = np.where(go_right, -falling, 0.0) >= np.where(go_left, rising, 0.0)
+    target = np.where(go_right & (lowest | ~go_left), after, np.where(go_left, before, r))
+    return np.where(np.isfinite(target), target, np.nan)
+
+
+def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
+    """r, or the knot of least ``hypot((r - knot) / tau, distance of lam to dj(knot))`` if that fits better.
+
+    Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
+    """
+    place, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
+    knots = law.knots
+    left, right = law.knot_slopes()
+    low, high = np.minimum(left, right), np.maximum(left, right)
+    shared = knots.shape[0] == 1 or knots.strides[0] == 0
+    width = knots.shape[-1]
+
+    def look(point: IntArray, index: IntArray) -> Array:
+        at = knots[0, index] if shared else knots[point, index]
+        row = point if low.shape[0] > 1 else np.zeros_like(point)
+        off = np.maximum(np.maximum(low[row, index] - lam[point], lam[point] - high[row, index]), 0.0)
+        usable = np.isfinite(at) & (at >= at_least)
+        return np.where(usable, np.hypot((r[point] - np.where(usable, at, 0.0)) / tau[point], off), np.inf)
+
+    def between(low_end: Array, high_end: Array) -> tuple[IntArray, IntArray]:
+        if shared:
+            return np.searchsorted(knots[0], low_end), np.searchsorted(knots[0], high_end, side="right")
+        return (knots < low_end[:, None]).sum(axis=1), (knots <= high_end[:, None]).sum(axis=1)
+
+    every = np.arange(r.size)
+    after = between(r, r)[0]
+    for side in (after - 1, after):  # the two knots around r first
+        index = np.clip(side, 0, width - 1)
+        off = look(every, index)
+        better = off < best
+        best = np.where(better, off, best)
+        place = np.where(better, knots[0, index] if shared else knots[every, index], place)
+    reach = best * tau
+    first, last = between(r - reach, r + reach)
+    count = last - first
+    starts = np.concatenate([[0], np.cumsum(count)])
+    point = 0
+    while point < r.size:
+        check_time()
+        stop = max(int(np.searchsorted(starts, starts[point] + _PAIRS, side="right")) - 1, point + 1)
+        rows = np.repeat(every[point:stop], count[point:stop])
+        begins = starts[point:stop] - starts[point]
+        index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])
+        some = np.flatnonzero(count[point:stop] > 0)
+        if some.size:
+            off = look(rows, index)
+            least = np.minimum.reduceat(off, begins[some])
+            here = np.flatnonzero(off == np.repeat(least, count[point:stop][some]))
+            _, which = np.unique(rows[here], return_index=True)
+            chosen = here[which]  # the first of the best ones
+            better = least < best[point:stop][some]
+            rows, index = rows[chosen][better], index[chosen][better]
+            best[rows] = least[better]
+            place[rows] = knots[0, index] if shared else knots[rows, index]
+        point = stop
+    return place
+
+
+def one_sided(law: Superpotential, r: Array, tau: Array, slack: float) -> tuple[Array, Array, Array, Array]:
+    """Derivatives below and above ``r (m,)``, and curvatures there.
+
+    r sits on a knot where it equals it, or where it is as near as ``slack`` is to nothing.
+
+    The latter only at a knot where nothing but the curvature jumps: others were decided by the multiplier.
+    """
+    knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
+    lefts, rights = (np.broadcast_to(side, knots.shape) for side in law.knot_slopes())
+    rows = np.arange(r.size)
+    for before in (1, 0):
+        at = np.clip(law.piece_of(r) - before, 0, knots.shape[-1] - 1)
+        with np.errstate(invalid="ignore"):
+            near = np.abs(r - knots[rows, at]) <= slack * tau
+            r = np.where(near & (np.abs(rights[rows, at] - lefts[rows, at]) <= slack), knots[rows, at], r)
+    piece = law.piece_of(r)
+    at = np.minimum(piece, knots.shape[-1] - 1)  # piece i ends at knot i, and a knot belongs to the piece before it
+    knot = knots[rows, at]
+    here = (r == knot) & np.isfinite(knot)
+    left, right = lefts[rows, at], rights[rows, at]
+    after = np.where(here, at + 1, piece)
+    slope = np.broadcast_to(law.piece_derivative(piece, r), r.shape)
+    bend = (np.broadcast_to(law.piece_curvature(i, r), r.shape) for i in (piece, after))
+    below, above = np.where(here, left, slope), np.where(here, right, slope)
+    low, high = (np.array(b) for b in bend)
+    return below, above, low, high
+
+
+def steepest(law: Superpotential, rest: Array, sign: float, size: float) -> Array:
+    """The largest derivative of j, against the motion, on the way from ``rest (m,)`` in one direction; (m,).
+
+    At rest, at the knots, far away, and at places between them; +inf where the law ends.
+    """
+    m = rest.size
+    far = rest + sign * size
+    found = np.broadcast_to(law.recession(np.full(m, sign)), (m,)).astype(float)
+    with np.errstate(all="ignore"):
+        for part in (0.0, *_SAMPLED):
+            at = rest + sign * part * size
+            ends = law.domain
+            inside = (at >= ends.lower) & (at <= ends.upper)
+            slope = sign * law.derivative(np.clip(at, ends.lower, ends.upper))
+            found = np.where(inside & (slope > found), slope, found)
+        left, right = law.knot_slopes()
+        knots, left, right = (np.broadcast_to(a, (m, law.knots.shape[-1])) for a in (law.knots, left, right))
+        onward = np.isfinite(knots) & (sign * (knots - rest[:, None]) >= 0.0)
+        steepest = np.where(onward, np.maximum(sign * left, sign * right), -np.inf).max(axis=1, initial=-np.inf)
+    ends_before = np.isfinite(far) & ((far > law.domain.upper) if sign > 0.0 else (far < law.domain.lower))
+    return np.where(ends_before, np.inf, np.maximum(found, steepest))
+
+
+def radial_sides(law: Superpotential, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
+    """:meth:`VectorLaw.sides` of the slip, where j is a scalar law of its length; arrays as there, ``tau (m,)``."""
+    d, unit = r.shape[1], np.eye(r.shape[1])
+    size = np.linalg.norm(r[:, 1:], axis=1)
+    radial = one_sided(law, size, tau, slack)
+    _, above, _, high = radial
+    # at rest: every direction that is not held by a support, with the curvature of first slip
+    force = np.linalg.norm(np.where(active[:, 1:], lam[:, 1:], 0.0), axis=1)
+    rest, column = np.nonzero(active[:, 1:] & (size == 0.0)[:, None])
+    still = Sides(rest, unit[1:][column], force[rest], -above[rest], above[rest], high[rest], high[rest])
+    # on the move: outward, and in three dimensions across it
+    moving = np.flatnonzero(size > 0.0)
+    outward = np.zeros((moving.size, d))
+    outward[:, 1:] = r[moving, 1:] / size[moving, None]
+    along = np.einsum("ki,ki->k", outward, lam[moving])
+    found = [still, Sides(moving, outward, along, *(values[moving] for values in radial))]
+    if d == 3:
+        across = np.stack([np.zeros(moving.size), -outward[:, 2], outward[:, 1]], axis=1)
+        turns = np.any((across != 0.0) & active[moving], axis=1)
+        point, none, bend = moving[turns], np.zeros(int(turns.sum())), (along / size[moving])[turns]
+        found.append(Sides(point, across[turns], none, none, none, bend, bend))
+    return found
