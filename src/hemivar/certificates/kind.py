@@ -9,7 +9,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.certificates.bound import Point, snap
+from hemivar.certificates.bound import Point
 from hemivar.certificates.linear_bodies import at_tangent, convex_body
 from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
 from hemivar.discrete.bulk import Quadratic
@@ -139,9 +139,8 @@ def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: Norm) -> Poi
     """
     kind = study(Point(problem, energy, u, lam)).kind
     if kind is PointKind.DIRECTIONALLY_STATIONARY and not problem.law.state_dependent:
-        parts = (problem.law.normal, problem.law.tangential)
-        if convex_body(problem) and all(law.convex and not law.alpha_sampled for law in parts):
-            return PointKind.GLOBAL_MINIMISER
+        convex = problem.law.convex and convex_body(problem)
+        return PointKind.GLOBAL_MINIMISER if convex else kind
     return kind
 
 
