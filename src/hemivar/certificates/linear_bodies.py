@@ -12,7 +12,7 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.hierarchy import tangent_problem
 from hemivar.mechanics.composed_material import lower_elasticity
-from hemivar.mechanics.material import BoundsBy
+from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["STATED", "UNKNOWN", "at_tangent", "below", "convex_body", "lower_bound_by"]

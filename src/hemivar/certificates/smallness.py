@@ -25,7 +25,8 @@ from hemivar.fem.posed import Posable, posed
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
 from hemivar.laws import ContactLaw, Friction, VectorLaw, separable
-from hemivar.mechanics.material import BoundsBy, Material
+from hemivar.mechanics.material import Material
+from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.systems.workspace import Workspace
 

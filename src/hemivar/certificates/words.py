@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.certificates.linear_bodies import STATED, UNKNOWN
-from hemivar.mechanics.material import BoundsBy
+from hemivar.mechanics.material_words import BoundsBy
 
 if TYPE_CHECKING:
     from hemivar.certificates.certificate import Certificate
