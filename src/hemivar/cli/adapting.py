@@ -124,7 +124,7 @@ class AdaptRun:
     def _print(self, result: AdaptResult) -> None:
         """What was found on the last mesh, and how it ended."""
         found = result.adaptive
-        print_summary(console(), found.solution, result.certificate)
+        print_summary(console(), found.solution, result.certificate, self.session.stated.units)
         if result.certificate is None:
             from hemivar.certificates.continuous.exact_certificate import statement_of
 

@@ -87,16 +87,30 @@ def _draw(session: Session, found: SolutionSet, file: Path, colour: str | None) 
     from hemivar.systems.workspace import Workspace
 
     shade = None if colour is None else BodyColour(colour)
+    units = session.stated.units
     kept, scale, writer = Workspace(), common_scale(found), session.writer
 
     def one(number: int, path: Path) -> None:
         solution = found[number]
         certificate = solution.certify(trace_constant=False, workspace=kept)
         title = f"{session.title or session.stated.name}, solution {number + 1}: energy {solution.energy:.6g}"
-        save(plot_solution(solution, scale=scale, title=title, colour=shade, certificate=certificate), path)
+        save(
+            plot_solution(
+                solution,
+                scale=scale,
+                title=title,
+                colour=shade,
+                certificate=certificate,
+                unit=units.length,
+                stress_unit=units.stress,
+            ),
+            path,
+        )
 
     def overview(path: Path) -> None:
-        save(plot_solutions(found, title=session.title, colour=shade), path)
+        save(
+            plot_solutions(found, title=session.title, colour=shade, unit=units.length, stress_unit=units.stress), path
+        )
 
     writer.write("--plot", file, overview, picture=True)
     for number in range(min(len(found), MOST_PICTURES)):
@@ -166,7 +180,9 @@ def path(
     writer.write_record(json, record)
 
     def draw(file: Path) -> None:
-        save(plot_path(found, quantity=quantity, title=session.title), file)
+        units = session.stated.units
+        unit = units.force if "force" in quantity else units.length
+        save(plot_path(found, quantity=quantity, title=session.title, unit=unit), file)
 
     writer.write("--plot", plot, draw, picture=True)
     writer.tell()

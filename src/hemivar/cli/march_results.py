@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.units import Units
 from hemivar.cli.march_run import MarchOptions, MarchRun, write_film
 from hemivar.cli.options import Exit, Quiet
 from hemivar.cli.outputs import Writer, check_outputs
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from hemivar.basics.types import Array
     from hemivar.evolution import History
     from hemivar.files.film import Film
-    from hemivar.report.march_figures import Units
-
 __all__ = ["animate", "history"]
 
 _UnitNames = Annotated[
@@ -74,8 +73,6 @@ def history(
 
 def _units(names: str | None) -> Units:
     """Units for the labels; those at the end may be left out."""
-    from hemivar.report.march_figures import Units
-
     given = [] if names is None else [name.strip() for name in names.split(",")]
     if len(given) > len(fields(Units)):
         raise ProblemError(f"--units {names}: give five at most, as in s,mm,N,MPa,mJ")
@@ -140,6 +137,7 @@ def animate(
         run = MarchRun(file, {"--output": output}, None, MarchOptions(until=until, step=step), own=False)
         code = run.march(quiet, write=False)
         film, writer = run.found, run.session.writer
+        named = run.session.stated.units if units is None else named
         if film is None or code == Exit.INTERRUPTED:
             return writer.ended(code)
     drawn: dict[str, Any] = {"scale": "auto" if scale is None else scale, "seconds": seconds, "frames": frames}

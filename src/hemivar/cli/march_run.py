@@ -216,16 +216,28 @@ class MarchRun:
 
             return found.write(path) if series is None else series.finish(numbered(found))
 
+        units = self.session.stated.units
+
         def plot(path: Path) -> None:
+            from hemivar.report import plot_march
             from hemivar.report.saving import save
 
-            save(found.plot("ledger", title=self.session.title), path)
+            save(plot_march(found, "ledger", title=self.session.title, units=units), path)
 
         writer.write("--table", outputs["--table"], found.write)
         writer.write("--json", outputs["--json"], found.to_json)
         writer.write("--fields", outputs["--fields"], fields)
         writer.write("--plot", outputs["--plot"], plot, picture=True)
-        write_film(writer, "--animation", outputs["--animation"], found, quiet, title=self.session.title)
+        write_film(
+            writer,
+            "--animation",
+            outputs["--animation"],
+            found,
+            quiet,
+            title=self.session.title,
+            unit=units.length,
+            time_unit=units.time,
+        )
 
 
 def write_film(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import noting_files_read, shown, try_output
+from hemivar.basics.units import Units
 from hemivar.cli.ending import all_or_none
 from hemivar.cli.options import Exit, controls_of
 from hemivar.cli.outputs import Writer, check_distinct, keep_off, one_line
@@ -328,7 +329,7 @@ def _print_summary(solution: DistributedSolution, certificate: Certificate) -> N
     print(f"force             ({', '.join(f'{c:.6g}' for c in force)}), of the foundation on the body")
     what = "length" if body.dim == 2 else "area"
     rows = [
-        *contact_rows(what, sums["contact_length"], sums["whole_length"], sums["counts"]),
-        *extreme_rows(sums["max_penetration"], sums["max_pressure"]),
+        *contact_rows(what, sums["contact_length"], sums["whole_length"], sums["counts"], Units()),
+        *extreme_rows(sums["max_penetration"], sums["max_pressure"], Units()),
     ]
     print("\n".join(Summary(tuple(rows)).lines()))

@@ -184,10 +184,13 @@ class Writer:
     ----------
     inputs : iterable of Path
         Files that were read and must not be overwritten.
+    units : mapping, optional
+        Units of the problem by quantity, for the records.
     """
 
-    def __init__(self, inputs: Iterable[Path] = ()) -> None:
+    def __init__(self, inputs: Iterable[Path] = (), units: Mapping[str, str] | None = None) -> None:
         self.inputs = list(inputs)
+        self.units = {} if units is None else dict(units)
         self.written: list[Path] = []
         self.failed: list[str] = []
         self.interrupted = False
@@ -229,7 +232,8 @@ class Writer:
             self.written += [file for file in several if file is not None]
 
     def write_record(self, path: Path | None, record: Mapping[str, object]) -> None:
-        """Write a record of plain numbers, texts and lists as JSON (``--json``)."""
+        """Write a record of plain numbers, texts and lists as JSON (``--json``), with the units that were stated."""
+        record = {**record, "units": self.units} if self.units else record
         self.write("--json", path, lambda path: write_text(path, json.dumps(record, indent=1, allow_nan=False) + "\n"))
 
     def tell(self) -> None:

@@ -68,7 +68,7 @@ class Session:
         files += [] if solution is None else [solution]
         keep_off(files_of(outputs), files)
         self.outputs = outputs
-        self.writer = Writer(files)
+        self.writer = Writer(files, self.stated.units.record())
         self._limits = rtol, max_time, max_steps
 
     @property

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.table import Table as RichTable
 
+    from hemivar.basics.units import Units
     from hemivar.certificates import Certificate
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.engines.petsc import DistributedSolution
@@ -237,13 +238,13 @@ def print_not_converged(solution: Solution | DistributedSolution) -> None:
     )
 
 
-def print_summary(console: Console, solution: Solution, certificate: Certificate | None) -> None:
+def print_summary(console: Console, solution: Solution, certificate: Certificate | None, units: Units) -> None:
     """Print what was found."""
     from hemivar.report.summary import summary_of
     from hemivar.solvers import Status
 
     style = "bold green" if solution.status is Status.CONVERGED else "bold red"
-    first, *others = summary_of(solution, certificate).lines()
+    first, *others = summary_of(solution, certificate, units).lines()
     label, status, rest = first.partition(solution.status.value)
     console.print(f"\n{label}", end="")
     console.print(status, style=style, end="")

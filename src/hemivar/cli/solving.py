@@ -146,7 +146,7 @@ def solve(
         interrupted, certificate = found.interrupted, found.certificate
         if found.complaint and not found.interrupted:
             writer.failed.append(f"the solution could not be certified: {found.complaint}")
-        print_summary(console(), found.solution, certificate)
+        print_summary(console(), found.solution, certificate, stated.units)
     finally:  # whatever happens between, what was computed is written
         if view.solution is not None:
             _write(session, view.solution, certificate, colour)
@@ -197,7 +197,8 @@ def _write(session: Session, solution: Solution, certificate: Certificate | None
     from hemivar.files import write_json, write_vtu
 
     writer, outputs = session.writer, session.outputs
-    writer.write("--json", outputs["--json"], lambda path: write_json(solution, path, certificate))
+    units = {"units": writer.units} if writer.units else None
+    writer.write("--json", outputs["--json"], lambda path: write_json(solution, path, certificate, units))
     writer.write("--vtu", outputs["--vtu"], lambda path: write_vtu(solution, path))
     draw(session, solution, certificate, colour)
 
@@ -209,15 +210,34 @@ def draw(session: Session, solution: Solution, certificate: Certificate | None, 
         return
     from hemivar.report import BodyColour, plot_contact, plot_solution, render_solution, save
 
-    shade = None if colour is None else BodyColour(colour)
+    shade, units = None if colour is None else BodyColour(colour), session.stated.units
 
     pictures: dict[str, Callable[[Path], object]] = {
         "--plot": lambda path: save(
-            plot_solution(solution, scale="auto", title=title, colour=shade, certificate=certificate), path
+            plot_solution(
+                solution,
+                scale="auto",
+                title=title,
+                colour=shade,
+                certificate=certificate,
+                unit=units.length,
+                stress_unit=units.stress,
+            ),
+            path,
         ),
-        "--plot-contact": lambda path: save(plot_contact(solution, title=title, certificate=certificate), path),
+        "--plot-contact": lambda path: save(
+            plot_contact(solution, title=title, certificate=certificate, unit=units.length, stress_unit=units.stress),
+            path,
+        ),
         "--render": lambda path: render_solution(
-            solution, path, scale="auto", title=title, colour=shade, certificate=certificate
+            solution,
+            path,
+            scale="auto",
+            title=title,
+            colour=shade,
+            certificate=certificate,
+            unit=units.length,
+            stress_unit=units.stress,
         ),
     }
     for option, task in pictures.items():

@@ -99,7 +99,7 @@ def study(
     def draw(file: Path) -> None:
         from hemivar.report.saving import save
 
-        save(plot_study(found, title=session.title), file)
+        save(plot_study(found, title=session.title, unit=stated.units.length), file)
 
     if found.quantities:
         writer.write("--plot", plot, draw, picture=True)

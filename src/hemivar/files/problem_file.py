@@ -13,12 +13,13 @@ import math
 import os
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import cast
 
 from hemivar.basics import disk
 from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
 from hemivar.files.body_table import loads_record, read_bedding, read_loads, read_supports, supports_record
 from hemivar.files.changes import Change, changed
@@ -95,6 +96,8 @@ class ProblemFile:
         Heat in the body.
     changes : tuple of Change
         Values that were put in place of those of the file.
+    units : Units
+        Units for labels, of the table [units]; no number is converted.
     """
 
     problem: Statement
@@ -105,6 +108,7 @@ class ProblemFile:
     output: OutputSettings | None = None
     heat: Heat | None = None
     changes: tuple[Change, ...] = ()
+    units: Units = field(default_factory=Units)
 
     def coarser_meshes(self) -> list[Mesh]:
         """The coarser meshes of the same body, coarsest first, for a warm start; empty if there are none."""
@@ -216,6 +220,7 @@ def parse_problem_file(
         if key not in data:
             raise ProblemError(f"{name}: the table [{key}] is missing; add it")
     solver = _solver(top.table("solver", KEYS["solver"]))
+    units = _units(top.table("units", KEYS["units"]))
     folder, table = Path(base_dir), top.table("mesh", KEYS["mesh"])
     stated = read_mesh_table(table, folder)
     mesh = stated.build() if place is None else place(stated)
@@ -224,7 +229,8 @@ def parse_problem_file(
         if stated.quadrature is Quadrature.MIDPOINT:
             raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
         one = read_scalar(top, mesh, stated.order, folder)
-        return ProblemFile(one, solver, name, levels, *_in_time(top, mesh, one.inert, one.kind), changes=tuple(changes))
+        through = _in_time(top, mesh, one.inert, one.kind)
+        return ProblemFile(one, solver, name, levels, *through, changes=tuple(changes), units=units)
     material = read_material(top.table("material", KEYS["material"]), mesh)
     loads = top.table("loads", KEYS["loads"])
     body, tractions = read_loads(loads, mesh)
@@ -258,7 +264,7 @@ def parse_problem_file(
         if time is None:
             raise top.error("heat", "flows in time; add a table [time], or remove it")
         heat = read_heat(top.table("heat", HEAT_KEYS), problem, _Reader(mesh.dim, folder))
-    return ProblemFile(problem, solver, name, levels, time, output, heat, tuple(changes))
+    return ProblemFile(problem, solver, name, levels, time, output, heat, tuple(changes), units)
 
 
 def _refuse_deep(data: object) -> None:
@@ -283,6 +289,18 @@ def _in_time(
     if output is not None and time is None:
         raise top.error("output", "says what is kept on the way through time; add a table [time], or remove it")
     return time, output
+
+
+def _units(table: TomlTable) -> Units:
+    """Units for labels, one checked by one so that the message names its key."""
+    found = Units()
+    for key in table.data:
+        text = table.text(key)
+        try:
+            found = replace(found, **{key: text})
+        except ProblemError:
+            raise table.error(key, "is no unit; give a short text, such as 'mm', without '$'") from None
+    return found
 
 
 def _solver(table: TomlTable) -> SolverSettings:
@@ -351,6 +369,7 @@ def write_problem(
             or difference(stated.time, found.time, "time")
             or difference(stated.output, found.output, "output")
             or difference(stated.heat, found.heat, "heat")
+            or difference(stated.units, found.units, "units")
         )
         if place is not None:
             raise ProblemError(
@@ -410,8 +429,9 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
 
 
 def _time_records(stated: ProblemFile, scalar: ScalarKind | None = None) -> dict[str, object]:
-    """The tables [time] and [output]."""
-    found: dict[str, object] = {}
+    """The tables [time], [output] and [units]."""
+    units = stated.units.record()
+    found: dict[str, object] = {"units": units} if units else {}
     if stated.time is not None:
         found["time"] = time_record(stated.time, scalar)
     if stated.output is not None:

@@ -45,7 +45,7 @@ _CONTACT = ("normal", "friction", "level", "side")
 
 #: Keys of the top of such a file.
 SCALAR_KEYS = (
-    "kind", "title", "mesh", "material", "loads", "supports", "contact", "area", "time", "output", "solver",
+    "kind", "title", "mesh", "material", "loads", "supports", "contact", "area", "time", "output", "solver", "units",
 )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ _MATERIAL = tuple(dict.fromkeys((*_LINEAR, *_BY_LAW)))
 #: Keys of each table; tables named after boundaries or regions are written with a star.
 KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "": ("title", "mesh", "material", "loads", "supports", "contact", "heat", "time", "output", "solver"),
+        "": ("title", "mesh", "material", "loads", "supports", "contact", "heat", "time", "output", "solver", "units"),
         "mesh": (
             "rectangle",
             "box",
@@ -46,6 +46,7 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "time": ("until", "step", "scheme", "inertia", "initial", "jump", "stops"),
         "output": ("every", "fields", "animation", "table", "checkpoint", "probes"),
         "solver": ("method", "rtol", "max_steps", "max_time"),
+        "units": ("time", "length", "force", "stress", "energy"),
     }
 )
 

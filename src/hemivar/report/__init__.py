@@ -1,5 +1,6 @@
 """Figures, tables and files of results."""
 
+from hemivar.basics.units import Units
 from hemivar.report.adaptive_figures import plot_adaptive, plot_meshes
 from hemivar.report.animation import animate
 from hemivar.report.bodies import plot_solution
@@ -9,7 +10,7 @@ from hemivar.report.contact_curves import plot_contact
 from hemivar.report.film_pictures import FilmColour
 from hemivar.report.histories import plot_errors, plot_history
 from hemivar.report.law_figures import plot_law
-from hemivar.report.march_figures import MARCH_FIGURES, Units, plot_march
+from hemivar.report.march_figures import MARCH_FIGURES, plot_march
 from hemivar.report.paper import Legend, paper
 from hemivar.report.path_diagrams import plot_path
 from hemivar.report.plane_body import Arrows

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hemivar.basics.types import Array
+from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.history_table import history_columns
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["MARCH_FIGURES", "Units", "plot_march"]
+__all__ = ["MARCH_FIGURES", "plot_march"]
 
 #: Entries of the ledger in the order in which they are stacked, with label and colour: what is stored, then losses.
 _STORED = (
@@ -46,22 +46,6 @@ _DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = ("-", (0, (6, 2)), (0
 #: Below this part of the largest energy an entry of the ledger is left out of the figure.
 _SEEN = 1e-4
 _MOST_COLUMNS = 8
-
-
-@dataclass(frozen=True)
-class Units:
-    """Units for the labels; empty where none is to be written.
-
-    Attributes
-    ----------
-    time, length, force, stress, energy : str
-    """
-
-    time: str = ""
-    length: str = ""
-    force: str = ""
-    stress: str = ""
-    energy: str = ""
 
 
 def plot_march(

@@ -6,6 +6,7 @@ import html
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from hemivar.basics.units import Units
 from hemivar.certificates import Certificate
 from hemivar.solvers import NormalState, Solution, Status, TangentialState
 from hemivar.solvers.contact_states import state_words
@@ -43,7 +44,7 @@ class Summary:
         return f"<table><tbody>{''.join(rows)}</tbody></table>"
 
 
-def summary_of(solution: Solution, certificate: Certificate | None = None) -> Summary:
+def summary_of(solution: Solution, certificate: Certificate | None = None, units: Units | None = None) -> Summary:
     """Status, energy, warnings, what a certificate says, and forces and states on the contact boundary.
 
     Parameters
@@ -51,26 +52,29 @@ def summary_of(solution: Solution, certificate: Certificate | None = None) -> Su
     solution : Solution
     certificate : Certificate, optional
         Of this solution.
+    units : Units, optional
+        What to write behind the numbers, which are not converted.
 
     Returns
     -------
     Summary
     """
-    rows = list(_solve_rows(solution, certificate is not None))
+    units = Units() if units is None else units
+    rows = list(_solve_rows(solution, certificate is not None, units))
     if certificate is not None:
         rows += [(line[:_WIDTH].rstrip(), line[_WIDTH:]) for line in certificate.lines()]
     if solution.problem.contact_points:
-        rows += _contact_part(solution)
+        rows += _contact_part(solution, units)
     return Summary(tuple(rows))
 
 
-def _solve_rows(solution: Solution, certified: bool) -> Iterator[Row]:
+def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[Row]:
     others = f" and {solution.fallbacks} fallbacks" if solution.fallbacks else ""
     ended = f"{solution.status.value} after {solution.steps} steps{others}"
     yield "status", f"{ended}, relative residual {solution.residual.relative:.1e}"
     if solution.timings:
         yield "time", ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
-    yield "energy", f"{solution.energy:.10g}"
+    yield "energy", _with(f"{solution.energy:.10g}", units.energy)
     if solution.deformation is not None:
         yield "largest", solution.deformation.sizes
         if not certified and solution.deformation.warning is not None:  # else it is among the lines of the certificate
@@ -81,31 +85,40 @@ def _solve_rows(solution: Solution, certified: bool) -> Iterator[Row]:
         yield "what to do", solution.status.remedy
 
 
-def _contact_part(solution: Solution) -> Iterator[Row]:
-    yield "normal force", f"{solution.normal_force:.6g}"
+def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
+    yield "normal force", _with(f"{solution.normal_force:.6g}", units.force)
     friction = solution.friction_force
     if friction.size == 1:
-        yield "friction force", f"{friction[0]:.6g}"
+        yield "friction force", _with(f"{friction[0]:.6g}", units.force)
     elif friction.size:
         vector = solution.problem.contact.weights @ solution.friction_vectors
-        yield "friction force", f"({', '.join(f'{c:.6g}' for c in vector)})"
+        yield "friction force", _with(f"({', '.join(f'{c:.6g}' for c in vector)})", units.force)
     whole = float(solution.contact.weights.sum())
-    yield from contact_rows(solution.measured, solution.contact_length, whole, solution.states.counts)
-    yield from extreme_rows(float(solution.penetration.max()), float(solution.pressure.max()))
+    yield from contact_rows(solution.measured, solution.contact_length, whole, solution.states.counts, units)
+    yield from extreme_rows(float(solution.penetration.max()), float(solution.pressure.max()), units)
 
 
 def contact_rows(
-    what: str, closed: float, whole: float, counts: tuple[Mapping[NormalState, int], Mapping[TangentialState, int]]
+    what: str,
+    closed: float,
+    whole: float,
+    counts: tuple[Mapping[NormalState, int], Mapping[TangentialState, int]],
+    units: Units,
 ) -> Iterator[Row]:
     """How much of the contact boundary is closed, and how many points are in each state."""
-    yield f"contact {what}", f"{closed:.6g} of {whole:.6g}"
+    power = {"length": "", "area": "^2", "volume": "^3"}[what]
+    yield f"contact {what}", _with(f"{closed:.6g} of {whole:.6g}", units.length and units.length + power)
     yield "contact points", state_words(*counts)
 
 
-def extreme_rows(deepest: float, pressure: float) -> Iterator[Row]:
+def extreme_rows(deepest: float, pressure: float, units: Units) -> Iterator[Row]:
     """The largest penetration, or the least opening where nothing penetrates, and the largest pressure."""
     if deepest < 0.0:
-        yield "least opening", f"{-deepest:.6g} (no point penetrates)"
+        yield "least opening", f"{_with(f'{-deepest:.6g}', units.length)} (no point penetrates)"
     else:
-        yield "max penetration", f"{deepest:.6g}"
-    yield "max pressure", f"{pressure:.6g}"
+        yield "max penetration", _with(f"{deepest:.6g}", units.length)
+    yield "max pressure", _with(f"{pressure:.6g}", units.stress)
+
+
+def _with(number: str, unit: str) -> str:
+    return f"{number} {unit}" if unit else number

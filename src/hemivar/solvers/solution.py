@@ -18,6 +18,7 @@ from hemivar.basics.handed_on import above
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, Record
+from hemivar.basics.units import Units
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
@@ -179,9 +180,12 @@ class Solution(ContactValues, Portable, Displayed):
         made = "a scalar problem" if isinstance(origin, ScalarProblem) else "made of arrays"
         raise ProblemError(f"there is no {what}: the problem is {made}; state a ContactProblem with a material")
 
-    def summary(self, certificate: Certificate | None = None) -> Summary:
-        """What ``hemivar solve`` prints: status, energy, forces and states; with a certificate also what it says."""
-        found: Summary = above("Solution.summary")(self, certificate)
+    def summary(self, certificate: Certificate | None = None, units: Units | None = None) -> Summary:
+        """What ``hemivar solve`` prints: status, energy, forces and states; with a certificate also what it says.
+
+        Units stand behind the numbers, which are not converted.
+        """
+        found: Summary = above("Solution.summary")(self, certificate, units)
         return found
 
     @property
