@@ -47,7 +47,9 @@ def test_energy_flux_and_derivative_by_differences(energy: GradientEnergy) -> No
     np.testing.assert_array_equal(energy.energy(points, 0.0 * g), 0.0)
 
 
-@pytest.mark.parametrize("method", [hv.NonsmoothNewton(), hv.NonsmoothMultigrid()], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "method", [hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()], ids=lambda m: m.name
+)
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("energy", ENERGIES, ids=repr)
 def test_a_strip_without_load(energy: GradientEnergy, order: int, method: hv.solvers.Solver) -> None:

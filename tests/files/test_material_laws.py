@@ -30,7 +30,7 @@ SAID = {
         "viscosity = [0.1, 0.2]\nbranches = [{ lame = [1.0, 1.0], time = 0.5 }]",
         Material.hencky(
             6.7, 4.0, 0.25, 0.05, "stress",
-            density=2.0, viscosity=(0.1, 0.2), branches=[hv.Branch(lame=(1.0, 1.0), time=0.5)],
+            density=2.0, viscosity=(0.1, 0.2), branches=[hv.materials.Branch(lame=(1.0, 1.0), time=0.5)],
         ),
     ),
     "ramberg-osgood": (
