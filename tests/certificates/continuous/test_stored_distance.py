@@ -169,6 +169,76 @@ def test_a_column_has_a_closed_form(column: Column, highest: float) -> None:
     assert np.log2(errors[1] / errors[2]) == pytest.approx(1.0, abs=0.1)
 
 
+# ---- manufactured solutions -----------------------------------------------------------------------------------------
+
+
+def bubble(x: Array) -> tuple[Array, Array]:
+    """A displacement (k, d) that vanishes on the boundary of the unit square or cube, and its gradient (k, d, d)."""
+    dim = x.shape[1]
+    factors = np.sin(np.pi * x)
+    slopes = np.stack(
+        [np.pi * np.cos(np.pi * x[:, j]) * np.delete(factors, j, axis=1).prod(axis=1) for j in range(dim)], axis=1
+    )
+    size = 0.05 * np.array([1.0, -0.6, 0.8])[:dim]
+    return size * factors.prod(axis=1)[:, None], size[:, None] * slopes[:, None]
+
+
+def engineering(gradient: Array) -> Array:
+    """Strains (k, v) of gradients (k, d, d), in the order of the matrices."""
+    g, pairs = gradient, ((0, 1),) if gradient.shape[1] == 2 else ((1, 2), (0, 2), (0, 1))
+    axial = [g[:, i, i] for i in range(g.shape[1])]
+    return np.stack([*axial, *(g[:, i, j] + g[:, j, i] for i, j in pairs)], axis=1)
+
+
+def balancing(x: Array, material: Material, step: float = 1e-4) -> Array:
+    """``-div W'(eps(u))`` of the bubble by central differences of fourth order, (k, d)."""
+    dim = x.shape[1]
+    rows = np.array([[0, 2], [2, 1]] if dim == 2 else [[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+    force = np.zeros(x.shape)
+    for j in range(dim):
+        for times, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+            at = x + step * times * np.eye(dim)[j]
+            force -= weight / (12.0 * step) * material.stress(at, engineering(bubble(at)[1]))[:, rows[:, j]]
+    return force
+
+
+@pytest.mark.parametrize(
+    ("dim", "sizes", "plane"), [(2, (4, 8), "strain"), (2, (4, 8), "stress"), (3, (2, 4), "strain")]
+)
+def test_manufactured_solutions(dim: int, sizes: tuple[int, ...], plane: str) -> None:
+    """The load is a function, which makes an estimate of the bound; it is above the error, and falls faster.
+
+    On coarse meshes what the load does inside of cells is most of it.
+    """
+    material, found = Material.hencky(BULK, SHEAR, SOFTENED, STRAIN, plane), []
+    metric = below(BULK, SHEAR, SOFTENED, plane)
+    for n in sizes:
+        mesh = rectangle((1.0, 1.0), n, pattern="cross") if dim == 2 else box((1.0, 1.0, 1.0), n)
+        names = list(mesh.boundaries)
+        problem = ContactProblem(
+            mesh=mesh,
+            material=material,
+            contact={},
+            supports={name: Clamped() for name in names},
+            body_force=lambda x: balancing(x, material),
+        )
+        distance, u = judged(problem)
+        barycentric, weights = quadrature_rule(dim, 6)
+        places = np.einsum("qa,mad->mqd", barycentric, mesh.points[mesh.cells])
+        gradient = np.einsum("mai,maj->mij", u[mesh.cells], barycentric_gradients(mesh))
+        off = np.repeat(gradient[:, None], len(weights), axis=1).reshape(-1, dim, dim)
+        off = engineering(off - bubble(places.reshape(-1, dim))[1])
+        density = metric.energy(np.zeros((1, dim)), off).reshape(places.shape[:2])
+        error = float(np.sqrt(2.0 * np.einsum("m,mq,q->", mesh.volumes, density, weights)))
+        assert not distance.guaranteed
+        assert error < distance.distance
+        assert 0.9 < distance.parts.misfit / error < 2.5
+        found.append((error, distance.distance))
+    rates = np.log2(np.array(found[0]) / np.array(found[1]))
+    assert rates[0] == pytest.approx(1.0, abs=0.3)
+    assert rates[1] > 0.9
+
+
 # ---- random statements ----------------------------------------------------------------------------------------------
 
 
