@@ -20,7 +20,7 @@ from hemivar.fem import discretize
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.laws import Compliance, Softening, Superpotential, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller
-from hemivar.mechanics.material import BoundsBy
+from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.named_energies import Hencky
 from hemivar.mesh import rectangle
 from hemivar.solvers import solve
@@ -216,6 +216,26 @@ def test_without_a_lower_bound_there_is_neither_margin_nor_distance(law: Superpo
         assert found.unique is None
         assert found.kind is PointKind.LOCAL_MINIMISER
         assert "no lower bound of the stiffness of the body is known at all strains" in repr(found)
+
+
+def test_what_is_proved_for_some_strains_is_claimed_for_these() -> None:
+    """Hencky's energy as a formula, whose bounds are proved by intervals up to a reach."""
+    root = "(sqrt(1 + dev2/0.0025) - 1)"
+    formula = f"{0.5 * BULK}*tr^2 + {SOFTENED * SHEAR}*dev2 + {2.0 * (1.0 - SOFTENED) * SHEAR * STRAIN**2}*{root}"
+    solution = solve(square(material=HENCKY, law=Compliance(3.0)))
+    for reach, known in ((5.0, True), (0.02, False)):
+        problem = discretize(square(material=Material.potential(formula, reach=reach), law=Compliance(3.0)))
+        for found in judged(problem, solution.unknowns, solution.multiplier):
+            assert found.stationary
+            assert found.kind is PointKind.LOCAL_MINIMISER
+            assert found.error_bound_sampled
+            if known:
+                assert found.unique == "the only one with strains within the reach 5"
+                assert "an estimate, for strains within the reach 5 only" in repr(found)
+            else:
+                assert found.unique is None
+                assert found.error_bound == np.inf
+                assert "may lie outside of the reach 0.02 of the material" in repr(found)
 
 
 def test_a_point_is_a_global_minimiser_only_where_the_body_is_proved_convex() -> None:

@@ -10,12 +10,22 @@ from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.elements import barycentric_gradients
 from hemivar.fem.hierarchy import tangent_problem
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["STATED", "UNKNOWN", "at_tangent", "below", "convex_body", "lower_bound_by"]
+__all__ = [
+    "STATED",
+    "UNKNOWN",
+    "at_tangent",
+    "below",
+    "convex_body",
+    "largest_strain",
+    "lower_bound_by",
+    "strain_reach",
+]
 
 #: What :func:`lower_bound_by` says where no lower bound is known, and where the maker of the bulk gave one.
 UNKNOWN, STATED = "unknown", "stated"
@@ -66,6 +76,28 @@ def lower_bound_by(problem: DiscreteProblem) -> str:
     return origin.material.bounds_by.value if isinstance(origin, ContactProblem) else STATED
 
 
+def strain_reach(problem: DiscreteProblem) -> float:
+    """The size of the strain up to which the body below is one; inf where it is one at every strain."""
+    origin = problem.origin
+    return float(origin.material.reach) if isinstance(origin, ContactProblem) else np.inf
+
+
+def largest_strain(problem: DiscreteProblem, u: Array) -> float:
+    """An upper bound of the size ``|eps|`` of the strains in space at unknowns (n,) of a body with linear elements.
+
+    In plane stress the strain across the plane is at most the trace of those in it, with an isotropic material whose
+    secant moduli are positive; it is counted in plane strain, too, where there is none.
+    """
+    field = problem.field
+    assert field is not None
+    gradient = np.einsum("mai,maj->mij", field.full(u)[field.mesh.cells], barycentric_gradients(field.mesh))
+    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+    square = np.einsum("mij,mij->m", strain, strain)
+    if field.mesh.dim == 2:
+        square += np.einsum("mii->m", strain) ** 2
+    return float(np.sqrt(square.max(initial=0.0)))
+
+
 def convex_body(problem: DiscreteProblem) -> bool:
     """Whether the energy of the body is shown to be convex."""
-    return lower_bound_by(problem) not in (UNKNOWN, BoundsBy.SAMPLED.value)
+    return lower_bound_by(problem) not in (UNKNOWN, BoundsBy.SAMPLED.value) and strain_reach(problem) == np.inf

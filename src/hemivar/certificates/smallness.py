@@ -15,7 +15,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
-from hemivar.certificates.linear_bodies import UNKNOWN, lower_bound_by
+from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, strain_reach
 from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -106,8 +106,9 @@ class Smallness:
         Upper bound of the c_gamma of the continuous problem, which those of meshes approach from below
         (:func:`hemivar.certificates.continuous.lower_bounds`). It is computed where laws soften, in space, where it
         takes a second or two, only if asked for; without it (H_s) speaks of this mesh.
-    reach_normal, reach_tangential : float
-        Penetrations (and openings) and slips up to which the constants hold; inf where they hold for all.
+    reach_normal, reach_tangential, reach_strain : float
+        Penetrations (and openings), slips and sizes of strains up to which the constants hold; inf where they hold for
+        all.
     m_A_sampled : bool
         Whether m_A is that of the points of a rule, for moduli that are functions of the place, or of a lower tensor
         that is sampled: then so is (H_s).
@@ -137,11 +138,12 @@ class Smallness:
     reach_normal: float = np.inf
     reach_tangential: float = np.inf
     stiffness_by: str = ""
+    reach_strain: float = np.inf
 
     @property
     def within(self) -> str:
-        """The penetrations and slips that the constants hold for, in words; empty if they hold for all."""
-        reaches = {"penetrations": self.reach_normal, "slips": self.reach_tangential}
+        """Penetrations, slips and strains that the constants hold for, in words; empty if they hold for all."""
+        reaches = {"penetrations": self.reach_normal, "slips": self.reach_tangential, "strains": self.reach_strain}
         limits = [f"{what} within the reach {reach:g}" for what, reach in reaches.items() if reach < np.inf]
         return " and ".join(limits)
 
@@ -243,7 +245,8 @@ def with_survey(
     if isinstance(stated, ScalarProblem):
         sampled = not stated.homogeneous
     else:
-        sampled = not (stated.material.uniform and stated.material.bounds_by.proved)
+        material = stated.material
+        sampled = not (material.uniform and material.bounds_by.proved and material.reach == np.inf)
     constants = replace(constants, m_A=m_a, m_A_sampled=sampled)
     if not trace_constant:
         return constants
@@ -391,6 +394,7 @@ def _constants(
         margin=_margin(energy, c, coupling),
         m_L_sampled=slips and problem.law.lipschitz_sampled,
         stiffness_by=stiffness_by,
+        reach_strain=strain_reach(problem),
     )
 
 
@@ -442,6 +446,13 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
         Why a reach proves nothing about this point, where it lies outside.
     """
     problem = point.problem
+    if constants.reach_strain < np.inf:
+        strain = largest_strain(problem, point.u) if problem.field is not None and problem.field.order == 1 else np.inf
+        if not strain <= constants.reach_strain:
+            size = "that are not bounded" if strain == np.inf else f"of up to {strain:.3g}"
+            outside = f"strains {size} may lie outside of the reach {constants.reach_strain:g} of the material"
+            why = f"{outside}: whether there are other solutions is not known; give the material a larger reach"
+            return replace(constants, margin=-np.inf), why
     m, d = problem.contact_points, problem.contact.components
     if not (m and constants.alpha_sampled):
         return constants, ""

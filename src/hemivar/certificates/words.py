@@ -49,7 +49,8 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
     if math.isfinite(certificate.error_bound):
         size = f"{certificate.error_bound:.2e}, relative {certificate.error_bound_relative:.1e},"
         if certificate.error_bound_sampled:
-            why = f"for {constants.within} only" if constants.within else "from sampled constants"
+            bounded = constants.within and not constants.sampled
+            why = f"for {constants.within} only" if bounded else "from sampled constants"
             say("distance", f"about {size} to an exact discrete solution: an estimate, {why}")
         else:
             say("distance", f"at most {size} to the exact discrete solution")
@@ -90,7 +91,7 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
                 holds += ", as far as samples of the material tell"
             say("survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}")
         if constants.within:
-            say("note", f"alpha is that of {constants.within}: what rests on it holds there")
+            say("note", f"constants are those of {constants.within}: what rests on them holds there")
         if constants.alpha_sampled:
             say("note", "a law knows its alpha from samples only: margin and distance are estimates")
         if constants.m_L_sampled:
@@ -122,6 +123,8 @@ def _without_margin(constants: Smallness) -> str:
         return "the derivative of a law jumps down, or falls without bound: no stiffness of the body makes up for that"
     if constants.stiffness_by == UNKNOWN:
         return "no lower bound of the stiffness of the body is known at all strains"
+    if constants.reach_strain < math.inf:
+        return "strains may lie outside of the reach of the material"
     if math.isinf(constants.m_L):
         return "the laws have no finite constant here"
     return "the supports alone do not hold the body: what rests on the foundation alone has no margin"

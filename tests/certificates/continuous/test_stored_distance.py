@@ -21,7 +21,8 @@ from hemivar.fem.quadrature import quadrature_rule
 from hemivar.gallery import survey
 from hemivar.laws import Compliance, Friction, Logarithmic, Signorini, Softening, Superpotential, SurveyLaw, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller
-from hemivar.mechanics.material import BoundsBy
+from hemivar.mechanics.composed_material import lower_elasticity
+from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.named_energies import Hencky
 from hemivar.mesh import box, rectangle
 from hemivar.solvers import Status, solve
@@ -315,6 +316,31 @@ def test_a_sampled_lower_bound_makes_an_estimate_of_it() -> None:
     assert not found.guaranteed
     assert "the lower bound of the stiffness of the material is sampled" in found.why
     assert "an estimate, no bound" in "\n".join(found.lines())
+
+
+def test_so_does_one_that_is_proved_for_some_strains_only() -> None:
+    material = Material.potential("3*tr^2 + 2*dev2 + dev2^2", reach=2.0)
+    found = solve(replace(survey("figure1", 4), material=material)).certify(exact=True).exact
+    assert found is not None
+    assert np.isfinite(found.bound)
+    assert not found.guaranteed
+    assert "holds for strains up to 2 only" in found.why
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        Material.locking(BULK, SHEAR, 6.0, 0.03),
+        Material.locking(BULK, SHEAR, 6.0, 0.03, plane="stress"),
+        Material.ramberg_osgood(20.0, 0.3, 0.5, 5.0, linear_from=0.05),
+    ],
+)
+def test_other_materials_have_bounds_too(material: Material) -> None:
+    """That stiffen, that yield: above the error, and less than four times it."""
+    problem = replace(survey("figure1", 6), material=material)
+    found, u = judged(problem)
+    assert found.guaranteed
+    assert 1.0 < found.distance / error_of(problem, u, lower_elasticity(material)) < 4.0
 
 
 def test_a_certificate_bounds_it() -> None:

@@ -87,6 +87,11 @@ def inexact_data(data: BodyData) -> list[str]:
     found = data.varying.doubts
     if not problem.material.bounds_by.proved:
         found.append("the lower bound of the stiffness of the material is sampled")
+    elif problem.material.reach < np.inf:
+        found.append(
+            f"the lower bound of the stiffness of the material holds for strains up to {problem.material.reach:g} "
+            "only, and those of the exact solution are not known"
+        )
     elif np.isfinite(problem.material.reach):
         reach = f"|eps| <= {problem.material.reach:.6g}"
         found.append(f"the lower bound of the stiffness of the material is shown for strains of size {reach} only")
