@@ -19,7 +19,17 @@ from hemivar.discrete.point_kind import PointKind
 from hemivar.fem import discretize
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.laws import Compliance, Softening, Superpotential, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller
+from hemivar.mechanics import (
+    Clamped,
+    Contact,
+    ContactProblem,
+    Material,
+    PowerLaw,
+    Prescribed,
+    Roller,
+    ScalarContact,
+    ScalarProblem,
+)
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.named_energies import Hencky
 from hemivar.mesh import rectangle
@@ -100,6 +110,29 @@ def test_it_is_sharp_where_the_body_is_as_soft_as_its_bound() -> None:
         assert one.equilibrium == pytest.approx(other.equilibrium, rel=1e-9)
         # the search for a better pair, which linear bodies have, finds one
         assert other.error_bound <= one.error_bound * (1.0 + 1e-9)
+
+
+def test_scalar_problems_have_certificates_too() -> None:
+    """A membrane whose flux grows as a power of the gradient: its margin is that of the least derivative."""
+    power = PowerLaw(1.5, 0.1, 2.0, 3.0)
+    stated = ScalarProblem(
+        rectangle((1.0, 1.0), 32),
+        power,
+        supports={"top": 0.8},
+        contact={"bottom": ScalarContact(Softening(3.0, 0.1, 0.4))},
+    )
+    solution = solve(stated)
+    problem = solution.problem
+    linear = discretize(replace(stated, coefficient=power.least))
+    weighted = problem.contact.trace.T @ (0.4 * problem.contact.weights[:, None] * problem.contact.trace.toarray())
+    top = la.eigvalsh(weighted, linear.stiffness.toarray())[-1]
+    exactly, nearly = judged(problem, solution.unknowns, solution.multiplier)
+    assert 0.0 < exactly.margin == pytest.approx(1.0 - top, rel=1e-7)
+    assert 1.0 - top - 0.01 < nearly.margin <= 1.0 - top + 1e-9
+    for found in (exactly, nearly):
+        assert found.kind is PointKind.UNIQUE_MINIMISER
+        assert found.smallness.m_A == pytest.approx(power.least, rel=1e-12)
+        assert "lower bound of its stiffness, as its maker states it" in repr(found)
 
 
 # ---- the kind of a point --------------------------------------------------------------------------------------

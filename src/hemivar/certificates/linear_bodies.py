@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +13,11 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import barycentric_gradients
 from hemivar.fem.hierarchy import tangent_problem
+from hemivar.mechanics.coefficient import Coefficient
 from hemivar.mechanics.composed_material import lower_elasticity
+from hemivar.mechanics.gradient_energy import GradientEnergy
 from hemivar.mechanics.material_words import BoundsBy
+from hemivar.mechanics.scalar import Statement
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = [
@@ -24,6 +28,7 @@ __all__ = [
     "convex_body",
     "largest_strain",
     "lower_bound_by",
+    "lower_statement",
     "strain_reach",
 ]
 
@@ -46,9 +51,24 @@ def below(problem: DiscreteProblem) -> DiscreteProblem:
     origin, model = None, problem.model
     if found is None:
         found = bulk.at_rest if isinstance(bulk, Potential) else Quadratic(bulk.hessian(np.zeros(bulk.unknowns)))
-    elif isinstance(model.origin, ContactProblem) and model.parts is None:  # the same on coarser meshes
-        origin = replace(model.origin, material=lower_elasticity(model.origin.material))
+    elif model.origin is not None and model.parts is None:  # the same on coarser meshes
+        origin = lower_statement(model.origin)
     return replace(problem, model=replace(model, bulk=found, origin=origin, parts=None), law_known=True)
+
+
+def lower_statement(statement: Statement) -> Statement:
+    """The statement of the linear body below that of another one; itself if that is linear."""
+    if isinstance(statement, ContactProblem):
+        return replace(statement, material=lower_elasticity(statement.material))
+    if statement.linear:
+        return statement
+
+    def lower(part: Coefficient) -> Coefficient:
+        return part.least if isinstance(part, GradientEnergy) else part
+
+    given = statement.coefficient
+    found = {name: lower(part) for name, part in given.items()} if isinstance(given, Mapping) else lower(given)
+    return replace(statement, coefficient=found)
 
 
 def at_tangent(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
@@ -65,6 +85,8 @@ def at_tangent(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
 
 def lower_bound_by(problem: DiscreteProblem) -> str:
     """How the body below was found: "closed form", "intervals", "sampled", :data:`STATED`, :data:`UNKNOWN`.
+
+    Energies of a gradient state the least derivative of their flux.
 
     Empty for a linear body.
     """

@@ -15,7 +15,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
-from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, strain_reach
+from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, lower_statement, strain_reach
 from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -507,7 +507,9 @@ def ellipticity(statement: Statement) -> float:
     float
     """
     if isinstance(statement, ScalarProblem):
-        return least_coefficient(statement)
+        lower = lower_statement(statement)
+        assert isinstance(lower, ScalarProblem)
+        return least_coefficient(lower)
     mesh, dim = statement.mesh, statement.mesh.dim
     if statement.material.homogeneous:
         tensor = statement.material.lower_tensor(mesh.points[:1])
