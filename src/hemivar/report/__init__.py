@@ -9,7 +9,7 @@ from hemivar.report.certificate_figure import plot_certificate
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.film_pictures import FilmColour
 from hemivar.report.histories import plot_errors, plot_history
-from hemivar.report.law_figures import plot_law
+from hemivar.report.law_figures import plot_law, plot_laws
 from hemivar.report.march_figures import MARCH_FIGURES, plot_march
 from hemivar.report.paper import Legend, paper
 from hemivar.report.path_diagrams import plot_path
@@ -43,6 +43,7 @@ __all__ = [
     "plot_errors",
     "plot_history",
     "plot_law",
+    "plot_laws",
     "plot_march",
     "plot_meshes",
     "plot_path",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ from hemivar.laws import (
     StateBound,
     Superpotential,
 )
+from hemivar.laws.description import LawDescription
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, drawing
 
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["law_captions", "plot_law"]
+__all__ = ["law_captions", "plot_law", "plot_laws"]
 
 
 def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None, title: str | None = None) -> Figure:
@@ -55,43 +57,92 @@ def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None,
 
     one = law.take(np.array([point]))
     told = one.describe()
-    if reach is None:
-        largest = max((abs(knot) for knot in told.knots), default=0.0)
-        reach = 1.6 * largest if largest > 0.0 else 1.0
-    if not 0.0 < reach < math.inf:
-        raise ProblemError(f"reach = {reach}; it must be a positive length")
-    low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
+    reach = _reach(told, reach)
     with drawing():
         fig = new_figure((6.3, 3.1 + 0.16 * len(told.lines)), layout="constrained")
         graph, potential = fig.subplots(1, 2)
-        ends = np.array([low, *[knot for knot in told.knots if low < knot < high], high])
-        highest = 0.0
-        for start, end in itertools.pairwise(ends):
-            r = _inside(start, end)
-            slope, value = one.derivative(r), one.value(r)
-            highest = max(highest, float(np.abs(slope).max()))
-            graph.plot(r, slope, color=BLUE, lw=1.5)
-            potential.plot(r, value, color=BLUE, lw=1.5)
-        highest = highest or max(
-            (abs(s) for k in told.kinks for s in (k.left, k.right) if math.isfinite(s)), default=1.0
-        )
-        for kink in told.kinks:
-            if not low <= kink.place <= high:
-                continue
-            bottom, top = sorted((kink.left, kink.right))
-            bottom, top = max(bottom, -1.5 * highest), min(top, 1.5 * highest)
-            falls = kink.jump < 0.0
-            graph.plot(
-                [kink.place, kink.place], [bottom, top],
-                color=RED if falls else BLUE, ls=(0, (3, 1.5)) if falls else "-", lw=1.5,
-            )  # fmt: skip
-        for panel in (graph, potential):
-            _finish(panel, reach, told.domain)
+        _draw_graph(graph, one, told, reach)
+        for r in _pieces(told, reach):
+            potential.plot(r, one.value(r), color=BLUE, lw=1.5)
+        _finish(potential, reach, told.domain)
         graph.set_ylabel(r"subdifferential $\partial j(r)$")
         potential.set_ylabel(r"potential $j(r)$")
         fig.suptitle(title if title is not None else told.name)
         fig.supxlabel("\n".join(line.replace("$", r"\$") for line in told.lines), fontsize=7.5, x=0.02, ha="left")
     return fig
+
+
+def plot_laws(laws: Mapping[str, Superpotential], *, columns: int = 4) -> Figure:
+    """Graphs of the subdifferentials of several laws side by side, each under its name.
+
+    Parameters
+    ----------
+    laws : mapping of name to Superpotential
+        With resolved parameters; drawn for their first contact point.
+    columns : int
+        Graphs in a row.
+
+    Raises
+    ------
+    ProblemError
+        There is no law.
+    """
+    if not laws:
+        raise ProblemError("there is no law to draw; give a mapping of names to laws")
+    rows = -(-len(laws) // columns)
+    with drawing():
+        fig = new_figure((1.9 * columns, 1.75 * rows), layout="constrained")
+        panels = fig.subplots(rows, columns, squeeze=False).ravel()
+        for panel, (name, law) in zip(panels, laws.items(), strict=False):
+            one = law.take(np.array([0]))
+            told = one.describe()
+            _draw_graph(panel, one, told, _reach(told, None))
+            panel.set_title(name, fontsize=9.0)
+            panel.set_xlabel("")
+            panel.tick_params(labelsize=6.5)
+        for panel in panels[len(laws) :]:
+            panel.set_axis_off()
+    return fig
+
+
+def _reach(told: LawDescription, reach: float | None) -> float:
+    """Half width of a picture."""
+    if reach is None:
+        largest = max((abs(knot) for knot in told.knots), default=0.0)
+        reach = 1.6 * largest if largest > 0.0 else 1.0
+    if not 0.0 < reach < math.inf:
+        raise ProblemError(f"reach = {reach}; it must be a positive length")
+    return reach
+
+
+def _pieces(told: LawDescription, reach: float) -> Iterator[Array]:
+    """Places on each piece of a law."""
+    low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
+    for start, end in itertools.pairwise([low, *[knot for knot in told.knots if low < knot < high], high]):
+        yield _inside(start, end)
+
+
+def _draw_graph(panel: Axes, law: Superpotential, told: LawDescription, reach: float) -> None:
+    """The subdifferential of a law."""
+    low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
+    highest = 0.0
+    for r in _pieces(told, reach):
+        slope = law.derivative(r)
+        highest = max(highest, float(np.abs(slope).max()))
+        panel.plot(r, slope, color=BLUE, lw=1.5)
+    highest = highest or max((abs(s) for k in told.kinks for s in (k.left, k.right) if math.isfinite(s)), default=0.0)
+    highest = highest or 1.0  # a rigid foundation has no size of its own
+    for kink in told.kinks:
+        if not low <= kink.place <= high:
+            continue
+        bottom, top = sorted((kink.left, kink.right))
+        bottom, top = max(bottom, -1.5 * highest), min(top, 1.5 * highest)
+        falls = kink.jump < 0.0
+        panel.plot(
+            [kink.place, kink.place], [bottom, top],
+            color=RED if falls else BLUE, ls=(0, (3, 1.5)) if falls else "-", lw=1.5,
+        )  # fmt: skip
+    _finish(panel, reach, told.domain)
 
 
 def _inside(start: float, end: float) -> Array:
