@@ -38,6 +38,7 @@ from hemivar.gallery.moving_bodies import (
     thrown_bar,
     viscoelastic_cantilever,
 )
+from hemivar.gallery.nonlinear_bodies import HenckyConstants, hencky_block, hencky_ring
 from hemivar.gallery.nonmonotone import (
     broken_foundation,
     delamination,
@@ -64,6 +65,7 @@ __all__ = [
     "SCREWED_ARCH_DATA",
     "SURVEY_DATA",
     "EarthquakeSlider",
+    "HenckyConstants",
     "KnownEvolution",
     "KnownProblem",
     "KnownScalarProblem",
@@ -84,6 +86,8 @@ __all__ = [
     "delamination",
     "elastic_bar",
     "elastic_bar_penetrations",
+    "hencky_block",
+    "hencky_ring",
     "jumping_block",
     "manufactured_softening",
     "manufactured_spring",
