@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).resolve().parent
-PAGES = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer", "tutorial-failure")
+PAGES = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer", "tutorial-failure", "nonlinear")
 _PART = re.compile(
     r"^```python\n(?P<code>.*?)^```$|^!\[[^\]]*\]\(images/(?P<name>tutorial-[\w-]+\.png)\)$", re.M | re.S
 )

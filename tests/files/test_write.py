@@ -36,7 +36,9 @@ def same_discrete(one: hv.ContactProblem, other: hv.ContactProblem) -> None:
     np.testing.assert_array_equal(first.offset, second.offset)
     for name in ("weights", "points", "frames", "node", "boundary"):
         np.testing.assert_array_equal(getattr(first.contact, name), getattr(second.contact, name), err_msg=name)
-    for a, b in ((first.stiffness, second.stiffness), (first.contact.trace, second.contact.trace)):
+    u = np.random.default_rng(2).normal(scale=0.01, size=first.unknowns)
+    np.testing.assert_array_equal(first.bulk.gradient(u), second.bulk.gradient(u))
+    for a, b in ((first.bulk.hessian(u), second.bulk.hessian(u)), (first.contact.trace, second.contact.trace)):
         np.testing.assert_array_equal(a.indices, b.indices)
         np.testing.assert_array_equal(a.data, b.data)
     if first.contact_points:
