@@ -449,8 +449,8 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
     if constants.reach_strain < np.inf:
         strain = largest_strain(problem, point.u) if problem.field is not None and problem.field.order == 1 else np.inf
         if not strain <= constants.reach_strain:
-            size = "that are not bounded" if strain == np.inf else f"of up to {strain:.3g}"
-            outside = f"strains {size} may lie outside of the reach {constants.reach_strain:g} of the material"
+            found_strains = "that are not bounded" if strain == np.inf else f"of up to {strain:.3g}"
+            outside = f"strains {found_strains} may lie outside of the reach {constants.reach_strain:g} of the material"
             why = f"{outside}: whether there are other solutions is not known; give the material a larger reach"
             return replace(constants, margin=-np.inf), why
     m, d = problem.contact_points, problem.contact.components

@@ -92,9 +92,6 @@ def inexact_data(data: BodyData) -> list[str]:
             f"the lower bound of the stiffness of the material holds for strains up to {problem.material.reach:g} "
             "only, and those of the exact solution are not known"
         )
-    elif np.isfinite(problem.material.reach):
-        reach = f"|eps| <= {problem.material.reach:.6g}"
-        found.append(f"the lower bound of the stiffness of the material is shown for strains of size {reach} only")
     if data.varies:
         found.append("the material varies within cells, where it is seen by a rule of integration")
     elif not problem.material.uniform:
