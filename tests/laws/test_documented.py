@@ -11,6 +11,7 @@ import pytest
 
 from hemivar import laws
 from hemivar.laws import Friction, StateBound, Superpotential, friction, normal, own
+from hemivar.laws.coupled_registry import COUPLED_LAWS
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -61,7 +62,9 @@ def rows(title: str) -> dict[str, str]:
     return {found[1]: row for row in table.splitlines() if (found := re.match(r'\| `"([\w-]+)"`', row))}
 
 
-@pytest.mark.parametrize(("title", "entries"), [("normal law", NORMAL_LAWS), ("friction law", FRICTION_LAWS)])
+@pytest.mark.parametrize(
+    ("title", "entries"), [("normal law", NORMAL_LAWS), ("law of both", COUPLED_LAWS), ("friction law", FRICTION_LAWS)]
+)
 def test_the_page_about_problem_files_lists_the_laws(title: str, entries: Mapping[str, LawEntry]) -> None:
     found = rows(title)
     assert set(found) == set(entries)

@@ -15,7 +15,7 @@ from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_n
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.laws import Sides
+from hemivar.laws.vector_law import Sides
 
 __all__ = ["LocalStudy", "kind_of", "study"]
 

@@ -15,7 +15,7 @@ from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.laws import Superpotential
+    from hemivar.laws import MixedMode, Superpotential
     from hemivar.laws.registry import LawEntry
     from hemivar.workflows import LawStudy
     from hemivar.workflows.law_study import Value
@@ -84,10 +84,12 @@ def values_given(given: list[str] | None, example: str) -> dict[str, str]:
 
 def _list_laws() -> None:
     """Print all laws with their parameters."""
+    from hemivar.laws.coupled_registry import COUPLED_LAWS
     from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
 
-    for entries in (NORMAL_LAWS, FRICTION_LAWS):
-        print(f"{next(iter(entries.values())).kind} laws")
+    titles = ("normal laws", "laws of opening and slip together", "friction laws")
+    for title, entries in zip(titles, (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS), strict=True):
+        print(title)
         for entry in entries.values():
             print_entry(entry)
         print()
@@ -125,11 +127,17 @@ def print_examples(examples: Mapping[str, Value]) -> None:
         print(f"\nshown with        {told}  (change them with --set)")
 
 
-def _draw(curve: Superpotential, reach: float | None, plot: Path, writer: Writer) -> None:
+def _draw(curve: Superpotential | MixedMode, reach: float | None, plot: Path, writer: Writer) -> None:
+    from hemivar.laws import MixedMode
     from hemivar.report.law_figures import plot_law
+    from hemivar.report.mixed_mode_figure import plot_mixed_mode
     from hemivar.report.saving import save
 
-    writer.write("--plot", plot, lambda path: save(plot_law(curve, reach=reach), path), picture=True)
+    def draw(path: Path) -> None:
+        fig = plot_mixed_mode(curve, reach=reach) if isinstance(curve, MixedMode) else plot_law(curve, reach=reach)
+        save(fig, path)
+
+    writer.write("--plot", plot, draw, picture=True)
     writer.tell()
 
 

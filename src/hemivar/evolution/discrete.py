@@ -178,8 +178,8 @@ class DiscreteEvolution(Portable):
             loading, law = self.problem.loading, separable(self.problem.law, _MARCH)
             return Acting(load, self.field.prescribed[self.moved], loading.offset, law, dampings(bound))
         conditions = nodal_conditions(bound)
-        _, offset, law, _ = conditions.contact()
-        return Acting(load, conditions.prescribed[self.moved], offset, separable(law, _MARCH), dampings(bound))
+        _, offset, found, _ = conditions.contact()
+        return Acting(load, conditions.prescribed[self.moved], offset, separable(found, _MARCH), dampings(bound))
 
 
 def dampings(bound: ContactProblem) -> dict[str, Superpotential]:

@@ -12,7 +12,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
-from hemivar.laws import ContactLaw, NoContact
+from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
 from hemivar.mechanics.instants import told_of
 from hemivar.mechanics.obstacles import obstacle_contact
@@ -41,14 +41,14 @@ class BoundaryContact:
     points : ContactPoints
         With the trace of nodal displacements (nodes * d,).
     gap : array, shape (m,)
-    law : ContactLaw
+    law : VectorLaw
     blocked : bool array, shape (m, d)
         Rows that supports or another boundary make dependent on a row before.
     """
 
     points: ContactPoints
     gap: Array
-    law: ContactLaw
+    law: VectorLaw
     blocked: BoolArray
 
     def take(self, index: IntArray) -> BoundaryContact:
@@ -117,7 +117,7 @@ def shares(order: int, dim: int) -> Array:
     return np.array([1 / 6, 1 / 6, 4 / 6]) if order == 2 else np.full(dim, 1 / dim)
 
 
-def _check_never_touching(law: ContactLaw, name: str, points: Array) -> None:
+def _check_never_touching(law: VectorLaw, name: str, points: Array) -> None:
     """Refuse laws without opening where the body's normal misses the obstacle."""
     held = np.broadcast_to(np.isfinite(law.penetrations.lower), len(points))
     if held.any():
@@ -202,7 +202,7 @@ def _adapt(frames: Array, supports: Supports, nodes: IntArray) -> tuple[Array, B
 
 def join(
     groups: list[BoundaryContact], basis: sp.csr_array, prescribed: Array, dim: int
-) -> tuple[ContactPoints, Array, ContactLaw, float]:
+) -> tuple[ContactPoints, Array, VectorLaw, float]:
     """Contact points of all boundaries in terms of the unknowns; points held entirely are dropped.
 
     Parameters
@@ -218,7 +218,7 @@ def join(
     contact : ContactPoints
     offset : array, shape (m, d)
         Gap less what supports prescribe, and the slip that they prescribe.
-    law : ContactLaw
+    law : VectorLaw
         At these points.
     energy : float
         That of the points that supports hold.
@@ -227,7 +227,7 @@ def join(
         return _no_points(basis.shape[1], dim), np.zeros((0, dim)), ContactLaw(NoContact()).at(None), 0.0
     blocked = np.concatenate([group.blocked for group in groups])
     rough = np.concatenate([np.broadcast_to(group.law.rubs, (group.points.count,)) for group in groups])
-    law = ContactLaw.concatenate([(group.law, group.points.count) for group in groups])
+    law = join_laws([(group.law, group.points.count) for group in groups])
     full = sp.csr_array(sp.vstack([group.points.trace for group in groups]))
     offset = np.zeros((full.shape[0] // dim, dim))
     offset[:, 0] = np.concatenate([group.gap for group in groups])

@@ -12,7 +12,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.fem.contact_points import BoundaryContact, boundary_contact, join, merge_corners
 from hemivar.fem.supports import Supports, movable, stated_supports, unit
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 
 __all__ = [
@@ -53,7 +53,7 @@ class NodalConditions:
         """The prescribed displacements u0, shape (nodes * d,)."""
         return self.supports.value.ravel()
 
-    def contact(self, nodes: BoolArray | None = None) -> tuple[ContactPoints, Array, ContactLaw, float]:
+    def contact(self, nodes: BoolArray | None = None) -> tuple[ContactPoints, Array, VectorLaw, float]:
         """Contact points, all or those at the nodes where the mask, shape (nodes,), holds; see :func:`join`."""
         groups = self.groups
         if nodes is not None:

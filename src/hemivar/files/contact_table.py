@@ -17,7 +17,8 @@ from hemivar.files.quantities import quantity_record
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula, ScalarFormula
-from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential
+from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential, VectorLaw
+from hemivar.laws.coupled_registry import COUPLED_LAWS
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
@@ -35,6 +36,8 @@ _OBSTACLES = {
 }
 _VECTORS = ("point", "normal", "center", "axis")
 
+#: What may stand under "normal".
+_LAWS = {**NORMAL_LAWS, **COUPLED_LAWS}
 _KIND = {"normal": LawKind.NORMAL, "friction": LawKind.FRICTION, "damping": LawKind.NORMAL}
 
 
@@ -58,8 +61,8 @@ class _Reader:
     def contact(self, one: TomlTable) -> Contact:
         if "normal" not in one:
             raise one.error("normal", f"is missing; name a normal law ({', '.join(NORMAL_LAWS)})")
-        normal, friction = self.law(one, "normal", NORMAL_LAWS), self.law(one, "friction", FRICTION_LAWS)
-        assert isinstance(normal, Superpotential)
+        normal, friction = self.law(one, "normal", _LAWS), self.law(one, "friction", FRICTION_LAWS)
+        assert isinstance(normal, Superpotential | VectorLaw)
         assert isinstance(friction, Friction)
         gap = one.quantity("gap", one.data.get("gap", 0.0), self.dim, timed=True)
         obstacle = self.obstacle(one) if "obstacle" in one else None
@@ -106,7 +109,7 @@ class _Reader:
                 return Sphere(vectors["center"], one.positive("radius"), inside)
             return Cylinder(vectors["point"], vectors["axis"], one.positive("radius"), inside)
 
-    def law(self, table: TomlTable, key: str, laws: Mapping[str, LawEntry]) -> Superpotential | Friction:
+    def law(self, table: TomlTable, key: str, laws: Mapping[str, LawEntry]) -> Superpotential | Friction | VectorLaw:
         value = table.data.get(key, "none")
         if isinstance(value, str):
             value = {"law": value}
@@ -120,7 +123,7 @@ class _Reader:
         if not isinstance(name, str):
             raise given.error("law", f"must be one of {listed(list(laws))}, not {kind(name)}")
         if name not in laws:
-            other = FRICTION_LAWS if laws is NORMAL_LAWS else NORMAL_LAWS
+            other = NORMAL_LAWS if laws is FRICTION_LAWS else FRICTION_LAWS
             if name in other:
                 kind_of = other[name].kind
                 raise given.error(
@@ -142,7 +145,7 @@ class _Reader:
         if "potential" in parameters:
             parameters["where"] = given.where("potential")
         with context(f"{table.where(key)}:"):
-            return cast(Superpotential | Friction, entry.make(**parameters))
+            return cast(Superpotential | Friction | VectorLaw, entry.make(**parameters))
 
     def parameter(self, given: TomlTable, parameter: LawParameter) -> object:
         """The value of a law parameter, in whatever form it is written."""
@@ -215,7 +218,7 @@ class Aside:
 def contact_record(name: str, contact: Contact, aside: Aside) -> dict[str, object]:
     """The table [contact.NAME] of a contact."""
     where = f"contact['{name}']"
-    record: dict[str, object] = {"normal": _law_record(contact.normal, f"{where}.normal", name, aside, NORMAL_LAWS)}
+    record: dict[str, object] = {"normal": _law_record(contact.normal, f"{where}.normal", name, aside, _LAWS)}
     if not _is_none(contact.friction):
         record["friction"] = _friction_record(contact.friction, f"{where}.friction", name, aside)
     if contact.obstacle is not None:
@@ -239,7 +242,12 @@ def _is_none(friction: Friction) -> bool:
 
 
 def _law_record(
-    law: Superpotential, where: str, name: str, aside: Aside, laws: Mapping[str, LawEntry], bound: object = None
+    law: Superpotential | VectorLaw,
+    where: str,
+    name: str,
+    aside: Aside,
+    laws: Mapping[str, LawEntry],
+    bound: object = None,
 ) -> object:
     """A law as a file states it: its name, or a table with its parameters."""
     stated = law.stated

@@ -19,7 +19,7 @@ from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import TomlTable, array, context, kind
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
-from hemivar.laws import Friction
+from hemivar.laws import Friction, Superpotential
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
 from hemivar.mechanics.coefficient import Coefficient
 from hemivar.mechanics.conditions import ScalarData
@@ -148,6 +148,7 @@ def _read_contact(table: TomlTable, reader: _Reader) -> ScalarContact:
         raise table.error("normal, friction", f"{given}; name one law, of the penetration or of the slip")
     key = "normal" if "normal" in table else "friction"
     law = reader.law(table, key, NORMAL_LAWS if key == "normal" else FRICTION_LAWS)
+    assert isinstance(law, Superpotential | Friction)
     side = table.text("side", Side.ABOVE.value, [side.value for side in Side])
     level = table.quantity("level", table.data.get("level", 0.0), reader.dim, timed=True)
     with context(f"{table.where(key)}:"):

@@ -2,13 +2,21 @@
 
 What a scalar law must answer is in :mod:`~hemivar.laws.superpotential`, what the law of a contact point must in
 :mod:`~hemivar.laws.vector_law`; :mod:`~hemivar.laws.contact_law` is the one that splits into scalar laws.  Laws by name
-lie in ``normal`` and ``friction``, tables, formulas and functions in ``own``, and what they are made of (``piecewise``,
-``scaled``, ``stacked``) here.  Laws made of laws lie in ``transformed``, and in ``memory`` what contact points
-remember from one time step to the next.  ``registry`` knows the laws by name for problem files, and ``testing`` checks
-a law of one's own.
+lie in ``normal`` and ``friction``, those that couple opening and slip in ``coupled``, tables, formulas and functions in
+``own``, and what they are made of (``piecewise``, ``scaled``, ``stacked``) here.  Laws made of laws lie in
+``transformed``, and in ``memory`` what contact points remember from one time step to the next.  ``registry`` knows the
+laws by name for problem files, and ``testing`` checks a law of one's own.
 """
 
 from hemivar.laws.contact_law import ContactLaw, separable
+from hemivar.laws.coupled import (
+    BilinearCohesion,
+    ExponentialCohesion,
+    MixedMode,
+    TrapezoidalCohesion,
+    cohesion_table,
+    join_laws,
+)
 from hemivar.laws.description import LawDescription, LawKink
 from hemivar.laws.friction import (
     Coulomb,
@@ -56,11 +64,12 @@ from hemivar.laws.own import FormulaLaw, FunctionLaw, read_law_table, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed import affine, averaged, bonded, envelope, plus, pushing, secant, slipped
-from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
+from hemivar.laws.vector_law import Linearisation, VectorLaw
 
 __all__ = [
     "Adhesive",
     "Bilateral",
+    "BilinearCohesion",
     "Bonding",
     "Capped",
     "Compliance",
@@ -68,6 +77,7 @@ __all__ = [
     "Coulomb",
     "CoulombBound",
     "DampedContact",
+    "ExponentialCohesion",
     "FinitePenetration",
     "FormulaLaw",
     "Friction",
@@ -82,6 +92,7 @@ __all__ = [
     "Memory",
     "MemoryChain",
     "MemoryState",
+    "MixedMode",
     "NoContact",
     "NoFriction",
     "PenetrationBound",
@@ -90,7 +101,6 @@ __all__ = [
     "RateAndState",
     "SawTooth",
     "Secant",
-    "Sides",
     "Signorini",
     "SlipSum",
     "SlipTable",
@@ -100,6 +110,7 @@ __all__ = [
     "StaticKinetic",
     "Superpotential",
     "SurveyLaw",
+    "TrapezoidalCohesion",
     "Tresca",
     "VectorLaw",
     "ViscousFoundation",
@@ -107,8 +118,10 @@ __all__ = [
     "affine",
     "averaged",
     "bonded",
+    "cohesion_table",
     "envelope",
     "friction_in_increments",
+    "join_laws",
     "law_of_step",
     "plus",
     "pushing",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -58,6 +59,10 @@ class Sides:
     curvature_below: Array
     curvature_above: Array
 
+    def where(self, chosen: BoolArray) -> Sides:
+        """Some of them, ``chosen (k,)``."""
+        return Sides(*(values[chosen] for values in vars(self).values()))
+
 
 class Near(Protocol):
     """A law on the pieces on which some local displacements r lie."""
@@ -90,6 +95,11 @@ class VectorLaw(Portable, ABC):
     def tangential_name(self) -> str:
         """Name of what resists slip, used in messages."""
         return self.name
+
+    @property
+    def stated(self) -> Mapping[str, object] | None:
+        """The law by its name and parameters, as problem files state it; None if it has no such name."""
+        return None
 
     @property
     def splits(self) -> bool:

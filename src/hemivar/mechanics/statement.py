@@ -15,7 +15,7 @@ from hemivar.basics.arguments import described, number, suggest
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
+from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential, VectorLaw
 from hemivar.laws.memory import Memory
 from hemivar.mechanics.bedding import Bedding, bedding_of
 from hemivar.mechanics.conditions import (
@@ -90,7 +90,7 @@ class Contact(Portable):
         memory.
     """
 
-    normal: Superpotential
+    normal: Superpotential | VectorLaw
     friction: Friction = field(default_factory=NoFriction)
     gap: ScalarData = 0.0
     obstacle: Obstacle | None = None
@@ -151,9 +151,18 @@ class Contact(Portable):
             raise ProblemError(f"normals = {self.normals!r}; choose Normals.OBSTACLE or Normals.BODY") from None
 
     @property
-    def law(self) -> ContactLaw:
-        """Normal and friction law together."""
-        return ContactLaw(self.normal, self.friction)
+    def law(self) -> VectorLaw:
+        """Normal and friction law together; a law that couples opening and slip stands for both."""
+        if not isinstance(self.normal, VectorLaw):
+            return ContactLaw(self.normal, self.friction)
+        if isinstance(self.normal, ContactLaw):
+            raise ProblemError("a contact is given a ContactLaw; give its parts, Contact(normal, friction)")
+        if self.friction.acts:
+            raise ProblemError(
+                f"law '{self.normal.name}' couples opening and slip and stands for both parts of the contact; leave "
+                f"the friction '{self.friction.name}' out"
+            )
+        return self.normal
 
     @property
     def time_dependent(self) -> frozenset[str]:
@@ -272,7 +281,7 @@ class ContactProblem(Portable, Displayed):
     def __repr__(self) -> str:
         parts = [repr(self.title)] if self.title else []
         parts += [repr(self.mesh), type(self.material).__name__.lstrip("_").lower() + " material"]
-        parts += [f"contact on {name}: {contact.law.normal.name}" for name, contact in self.contact.items()]
+        parts += [f"contact on {name}: {contact.law.name}" for name, contact in self.contact.items()]
         parts += [f"{type(support).__name__} on {name}" for name, support in self.supports.items()]
         return f"ContactProblem({', '.join(parts)})"
 

@@ -10,7 +10,8 @@ from hemivar.basics.arguments import suggest
 from hemivar.basics.display import brief
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
-from hemivar.laws import Friction, Superpotential
+from hemivar.laws import Friction, MixedMode, Superpotential
+from hemivar.laws.coupled_registry import COUPLED_LAWS
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
 from hemivar.workflows.events import Notice, Work
 
@@ -28,7 +29,7 @@ class LawStudy(Notice):
     ----------
     entry : LawEntry
         Its line in the registry.
-    curve : Superpotential or None
+    curve : Superpotential, MixedMode or None
         The function j of one contact point, for friction of the size of the slip; None if the law is a file that was
         not given.  ``curve.describe()`` has the constants, and says which of them are sampled.
     examples : mapping of name to value
@@ -38,7 +39,7 @@ class LawStudy(Notice):
     """
 
     entry: LawEntry
-    curve: Superpotential | None
+    curve: Superpotential | MixedMode | None
     examples: Mapping[str, Value] = field(default_factory=dict)
     unit_bound: bool = False
 
@@ -79,9 +80,9 @@ def study_law(
         No such law or parameter, or a value that the law does not take.
     """
     parameters = {} if parameters is None else parameters
-    found = [laws[name] for laws in (NORMAL_LAWS, FRICTION_LAWS) if name in laws]
+    found = [laws[name] for laws in (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS) if name in laws]
     if not found:
-        known = list(dict.fromkeys([*NORMAL_LAWS, *FRICTION_LAWS]))
+        known = list(dict.fromkeys([*NORMAL_LAWS, *COUPLED_LAWS, *FRICTION_LAWS]))
         raise ProblemError(f"law '{name}' is not known{suggest(name, known)}")
     if friction:
         found = [entry for entry in found if entry.kind is LawKind.FRICTION]
@@ -101,7 +102,7 @@ def _study(entry: LawEntry, given: Mapping[str, Value], label: str) -> LawStudy:
     values, examples = values_shown(entry, given, label)
     if any(p.form is ParameterForm.FILE and p.name not in values for p in entry.parameters):
         return LawStudy(entry, None)
-    law = cast(Superpotential | Friction, entry.make(**values)).at(None)
+    law = cast(Superpotential | Friction | MixedMode, entry.make(**values)).at(None)
     if not isinstance(law, Friction):
         return LawStudy(entry, law, examples)
     curve = law.profile if law.state_dependent else law.radial

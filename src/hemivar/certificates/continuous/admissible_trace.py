@@ -34,7 +34,7 @@ def admissible_displacement(data: BodyData) -> Array:
     for number, name in enumerate(data.problem.contact):
         facets = np.flatnonzero(data.contact == number)
         local, frames, places = local_traces(data, name, facets, np.broadcast_to(at_nodes, (len(facets), 3, 2)))
-        domain = data.problem.contact[name].law.at(places[:, 2]).normal.domain
+        domain = data.problem.contact[name].law.at(places[:, 2]).penetrations
         first, last, middle = local[..., 0].T
         beyond = middle - 0.5 * (first + last)
         normal = frames[:, 2, 0]

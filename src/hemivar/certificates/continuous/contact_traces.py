@@ -17,11 +17,14 @@ from hemivar.certificates.continuous.split_element import facet_mass
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.laws import ContactLaw
+from hemivar.laws import ContactLaw, separable
 from hemivar.mechanics.conditions import evaluate_scalar
 from hemivar.mechanics.obstacles import obstacle_contact
 
-__all__ = ["ContactTraces", "contact_traces", "local_traces", "radial_parts"]
+__all__ = ["EXACT", "ContactTraces", "contact_traces", "local_traces", "radial_parts"]
+
+#: Who asks for laws that split.
+EXACT = "a bound of the distance to the exact solution"
 
 #: Parts of an edge, and of each side of a triangle, besides those between kinks; of an edge with a quadratic trace, on
 #: which the multiplier between force and law has kinks of its own.
@@ -193,7 +196,7 @@ def contact_traces(data: BodyData) -> ContactTraces | None:
             barycentric = np.broadcast_to(points, (len(facets), *points.shape))
             share = np.broadcast_to(weights, (len(facets), len(weights)))
         local, frames, places = local_traces(data, name, facets, barycentric)
-        law = data.problem.contact[name].law.at(places.reshape(-1, dim))
+        law = separable(data.problem.contact[name].law, EXACT).at(places.reshape(-1, dim))
         parts.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
     width = max(part[1].shape[1] for part in parts)
     law = ContactLaw.concatenate([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in parts])
@@ -274,7 +277,7 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray) -> tuple[Array, 
     """Barycentric coordinates (k, q, 2) and shares (k, q) of points between the kinks on edges."""
     at_nodes = np.broadcast_to([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]], (len(facets), 3, 2))
     ends, _, places = local_traces(data, name, facets, at_nodes)
-    law = data.problem.contact[name].law.at(places.mean(axis=1))
+    law = separable(data.problem.contact[name].law, EXACT).at(places.mean(axis=1))
     parts = _PARTS if data.order == 1 else _MORE_PARTS
     cuts = [np.broadcast_to(np.arange(parts + 1) / parts, (len(facets), parts + 1))]
     laws = [law.normal] if law.state_dependent else [law.normal, law.tangential]

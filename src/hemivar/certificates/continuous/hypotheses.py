@@ -13,10 +13,11 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.body_shape import STRAIGHT, facet_angles
+from hemivar.certificates.continuous.contact_traces import EXACT
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import refuse_evolution
 from hemivar.fem.supports import stated_supports
-from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential
+from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential, separable
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.named import ParameterLaw
 from hemivar.mechanics.conditions import Roller
@@ -59,6 +60,7 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
         _check_supports(problem, displacement)
         found += _passed_rollers(problem, displacement)
     for name, contact in problem.contact.items():
+        separable(contact.law, EXACT)
         values = list(_parameters(contact.normal)) + list(_parameters(contact.friction))
         for what, value in values:
             count = len(np.ravel(value)) if isinstance(value, np.ndarray | list | tuple) else 1

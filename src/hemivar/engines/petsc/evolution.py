@@ -251,7 +251,7 @@ class EvolutionOnRanks(DiscreteEvolution):
             inside = np.zeros(self.skin.number_of_nodes, dtype=bool)
             inside[: self.body.owned.size] = self.body.owned
             _, offset, law, _ = nodal.contact(inside)
-            return offset, law, nodal.supports.value[: self.body.owned.size]
+            return offset, separable(law, "a march in time"), nodal.supports.value[: self.body.owned.size]
 
         offset, law, prescribed = ranks.agree(conditions)
         return Acting(load, self._prescribed(prescribed), offset, law, dampings(stated.at_time(time)))

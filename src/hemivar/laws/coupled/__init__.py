@@ -1,0 +1,15 @@
+"""Laws that couple opening and slip."""
+
+from hemivar.laws.coupled.cohesion import BilinearCohesion, ExponentialCohesion, TrapezoidalCohesion, cohesion_table
+from hemivar.laws.coupled.joined import JoinedLaw, join_laws
+from hemivar.laws.coupled.mixed_mode import MixedMode
+
+__all__ = [
+    "BilinearCohesion",
+    "ExponentialCohesion",
+    "JoinedLaw",
+    "MixedMode",
+    "TrapezoidalCohesion",
+    "cohesion_table",
+    "join_laws",
+]

@@ -1,0 +1,188 @@
+"""Cohesive tractions over an effective opening rho: one curve, stated by strength, fracture energy and stiffness.
+
+Each is an even scalar law Phi with ``Phi'(0) = 0``: it rises with the initial stiffness, has one strength, and lets go
+at a finite opening; the area under ``Phi'`` is the fracture energy, exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+
+from hemivar.basics.arrays import real_array
+from hemivar.basics.types import Array, Parameter
+from hemivar.errors import ProblemError
+from hemivar.laws.named import NamedLaw
+from hemivar.laws.piecewise import PiecewiseQuadratic
+
+__all__ = ["BilinearCohesion", "ExponentialCohesion", "TrapezoidalCohesion", "cohesion_table"]
+
+#: Chords of the exponential.
+_CHORDS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class BilinearCohesion(NamedLaw):
+    """Traction ``stiffness rho`` up to ``strength``, then straight down to zero.
+
+    It lets go at ``rho_f = 2 energy / strength``; weakly convex with alpha = strength / (rho_f - strength / stiffness).
+
+    Parameters
+    ----------
+    strength : Parameter
+        Largest traction, > 0 (force per area).
+    energy : Parameter
+        Fracture energy G_c, larger than what is stored at the strength, ``strength^2 / (2 stiffness)`` (force per
+        length).
+    stiffness : Parameter
+        Initial stiffness, > 0 (force per area and length).
+    """
+
+    strength: Parameter
+    energy: Parameter
+    stiffness: Parameter
+    name: ClassVar[str] = "bilinear cohesion"  # type: ignore[misc]
+    positive: ClassVar[tuple[str, ...]] = ("strength", "energy", "stiffness")
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        strength, first, length = _softening_length(self.name, values)
+        return _even([first, first + 2.0 * length], [strength, 0.0 * strength], self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class TrapezoidalCohesion(NamedLaw):
+    """Traction ``stiffness rho`` up to ``strength``, which stays for a ``plateau``, then straight down to zero.
+
+    Parameters
+    ----------
+    strength, energy, stiffness : Parameter
+        As those of :class:`BilinearCohesion`.
+    plateau : Parameter
+        Length over which the strength stays, >= 0.
+    """
+
+    strength: Parameter
+    energy: Parameter
+    stiffness: Parameter
+    plateau: Parameter
+    name: ClassVar[str] = "trapezoidal cohesion"  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"plateau": 0.0}
+    positive: ClassVar[tuple[str, ...]] = ("strength", "energy", "stiffness")
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        strength, first, length = _softening_length(self.name, values)
+        plateau = np.broadcast_to(values["plateau"], np.broadcast_shapes(values["plateau"].shape, length.shape))
+        fall = 2.0 * (length - plateau)
+        if np.any(fall <= 0.0):
+            raise ProblemError(
+                f"law '{self.name}': the plateau {plateau.max():g} spends more than the fracture energy; it must be "
+                f"shorter than {np.min(length):g}"
+            )
+        if not plateau.any():
+            return _even([first, first + fall], [strength, 0.0 * strength], self.name)
+        if not plateau.all():
+            raise ProblemError(f"law '{self.name}': the plateau is zero at some contact points only; make it positive")
+        return _even([first, first + plateau, first + plateau + fall], [strength, strength, 0.0 * strength], self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class ExponentialCohesion(NamedLaw):
+    """Traction ``stiffness rho`` up to ``strength``, then falling as an exponential.
+
+    The exponential is a chain of 32 chords that ends at a finite opening; the area is the fracture energy.
+
+    Parameters
+    ----------
+    strength, energy, stiffness : Parameter
+        As those of :class:`BilinearCohesion`.
+    """
+
+    strength: Parameter
+    energy: Parameter
+    stiffness: Parameter
+    name: ClassVar[str] = "exponential cohesion"  # type: ignore[misc]
+    positive: ClassVar[tuple[str, ...]] = ("strength", "energy", "stiffness")
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        strength, first, length = _softening_length(self.name, values)
+        left = 1.0 - np.arange(_CHORDS + 1) / _CHORDS
+        far = np.zeros(_CHORDS + 1)
+        far[:-1] = -np.log(left[:-1])
+        far[-1] = far[-2] + 2.0  # the last triangle has the area of the tail
+        far /= float((0.5 * (left[1:] + left[:-1]) * np.diff(far)).sum())
+        return _even([first + length * t for t in far], [strength * y for y in left], self.name)
+
+
+def cohesion_table(openings: Sequence[float] | Array, tractions: Sequence[float] | Array) -> PiecewiseQuadratic:
+    """A cohesive traction given at some effective openings, straight between them.
+
+    Parameters
+    ----------
+    openings : sequence of float
+        rho, from 0, increasing (length).
+    tractions : sequence of float
+        Phi'(rho) there, at least 0; zero at the first and at the last one (force per area).
+
+    Returns
+    -------
+    PiecewiseQuadratic
+        Even; the area of the table is the fracture energy.
+
+    Raises
+    ------
+    ProblemError
+        Lists of different lengths, openings that do not increase from 0, a traction that is negative, or is not zero at
+        the ends.
+    """
+    name = "cohesion table"
+    rho, traction = (real_array(v, f"{what} of law '{name}'", 1) for v, what in
+                     ((openings, "openings"), (tractions, "tractions")))  # fmt: skip
+    if rho.shape != traction.shape or rho.size < 3:
+        raise ProblemError(
+            f"law '{name}' has {rho.size} openings and {traction.size} tractions; give at least three of each"
+        )
+    if rho[0] != 0.0 or (np.diff(rho) <= 0.0).any():
+        raise ProblemError(f"openings of law '{name}' are {rho.tolist()}; they must increase, from 0")
+    if (traction < 0.0).any() or traction[0] != 0.0 or traction[-1] != 0.0 or not traction.any():
+        raise ProblemError(
+            f"tractions of law '{name}' are {traction.tolist()}; they must be at least 0, and zero at the first and at "
+            "the last opening: it starts with a finite stiffness, and lets go in the end"
+        )
+    made = _even(list(rho[1:, None]), list(traction[1:, None]), name)
+    object.__setattr__(made, "stated", MappingProxyType({"law": name, "openings": rho, "tractions": traction}))
+    return made
+
+
+def _softening_length(name: str, values: dict[str, Array]) -> tuple[Array, Array, Array]:
+    """Strength, opening where it is reached, and G_c less the stored energy over the strength; (m or 1,) each."""
+    strength, energy, stiffness = np.broadcast_arrays(values["strength"], values["energy"], values["stiffness"])
+    first = strength / stiffness
+    length = energy / strength - 0.5 * first
+    if np.any(length <= 0.0):
+        i = int(np.argmin(length))
+        raise ProblemError(
+            f"law '{name}': the fracture energy {energy[i]:g} is not more than what is stored when the strength is "
+            f"reached, strength^2/(2 stiffness) = {0.5 * strength[i] * first[i]:g}; take a stiffer start, a lower "
+            "strength or more energy"
+        )
+    return strength, first, length
+
+
+def _even(openings: list[Array], tractions: list[Array], name: str) -> PiecewiseQuadratic:
+    """The even law with these tractions (m or 1,) at these openings, straight between them, from 0 at 0 on."""
+    rho, traction = (
+        np.stack(np.broadcast_arrays(*openings), axis=-1),
+        np.stack(np.broadcast_arrays(*tractions), axis=-1),
+    )
+    zero = np.zeros((*rho.shape[:-1], 1))
+    slopes = np.diff(np.concatenate([zero, traction], axis=-1)) / np.diff(np.concatenate([zero, rho], axis=-1))
+    return PiecewiseQuadratic(
+        np.concatenate([-rho[..., ::-1], zero, rho], axis=-1),
+        np.concatenate([zero, slopes[..., ::-1], slopes, zero], axis=-1),
+        np.zeros((*rho.shape[:-1], 2 * rho.shape[-1] + 1)),
+        name=name,
+    )

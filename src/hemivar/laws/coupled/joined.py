@@ -1,0 +1,262 @@
+"""Different laws at different contact points, of which some couple opening and slip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.superpotential import Interval
+from hemivar.laws.vector_law import Linearisation, Near, Sides, VectorLaw
+
+__all__ = ["JoinedLaw", "join_laws"]
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedLaw(VectorLaw):
+    """Law ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once.
+
+    Raises
+    ------
+    ProblemError
+        A bound depends on the state.
+    """
+
+    parts: tuple[VectorLaw, ...]
+    indices: tuple[IntArray, ...]
+    name: ClassVar[str] = "several laws"  # type: ignore[misc]
+
+    def __post_init__(self) -> None:
+        coupled = next((law.name for law in self.parts if not law.splits), "")
+        if any(law.state_dependent for law in self.parts):
+            raise ProblemError(
+                f"law '{coupled}' couples opening and slip, and a friction bound beside it depends on the state; "
+                "take a bound that does not"
+            )
+
+    def _gather(self, ask: Callable[[VectorLaw, IntArray], Array]) -> Array:
+        found: Array | None = None
+        for law, index in zip(self.parts, self.indices, strict=True):
+            values = np.asarray(ask(law, index))
+            if found is None:
+                found = np.empty((self._count, *values.shape[1:]), dtype=values.dtype)
+            found[index] = values if values.ndim and len(values) == index.size else np.broadcast_to(values, index.shape)
+        assert found is not None
+        return found
+
+    def _whether(self, ask: Callable[[VectorLaw, IntArray], BoolArray]) -> BoolArray:
+        return np.asarray(self._gather(lambda law, i: np.asarray(ask(law, i), dtype=float)) > 0.0)
+
+    def _several(self, ask: Callable[[VectorLaw, IntArray], tuple[Array, ...]], count: int) -> list[Array]:
+        return [self._gather(lambda law, i, k=k: ask(law, i)[k]) for k in range(count)]  # type: ignore[misc]
+
+    @cached_property
+    def _count(self) -> int:
+        return sum(index.size for index in self.indices)
+
+    def at(self, points: Array | None) -> JoinedLaw:
+        return self
+
+    def take(self, index: IntArray) -> VectorLaw:
+        index = np.atleast_1d(np.asarray(index, dtype=np.int64))
+        owner, place = np.empty(self._count, dtype=np.int64), np.empty(self._count, dtype=np.int64)
+        for k, rows in enumerate(self.indices):
+            owner[rows], place[rows] = k, np.arange(rows.size)
+        here = [np.flatnonzero(owner[index] == k) for k in range(len(self.parts))]
+        chosen = [(law.take(place[index[rows]]), rows) for law, rows in zip(self.parts, here, strict=True) if rows.size]
+        if len(chosen) == 1:
+            return chosen[0][0]
+        return JoinedLaw(tuple(law for law, _ in chosen), tuple(rows for _, rows in chosen))
+
+    @property
+    def state_dependent(self) -> bool:
+        return False
+
+    def frozen(self, r: Array, lam: Array) -> JoinedLaw:
+        return self
+
+    def frozen_at(self, r: Array) -> JoinedLaw:
+        return self
+
+    @property
+    def lipschitz(self) -> Array:
+        return np.zeros(1)
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        return False
+
+    def value(self, r: Array) -> Array:
+        return self._gather(lambda law, i: law.value(r[i]))
+
+    def distance(self, r: Array, lam: Array) -> Array:
+        return self._gather(lambda law, i: law.distance(r[i], lam[i]))
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        return self._gather(lambda law, i: law.graph_distance(r[i], lam[i], tau[i]))
+
+    def near(self, r: Array) -> Near:
+        return _NearJoined(self, tuple(law.near(r[i]) for law, i in zip(self.parts, self.indices, strict=True)))
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        return self._gather(lambda law, i: law.local_argmin(a[i], b[i]))
+
+    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+        return self._gather(lambda law, i: law.downhill(a[i], b[i], r[i]))
+
+    def prox_jacobian(self, x: Array, tau: Array) -> Array:
+        return self._gather(lambda law, i: law.prox_jacobian(x[i], tau[i]))
+
+    def linearise(self, r: Array) -> Linearisation:
+        lines = [law.linearise(r[i]) for law, i in zip(self.parts, self.indices, strict=True)]
+        smooth, m, d = np.empty((len(r), 2), dtype=bool), *r.shape
+        gradient, hessian = np.empty((m, d)), np.empty((m, d, d))
+        for line, index in zip(lines, self.indices, strict=True):
+            smooth[index], gradient[index], hessian[index] = line.smooth, line.gradient, line.hessian
+        return Linearisation(smooth, gradient, hessian)
+
+    def admissible(self, r: Array) -> Array:
+        return self._gather(lambda law, i: law.admissible(r[i]))
+
+    def recession(self, direction: Array) -> Array:
+        return self._gather(lambda law, i: law.recession(direction[i]))
+
+    @property
+    def rates(self) -> tuple[Array, Array, Array]:
+        up, down, slip = self._several(lambda law, i: law.rates, 3)
+        return up, down, slip
+
+    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
+        up, down, slip = self._several(lambda law, i: law.strongest(rest[i], size), 3)
+        return up, down, slip
+
+    def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
+        normal, tangential = self._several(lambda law, i: law.asymptotic_curvature(sign), 2)
+        return normal, tangential
+
+    @cached_property
+    def _alphas(self) -> tuple[Array, Array]:
+        normal, tangential = self._several(lambda law, i: law.weak_convexity, 2)
+        return normal, tangential
+
+    @property
+    def weak_convexity(self) -> tuple[Array, Array]:
+        return self._alphas
+
+    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
+        normal, tangential = self._several(lambda law, i: law.weak_convexity_within(reach), 2)
+        return normal, tangential
+
+    @property
+    def alpha_reach(self) -> tuple[float, float]:
+        reaches = [law.alpha_reach for law in self.parts]
+        return min(normal for normal, _ in reaches), min(tangential for _, tangential in reaches)
+
+    @property
+    def alpha_sampled(self) -> bool:
+        return any(law.alpha_sampled for law in self.parts)
+
+    @property
+    def constants_sampled(self) -> bool:
+        return any(law.constants_sampled for law in self.parts)
+
+    @property
+    def by_differences(self) -> bool:
+        return any(law.by_differences for law in self.parts)
+
+    def derivative_error(self, r: Array) -> Array:
+        return self._gather(lambda law, i: law.derivative_error(r[i]))
+
+    @property
+    def penetrations(self) -> Interval:
+        return Interval(
+            self._gather(lambda law, i: law.penetrations.lower), self._gather(lambda law, i: law.penetrations.upper)
+        )
+
+    @property
+    def penetration_knots(self) -> Array:
+        tables = [law.penetration_knots for law in self.parts]
+        found = np.full((self._count, max(table.shape[1] for table in tables)), np.inf)
+        for table, index in zip(tables, self.indices, strict=True):
+            found[index, : table.shape[1]] = table
+        return found
+
+    @property
+    def rubs(self) -> BoolArray:
+        return self._whether(lambda law, i: law.rubs)
+
+    def snapped(self, r: Array, near: float) -> Array:
+        return self._gather(lambda law, i: law.snapped(r[i], near))
+
+    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
+        return self._gather(lambda law, i: law.fitted(r[i], lam[i], tau[i]))
+
+    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
+        return [
+            Sides(index[one.point], *list(vars(one).values())[1:])
+            for law, index in zip(self.parts, self.indices, strict=True)
+            for one in law.sides(r[index], lam[index], active[index], tau[index], slack)
+        ]
+
+    def at_normal_kink(self, r: Array) -> BoolArray:
+        return self._whether(lambda law, i: law.at_normal_kink(r[i]))
+
+    def moves(self, r: Array, small: float) -> BoolArray:
+        return self._whether(lambda law, i: law.moves(r[i], small))
+
+    def pulls(self, r: Array) -> BoolArray:
+        return self._whether(lambda law, i: law.pulls(r[i]))
+
+    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+        return self._whether(lambda law, i: law.past_peak(r[i], pull[i], near, slack))
+
+    def resistance(self, r: Array, lam: Array) -> Array:
+        return self._gather(lambda law, i: law.resistance(r[i], lam[i]))
+
+
+@dataclass(frozen=True, eq=False)
+class _NearJoined:
+    """Each law on its pieces."""
+
+    law: JoinedLaw
+    nears: tuple[Near, ...]
+
+    def _all(self, values: Array, ask: Callable[[Near, Array], Array]) -> Array:
+        out = np.empty_like(values)
+        for near, index in zip(self.nears, self.law.indices, strict=True):
+            out[index] = ask(near, values[index])
+        return out
+
+    def clamp(self, end: Array) -> Array:
+        return self._all(end, lambda near, part: near.clamp(part))
+
+    def gradient(self, place: Array) -> Array:
+        return self._all(place, lambda near, part: near.gradient(part))
+
+    def nearest_multiplier(self, lam: Array) -> Array:
+        return self._all(lam, lambda near, part: near.nearest_multiplier(part))
+
+
+def join_laws(laws: Sequence[tuple[VectorLaw, int]]) -> VectorLaw:
+    """One law from laws for consecutive blocks of contact points, given as ``(law, number of points)``.
+
+    Raises
+    ------
+    ProblemError
+        No contact point is left, or a bound that depends on the state stands beside a law that couples.
+    """
+    laws = [(law, count) for law, count in laws if count > 0]
+    split = [(law, count) for law, count in laws if isinstance(law, ContactLaw)]
+    if len(split) == len(laws):
+        return ContactLaw.concatenate(split)
+    if len(laws) == 1:
+        return laws[0][0]
+    ends = np.cumsum([count for _, count in laws])
+    rows = tuple(np.arange(end - count, end) for end, (_, count) in zip(ends, laws, strict=True))
+    return JoinedLaw(tuple(law for law, _ in laws), rows)

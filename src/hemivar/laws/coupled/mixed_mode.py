@@ -1,0 +1,484 @@
+"""Mixed-mode glue of one fracture energy: opening and slip act through one effective opening."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+
+from hemivar.basics.arguments import described
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
+from hemivar.errors import ProblemError
+from hemivar.laws.coupled.near_mixed_mode import NearMixedMode, principal_sides, row_entries
+from hemivar.laws.coupled.opening import OpeningProblem
+from hemivar.laws.named import NamedLaw
+from hemivar.laws.neighbourhood import lengths, polar
+from hemivar.laws.normal import Signorini
+from hemivar.laws.parameters import evaluate
+from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.scalar_graph import downhill, one_sided, radial_sides, steepest
+from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
+
+__all__ = ["MixedMode"]
+
+
+@dataclass(frozen=True, eq=False)
+class MixedMode(VectorLaw):
+    """Glue that opens and slips: ``j(r) = Phi(rho)`` and a normal law in compression.
+
+    The effective opening is ``rho = sqrt(<w>^2 + ratio^2 |s|^2)`` with the opening w = -r_nu and the slip s = r_tau;
+    tractions follow ``Phi'(rho)``: ``Phi'/rho w`` along the normal, ``ratio^2 Phi'/rho s`` along the slip. The strength
+    in shear is ``ratio`` times that in opening, and work from the bonded to any broken state is the fracture energy
+    ``G_c``, whatever the mode: a superpotential that lets go has one fracture energy.
+
+    alpha is the largest softening rate k of Phi' for the opening and ``ratio^2 k`` for the slip.  It is reversible:
+    what has opened closes along the same curve.
+
+    Parameters
+    ----------
+    cohesion : Superpotential
+        Phi, such as :class:`BilinearCohesion`; see :func:`cohesion_table` for a curve of one's own.
+    ratio : Parameter
+        Strength in shear over strength in opening, > 0.
+    compression : Superpotential
+        Normal law in penetration, convex, without force in opening: :class:`Signorini` or :class:`Compliance`.
+
+    Raises
+    ------
+    ProblemError
+        Phi is not even, jumps, pushes back, or does not let go; the compression pulls or is not convex.
+    """
+
+    cohesion: Superpotential
+    ratio: Parameter = 1.0
+    compression: Superpotential = field(default_factory=Signorini)
+    name: ClassVar[str] = "mixed-mode"  # type: ignore[misc]
+
+    def __post_init__(self) -> None:
+        for what, law in (("cohesion", self.cohesion), ("compression", self.compression)):
+            if not isinstance(law, Superpotential):
+                raise ProblemError(
+                    f"the {what} of law '{self.name}' is {described(law)}; give a scalar law such as "
+                    f"{'BilinearCohesion(...)' if what == 'cohesion' else 'Signorini()'}"
+                )
+        if not isinstance(self.cohesion, PiecewiseQuadratic | NamedLaw):
+            raise ProblemError(
+                f"the cohesion '{self.cohesion.name}' of law '{self.name}' is not piecewise linear; give "
+                "BilinearCohesion(...), or a table of its curve, cohesion_table(openings, tractions)"
+            )
+        if not callable(self.ratio):
+            self._ratio_at(None)
+
+    def _ratio_at(self, points: Array | None) -> Array:
+        what = f"ratio of law '{self.name}'"
+        ratio = evaluate(self.ratio, points, what)
+        if (ratio <= 0.0).any():
+            raise ProblemError(f"{what} is {ratio.min():g}; it must be positive: shear strength over normal strength")
+        return ratio
+
+    @property
+    def stated(self) -> Mapping[str, object] | None:
+        """The law by its name and parameters, as problem files have it; None where a part has no name."""
+        cohesion, compression = self.cohesion.stated, self.compression.stated
+        if cohesion is None or compression is None or not isinstance(self.cohesion, NamedLaw):
+            return None
+        if self.compression.name not in ("signorini", "compliance"):
+            return None
+        parts = {key: value for key, value in cohesion.items() if key != "law"}
+        shape = self.cohesion.name.partition(" ")[0]
+        pushes = None if self.compression.name == "signorini" else compression["stiffness"]
+        return {"law": self.name, "shape": shape} | parts | {"ratio": self.ratio, "compression": pushes}
+
+    def at(self, points: Array | None) -> MixedMode:
+        law = MixedMode(self.cohesion.at(points), self._ratio_at(points), self.compression.at(points))
+        law._check()
+        return law
+
+    def take(self, index: IntArray) -> MixedMode:
+        ratio = self._ratio_at(None)
+        return replace(
+            self,
+            cohesion=self.cohesion.take(index),
+            ratio=ratio if ratio.size == 1 else ratio[index],
+            compression=self.compression.take(index),
+        )
+
+    def _check(self) -> None:
+        table, name = self._table, self.cohesion.name
+        knots, slopes, rise = table.breakpoints, table.slopes, self._tractions
+        middle = knots.shape[1] // 2
+        even = knots.shape[1] % 2 == 1 and knots.shape[1] >= 5 and np.array_equal(knots, -knots[:, ::-1])
+        if not even or not np.array_equal(slopes, slopes[:, ::-1]) or knots[:, middle].any():
+            raise ProblemError(f"the cohesion '{name}' of law '{self.name}' is not even with a knot at 0")
+        if table.jumps.any() or np.isfinite(table.lower).any() or np.isfinite(table.upper).any():
+            raise ProblemError(
+                f"the cohesion '{name}' of law '{self.name}' jumps or ends; let it fall along a line, for the "
+                "tractions are one curve"
+            )
+        if (rise < -1e-12 * np.abs(rise).max(axis=1, keepdims=True)).any() or (slopes[:, middle] <= 0.0).any():
+            raise ProblemError(
+                f"the cohesion '{name}' of law '{self.name}' pushes apart; its traction must be at least 0"
+            )
+        if rise[:, -1].any() or slopes[:, -1].any():
+            raise ProblemError(
+                f"the cohesion '{name}' of law '{self.name}' never lets go; its traction must end at zero"
+            )
+        try:
+            pulls = self.compression.derivative(np.array([[-1e-9], [-1.0], [-1e9]]))
+        except ValueError:
+            pulls = np.zeros(1)
+        if np.any(pulls != 0.0) or (self.compression.weak_convexity > 0.0).any():
+            raise ProblemError(
+                f"the compression '{self.compression.name}' of law '{self.name}' acts in opening or is not convex; "
+                "take Signorini() or Compliance(stiffness)"
+            )
+
+    # ---- the curve --------------------------------------------------------------------------------------
+
+    @cached_property
+    def _table(self) -> PiecewiseQuadratic:
+        law = self.cohesion
+        return law.table if isinstance(law, NamedLaw) else law  # type: ignore[return-value]
+
+    def _table_at(self, index: IntArray) -> PiecewiseQuadratic:
+        """The table at some contact points."""
+        return self._table.take(index)
+
+    @cached_property
+    def _half(self) -> tuple[Array, Array]:
+        """Knots rho > 0 (m or 1, K) and slopes of the pieces from 0 on (m or 1, K + 1)."""
+        middle = self._table.breakpoints.shape[1] // 2
+        return self._table.breakpoints[:, middle + 1 :], self._table.slopes[:, middle + 1 :]
+
+    @cached_property
+    def _tractions(self) -> Array:
+        """Phi' at the knots rho > 0, (m or 1, K)."""
+        middle = self._table.breakpoints.shape[1] // 2
+        return self._table.knot_slopes()[1][:, middle + 1 :]
+
+    @cached_property
+    def beta(self) -> Array:
+        """The ratio, (m or 1,)."""
+        return self._ratio_at(None)
+
+    @cached_property
+    def tangential(self) -> PiecewiseQuadratic:
+        """``Phi(ratio s)``, the even law of the length of the slip where nothing opens."""
+        beta, table = self.beta[:, None], self._table
+        return PiecewiseQuadratic(table.breakpoints / beta, table.slopes * beta**2, table.jumps, name=self.name)
+
+    @cached_property
+    def _peak(self) -> Array:
+        """rho of the largest traction, (m or 1,)."""
+        return np.take_along_axis(self._half[0], np.argmax(self._tractions, axis=1)[:, None], axis=1)[:, 0]
+
+    @property
+    def opening_at_peak(self) -> Array:
+        """rho at which the strength is reached, (m or 1,)."""
+        return self._peak
+
+    @property
+    def opening_at_break(self) -> Array:
+        """rho at which it lets go, (m or 1,)."""
+        return self._half[0][:, -1]
+
+    @property
+    def strength(self) -> Array:
+        """Largest traction in opening, (m or 1,); that in shear is ``ratio`` times it."""
+        return np.asarray(self._tractions.max(axis=1))
+
+    @property
+    def curve_knots(self) -> Array:
+        """rho > 0 at which the curve bends, (m or 1, K)."""
+        return self._half[0]
+
+    def describe(self, point: int = 0) -> str:
+        """Strengths, openings and alpha at one contact point, in words."""
+        one = self.take(np.array([point]))
+        alpha, beta = float(one.weak_convexity[0][0]), float(one.beta[0])
+        lines = (
+            f"law {self.name}: {self.cohesion.name}; in penetration {self.compression.name}",
+            f"strength          {one.strength.item():.6g} in opening, {beta * one.strength.item():.6g} in shear",
+            f"fracture energy   {one.fracture_energy.item():.6g}, whatever the mode",
+            f"softens           from the opening {one.opening_at_peak.item():.6g} (slip "
+            f"{one.opening_at_peak.item() / beta:.6g}) on",
+            f"lets go           at the opening {one.opening_at_break.item():.6g} (slip "
+            f"{one.opening_at_break.item() / beta:.6g})",
+            f"alpha             {alpha:.6g} for the opening, {alpha * beta**2:.6g} for the slip (weakly convex)",
+        )
+        return "\n".join(lines)
+
+    @property
+    def fracture_energy(self) -> Array:
+        """G_c, the work from the bonded to any broken state, (m or 1,)."""
+        return self._table.value(self.opening_at_break)
+
+    def effective(self, r: Array) -> Array:
+        """rho of local displacements (m, c)."""
+        opening = np.maximum(-r[:, 0], 0.0)
+        return opening if r.shape[1] == 1 else np.hypot(opening, self.beta * lengths(r[:, 1:]))
+
+    def piece_of(self, rho: Array) -> IntArray:
+        """Piece of each rho, 0 from 0 on; a knot belongs to the piece before it."""
+        return np.asarray((rho[:, None] > self._half[0]).sum(axis=1), dtype=np.int64)
+
+    def curve_on(self, rho: Array, piece: IntArray) -> tuple[Array, Array]:
+        """Phi'/rho and Phi'' at rho on given pieces, (m,) each."""
+        knots, slopes = self._half
+        zero = np.zeros((len(knots), 1))
+        starts, bases = (np.concatenate([zero, part], axis=1) for part in (knots, self._tractions))
+        start, base, slope = (row_entries(part, piece) for part in (starts, bases, slopes))
+        traction = base + slope * (rho - start)
+        secant = np.where(piece == 0, slope, traction / np.where(rho > 0.0, rho, 1.0))
+        return np.where(piece == knots.shape[1], 0.0, secant), slope
+
+    def damage(self, r: Array) -> Array:
+        """How much of the initial stiffness is lost at ``r (m, c)``: 0 intact, 1 broken; (m,)."""
+        rho = self.effective(r)
+        return np.asarray(1.0 - self.curve_on(rho, self.piece_of(rho))[0] / self._half[1][:, 0])
+
+    def spent(self, r: Array) -> Array:
+        """Energy per area that an unloading with the secant stiffness would not give back, (m,)."""
+        rho = self.effective(r)
+        return np.asarray(self._table.value(rho) - 0.5 * self.curve_on(rho, self.piece_of(rho))[0] * rho**2)
+
+    def mode_ratio(self, r: Array) -> Array:
+        """Share of the slip in rho^2, (m,): 0 opening alone, 1 slip alone or compression; nan at rho = 0."""
+        rho, opening = self.effective(r), np.maximum(-r[:, 0], 0.0)
+        return np.where(rho > 0.0, 1.0 - (opening / np.where(rho > 0.0, rho, 1.0)) ** 2, np.nan)
+
+    # ---- no state ---------------------------------------------------------------------------------------
+
+    @property
+    def state_dependent(self) -> bool:
+        return False
+
+    def frozen(self, r: Array, lam: Array) -> MixedMode:
+        return self
+
+    def frozen_at(self, r: Array) -> MixedMode:
+        return self
+
+    @property
+    def lipschitz(self) -> Array:
+        return np.zeros(1)
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        return False
+
+    # ---- value and subdifferential ----------------------------------------------------------------------
+
+    def value(self, r: Array) -> Array:
+        pushed = np.where(r[:, 0] > 0.0, self.compression.value(np.maximum(r[:, 0], 0.0)), 0.0)
+        return np.asarray(pushed + self._table.value(self.effective(r)))
+
+    def distance(self, r: Array, lam: Array) -> Array:
+        off = lengths(lam - self.near(r).nearest_multiplier(lam))
+        return np.where(r[:, 0] > self.compression.domain.upper, np.inf, off)
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        shut = r.copy()
+        shut[:, 0] = 0.0
+        return np.minimum(self.distance(r, lam), np.hypot(r[:, 0] / tau[:, 0], self.distance(shut, lam)))
+
+    def near(self, r: Array) -> NearMixedMode:
+        return NearMixedMode(self, np.asarray(r, dtype=float))
+
+    def linearise(self, r: Array) -> Linearisation:
+        smooth = np.ones((len(r), 2), dtype=bool)
+        smooth[:, 0] = ~self.at_normal_kink(r)
+        near = self.near(r)
+        hessian = near.hessian(near.piece)
+        hessian[~smooth[:, 0], 0, :] = hessian[~smooth[:, 0], :, 0] = 0.0
+        return Linearisation(smooth, near.gradient(r), hessian)
+
+    def prox_jacobian(self, x: Array, tau: Array) -> Array:
+        d = x.shape[1]
+        r = self.prox(x, tau)
+        line, stiffness = self.linearise(r), 1.0 / tau[:, [0, *[1] * (d - 1)]]
+        free = line.smooth[:, [0, *[1] * (d - 1)]]
+        matrix = line.hessian + np.where(free, stiffness, 1.0)[:, :, None] * np.eye(d)
+        return np.asarray(np.linalg.inv(matrix) * np.where(free, stiffness, 0.0)[:, None, :] * free[:, :, None])
+
+    def admissible(self, r: Array) -> Array:
+        out, ends = np.array(r, dtype=float), self.compression.domain
+        out[:, 0] = np.clip(out[:, 0], ends.lower, ends.upper)
+        return out
+
+    # ---- far away ---------------------------------------------------------------------------------------
+
+    def recession(self, direction: Array) -> Array:
+        return np.where(direction[:, 0] > 0.0, self.compression.recession(np.maximum(direction[:, 0], 0.0)), 0.0)
+
+    @property
+    def rates(self) -> tuple[Array, Array, Array]:
+        return self.compression.recession(np.ones(1)), np.zeros(1), np.zeros(1)
+
+    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
+        up = steepest(self.compression, rest[:, 0], 1.0, size)
+        down = steepest(self._table, np.maximum(-rest[:, 0], 0.0), 1.0, size)
+        if rest.shape[1] == 1:
+            return up, down, np.zeros(len(rest))
+        return up, down, steepest(self.tangential, lengths(rest[:, 1:]), 1.0, size)
+
+    def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
+        return self.compression.asymptotic_curvature(sign) if sign > 0.0 else np.zeros(1), np.zeros(1)
+
+    @property
+    def weak_convexity(self) -> tuple[Array, Array]:
+        fall = np.maximum(-self._half[1], 0.0).max(axis=1)
+        return fall, np.asarray(fall * self.beta**2)
+
+    @property
+    def penetrations(self) -> Interval:
+        return self.compression.domain
+
+    @property
+    def penetration_knots(self) -> Array:
+        return np.concatenate([-self._half[0][:, ::-1], np.zeros((len(self._half[0]), 1))], axis=1)
+
+    @property
+    def rubs(self) -> BoolArray:
+        return np.ones(1, dtype=bool)
+
+    # ---- the local problem ------------------------------------------------------------------------------
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        out = self._shut(a, b, None)
+        opens = np.flatnonzero(b[:, 0] < 0.0)
+        if opens.size:
+            places, _, energies = self._opened(opens, a, b)
+            best = np.argmin(np.where(np.isnan(energies), np.inf, energies), axis=1)
+            out[opens] = self._of_opening(opens, b, places[np.arange(opens.size), best])
+        return out
+
+    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+        out = self._shut(a, b, r)
+        opens = np.flatnonzero(b[:, 0] < 0.0)
+        if not opens.size:
+            return out
+        places, rho, energies = self._opened(opens, a, b)
+        problem, start = self._problem(opens, a, b), self.effective(r)[opens]
+        valid = np.isfinite(energies)
+        pull = problem.secant(np.maximum(start, np.finfo(float).tiny)[:, None])[:, 0] * start
+        pull = np.where(start > 0.0, pull, np.inf)
+        rounding = (1e-13 * start)[:, None]
+        after = np.where(valid & (rho >= start[:, None] - rounding), rho, np.inf)
+        before = np.where(valid & (rho <= start[:, None] + rounding), rho, -np.inf)
+        rises = self._table_at(opens).derivative(start) > pull
+        beyond = start > problem.rho(np.zeros((opens.size, 1)))[:, 0]
+        back = (rises | beyond) & np.isfinite(before.max(axis=1))
+        chosen = np.where(back, np.argmax(before, axis=1), np.argmin(after, axis=1))
+        out[opens] = self._of_opening(opens, b, places[np.arange(opens.size), chosen])
+        lost = ~np.where(back, np.isfinite(before.max(axis=1)), np.isfinite(after.min(axis=1)))
+        out[opens[lost]] = np.nan
+        return out
+
+    def _shut(self, a: Array, b: Array, r: Array | None) -> Array:
+        """The minimiser where the force does not open, (m, c): penetration and slip are laws of their own there."""
+        out = np.zeros(b.shape)
+        push = np.maximum(b[:, 0], 0.0)
+        out[:, 0] = np.maximum(self.compression.local_argmin(a[:, 0], push), 0.0)
+        if b.shape[1] > 1:
+            size, heading = polar(b[:, 1:])
+            if r is None:
+                length = np.abs(self.tangential.local_argmin(a[:, 1], size))
+            else:
+                length = np.abs(downhill(self.tangential, a[:, 1], size, lengths(r[:, 1:])))
+            heading[:, 0] = np.where(size > 0.0, heading[:, 0], 1.0)
+            out[:, 1:] = length[:, None] * heading
+        return out
+
+    def _problem(self, opens: IntArray, a: Array, b: Array) -> OpeningProblem:
+        beta = np.broadcast_to(self.beta, (len(b),))[opens]
+        pull = lengths(b[opens, 1:]) if b.shape[1] > 1 else np.zeros(opens.size)
+        knots, slopes = self._half
+        tables = [part if len(part) == 1 else part[opens] for part in (knots, self._tractions, slopes)]
+        return OpeningProblem(
+            np.stack([a[opens, 0], a[opens, 1] / beta**2], axis=1),
+            np.stack([-b[opens, 0], pull / beta], axis=1),
+            *(np.broadcast_to(part, (opens.size, part.shape[1])) for part in tables),
+        )
+
+    def _opened(self, opens: IntArray, a: Array, b: Array) -> tuple[Array, Array, Array]:
+        """Opening and effective slip (n, k, 2) of all local minimisers, rho and energy (n, k)."""
+        problem = self._problem(opens, a, b)
+        secants = problem.minimisers()
+        places = problem.places(secants)
+        rho = np.hypot(places[..., 0], places[..., 1])
+        law, far = self._table_at(opens), ~np.isfinite(rho)
+        stored = np.stack([law.value(np.where(far[:, k], 0.0, rho[:, k])) for k in range(rho.shape[1])], axis=1)
+        with np.errstate(invalid="ignore"):
+            work = (0.5 * problem.stiffness[:, None, :] * places**2 - problem.force[:, None, :] * places).sum(axis=2)
+        return places, rho, np.where(np.isnan(secants), np.inf, np.where(far, -np.inf, work + stored))
+
+    def _of_opening(self, opens: IntArray, b: Array, place: Array) -> Array:
+        """Local displacements (n, c) of an opening and an effective slip (n, 2)."""
+        out = np.zeros((opens.size, b.shape[1]))
+        out[:, 0] = -place[:, 0]
+        if b.shape[1] > 1:
+            beta = np.broadcast_to(self.beta, (len(b),))[opens]
+            out[:, 1:] = (place[:, 1] / beta)[:, None] * polar(b[opens, 1:])[1]
+        return np.where(np.isfinite(out), out, np.nan)
+
+    # ---- where a pair lies ------------------------------------------------------------------------------
+
+    def snapped(self, r: Array, near: float) -> Array:
+        out = r.copy()
+        knot = self.compression.kink_within(r[:, 0], near)
+        out[:, 0] = np.where(np.isfinite(knot), knot, r[:, 0])
+        return out
+
+    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
+        shut = r.copy()
+        shut[:, 0] = 0.0
+        better = np.hypot(r[:, 0] / tau[:, 0], self.distance(shut, lam)) < self.distance(r, lam)
+        return np.where(better[:, None], shut, r)
+
+    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
+        d = r.shape[1]
+        near, opens = self.near(r), r[:, 0] < 0.0
+        # shut: the penetration and the slip are laws of their own
+        below, above, low, high = one_sided(self.compression, r[:, 0], tau[:, 0], slack)
+        touches = r[:, 0] == 0.0
+        low = np.where(touches, near.secant(near.piece), low)
+        index = np.flatnonzero(active[:, 0] & ~opens)
+        axis = np.broadcast_to(np.eye(d)[0], (index.size, d))
+        found = [Sides(index, axis, lam[index, 0], *(part[index] for part in (below, above, low, high)))]
+        if d > 1:
+            radial = radial_sides(self.tangential, r, lam, active, tau[:, 1], slack)
+            found += [one.where(~opens[one.point]) for one in radial]
+        # open: the principal directions of the second derivative; at a knot of rho the lower one of two
+        rows = np.flatnonzero(opens & active.any(axis=1))
+        if rows.size:
+            rho, (knots, slopes) = self.effective(r), self._half
+            gaps = np.abs(rho[:, None] - knots)
+            nearest = np.argmin(gaps, axis=1)
+            jumps = np.take_along_axis(gaps, nearest[:, None], axis=1)[:, 0] <= slack * tau.max(axis=1)
+            sides = (row_entries(slopes, nearest), row_entries(slopes, nearest + 1))
+            lower = np.where(sides[0] <= sides[1], nearest, nearest + 1)
+            jumps &= sides[0] != sides[1]
+            hessian = near.hessian(np.where(jumps, lower, near.piece))[rows]
+            found += principal_sides(rows, hessian, active[rows], jumps[rows])
+        return found
+
+    def at_normal_kink(self, r: Array) -> BoolArray:
+        return self.compression.at_kink(r[:, 0])
+
+    def moves(self, r: Array, small: float) -> BoolArray:
+        """Which points slip: those whose glue is past its strength."""
+        return np.asarray(self.effective(r) > self._peak * (1.0 + 1e-9))
+
+    def pulls(self, r: Array) -> BoolArray:
+        return np.asarray((r[:, 0] < 0.0) & (self.effective(r) < self.opening_at_break))
+
+    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+        return np.asarray(self.effective(r) > self._peak * (1.0 + 1e-9))
+
+    def resistance(self, r: Array, lam: Array) -> Array:
+        return np.where(self.effective(r) < self.opening_at_break, self.beta * self.strength, 0.0)

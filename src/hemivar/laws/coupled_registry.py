@@ -1,0 +1,70 @@
+"""The laws that couple opening and slip by name, for problem files and for the list of laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from hemivar.basics.types import Parameter
+from hemivar.errors import ProblemError
+from hemivar.laws.coupled import BilinearCohesion, ExponentialCohesion, MixedMode, TrapezoidalCohesion
+from hemivar.laws.normal import Compliance, Signorini
+from hemivar.laws.registry import LawEntry, LawKind, LawParameter, ParameterForm
+from hemivar.laws.superpotential import Superpotential
+
+__all__ = ["COUPLED_LAWS"]
+
+_PRESSURE, _RATE = "force/area", "force/area/length"
+
+
+def _mixed_mode(
+    strength: Parameter,
+    energy: Parameter,
+    stiffness: Parameter,
+    ratio: Parameter = 1.0,
+    shape: str = "bilinear",
+    plateau: Parameter | None = None,
+    compression: Parameter | None = None,
+) -> MixedMode:
+    stated = (strength, energy, stiffness)
+    if (plateau is not None) != (shape == "trapezoidal"):
+        raise ProblemError("law 'mixed-mode': the shape 'trapezoidal' needs a plateau, and no other one has any")
+    cohesion: Superpotential
+    match shape:
+        case "trapezoidal":
+            assert plateau is not None
+            cohesion = TrapezoidalCohesion(*stated, plateau)
+        case "exponential":
+            cohesion = ExponentialCohesion(*stated)
+        case "bilinear":
+            cohesion = BilinearCohesion(*stated)
+        case _:
+            raise ProblemError(f"law 'mixed-mode' has no shape '{shape}'; take bilinear, exponential or trapezoidal")
+    return MixedMode(cohesion, ratio, Signorini() if compression is None else Compliance(compression))
+
+
+_COUPLED = (
+    LawEntry(
+        "mixed-mode",
+        LawKind.NORMAL,
+        _mixed_mode,
+        "glue that opens and slips through one effective opening and lets go with one fracture energy; stands for "
+        "friction, too",
+        "j(r) = Phi(rho), rho = sqrt(<w>^2 + ratio^2 |s|^2), with the opening w = -r and the slip s",
+        (
+            LawParameter("strength", "largest traction in opening", _PRESSURE, minimum=0.0, example=30.0),
+            LawParameter("energy", "fracture energy G_c", "force/length", minimum=0.0, example=0.5),
+            LawParameter("stiffness", "initial stiffness", _RATE, minimum=0.0, example=1e4),
+            LawParameter("ratio", "shear strength over normal strength", "1", 1.0, minimum=0.0, example=1.5),
+            LawParameter(
+                "shape", "how the traction falls", "bilinear, exponential or trapezoidal", "bilinear",
+                form=ParameterForm.TEXT, choices=("bilinear", "exponential", "trapezoidal"),
+            ),
+            LawParameter("plateau", "length of the plateau of a trapezoid", "length", minimum=0.0, optional=True),
+            LawParameter("compression", "stiffness in penetration; left out: rigid", _RATE, minimum=0.0, optional=True),
+        ),
+    ),
+)  # fmt: skip
+
+#: Laws that couple opening and slip by name; they stand where a normal law does, and for friction, too.
+COUPLED_LAWS: Mapping[str, LawEntry] = MappingProxyType({entry.name: entry for entry in _COUPLED})

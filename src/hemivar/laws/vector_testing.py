@@ -1,0 +1,193 @@
+"""The conformance kit for laws of the whole local displacement: is one, a user's own too, consistent with itself?
+
+from hemivar.laws.vector_testing import check_vector_law
+check_vector_law(MixedMode(...).at(None), reach=0.05)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.laws.testing import LawError, LawReport
+from hemivar.laws.vector_law import VectorLaw, spread
+
+__all__ = ["check_vector_law"]
+
+#: Places and local problems that are tried; lines and columns of the grid on which minimisers are looked for.
+_PLACES, _PROBLEMS, _GRID = 400, 60, 161
+
+
+def check_vector_law(
+    law: VectorLaw, *, reach: float, components: int = 2, seed: int = 0, raises: bool = True
+) -> LawReport:
+    """Check the answers of a law against its value, at random places and on a grid of openings and slips.
+
+    Parameters
+    ----------
+    law : VectorLaw
+        With resolved parameters, the same at all contact points; its bound depends on no state.
+    reach : float
+        Places up to this size are tried.
+    components : int
+        2 in the plane, 3 in space.
+    seed : int
+        Of the random places.
+    raises : bool
+        Raise if something is wrong; with False the report says so.
+
+    Raises
+    ------
+    LawError
+        With the list of failures.
+    """
+    checker = _Checker(law, reach, components, np.random.default_rng(seed))
+    steps: tuple[tuple[str, Callable[[], str | None]], ...] = (
+        ("the value is zero at r = 0", checker.origin),
+        ("the gradient is that of the value", checker.gradient),
+        ("the hessian is that of the gradient", checker.hessian),
+        ("alpha makes the law convex", checker.convexity),
+        ("local_argmin is the global minimiser", checker.argmin),
+        ("local_argmin lies on the graph", checker.graph),
+        ("downhill leads to a stationary point that is not higher", checker.downhill),
+        ("prox_jacobian is the derivative of prox", checker.jacobian),
+        ("the nearest multiplier is an element", checker.nearest),
+        ("rates bound the growth", checker.growth),
+    )
+    failures = []
+    for name, step in steps:
+        with np.errstate(all="ignore"):
+            wrong = step()
+        if wrong:
+            failures.append(f"{name}: it is not: {wrong}")
+    report = LawReport(law.name, tuple(name for name, _ in steps), tuple(failures))
+    if raises and failures:
+        raise LawError(str(report))
+    return report
+
+
+class _Checker:
+    """Samples of a law and the questions about them."""
+
+    def __init__(self, law: VectorLaw, reach: float, components: int, random: np.random.Generator) -> None:
+        self.law, self.reach, self.random, self.c = law, reach, random, components
+        ends = law.penetrations
+        self.r = random.uniform(-reach, reach, (_PLACES, components))
+        self.r[:, 0] = np.clip(self.r[:, 0], ends.lower, ends.upper)
+        self.slope = float(np.abs(law.linearise(self.r).gradient).max()) or 1.0
+        softest = max(float(alpha.max()) for alpha in law.weak_convexity)
+        stiffness = np.maximum(softest, self.slope / reach)
+        self.a = stiffness * 10.0 ** random.uniform(-1.0, 1.5, (_PROBLEMS, 2))
+        self.b = spread(self.a, components) * self.r[:_PROBLEMS]
+        self.b += self.slope * random.uniform(-1.0, 1.0, self.b.shape)
+
+    def origin(self) -> str | None:
+        value = float(self.law.value(np.zeros((1, self.c)))[0])
+        return None if abs(value) <= 1e-12 * self.slope * self.reach else f"j(0) = {value:.6g}"
+
+    def _differences(self, of: Callable[[Array], Array], step: float) -> Array:
+        shifts = step * np.eye(self.c)
+        return np.stack([(of(self.r + shift) - of(self.r - shift)) / (2.0 * step) for shift in shifts], axis=-1)
+
+    def _inside(self, step: float) -> Array:
+        """Smooth places away from the ends of the pieces."""
+        sides = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * self.c), axis=-1).reshape(-1, self.c)
+        corners = [self.r + step * side for side in sides]
+        near = self.law.near(self.r)
+        stays = [np.abs(near.clamp(corner) - corner).max(axis=1) < 1e-3 * step for corner in corners]
+        return np.asarray(np.all(stays, axis=0) & self.law.linearise(self.r).smooth.all(axis=1))
+
+    def gradient(self) -> str | None:
+        step = 1e-6 * self.reach
+        off = np.abs(self._differences(self.law.value, step) - self.law.linearise(self.r).gradient).max(axis=1)
+        return self._worst(np.where(self._inside(step), off, 0.0), 1e-4 * self.slope)
+
+    def hessian(self) -> str | None:
+        step = 1e-6 * self.reach
+        line = self.law.linearise(self.r)
+        found = self._differences(lambda r: self.law.linearise(r).gradient, step)
+        off = np.abs(found - line.hessian).max(axis=(1, 2))
+        return self._worst(np.where(self._inside(step), off, 0.0), 1e-4 * float(np.abs(line.hessian).max()) + 1e-300)
+
+    def _worst(self, off: Array, allowed: float) -> str | None:
+        i = int(np.argmax(off))
+        return None if off[i] <= allowed else f"at r = {self.r[i]} it is off by {off[i]:.4g}"
+
+    def convexity(self) -> str | None:
+        alpha = spread(np.stack([np.broadcast_to(a, (_PLACES,)) for a in self.law.weak_convexity], axis=1), self.c)
+        if not np.isfinite(alpha).all():
+            return None
+
+        def raised(r: Array) -> Array:
+            return np.asarray(self.law.value(r) + 0.5 * (alpha * r**2).sum(axis=1))
+
+        ends, part = self.r[::-1], self.random.uniform(0.0, 1.0, _PLACES)
+        between = part[:, None] * self.r + (1.0 - part)[:, None] * ends
+        above = part * raised(self.r) + (1.0 - part) * raised(ends) - raised(between)
+        return self._worst(-above, 1e-9 * self.slope * self.reach)
+
+    def _energy(self, r: Array) -> Array:
+        return np.asarray((0.5 * spread(self.a, self.c) * r**2 - self.b * r).sum(axis=1) + self.law.value(r))
+
+    def argmin(self) -> str | None:
+        found = self._energy(self.law.local_argmin(self.a, self.b))
+        pull = np.linalg.norm(self.b[:, 1:], axis=1)
+        heading = self.b[:, 1:] / pull[:, None]  # the slip of least energy lies along the force
+        for i in range(_PROBLEMS):
+            far = 1.5 * np.maximum(self.reach, np.abs([self.b[i, 0], pull[i]]) / self.a[i])
+            normal = np.linspace(-far[0], far[0], 2 * _GRID - 1)
+            ends = self.law.penetrations
+            normal = normal[(normal >= ends.lower.min()) & (normal <= ends.upper.max())]
+            w, s = np.meshgrid(normal, np.linspace(0.0, far[1], _GRID), indexing="ij")
+            places = np.column_stack([w.ravel(), s.ravel()[:, None] * heading[i]])
+            energy = 0.5 * (self.a[i, 0] * w**2 + self.a[i, 1] * s**2).ravel() - places @ self.b[i]
+            energy += self.law.take(np.zeros(1, dtype=np.int64)).value(places)
+            best = int(np.argmin(energy))
+            if not found[i] <= energy[best] + 1e-9 * self.slope * self.reach:
+                return f"for a = {self.a[i]}, b = {self.b[i]} r = {places[best]} is lower"
+        return None
+
+    def _off(self, r: Array) -> Array:
+        lam = self.b - spread(self.a, self.c) * r
+        return self.law.graph_distance(r, lam, 1.0 / self.a)
+
+    def graph(self) -> str | None:
+        off = self._off(self.law.local_argmin(self.a, self.b))
+        return None if (off <= 1e-7 * (np.abs(self.b).max() + self.slope)).all() else f"it is off by {off.max():.3g}"
+
+    def downhill(self) -> str | None:
+        start = self.r[:_PROBLEMS]
+        end = self.law.downhill(self.a, self.b, start)
+        if not (self._energy(end) <= self._energy(start) + 1e-12 * self.slope * self.reach).all():
+            return "the energy rises"
+        off = self._off(end)
+        return None if (off <= 1e-7 * (np.abs(self.b).max() + self.slope)).all() else f"it is off by {off.max():.3g}"
+
+    def jacobian(self) -> str | None:
+        tau, step = 1.0 / self.a, 1e-7 * self.reach
+        x = self.random.uniform(-self.reach, self.reach, (_PROBLEMS, self.c))
+        shifts = step * np.eye(self.c)
+        ways = [(self.law.prox(x + one, tau), self.law.prox(x - one, tau)) for one in shifts]
+        found = np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in ways], axis=-1)
+        off = np.abs(found - self.law.prox_jacobian(x, tau)).max(axis=(1, 2))
+        most = np.abs(found).max(axis=(1, 2))
+        wrong = (off > 1e-3 * (1.0 + most)) & (most < 50.0)  # beyond, prox jumps, or is about to
+        return None if wrong.mean() <= 0.05 else f"it is off by {off[wrong].max():.3g}"
+
+    def nearest(self) -> str | None:
+        lam = self.slope * self.random.uniform(-2.0, 2.0, self.r.shape)
+        off = self.law.distance(self.r, self.law.nearest_multiplier(self.r, lam))
+        return self._worst(off, 1e-12 * self.slope)
+
+    def growth(self) -> str | None:
+        far = 1e6 * self.reach
+        up, down, slip = (float(np.max(rate)) for rate in self.law.rates)
+        for rate, way in ((up, 1.0), (down, -1.0), (slip, 0.0)):
+            r = np.zeros((1, self.c))
+            r[0, 0 if way else 1] = far * (way or 1.0)
+            grown = float(self.law.value(r)[0]) / far
+            if np.isfinite(rate) and abs(grown - rate) > 1e-3 * self.slope:
+                return f"along {r[0] / far} j grows by {grown:.4g} per length, not {rate:.4g}"
+        return None

@@ -1,0 +1,358 @@
+"""Mixed-mode glue: the law against its own value, closed forms of a point on springs, and bad input."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.certificates.continuous import exact_distance, lower_bounds
+from hemivar.discrete import DiscreteProblem
+from hemivar.laws import (
+    Adhesive,
+    BilinearCohesion,
+    Compliance,
+    ContactLaw,
+    ExponentialCohesion,
+    FormulaLaw,
+    MixedMode,
+    Signorini,
+    Softening,
+    Superpotential,
+    TrapezoidalCohesion,
+    Tresca,
+    cohesion_table,
+    join_laws,
+)
+from hemivar.laws.registry import normal_law
+from hemivar.laws.testing import LawError, check_law
+from hemivar.laws.vector_testing import check_vector_law
+
+STRENGTH, ENERGY, STIFFNESS, RATIO = 30.0, 0.5, 1e4, 1.5
+SHAPES: dict[str, Superpotential] = {
+    "bilinear": BilinearCohesion(STRENGTH, ENERGY, STIFFNESS),
+    "exponential": ExponentialCohesion(STRENGTH, ENERGY, STIFFNESS),
+    "trapezoidal": TrapezoidalCohesion(STRENGTH, ENERGY, STIFFNESS, 0.005),
+    "table": cohesion_table([0.0, 0.001, 0.002, 0.01, 0.02], [0.0, 10.0, 30.0, 20.0, 0.0]),
+}
+
+COULOMB = ContactLaw(Signorini(), Tresca(hv.laws.CoulombBound(0.3))).at(None)
+
+
+def glue(ratio: float = RATIO, compression: Superpotential | None = None) -> MixedMode:
+    return MixedMode(SHAPES["bilinear"], ratio, Signorini() if compression is None else compression).at(None)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_cohesions_pass_the_kit_of_scalar_laws(shape: str) -> None:
+    check_law(SHAPES[shape].at(None), friction=True)
+
+
+@pytest.mark.parametrize("components", [2, 3])
+@pytest.mark.parametrize("compression", [Signorini(), Compliance(5e3)], ids=lambda law: law.name)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_laws_pass_the_kit(shape: str, compression: Superpotential, components: int) -> None:
+    check_vector_law(MixedMode(SHAPES[shape], RATIO, compression).at(None), reach=0.04, components=components)
+
+
+def test_the_kit_passes_laws_that_split_and_notices_a_wrong_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
+    check_vector_law(ContactLaw(Adhesive(5.0, 1.0, 2.0), Tresca(0.3)).at(None), reach=1.5)
+    law = glue()
+    alpha = law.weak_convexity
+    monkeypatch.setattr(MixedMode, "weak_convexity", property(lambda self: (0.5 * alpha[0], 0.5 * alpha[1])))
+    with pytest.raises(LawError, match="alpha makes the law convex"):
+        check_vector_law(law, reach=0.04)
+
+
+def test_the_fracture_energy_is_the_area_of_the_curve() -> None:
+    for shape in ("bilinear", "exponential", "trapezoidal"):
+        law = MixedMode(SHAPES[shape]).at(None)
+        assert law.fracture_energy.item() == pytest.approx(ENERGY, rel=1e-12)
+        assert law.strength.item() == pytest.approx(STRENGTH, rel=1e-12)
+    area = 0.5 * (0.001 * 10.0 + 0.001 * 40.0 + 0.008 * 50.0 + 0.01 * 20.0)
+    assert MixedMode(SHAPES["table"]).at(None).fracture_energy.item() == pytest.approx(area, rel=1e-12)
+
+
+def test_the_work_to_break_does_not_depend_on_the_way() -> None:
+    """Shear to 0.01, opening to separation and back: with Benzeggagh and Kenane's criterion that is more."""
+    law = glue()
+    corners = np.array([[0.0, 0.0], [0.0, 0.01], [-0.04, 0.01], [-0.04, 0.0]])
+    work = 0.0
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    for start, end in itertools.pairwise(corners):
+        parts = np.linspace(0.0, 1.0, 20001)
+        t = (0.5 * (parts[1:] + parts[:-1])[:, None] + 0.5 * np.diff(parts)[:, None] * nodes).ravel()
+        force = law.near(start + t[:, None] * (end - start)).gradient(start + t[:, None] * (end - start))
+        work += float(((force @ (end - start)).reshape(-1, 4) @ weights * 0.5 * np.diff(parts)).sum())
+    assert work == pytest.approx(ENERGY, rel=1e-7)
+
+
+# ---- a point on springs ---------------------------------------------------------------------------------------
+
+
+def point(springs: float, load: Array, law: MixedMode) -> DiscreteProblem:
+    """A point on two equal springs, opened and sheared by a load."""
+    return DiscreteProblem.of_arrays(
+        springs * np.eye(2), np.array([-load[0], load[1]]), np.eye(2), np.ones(1), np.zeros(1), law
+    )
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0, 45.0, 90.0])
+def test_a_point_on_stiff_springs_softens_and_breaks_where_it_should(angle: float) -> None:
+    law, springs = glue(), 5000.0
+    way = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+    if angle == 90.0:
+        way[0] = 0.0
+    first, last = STRENGTH / STIFFNESS, 2.0 * ENERGY / STRENGTH
+    fall = STRENGTH / (last - first)
+    elastic = way / (springs + STIFFNESS * np.array([1.0, RATIO**2]))
+    onset = first / np.hypot(elastic[0], RATIO * elastic[1])
+    free = springs * last / np.hypot(way[0], RATIO * way[1])
+    found = hv.solve(point(springs, onset * way, law))
+    assert law.effective(found.local)[0] == pytest.approx(first, rel=1e-10)
+    assert found.local[0] * [-1.0, 1.0] == pytest.approx(onset * elastic, rel=1e-10)
+    assert hv.solve(point(springs, 1.001 * onset * way, law)).states.names[0] != "debonded"
+    assert law.damage(hv.solve(point(springs, 0.999 * onset * way, law)).local)[0] == pytest.approx(0.0, abs=1e-12)
+    assert law.damage(hv.solve(point(springs, 1.001 * onset * way, law)).local)[0] > 0.0
+    broken = hv.solve(point(springs, 1.0001 * free * way, law))
+    assert law.damage(broken.local)[0] == 1.0
+    assert broken.local[0] * [-1.0, 1.0] == pytest.approx(1.0001 * free * way / springs, rel=1e-10)
+    assert law.value(broken.local)[0] == pytest.approx(ENERGY, rel=1e-10)
+    assert broken.energy == pytest.approx(ENERGY - 0.5 * (1.0001 * free) ** 2 / springs, rel=1e-10)
+    nearly = hv.solve(point(springs, 0.9999 * free * way, law))
+    assert 0.99 < law.damage(nearly.local)[0] < 1.0
+    if angle in (0.0, 90.0):  # one mode: a line meets a line
+        beta = 1.0 if angle == 0.0 else RATIO
+        load = 0.5 * (onset + free)
+        rho = beta * (load - beta * fall * last) / (springs - beta**2 * fall)
+        softened = hv.solve(point(springs, load * way, law))
+        assert law.effective(softened.local)[0] == pytest.approx(rho, rel=1e-10)
+        assert softened.states.names[0][0] == ("softening" if angle == 0.0 else "contact")
+        assert softened.states.names[1][0] == "slip"
+
+
+def test_equal_strengths_and_springs_make_one_mode_of_all() -> None:
+    law, springs, last, first = glue(1.0), 5000.0, 2.0 * ENERGY / STRENGTH, STRENGTH / STIFFNESS
+    fall = STRENGTH / (last - first)
+    for angle in (30.0, 45.0):
+        way = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+        rho = (80.0 - fall * last) / (springs - fall)
+        found = hv.solve(point(springs, 80.0 * way, law))
+        assert found.local[0] * [-1.0, 1.0] == pytest.approx(rho * way, rel=1e-10)
+        assert law.mode_ratio(found.local)[0] == pytest.approx(way[1] ** 2, rel=1e-10)
+
+
+def test_soft_springs_have_a_bonded_and_a_broken_solution_and_no_claim_of_one() -> None:
+    law = glue()
+    problem = point(800.0, np.array([17.5, 17.5]), law)
+    found = hv.find_solutions(problem)
+    damages = sorted(law.damage(solution.local)[0] for solution in found.minima)
+    assert damages == pytest.approx([0.0, 1.0], abs=1e-12)
+    assert not found.exhaustive
+    margin = hv.certificates.smallness(problem).margin
+    assert margin < 0.0
+    assert hv.certify(found[0]).unique is not True
+
+
+def test_the_margin_takes_each_component_with_its_own_alpha() -> None:
+    law = glue()
+    fall = STRENGTH / (2.0 * ENERGY / STRENGTH - STRENGTH / STIFFNESS)
+    problem = DiscreteProblem.of_arrays(
+        np.diag([2.0 * fall, 4.0 * fall * RATIO**2]), np.zeros(2), np.eye(2), np.ones(1), np.zeros(1), law
+    )
+    assert hv.certificates.smallness(problem).margin == pytest.approx(0.5, rel=1e-6)
+
+
+def test_results_do_not_change_with_units() -> None:
+    """Newtons and millimetres, and kilonewtons and metres."""
+    load = np.array([40.0, 30.0])
+    here = hv.solve(point(2000.0, load, glue()))
+    law = MixedMode(BilinearCohesion(STRENGTH * 1e3, ENERGY, STIFFNESS * 1e6), RATIO).at(None)
+    there = hv.solve(point(2000.0 * 1e6, load * 1e3, law))
+    assert there.local == pytest.approx(here.local * 1e-3, rel=1e-9)
+    assert there.states.names == here.states.names
+
+
+# ---- bodies -----------------------------------------------------------------------------------------------------
+
+
+def block(law: MixedMode | None = None, load: tuple[float, float] = (12.0, 20.0), cells: int = 2) -> hv.ContactProblem:
+    glued = MixedMode(SHAPES["bilinear"], RATIO) if law is None else law
+    return hv.ContactProblem(
+        hv.rectangle((1.0, 0.5), (2 * cells, cells)),
+        hv.Material.young(3000.0, 0.3),
+        {"bottom": hv.Contact(glued)},
+        {"left": hv.Clamped()},
+        tractions={"top": load},
+    )
+
+
+def test_newton_and_multigrid_agree_on_a_body() -> None:
+    newton = hv.solve(block(cells=4), hv.solvers.NonsmoothNewton())
+    multigrid = hv.solve(block(cells=4), hv.solvers.NonsmoothMultigrid())
+    assert newton.status.name == multigrid.status.name == "CONVERGED"
+    assert multigrid.energy == pytest.approx(newton.energy, rel=1e-8)
+    assert {"bonded", "softening"} & set(newton.states.names[0])
+    assert hv.certify(newton).kind.name in ("LOCAL_MINIMISER", "UNIQUE_MINIMISER")
+
+
+def test_two_boundaries_may_have_different_laws() -> None:
+    problem = block()
+    both = hv.ContactProblem(
+        problem.mesh, problem.material,
+        {"bottom": hv.Contact(MixedMode(SHAPES["bilinear"], RATIO)), "right": hv.Contact(Signorini(), Tresca(0.4))},
+        problem.supports, tractions={"top": (12.0, 20.0)},
+    )  # fmt: skip
+    found = hv.solve(both)
+    assert found.status.name == "CONVERGED"
+    assert hv.certify(found).kind.name in ("LOCAL_MINIMISER", "UNIQUE_MINIMISER")
+    alone = hv.solve(both, hv.solvers.NonsmoothMultigrid())
+    assert alone.energy == pytest.approx(found.energy, rel=1e-8)
+
+
+def test_a_joined_law_answers_as_its_parts_do() -> None:
+    law, other = glue(), ContactLaw(Adhesive(5e3, 20.0, 900.0), Tresca(3.0)).at(None)
+    joined = join_laws([(law, 30), (other, 30)])
+    check_vector_law(joined.take(np.arange(30, 60)), reach=0.04)
+    random = np.random.default_rng(1)
+    r, b, a = random.normal(size=(60, 2)) * 0.02, random.normal(size=(60, 2)) * 40.0, np.full((60, 2), 3e3)
+    r[:, 0] = np.minimum(r[:, 0], 0.0)
+    for name in ("local_argmin", "prox"):
+        given = (a, b) if name == "local_argmin" else (b / 3e3, 1.0 / a)
+        together = getattr(joined, name)(*given)
+        for part, rows in ((law, slice(0, 30)), (other, slice(30, 60))):
+            assert together[rows] == pytest.approx(getattr(part, name)(*(x[rows] for x in given)))
+    assert joined.value(r)[:30] == pytest.approx(law.value(r[:30]))
+    assert joined.near(r).nearest_multiplier(b)[30:] == pytest.approx(other.near(r[30:]).nearest_multiplier(b[30:]))
+
+
+def test_laws_may_vary_over_the_boundary() -> None:
+    def strength(x: Array) -> Array:
+        return STRENGTH * (1.0 + x[:, 0])
+
+    law = MixedMode(BilinearCohesion(strength, ENERGY, STIFFNESS), RATIO)
+    found = hv.solve(block(law))
+    assert found.status.name == "CONVERGED"
+    resolved = law.at(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    assert resolved.strength == pytest.approx([STRENGTH, 2.0 * STRENGTH])
+    assert resolved.take(np.array([1])).fracture_energy == pytest.approx([ENERGY])
+
+
+# ---- what is refused, and files ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: MixedMode(3.0), "the cohesion of law 'mixed-mode' is 3.0"),  # type: ignore[arg-type]
+        (lambda: MixedMode(SHAPES["bilinear"], compression="hard"), "the compression of law"),  # type: ignore[arg-type]
+        (lambda: MixedMode(SHAPES["bilinear"], 0.0), "ratio of law 'mixed-mode' is 0"),
+        (lambda: MixedMode(SHAPES["bilinear"], -1.0), "it must be positive"),
+        (lambda: MixedMode(SHAPES["bilinear"], np.nan), "finite number"),
+        (lambda: MixedMode(FormulaLaw("r^2/2")), "not piecewise linear"),
+        (lambda: MixedMode(Adhesive(5.0, 1.0, 2.0)).at(None), "not even"),
+        (lambda: MixedMode(Signorini()).at(None), "not even"),
+        (lambda: MixedMode(SHAPES["bilinear"], compression=Softening(2.0, 0.1, 0.5)).at(None), "not convex"),
+        (lambda: MixedMode(SHAPES["bilinear"], compression=Adhesive(5.0, 1.0, 2.0)).at(None), "acts in opening"),
+        (lambda: BilinearCohesion(0.0, 1.0, 1.0).at(None), "strength of law 'bilinear cohesion' is 0"),
+        (lambda: BilinearCohesion(1.0, 0.0, 1.0).at(None), "energy"),
+        (lambda: BilinearCohesion(1.0, 1.0, -1.0).at(None), "stiffness"),
+        (lambda: BilinearCohesion(30.0, 0.01, 1e4).at(None).knots, "not more than what is stored"),
+        (lambda: ExponentialCohesion(30.0, 0.045, 1e4).at(None).knots, "not more than what is stored"),
+        (lambda: TrapezoidalCohesion(30.0, 0.5, 1e4, -1.0).at(None), "at least 0"),
+        (lambda: TrapezoidalCohesion(30.0, 0.5, 1e4, 1.0).at(None).knots, "spends more than the fracture energy"),
+        (lambda: cohesion_table([0.0, 1.0], [0.0, 0.0]), "at least three"),
+        (lambda: cohesion_table([0.0, 1.0, 2.0], [0.0, 1.0]), "3 openings and 2 tractions"),
+        (lambda: cohesion_table([0.1, 1.0, 2.0], [0.0, 1.0, 0.0]), "they must increase, from 0"),
+        (lambda: cohesion_table([0.0, 2.0, 1.0], [0.0, 1.0, 0.0]), "they must increase, from 0"),
+        (lambda: cohesion_table([0.0, 1.0, 2.0], [0.0, -1.0, 0.0]), "at least 0"),
+        (lambda: cohesion_table([0.0, 1.0, 2.0], [1.0, 1.0, 0.0]), "finite stiffness"),
+        (lambda: cohesion_table([0.0, 1.0, 2.0], [0.0, 1.0, 1.0]), "lets go in the end"),
+        (lambda: cohesion_table([0.0, 1.0, np.inf], [0.0, 1.0, 0.0]), "openings"),
+        (lambda: hv.Contact(glue(), Tresca(0.3)), "leave the friction 'tresca' out"),
+        (lambda: hv.Contact(ContactLaw(Signorini())), "give its parts"),
+        (lambda: hv.Contact(Signorini(), damping=glue()), "damping is"),  # type: ignore[arg-type]
+        (lambda: hv.ScalarContact(glue()), "law"),  # type: ignore[arg-type]
+        (lambda: normal_law("mixed-mode"), "not known"),
+        (lambda: join_laws([]), "no contact point"),
+        (lambda: join_laws([(glue(), 2), (COULOMB, 2)]), "depends on the state"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(hv.HemivarError, match=words):
+        make()
+
+
+def test_what_needs_a_normal_law_and_friction_says_so() -> None:
+    solution = hv.solve(block())
+    with pytest.raises(hv.HemivarError, match="couples opening and slip"):
+        exact_distance(block(), solution.displacement, lower_bounds(block()))
+    with pytest.raises(hv.HemivarError, match="couples opening and slip"):
+        hv.march(hv.Evolution(block()), 1.0)
+    for method in (hv.solvers.PrimalDualActiveSet(), hv.solvers.ProximalBundle()):
+        with pytest.raises(hv.HemivarError, match=r"couples opening and slip|not convex"):
+            hv.solve(block(), method)
+
+
+FILE = """
+[mesh]
+rectangle = [1.0, 0.5]
+cells = [4, 2]
+
+[material]
+young = 3000.0
+poisson = 0.3
+
+[supports]
+left = "clamped"
+
+[loads.traction]
+top = [12.0, 20.0]
+
+[contact.bottom]
+normal = { law = "mixed-mode", strength = 30.0, energy = 0.5, stiffness = 1e4, ratio = 1.5 }
+"""
+
+
+def test_problem_files_state_it(tmp_path: Path) -> None:
+    path = tmp_path / "glued.toml"
+    path.write_text(FILE)
+    problem = hv.read_problem(path)
+    assert isinstance(problem, hv.ContactProblem)
+    law = problem.contact["bottom"].law
+    assert isinstance(law, MixedMode)
+    assert hv.solve(problem).energy == pytest.approx(hv.solve(block()).energy, rel=1e-12)
+    hv.write_problem(problem, tmp_path / "again.toml")
+    again = hv.read_problem(tmp_path / "again.toml")
+    assert again.contact["bottom"].law.stated == law.stated  # type: ignore[union-attr]
+    shapes = (', shape = "trapezoidal", plateau = 0.005, compression = 5e3', ', shape = "exponential"')
+    for more in shapes:
+        path.write_text(FILE.replace(", ratio = 1.5", more))
+        hv.write_problem(hv.read_problem(path), tmp_path / "again.toml")
+        assert hv.read_problem(tmp_path / "again.toml").contact["bottom"].law.stated == (  # type: ignore[union-attr]
+            hv.read_problem(path).contact["bottom"].law.stated  # type: ignore[union-attr]
+        )
+
+
+@pytest.mark.parametrize(
+    ("there", "instead", "words"),
+    [
+        ("strength = 30.0, ", "", "strength"),
+        ("strength = 30.0", "strength = -1.0", "at least 0"),
+        ("ratio = 1.5", 'shape = "square"', "shape"),
+        ("ratio = 1.5", "plateau = 1.0", "trapezoidal"),
+        ("ratio = 1.5", "beta = 1.5", "beta"),
+        ("energy = 0.5", "energy = 0.01", "not more than what is stored"),
+        ("\n[contact", '\n[contact.bottom.friction]\nlaw = "tresca"\nbound = 0.3\n[contact', "friction"),
+    ],
+)
+def test_mistakes_in_files_are_named(tmp_path: Path, there: str, instead: str, words: str) -> None:
+    path = tmp_path / "glued.toml"
+    path.write_text(FILE.replace(there, instead))
+    with pytest.raises(hv.errors.ProblemError, match=words):
+        hv.discretize(hv.read_problem(path))
