@@ -329,3 +329,10 @@ def test_what_is_shown_up_to_a_reach_guarantees_no_distance() -> None:
         reasons = inexact_data(body_data(problem, np.zeros((len(mesh.points), 2))))
         assert len(reasons) == (told is not None)
         assert told is None or told in reasons[0]
+
+
+def test_a_kink_hides_no_concave_part() -> None:
+    """Nothing is shown near the kink at |dev eps| = 0.03, but what is looked at reaches as far as the rest."""
+    with pytest.raises(ProblemError, match="is not convex: at tr = "):
+        Material.potential("10/3*tr^2 + 4*dev2 + 3*max(sqrt(dev2) - 0.03, 0)^2 - 6*dev2^2", reach=0.5)
+    Material.potential("10/3*tr^2 + 4*dev2 + 3*max(sqrt(dev2) - 0.03, 0)^2 - 6*dev2^2", reach=0.3)

@@ -134,7 +134,8 @@ def enclosed_range(
         if not open_.any():
             break
         first, last, below, above, wide = first[open_], last[open_], below[open_], above[open_], wide[open_]
-        now = wide >= 0.3 * wide.max() if np.isfinite(wide.max()) else np.isinf(wide)
+        widest = float(wide[np.isfinite(wide)].max(initial=0.0))
+        now = wide >= 0.3 * widest  # those that nothing is known of, too
         waiting = (first[~now], last[~now], below[~now], above[~now])
         first, last = first[now], last[now]
         side = np.argmax(last - first, axis=1)
