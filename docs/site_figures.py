@@ -41,6 +41,7 @@ _ORDER = (
     "three_solutions",
     "weakening_friction",
     "delamination",
+    "mixed_mode",
     "broken_foundation",
     "bounce",
     "stick_slip",

@@ -368,6 +368,17 @@ def test_adaptive_mesh() -> None:
 
 
 @pytest.mark.slow
+def test_mixed_mode() -> None:
+    """The work is the fracture energy at every angle; the trapezoidal rule of 46 steps cuts the peak off."""
+    found = run("mixed_mode")
+    assert len(found["works"]) == 4
+    for work in found["works"].values():
+        assert work == pytest.approx(0.5, rel=0.005)
+    for normal, shear in found["peaks"].values():
+        assert np.hypot(normal / 30.0, shear / 45.0) == pytest.approx(1.0, abs=0.015)
+    assert found["margin"] > 0.9
+
+
 def test_trace_constants() -> None:
     found = run("trace_constants")
     for bound in found["found"].values():

@@ -306,6 +306,7 @@ _NORMAL = (
                 "softening", "rate at which the tension falls; left out: at once", _RATE, minimum=0.0, optional=True
             ),
             LawParameter("compression", "stiffness in penetration; left out: rigid", _RATE, minimum=0.0, optional=True),
+            LawParameter("energy", "fracture energy, instead of softening", "force/length", minimum=0.0, optional=True),
         ),
     ),
     LawEntry(

@@ -78,6 +78,20 @@ def test_the_fracture_energy_is_the_area_of_the_curve() -> None:
     assert MixedMode(SHAPES["table"]).at(None).fracture_energy.item() == pytest.approx(area, rel=1e-12)
 
 
+def test_an_adhesive_may_be_stated_by_its_fracture_energy() -> None:
+    law = Adhesive(STIFFNESS, STRENGTH, energy=ENERGY).at(None)
+    assert law.value(np.array([-1.0]))[0] == pytest.approx(ENERGY, rel=1e-12)
+    rate = STRENGTH / (2.0 * ENERGY / STRENGTH - STRENGTH / STIFFNESS)
+    assert law.weak_convexity[0] == pytest.approx(rate, rel=1e-12)
+    check_law(law)
+    varies = Adhesive(STIFFNESS, STRENGTH, energy=lambda x: ENERGY * (1.0 + x[:, 0])).at(np.array([[0.0], [1.0]]))
+    assert varies.value(np.full(2, -1.0)) == pytest.approx([ENERGY, 2.0 * ENERGY], rel=1e-12)
+    with pytest.raises(hv.HemivarError, match="give one of the two"):
+        Adhesive(STIFFNESS, STRENGTH, 900.0, energy=ENERGY)
+    with pytest.raises(hv.HemivarError, match="not more than what is stored"):
+        _ = Adhesive(STIFFNESS, STRENGTH, energy=0.01).at(None).knots
+
+
 def test_the_work_to_break_does_not_depend_on_the_way() -> None:
     """Shear to 0.01, opening to separation and back: with Benzeggagh and Kenane's criterion that is more."""
     law = glue()

@@ -92,8 +92,8 @@ class Adhesive(NamedLaw):
     """Glue with a finite tensile strength.
 
     Opening w = -r >= 0 is resisted by the tension ``stiffness w`` up to ``strength``; then the glue breaks at once
-    (no ``softening``: alpha is infinite) or its tension falls by ``softening`` per length. Penetration is resisted
-    by springs of stiffness ``compression``, or not possible at all.
+    (no ``softening``: alpha is infinite) or its tension falls by ``softening`` per length, which may be stated by the
+    fracture ``energy``. Penetration is resisted by springs of stiffness ``compression``, or not possible at all.
 
     Parameters
     ----------
@@ -105,21 +105,46 @@ class Adhesive(NamedLaw):
         > 0 (force per area and length); left out: brittle.
     compression : Parameter, optional
         Stiffness in penetration, >= 0; left out: rigid.
+    energy : Parameter, optional
+        Instead of ``softening``: the fracture energy G_c, the area under the tension (force per length), larger than
+        what is stored at the strength, ``strength^2 / (2 stiffness)``.
+
+    Raises
+    ------
+    ProblemError
+        Softening and energy are both given; the energy is too small.
     """
 
     stiffness: Parameter
     strength: Parameter
     softening: Parameter | None = None
     compression: Parameter | None = None
+    energy: Parameter | None = None
     name: ClassVar[str] = "adhesive"  # type: ignore[misc]
     minimum: ClassVar[dict[str, float]] = {"compression": 0.0}
-    positive: ClassVar[tuple[str, ...]] = ("stiffness", "strength", "softening")
+    positive: ClassVar[tuple[str, ...]] = ("stiffness", "strength", "softening", "energy")
+
+    def __post_init__(self) -> None:
+        if self.softening is not None and self.energy is not None:
+            raise ProblemError(
+                f"law '{self.name}' has a softening and a fracture energy; give one of the two, for each follows from "
+                "the other"
+            )
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         k, strength = values["stiffness"], values["strength"]
         push = values.get("compression")
         last = np.zeros(1) if push is None else push
         opening, zero = strength / k, np.zeros(1)
+        if "energy" in values:
+            length = 2.0 * values["energy"] / strength - opening
+            if np.any(length <= 0.0):
+                raise ProblemError(
+                    f"energy of law '{self.name}' is {values['energy'].min():g}, not more than what is stored when the "
+                    f"strength is reached, strength^2/(2 stiffness) = {np.max(0.5 * strength * opening):g}; leave it "
+                    "out for glue that breaks at once"
+                )
+            values = values | {"softening": strength / length}
         if "softening" not in values:
             knots, slopes, jumps = columns(-opening, zero), columns(zero, k, last), columns(-strength, zero)
         else:
