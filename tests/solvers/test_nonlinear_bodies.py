@@ -46,12 +46,34 @@ def test_the_block(law: Superpotential, penetration: float, dim: int, cells: int
     np.testing.assert_allclose(solution.local[:, 0], penetration, rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "method", [hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()], ids=lambda m: m.name
+)
+@pytest.mark.parametrize("cells", [2, 8])
+def test_a_block_that_stiffens(cells: int, method: Solver) -> None:
+    """Elastic with projection: the energy has no second derivative where the strain meets the set."""
+    stated = dataclasses.replace(block(hv.Compliance(20.0), cells), material=Material.locking(BULK, SHEAR, 6.0, 0.03))
+    solution = hv.solve(stated, method, rtol=1e-11).raise_for_status()
+    np.testing.assert_allclose(solution.local[:, 0], 0.0403619615398, rtol=1e-9)
+
+
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_serves_inside(name: str) -> None:
     law, penetration = BLOCK[1]
     solution = hv.solve(block(law, 2), METHODS[name], hv.Controls(rtol=1e-8)).raise_for_status()
     assert solution.method == f"proximal-newton({name})"
     np.testing.assert_allclose(solution.local[:, 0], penetration, rtol=1e-7)
+
+
+def test_multigrid_starts_from_the_answer_on_the_next_coarser_mesh() -> None:
+    """Which is that of the block on every mesh: what is left to do is to confirm it."""
+    law, _ = BLOCK[0]
+    direct, nested = (
+        hv.solve(block(law, 16), method) for method in (hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid())
+    )
+    assert direct.history[0].residual > 0.1
+    assert nested.history[0].residual < 1e-3
+    assert nested.steps < direct.steps
 
 
 # ---- the ring 1 < r < 2, whose outer side is pushed inwards by D -------------------------------------------------
@@ -204,6 +226,26 @@ def test_the_energy_never_rises(size: float) -> None:
     )
     solution = hv.solve(problem).raise_for_status()
     energies = [progress.energy for progress in solution.history]
+    assert all(after <= before for before, after in pairwise(energies)), energies
+
+
+@pytest.mark.parametrize(
+    "method", [hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()], ids=lambda m: m.name
+)
+def test_steps_that_go_too_far_are_halved(method: Solver) -> None:
+    """A power law is soft where the gradient is small: from rest, the linear body leads far beyond the answer."""
+    problem = discretize(
+        hv.ScalarProblem(
+            hv.rectangle((1.0, 1.0), 8),
+            hv.mechanics.PowerLaw(8.0, 0.1, 100.0),
+            supports={"top": 0.0},
+            contact={"bottom": hv.ScalarContact(hv.Signorini(), level=0.3)},
+            source=lambda x: 5.0 + x[:, 0],
+        )
+    )
+    solution = hv.solve(problem, method, initial=np.zeros(problem.unknowns)).raise_for_status()
+    energies = [progress.energy for progress in solution.history]
+    assert energies[0] > energies[-1]
     assert all(after <= before for before, after in pairwise(energies)), energies
 
 

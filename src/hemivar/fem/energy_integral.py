@@ -49,6 +49,11 @@ class NodalEnergy(Portable):
         """Of the rule of quadrature."""
         return 1 if self.order == 1 and self.law.uniform else 2 * self.order
 
+    @cached_property
+    def rule(self) -> tuple[Array, Array]:
+        """Barycentric points (q, d + 1) and weights (q,)."""
+        return quadrature_rule(self.mesh.dim, self.degree)
+
     def value(self, field: Array) -> float:
         """The energy."""
         total = 0.0
@@ -65,14 +70,14 @@ class NodalEnergy(Portable):
         for part in portions(self.mesh, self.order) if cells is None else [cells]:
             strain, shapes = self.strains(field, part)
             stress, weights = self.at(self.law.density.stress, strain, part)
-            nodes, volumes = nodes_of[part].T, self.mesh.volumes[part]
+            nodes, volumes = nodes_of[part].T.ravel(), self.mesh.volumes[part]
+            pulls = [[w * volumes * stress[:, q, s] for s in range(stress.shape[2])] for q, w in enumerate(weights)]
             for i in range(components):
-                local = np.zeros(nodes.shape)
-                for q, (h, weight) in enumerate(zip(shapes, weights, strict=True)):
+                local = np.zeros((len(shapes[0]), len(volumes)))
+                for h, pull in zip(shapes, pulls, strict=True):
                     for k in range(strains.shape[1]):
-                        local += h[:, k] * (weight * stress[:, q, strains[i, k]])
-                local *= volumes
-                total[i] += np.bincount(nodes.ravel(), local.ravel(), minlength=count)
+                        local += h[:, k] * pull[strains[i, k]]
+                total[i] += np.bincount(nodes, local.ravel(), minlength=count)
         return np.ascontiguousarray(total.T)
 
     def blocks(self, field: Array) -> EdgeBlocks:
@@ -96,27 +101,29 @@ class NodalEnergy(Portable):
         return all(bool((np.einsum("mqii->mqi", tensor) > 0.0).all()) for tensor in tensors)
 
     def strains(self, field: Array, part: slice | IntArray) -> tuple[Array, list[Array]]:
-        """Strains (k q, v) of some cells, by cells and points; and at each point the gradients (L, d, k) of the shape
-        functions."""
-        barycentric, _ = quadrature_rule(self.mesh.dim, self.degree)
+        """Strains (k q, v) of some cells, by cells and points, one component after another in memory; and at each point
+        the gradients (L, d, k) of the shape functions."""
         slopes = scaled_gradients(self.mesh, part, self.mesh.volumes[part])
-        values = np.ascontiguousarray(field[self.mesh.cell_nodes(self.order)[part]].transpose(1, 2, 0))
+        values = field.T[:, self.mesh.cell_nodes(self.order)[part].T]
         flat, shapes = slopes.reshape(len(slopes), -1), []
-        found = np.zeros((slopes.shape[2], len(barycentric), int(self.law.strains.max()) + 1))
-        for q, place in enumerate(barycentric):
+        found = np.zeros((int(self.law.strains.max()) + 1, slopes.shape[2], len(self.rule[1])))
+        for q, place in enumerate(self.rule[0]):
             h = slopes
             if self.order > 1:
                 h = (shape_derivatives(self.order, place) @ flat).reshape(-1, *slopes.shape[1:])
             shapes.append(h)
             for (i, k), row in np.ndenumerate(self.law.strains):
                 for node in range(len(h)):
-                    found[:, q, row] += h[node, k] * values[node, i]
-        return found.reshape(-1, found.shape[2]), shapes
+                    found[row, :, q] += h[node, k] * values[i, node]
+        return found.reshape(len(found), -1).T, shapes
 
     def at(
         self, density: Callable[[Array, Array, dict[str, BoolArray]], Array], strain: Array, part: slice | IntArray
     ) -> tuple[Array, Array]:
         """A function of points, strains and regions at the points of some cells, (k, q, ...); and their weights."""
+        if self.law.homogeneous:  # the points do not matter
+            found = density(np.broadcast_to(self.mesh.points[:1], (len(strain), self.mesh.dim)), strain, {})
+            return found.reshape(-1, len(self.rule[1]), *found.shape[1:]), self.rule[1]
         return at_quadrature_points(self.mesh, self.degree, lambda points, masks: density(points, strain, masks), part)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact_energy import contact_energy
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.solvers.base import Solver, State
@@ -28,6 +30,8 @@ __all__ = ["ProximalNewton"]
 _FALLS = 0.1
 #: What rounding makes of an energy, relative to its parts.
 _ROUNDED = 1e-14
+#: What methods are told of the accuracy that is wanted: they aim at a tenth of it, where half of what is wanted serves.
+_AIM = 5.0
 #: Relative residual up to which coarser meshes are solved, and the most steps there.
 _NESTED, _NESTED_STEPS = 1e-3, 15
 
@@ -59,8 +63,9 @@ class ProximalNewton(Solver):
 
     inner: Solver = field(default_factory=NonsmoothNewton)
     forcing: float = 0.1
-    halvings: int = 8
+    halvings: int = 30
     tolerance: float | None = None
+    patience: ClassVar[int] = 30
 
     def __post_init__(self) -> None:
         expect(self.inner, Solver, "ProximalNewton.inner", "pass a method such as NonsmoothNewton()")
@@ -94,7 +99,9 @@ class ProximalNewton(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         if not problem.contact_points:
             return None
-        return self.inner.refuse(problem.with_(bulk=linear_bulk(problem.bulk, np.zeros(problem.unknowns))))
+        bulk = problem.bulk
+        linear = bulk.at_rest if isinstance(bulk, Potential) else linear_bulk(bulk, np.zeros(problem.unknowns))
+        return self.inner.refuse(problem.with_(bulk=linear))
 
     def for_tolerance(self, rtol: float) -> Solver:
         return self if self.tolerance is not None else replace(self, tolerance=0.1 * rtol)
@@ -128,7 +135,7 @@ class ProximalNewton(Solver):
         wanted = max(wanted, (self.tolerance or 0.0) * now.scale)
         for method, model in self._models(system, state.r, memory.force):
             budget.check()
-            accurate = method.for_tolerance(wanted / now.scale) if now.scale > 0.0 else method
+            accurate = method.for_tolerance(_AIM * wanted / now.scale) if now.scale > 0.0 else method
             posed = accurate.prepare(model, Workspace(1))
             begin = posed.start(posed.of_unknowns(state.r))
             controls = Controls(rtol=0.0, atol=wanted, max_time=budget.left)
@@ -212,7 +219,7 @@ class _Line:
         assert state.energy is not None
         force = state.memory.force
         contact = _contact(system, state.r)
-        stored = system.bulk.value(state.r)
+        stored = state.energy - system.constant - contact + float(system.load @ state.r)
         parts = abs(stored) + float(np.abs(system.load) @ np.abs(state.r)) + abs(contact) + abs(system.constant)
         return _Line(
             system,

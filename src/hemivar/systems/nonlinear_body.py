@@ -139,8 +139,14 @@ class NonlinearBody(Equilibrium):
         return float(max(moved.max(initial=0.0), np.abs(self.problem.offset).max(initial=0.0)))
 
     def out_of_balance(self, x: Array) -> Array:
-        """``f`` less the internal forces, (n,)."""
-        return self.problem.out_of_balance(x)
+        """``f`` less the internal forces, (n,); those of the last place are known again."""
+        if not self._last or self._last[0] is not x:
+            self._last[:] = x, self.problem.out_of_balance(x)
+        return self._last[1]
+
+    @cached_property
+    def _last(self) -> list[Array]:
+        return []
 
     def at_contact(self, force: Array) -> Array:
         """Forces (m, d) on the contact points that come closest to a force (n,)."""
