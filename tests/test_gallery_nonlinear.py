@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import hemivar as hv
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.gallery import HenckyConstants, KnownProblem, hencky_block, hencky_ring
+from hemivar.mechanics import Material
 
 
 def penetrations(known: KnownProblem) -> list[float]:
@@ -68,3 +73,41 @@ def test_what_is_not_pushed_is_refused() -> None:
     for make in (hencky_block, hencky_ring):
         with pytest.raises(ProblemError, match="pushed must be positive"):
             make(pushed=-0.1)
+
+
+def _energy(strain: Array) -> Array:
+    return np.asarray(4.0 * (strain**2).sum(axis=1) + 100.0 * (strain**4).sum(axis=1))
+
+
+def _stress(strain: Array) -> Array:
+    return np.asarray(8.0 * strain + 400.0 * strain**3)
+
+
+def _tangent(strain: Array) -> Array:
+    return np.asarray((8.0 + 1200.0 * strain**2)[:, :, None] * np.eye(strain.shape[1]))
+
+
+@pytest.mark.parametrize(
+    ("material", "penetration"),
+    [
+        (Material.locking(20.0 / 3.0, 4.0, 6.0, 0.03), 0.0403619615398),
+        (Material.locking(20.0 / 3.0, 4.0, 1e4, 0.03), None),
+        (Material.ramberg_osgood(10.0, 0.25, 0.2, 8.0, linear_from=0.05), None),
+        (Material.ramberg_osgood(10.0, 0.25, 0.2, 8.0, linear_from=0.05, plane="stress"), None),
+        (Material.potential("10/3*tr^2 + 4*dev2 + 50*tr^4", reach=0.3), None),
+        (Material.potential("6*exx^2 + 6*eyy^2 + 4*exx*eyy + 8*exy^2 + 200*eyy^4", reach=0.3), None),
+        (Material.potential(_energy, _stress, _tangent, reach=0.3), None),
+    ],
+    ids=lambda value: getattr(value, "kind", None),
+)
+def test_a_block_of_every_material(material: Material, penetration: float | None) -> None:
+    """Between smooth walls there is one strain, and one equation: the stress of the block is that of the springs."""
+    problem = replace(hencky_block(n=2).problem, material=material)
+    solution = hv.solve(problem, controls=hv.Controls(rtol=1e-11)).raise_for_status()
+
+    def excess(s: float) -> float:
+        stress = material.stress(np.zeros((1, 2)), np.array([[0.0, s - 0.1, 0.0]]))[0, 1]
+        return float(-stress - 20.0 * s)
+
+    expected = brentq(excess, 0.0, 0.1, xtol=1e-16) if penetration is None else penetration
+    assert solution.penetration == pytest.approx(expected, rel=1e-8)
