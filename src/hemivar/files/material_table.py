@@ -15,12 +15,12 @@ from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.laws.registry import ParameterForm
 from hemivar.mechanics.composed_material import ByRegion
+from hemivar.mechanics.function_energy import FunctionEnergy
 from hemivar.mechanics.linear_material import Anisotropic, Isotropic
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_registry import MATERIAL_LAWS
 from hemivar.mechanics.material_words import PlaneState
 from hemivar.mechanics.moduli import Branch, Moduli, Number
-from hemivar.mechanics.own_energies import FunctionEnergy
 from hemivar.mechanics.single_material import SingleMaterial
 from hemivar.mechanics.stored_energy import StoredEnergy
 from hemivar.mesh import Mesh
