@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array, IntArray
 
 __all__ = ["OpeningProblem"]
 
@@ -100,18 +100,20 @@ class OpeningProblem:
         found = np.full((n, 2 * count), np.nan)
         found[:, 0] = np.where(at[:, 0] <= 0.0, self.slopes[:, 0], np.nan)  # on the first piece m = q
         found[:, -1] = np.where((free >= self.knots[:, -1:]).ravel(), 0.0, np.nan)  # it has let go
-        for i in range(1, count):
-            low, high, q = ends[:, i], ends[:, i - 1], self.slopes[:, i]
-            p = self.tractions[:, i - 1] - q * self.knots[:, i - 1]
-            turn = np.clip(np.nan_to_num(self._turn(q)), low, high)
-            middle = (turn - q) * self.rho(turn) - p
-            middle = np.where(turn <= low, at[:, i], np.where(turn >= high, at[:, i - 1], middle))
-            for k, (left, right, before, after) in enumerate(
-                ((low, turn, at[:, i], middle), (turn, high, middle, at[:, i - 1]))
-            ):
-                rises = (left < right) & (before <= 0.0) & (after > 0.0)
-                if rises.any():
-                    found[rises, 2 * i - 1 + k] = self._root(rises, left, right, q, p)[rises]
+        if count == 1:
+            return found
+        low, high, q = ends[:, 1:], ends[:, :-1], self.slopes[:, 1:-1]
+        p = self.tractions[:, :-1] - q * self.knots[:, :-1]
+        turn = np.clip(np.nan_to_num(self._turn(q)), low, high)
+        middle = (turn - q) * self.rho(turn) - p
+        middle = np.where(turn <= low, at[:, 1:], np.where(turn >= high, at[:, :-1], middle))
+        for k, (left, right, before, after) in enumerate(
+            ((low, turn, at[:, 1:], middle), (turn, high, middle, at[:, :-1]))
+        ):
+            rows, piece = np.nonzero((left < right) & (before <= 0.0) & (after > 0.0))
+            if rows.size:
+                own = (part[rows, piece] for part in (left, right, q, p))
+                found[rows, 2 * piece + 1 + k] = self._roots(rows, *own)
         return found
 
     def _traction(self, rho: Array) -> Array:
@@ -125,24 +127,25 @@ class OpeningProblem:
         return out
 
     def _turn(self, q: Array) -> Array:
-        """Where u turns, (n,); nan where it does not."""
-        (a, b), (c, t) = self.stiffness.T, self.force.T
+        """Where u turns on pieces of these slopes (n, k); nan where it does not."""
+        (a, b), (c, t) = self.stiffness.T[:, :, None], self.force.T[:, :, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = -(t**2) * (b + q) / (c**2 * (a + q))
             root = np.cbrt(ratio)
             return np.where(ratio > 0.0, (root * a - b) / (1.0 - root), np.nan)
 
-    def _root(self, rows: BoolArray, low: Array, high: Array, q: Array, p: Array) -> Array:
-        """The zero of u between ``low`` and ``high``, where it rises, on the chosen rows; (n,)."""
+    def _roots(self, rows: IntArray, low: Array, high: Array, q: Array, p: Array) -> Array:
+        """The zeros of u between ``low`` and ``high``, where it rises, of some problems; (k,) all."""
+        (a, b), (c, t) = self.stiffness[rows].T, self.force[rows].T
 
         def value(m: Array) -> tuple[Array, Array]:
-            now = self.rho(m[:, None])[:, 0]
-            (a, b), (c, t) = self.stiffness.T, self.force.T
             with np.errstate(divide="ignore", invalid="ignore"):
-                rate = c**2 * (a + q) / (a + m) ** 3 + np.where(t > 0.0, t**2 * (b + q) / (b + m) ** 3, 0.0)
+                slip = np.where(t > 0.0, t / (b + m), 0.0)
+                now = np.hypot(c / (a + m), slip)
+                rate = c**2 * (a + q) / (a + m) ** 3 + np.where(t > 0.0, slip**2 * (b + q) / (b + m), 0.0)
                 return (m - q) * now - p, rate / now
 
-        return np.where(rows, _bracketed(value, low, np.where(rows, high, low)), np.nan)
+        return _bracketed(value, low, high)
 
 
 def _bracketed(value: Callable[[Array], tuple[Array, Array]], low: Array, high: Array) -> Array:
