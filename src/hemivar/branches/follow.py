@@ -10,6 +10,7 @@ import numpy as np
 from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.basics.deadline import Budget
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, BoolArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.follower import Follower, PathProgress, Track
@@ -65,6 +66,7 @@ class PathOptions:
             raise ProblemError(f"largest_step is {self.largest_step}; it must be positive")
 
 
+@known_keywords
 def follow_path(
     problem: Posable,
     load_factor: tuple[float, float] = (0.0, 1.0),

@@ -12,6 +12,7 @@ from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.deadline import Budget, limited
 from hemivar.basics.display import Displayed
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
 from hemivar.branches.chain import Chain, chain_of, segments_at_most
 from hemivar.branches.enumeration import enumerate_points
@@ -134,6 +135,7 @@ class SolutionsOptions:
         expect(self.controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
 
 
+@known_keywords
 def find_solutions(
     problem: Posable,
     *,

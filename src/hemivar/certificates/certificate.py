@@ -14,6 +14,7 @@ from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.display import Displayed
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, Record
 from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certificates.continuous.exact_certificate import distance_to_exact
@@ -203,6 +204,7 @@ class Certificate(Displayed):
         return {**plain, "infinite": infinite, "minus_infinite": negative}
 
 
+@known_keywords
 def certify(
     problem: DiscreteProblem | Certifiable,
     displacement: Array | Certifiable | None = None,

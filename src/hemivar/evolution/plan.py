@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.disk import path_of
+from hemivar.basics.known_keywords import known_fields
 from hemivar.errors import ProblemError
 from hemivar.evolution.evolution_problem import Evolution, Mass
 from hemivar.evolution.happenings import Event
@@ -23,6 +24,7 @@ from hemivar.solvers import Controls, Solver
 __all__ = ["March", "refuse_plan"]
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class March:
     """How an evolution is computed.

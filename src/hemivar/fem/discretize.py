@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.arguments import expect
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.types import Array
 from hemivar.coercivity.free_motion import refuse_free_motion
@@ -38,6 +39,7 @@ __all__ = ["discretize", "friction_warning", "refuse_evolution"]
 _SHOWN = 8
 
 
+@known_keywords
 def discretize(
     problem: Statement | KnownStatement, *, check_coercivity: bool = True, evolving: bool = False
 ) -> DiscreteProblem:

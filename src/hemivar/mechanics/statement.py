@@ -13,6 +13,7 @@ import numpy as np
 
 from hemivar.basics.arguments import described, number, suggest
 from hemivar.basics.display import Displayed
+from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import Portable
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential, VectorLaw
@@ -54,6 +55,7 @@ class Quadrature(StrEnum):
     multipliers."""
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class Contact(Portable):
     """What the foundation does along one contact boundary.
@@ -188,6 +190,7 @@ class Contact(Portable):
         return self.damping is not None or bool(self.memory)
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class ContactProblem(Portable, Displayed):
     """An elastic body, its supports and loads, and the foundations it may touch.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hemivar.basics.arrays import real_array
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.checks import check_grid, is_whole
@@ -29,6 +30,7 @@ _QUARTERS = {
 }
 
 
+@known_keywords
 def rectangle(
     size: tuple[float, float] = (1.0, 1.0),
     cells: int | tuple[int, int] = 8,
@@ -94,6 +96,7 @@ def rectangle(
     return Mesh.trusted(points, connectivity, boundaries, {}, _rectangle_parent(grid), MeshRecipe(grid))
 
 
+@known_keywords
 def box(
     size: tuple[float, float, float] = (1.0, 1.0, 1.0),
     cells: int | tuple[int, int, int] = 8,

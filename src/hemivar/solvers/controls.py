@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from hemivar.basics.arguments import described, expect, number, whole_number
 from hemivar.basics.deadline import Budget, OutOfTime
+from hemivar.basics.known_keywords import known_fields
 from hemivar.errors import ProblemError
 
 __all__ = ["Budget", "Controls", "OutOfTime", "Progress"]
@@ -41,6 +42,7 @@ class Progress:
     seconds: float
 
 
+@known_fields
 @dataclass(frozen=True)
 class Controls:
     """Stopping rules, the same for every method.

@@ -13,6 +13,7 @@ import scipy.linalg as la
 from hemivar.basics.arguments import described, expect
 from hemivar.basics.arrays import real_array
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
 from hemivar.coercivity.recession import Verdict, decide
 from hemivar.discrete.bulk import Quadratic
@@ -46,6 +47,7 @@ _EXCUSED = 1e-6
 _LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE), 1e-6
 
 
+@known_keywords
 def solve(
     problem: Posable,
     method: Solver | str | None = None,

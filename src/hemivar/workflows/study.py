@@ -19,6 +19,7 @@ from hemivar.basics.content import content
 from hemivar.basics.display import Displayed, brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
@@ -317,6 +318,7 @@ def study_digest(problem: Statement, options: StudyOptions) -> str:
     return digest.hexdigest()
 
 
+@known_keywords
 def study(
     problem: Statement | KnownStatement | str | Path,
     refine: int = 4,

@@ -18,6 +18,7 @@ from hemivar.basics.content import content
 from hemivar.basics.disk import noting_files_read, read_bytes
 from hemivar.basics.display import Displayed
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array
 from hemivar.branches import SolutionsOptions, finding
@@ -244,6 +245,7 @@ class _Task:
     changes: tuple[Change, ...]
 
 
+@known_keywords
 def sweep(
     problem: Source,
     axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis],

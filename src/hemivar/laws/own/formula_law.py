@@ -11,6 +11,7 @@ import numpy as np
 from hemivar.basics.arguments import number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
@@ -259,6 +260,7 @@ def _beyond(third: SmoothFormula, reach: float, sides: Sequence[float]) -> list[
     return taken
 
 
+@known_keywords
 def FormulaLaw(  # noqa: N802 - a law, named as the others are
     text: str,
     *,

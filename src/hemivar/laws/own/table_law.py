@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arrays import real_array
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.laws.own.columns import read_columns
@@ -67,6 +68,7 @@ def check_points(
     return x, y
 
 
+@known_keywords
 def table_law(
     r: Sequence[float] | Array,
     derivative: Sequence[float] | Array,

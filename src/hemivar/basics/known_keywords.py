@@ -1,0 +1,48 @@
+"""Unknown keywords answered by the sentence that an unknown key of a file gets."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+from hemivar.basics.arguments import suggest
+from hemivar.errors import ProblemError
+
+__all__ = ["UnknownKeywordError", "known_fields", "known_keywords"]
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+Class = TypeVar("Class", bound=type)
+
+
+class UnknownKeywordError(ProblemError, TypeError):
+    """A function or a class has no argument of that name."""
+
+
+def known_keywords(function: Callable[Given, Result]) -> Callable[Given, Result]:
+    """The function, which refuses an argument that it does not have and names the nearest one.
+
+    Raises
+    ------
+    UnknownKeywordError
+        ``NAME has no argument 'tol'; did you mean 'rtol'? (arguments: ...)``.
+    """
+    known = tuple(name for name in inspect.signature(function).parameters if name != "self")
+    shown = function.__qualname__.removesuffix(".__init__")
+
+    @functools.wraps(function)
+    def checked(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+        for name in kwargs:
+            if name not in known:
+                raise UnknownKeywordError(f"{shown} has no argument '{name}'{suggest(name, known, 'arguments')}")
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def known_fields(kind: Class) -> Class:
+    """The dataclass, which refuses arguments that it does not have, as :func:`known_keywords` does."""
+    kind.__init__ = known_keywords(kind.__init__)  # type: ignore[misc]
+    return kind

@@ -1,0 +1,50 @@
+"""A keyword that there is not is answered by one sentence."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+from collections.abc import Callable
+
+import pytest
+
+import hemivar as hv
+from tests.problems import square
+
+PROBLEM = square(n=2)
+WRONG: dict[str, tuple[Callable[[], object], str]] = {
+    "solve": (lambda: hv.solve(PROBLEM, tol=1e-8), r"solve has no argument 'tol'; did you mean 'rtol'\?"),
+    "method": (lambda: hv.solve(PROBLEM, methd="newton"), r"'methd'; did you mean 'method'\?"),
+    "far off": (lambda: hv.solve(PROBLEM, xyz=1), r"solve has no argument 'xyz' \(arguments: problem, method"),
+    "find_solutions": (lambda: hv.find_solutions(PROBLEM, start=3), r"find_solutions .*did you mean 'starts'\?"),
+    "study": (
+        lambda: hv.study(PROBLEM, certified=True),
+        r"study has no argument 'certified'; did you mean 'certify'\?",
+    ),
+    "march": (lambda: hv.march(PROBLEM, 1.0, steps=0.1), r"March has no argument 'steps'; did you mean 'step'\?"),
+    "rectangle": (lambda: hv.rectangle(cell=4), r"rectangle has no argument 'cell'; did you mean 'cells'\?"),
+    "ContactProblem": (
+        lambda: hv.ContactProblem(mesh=PROBLEM.mesh, material=PROBLEM.material, support={}),
+        r"ContactProblem has no argument 'support'; did you mean 'supports'\?",
+    ),
+    "Contact": (lambda: hv.Contact(hv.Signorini(), frictoin=None), r"Contact .*did you mean 'friction'\?"),
+    "Controls": (lambda: hv.Controls(tol=1e-8), r"Controls has no argument 'tol'; did you mean 'rtol'\?"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_an_unknown_keyword_is_named_with_its_neighbour(name: str) -> None:
+    make, sentence = WRONG[name]
+    with pytest.raises(hv.errors.ProblemError, match=sentence) as error:
+        make()
+    assert isinstance(error.value, TypeError)
+
+
+def test_signatures_and_pickles_stay() -> None:
+    assert list(inspect.signature(hv.solve).parameters)[:3] == ["problem", "method", "controls"]
+    assert next(iter(inspect.signature(hv.ContactProblem).parameters)) == "mesh"
+    assert pickle.loads(pickle.dumps(hv.solve)) is hv.solve
+    assert pickle.loads(pickle.dumps(hv.Controls(1e-6))) == hv.Controls(1e-6)
+    assert hv.solve.__doc__
+    with pytest.raises(TypeError, match="missing"):
+        hv.solve()
