@@ -93,8 +93,9 @@ class NewtonCache:
 
     def graphs(self, system: CondensedProblem) -> _Graphs | None:
         """The graphs of the law; None where its bound depends on the state and Newton's equation cannot follow it."""
-        found, law, body = self._law, separable(system.law, "a march in time"), system.body
-        if found is None or found.law is not law:
+        found, body = self._law, system.body
+        if found is None or found.law is not system.law:
+            law = separable(system.law, "a march in time")
             d, pair = system.shape[1], body.pointwise
             made: _Graphs | None
             if law.state_dependent:
@@ -197,8 +198,10 @@ def active_set_newton(
 def _stands(system: CondensedProblem, r: Array, lam: Array, free: BoolArray) -> bool:
     """Whether friction that weakens, under a bound that depends on the state, leaves a pair stable, the bound frozen:
     whether there is one solution is not known before."""
+    if not system.law.state_dependent:
+        return True
     law = separable(system.law, "a bound that depends on the state")
-    if not law.state_dependent or law.friction.profile.convex:
+    if law.friction.profile.convex:
         return True
     index = np.flatnonzero(free)
     H = newton_matrix(system, index, law.frozen(r, lam).linearise(r).hessian)
