@@ -107,7 +107,7 @@ class SearchLine:
         every : bool
             Look at all of them.
         trusted : bool
-            A whole step on the pieces that gains less than the rounding of the energy is taken on trust.
+            A whole step that gains less than the rounding of the energy is taken on trust.
         beyond : bool
             With the first length try also as far as the pieces of the laws go.
         """
@@ -120,8 +120,7 @@ class SearchLine:
                 looks.append((room, self._across(room)))
                 gains += self.gains(*looks[-1])
             for (size, candidate), gained in zip(looks, gains, strict=True):
-                own = trusted and size == 1.0 and candidate is looks[0][1]
-                on_trust = own and gained <= self.rounding and self.straight(candidate)
+                on_trust = trusted and size == 1.0 and gained <= self.rounding and self.straight(candidate)
                 tries += 1
                 if gained < best.gain or (on_trust and not better):
                     best = LineEnd(*self.end(size, candidate), min(gained, 0.0), first=number == 0)

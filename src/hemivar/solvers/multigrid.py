@@ -75,6 +75,7 @@ class NonsmoothMultigrid(TruncatedNewton):
     absolute: float = 0.0
     settled: bool = False
     name: ClassVar[str] = "multigrid"
+    trusts: ClassVar[bool] = True
 
     @property
     def condenses(self) -> bool:

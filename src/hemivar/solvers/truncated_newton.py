@@ -78,6 +78,8 @@ class TruncatedNewton(Solver):
     halvings: int = 20
     search: Search = Search.GLOBAL
     descends: ClassVar[bool] = True
+    #: Whether a whole step that gains less than the rounding of the energy is taken before the residual judges it.
+    trusts: ClassVar[bool] = False
 
     def downhill(self) -> Self:
         return replace(self, search=Search.DOWNHILL)
@@ -152,7 +154,7 @@ class TruncatedNewton(Solver):
         if not found.cycles:
             return best, False, 0
         line = SearchLine.of(system, at, found.step, found.bent, self.search)
-        best = line.lowest([0.5**k for k in range(self.halvings)], trusted=found.convex, beyond=not found.convex)
+        best = line.lowest([0.5**k for k in range(self.halvings)], trusted=self.trusts, beyond=not found.convex)
         if found.negative is None:
             return best, False, found.cycles
         # No curvature holds the energy back that way: as far as its laws let it fall.
