@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict, Unpack
 
+from hemivar.mechanics.bedding import Bedding
+
 from hemivar.laws import Superpotential
 from hemivar.mechanics import Branch, Clamped, Contact, ContactProblem, Fixed, Material, Quadrature, Roller
-from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.conditions import ScalarData, Support, Traction, VectorData
 from hemivar.mechanics.moduli import Moduli, Number, Viscosity
 from hemivar.mesh import Mesh, box, rectangle

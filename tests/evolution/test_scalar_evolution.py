@@ -15,6 +15,7 @@ import hemivar as hv
 from hemivar.errors import FileError
 from hemivar.evolution import Evolution, march
 from hemivar.evolution.discrete import Bodies, discretize_evolution
+from hemivar.fem.hierarchy import family_of
 from hemivar.files.history_table import read_history_table
 from hemivar.files.problem_file import parse_problem_file
 from hemivar.files.unsaid import difference
@@ -91,16 +92,12 @@ def test_a_body_is_quenched() -> None:
     np.testing.assert_allclose(history.frames[-1].displacement[:, 0], exact, atol=2e-4)
 
 
-def test_the_effective_problem_is_that_of_a_step() -> None:
+def test_the_matrix_of_a_step_is_that_of_the_sums() -> None:
+    """``1 + 0.5 2`` for the coefficient, and ``3 1`` of the mass for a bedding."""
     stated = membrane(viscosity=2.0)
-    with pytest.raises(hv.errors.ProblemError, match="no branches"):
-        stated.effective(1.0, (1.0,))
-    with pytest.raises(hv.errors.ProblemError, match="already"):
-        stated.effective(1.0).effective(1.0)
-    here = stated.effective(0.5, (), 3.0)
-    same = membrane(density=None, coefficient=2.0, bedding=3.0)
-    one, other = (hv.discretize(problem).stiffness for problem in (here, same))
-    np.testing.assert_allclose(one.toarray(), other.toarray(), rtol=1e-13, atol=1e-13)
+    here = family_of(hv.discretize(stated), True).combined(0.5, 3.0)
+    same = hv.discretize(membrane(density=None, coefficient=2.0, bedding=3.0)).stiffness
+    np.testing.assert_allclose(here.toarray(), same.toarray(), rtol=1e-13, atol=1e-13)
 
 
 @pytest.mark.parametrize("order", [1, 2])

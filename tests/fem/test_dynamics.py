@@ -22,12 +22,11 @@ from hemivar.fem import discretize
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.dynamics import body_family
 from hemivar.fem.hierarchy import coarser
-from hemivar.fem.mass import mass_matrix, resists
+from hemivar.fem.mass import inertia, mass_matrix, per_volume, resists
 from hemivar.fem.reactions import support_reactions
 from hemivar.laws import Compliance, Softening, Tresca
 from hemivar.laws.memory import Secant
 from hemivar.mechanics import Branch, Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Roller
-from hemivar.mechanics.bedding import Bedding
 from hemivar.mesh import Mesh, box, rectangle
 from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Status, solve
 from tests import bodies
@@ -66,7 +65,7 @@ def density(x: np.ndarray) -> np.ndarray:
 def test_mass_equals_the_library(name: str, varying: bool, order: int) -> None:
     mesh = MESHES[name]()
     given = density if varying else 2.5
-    M = mass_matrix(mesh, Bedding(given), order)
+    M = mass_matrix(mesh, per_volume(given, "density"), order)
     reference = assembled(mesh, order, 0.0, 0.0, given)
     assert abs(M - reference).max() < 1e-13 * abs(reference).max()
     assert abs(M - M.T).max() < 1e-16
@@ -77,7 +76,7 @@ def test_mass_equals_the_library(name: str, varying: bool, order: int) -> None:
 def test_mass_of_a_body(name: str, order: int) -> None:
     """Unit translations: the mass, which for a density that is linear is that at the middle of each cell."""
     mesh = MESHES[name]()
-    M = mass_matrix(mesh, Bedding(0.0, Material.lame(1, 1, density=density), 1.0), order)
+    M = mass_matrix(mesh, inertia(Material.lame(1, 1, density=density)), order)
     mass = float(mesh.volumes @ density(mesh.points[mesh.cells].mean(axis=1)))
     for c in range(mesh.dim):
         for e in range(mesh.dim):
@@ -96,16 +95,16 @@ def test_mass_by_region(order: int) -> None:
     material = Material.by_region(
         {"left": Material.lame(1, 1, density=2.0), "right": Material.lame(1, 1, density=lambda x: 1 + x[:, 1])}
     )
-    M = mass_matrix(mesh, Bedding(0.0, material, 3.0), order)
+    M = mass_matrix(mesh, inertia(material), order)
     up = np.tile([0.0, 1.0], len(mesh.nodes(order)))
-    assert abs(up @ (M @ up) - 3.0 * (0.5 * 2.0 + 1.0 * 1.5)) < 1e-13
+    assert abs(up @ (M @ up) - (0.5 * 2.0 + 1.0 * 1.5)) < 1e-13
 
 
 def test_many_cells_go_by_portions() -> None:
     mesh = rectangle(cells=(130, 70))
     assert mesh.number_of_cells > 1 << 14
     reference = assembled(mesh, 1, 0.0, 0.0, density, 4)
-    assert abs(mass_matrix(mesh, Bedding(density)) - reference).max() < 1e-13 * abs(reference).max()
+    assert abs(mass_matrix(mesh, per_volume(density, "density")) - reference).max() < 1e-13 * abs(reference).max()
 
 
 def moving(mesh: Mesh, order: int = 1, **changes: object) -> ContactProblem:
@@ -201,12 +200,29 @@ def test_all_matrices_share_one_sparsity(make: Callable[[], Mesh], order: int) -
     assert abs(alone - K).max() == 0.0
 
 
+def summed(problem: ContactProblem, a: float, g: tuple[float, ...], b: float) -> ContactProblem:
+    """A problem at rest whose tensor and bedding are the sums that a step in time asks for."""
+    material, own = problem.material, problem.bedding
+    assert not callable(own)
+
+    def tensor(x: np.ndarray) -> np.ndarray:
+        total = material.stiffness_tensor(x) + a * material.viscosity_tensor(x)
+        return np.asarray(total + sum(share * material.branch_tensor(i, x) for i, share in enumerate(g)))
+
+    def bedding(x: np.ndarray) -> np.ndarray:
+        mass = material.density_at(x)
+        assert mass is not None
+        return np.asarray(own + b * mass)
+
+    return replace(problem, material=Material.tensor(tensor), bedding=bedding)
+
+
 @pytest.mark.parametrize(("make", "order"), three_dimensional_or_second_order())
-def test_the_effective_body_is_the_sum_of_the_matrices(make: Callable[[], Mesh], order: int) -> None:
+def test_the_matrix_of_a_step_is_that_of_the_summed_tensors(make: Callable[[], Mesh], order: int) -> None:
     problem = moving(make(), order, bedding=0.7)
     matrices = body_family(problem)
     a, g, b = 7.0, (0.3, 0.6), 11.0
-    discrete = discretize(problem.effective(a, g, b))
+    discrete = discretize(summed(problem, a, g, b))
     K = discrete.stiffness
     assert matrices.viscosity is not None
     assert matrices.mass is not None
@@ -352,7 +368,7 @@ def test_what_a_body_does_not_have_is_none() -> None:
     assert matrices.mass is None
     assert matrices.branches == ()
     with pytest.raises(ProblemError, match="no inertia"):
-        moving(rectangle(), material=Material.lame(1.0, 1.0)).effective(inertia=1.0)
+        inertia(Material.lame(1.0, 1.0))
 
 
 def test_statics_is_not_touched() -> None:
@@ -404,7 +420,7 @@ def test_every_method_solves_a_floating_body(make: Callable[[], Mesh]) -> None:
     assert np.any(newton.penetration > 0.0)
     # equilibrium of forces: loads, foundation and bedding
     assert problem.field is not None
-    M = mass_matrix(problem.field.mesh, Bedding(3.0))
+    M = mass_matrix(problem.field.mesh, per_volume(3.0, "bedding"))
     resisted = (M @ newton.displacement.ravel()).reshape(newton.displacement.shape).sum(axis=0)
     stated = problem.origin
     assert stated is not None
@@ -451,7 +467,7 @@ def test_reactions_with_a_bedding(order: int) -> None:
     discrete = discretize(problem)
     solution = solve(discrete, controls=Controls(rtol=1e-12))
     reaction = support_reactions(discrete, solution.displacement, solution.multiplier)["left"]
-    M = mass_matrix(problem.mesh, Bedding(lambda x: 3 + x[:, 0]), order)
+    M = mass_matrix(problem.mesh, per_volume(lambda x: 3 + x[:, 0], "bedding"), order)
     resisted = (M @ solution.displacement.ravel()).reshape(solution.displacement.shape).sum(axis=0)
     pushed = -(discrete.contact.weights[:, None] * discrete.contact.global_vectors(solution.multiplier)).sum(axis=0)
     np.testing.assert_allclose(2.0 * np.asarray(problem.body_force) + pushed + reaction, resisted, atol=1e-9)
@@ -507,7 +523,7 @@ def test_units_do_not_matter() -> None:
             supports={},
             body_force=(2e4 * force / length**3, -9e4 * force / length**3),
         )
-        return discretize(problem.effective(1e3, (0.9,), 1e6))
+        return discretize(summed(problem, 1e3, (0.9,), 1e6))
 
     metres, millimetres = step(1.0, 1.0, 1.0), step(1e3, 1.0, 1e-3)
     one, other = solve(metres), solve(millimetres)
@@ -533,7 +549,7 @@ def test_stiffness_of_the_unbedded_body_is_the_old_one() -> None:
 def test_the_coarser_level_of_a_problem_with_damping_and_memory() -> None:
     contact = {"bottom": Contact(Compliance(2.0), damping=Compliance(1.0), memory=(Secant(),))}
     problem = moving(rectangle((2, 1), (4, 2)).refined(), contact=contact)
-    assert coarser(discretize(problem.effective(3.0, inertia=2.0), evolving=True)) is not None
+    assert coarser(in_step(problem, 3.0, 2.0)) is not None
 
 
 def test_trace_constant_of_large_bodies_takes_no_notice_of_the_bedding(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -589,19 +605,20 @@ def test_implicit_euler_of_a_viscoelastic_block(
         assert float(f @ u) == pytest.approx(sum(energies), abs=1e-10)
 
 
-def test_a_bedding_in_part_made_of_mass_adds_what_its_factor_says() -> None:
-    """``2 + 5 3`` per volume everywhere: the mass matrix of that density, whose entries add up to it by component."""
-    bedding = Bedding(2.0, Material.lame(1, 1, density=3.0), 5.0)
+def test_a_mass_of_one_density_adds_up_to_it() -> None:
+    """Entries of the mass matrix add up to density times volume, by component."""
+    density = inertia(Material.lame(1, 1, density=17.0))
     mesh = rectangle((2.0, 1.0), 2)
-    assert bedding.constant == pytest.approx(17.0)
-    found = mass_matrix(mesh, bedding, 1)
-    np.testing.assert_allclose(found.toarray(), 17.0 * mass_matrix(mesh, Bedding(1.0), 1).toarray(), rtol=1e-12)
+    assert density.constant == 17.0
+    found = mass_matrix(mesh, density, 1)
+    one = mass_matrix(mesh, per_volume(1.0, "density"), 1)
+    np.testing.assert_allclose(found.toarray(), 17.0 * one.toarray(), rtol=1e-12)
     assert found.sum() == pytest.approx(2 * 2.0 * 17.0)
 
 
 @pytest.mark.parametrize("stiff", [0, 1])
 def test_a_bedding_that_is_rounding_beside_one_direction_resists_nothing(stiff: int) -> None:
-    mesh, bedding = rectangle((1.0, 1.0), 2), Bedding(1.0)
+    mesh, bedding = rectangle((1.0, 1.0), 2), per_volume(1.0, "bedding")
     diagonal = np.ones(mesh.points.shape)
     assert resists(mesh, 1, bedding, diagonal)
     diagonal[:, stiff] = 1e20

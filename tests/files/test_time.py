@@ -245,11 +245,6 @@ def test_python_functions_of_time_are_refused(tmp_path: Path) -> None:
             ProblemError, match=r"body_force is the Python function .*, which a problem file cannot say"
         ):
             write_problem(stated, tmp_path / "p.toml")
-    step = read(material="lame = [1, 1]\ndensity = 1").problem.effective(inertia=2.0)
-    with pytest.raises(ProblemError, match="bedding is the inertia of a step in time"):
-        write_problem(step, tmp_path / "p.toml")
-    with pytest.raises(ProblemError, match=r"material is .*Combination.*, which a problem file cannot say"):
-        write_problem(read(material="lame = [1, 1]\nviscosity = [1, 1]").problem.effective(2.0), tmp_path / "p.toml")
 
 
 def test_every_memory_comes_back(tmp_path: Path) -> None:

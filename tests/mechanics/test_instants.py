@@ -30,7 +30,6 @@ from hemivar.mechanics import (
     SignedDistance,
     Traction,
 )
-from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.instants import Instant, at_time, depends_on_time, law_at_time, law_depends_on_time
 from hemivar.mesh import rectangle
 
@@ -252,7 +251,7 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "density": (lambda: Material.lame(1.0, 1.0, density=ramp), "density depends on time"),
     "viscosity": (lambda: Material.lame(1.0, 1.0, viscosity=(ramp, 1.0)), "viscosity of a material depends on time"),
     "branch": (lambda: Branch(lame=(1.0, Formula("t")), time=1.0), "branch of a material depends on time"),
-    "bedding": (lambda: Bedding(ramp), "bedding depends on time"),
+    "bedding": (lambda: problem(bedding=ramp), "bedding depends on time"),
     "obstacle": (
         lambda: Contact(Compliance(1.0), obstacle=SignedDistance(Formula("y + t"))),
         "signed distance of an obstacle depends on time.*state a gap that depends on t",

@@ -1,4 +1,4 @@
-"""Density, viscosity and branches of materials, and the materials that steps in time are made of."""
+"""Density, viscosity and branches of materials."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.mechanics import Branch, Material
-from hemivar.mechanics.bedding import Bedding
+from hemivar.mechanics.per_volume import at_place, checked_quantity
 
 POINTS = np.array([[0.0, 0.0], [1.0, 0.5], [0.2, 0.9]])
 POINTS_3D = np.column_stack([POINTS, [0.0, 1.0, 2.0]])
@@ -48,10 +48,8 @@ def test_viscosity_and_branches_are_what_elasticity_is(points: np.ndarray) -> No
     assert material.viscous
     assert not material.inert
     assert material.density_at(points) is None
-    step = material.effective(3.0, (0.5, 0.25))
-    expected = isotropic(4.0 + 9.0 + 1.0 + 0.25, 4.0 + 6.0 + 1.0 + 0.125, dim)
-    np.testing.assert_allclose(step.stiffness_tensor(points)[0], expected)
-    assert step.homogeneous
+    np.testing.assert_allclose(material.stiffness_tensor(points)[0], isotropic(4.0, 4.0, dim))
+    assert material.homogeneous_in(True, (0, 1))
 
 
 def test_plane_stress_of_proportional_viscosity_is_that_of_the_body() -> None:
@@ -87,22 +85,14 @@ def test_constants_that_vary() -> None:
     for k, x in enumerate(POINTS):
         np.testing.assert_allclose(material.viscosity_tensor(POINTS)[k], isotropic(0.0, x[0], 2), atol=1e-15)
         np.testing.assert_allclose(material.branch_tensor(0, POINTS)[k], isotropic(x[1], 1.0, 2))
-        np.testing.assert_allclose(
-            material.effective(2.0, (3.0,)).stiffness_tensor(POINTS)[k],
-            isotropic(1 + 3 * x[1], 1 + x[0] + 2 * x[0] + 3.0, 2),
-        )
-    assert not material.effective(1.0).homogeneous
-    constant = Branch(lame=(1, 1), time=1.0)
-    for one in (
-        Material.lame(1.0, 1.0, viscosity=(0.0, lambda x: x[:, 0]), branches=[constant]),
-        Material.lame(1.0, 1.0, viscosity=(1.0, 1.0), branches=[Branch(lame=(lambda x: x[:, 0], 1.0), time=1.0)]),
-        Material.lame(lambda x: 1 + x[:, 0], 1.0, viscosity=(1.0, 1.0), branches=[constant]),
-    ):
-        step = one.effective(2.0, (3.0,))
-        assert not step.homogeneous
-        parts = one.stiffness_tensor(POINTS) + 2 * one.viscosity_tensor(POINTS) + 3 * one.branch_tensor(0, POINTS)
-        np.testing.assert_allclose(step.stiffness_tensor(POINTS), parts)
-    assert Material.lame(1.0, 1.0, viscosity=(1.0, 1.0), branches=material.branches).effective(1.0).homogeneous
+        np.testing.assert_allclose(material.stiffness_tensor(POINTS)[k], isotropic(1.0, 1 + x[0], 2))
+    assert not material.homogeneous_in(True)
+    assert not material.homogeneous_in(False, (0,))
+    constant, varying = Branch(lame=(1, 1), time=1.0), Branch(lame=(lambda x: x[:, 0], 1.0), time=1.0)
+    viscous = Material.lame(1.0, 1.0, viscosity=(0.0, lambda x: x[:, 0]), branches=[constant])
+    assert (viscous.homogeneous_in(True), viscous.homogeneous_in(False, (0,))) == (False, True)
+    relaxing = Material.lame(lambda x: 1 + x[:, 0], 1.0, viscosity=(1.0, 1.0), branches=[varying])
+    assert (relaxing.homogeneous_in(True), relaxing.homogeneous_in(True, (0,))) == (True, False)
 
 
 def test_by_region() -> None:
@@ -129,25 +119,20 @@ def test_by_region() -> None:
     assert not short[0].any()
     np.testing.assert_allclose(short[1], isotropic(2, 2, 2))
     np.testing.assert_allclose(long, [isotropic(1, 1, 2), isotropic(3, 3, 2), isotropic(3, 3, 2)])
-    step = material.effective(2.0, (0.5, 0.25)).stiffness_tensor(POINTS, MASKS)
-    np.testing.assert_allclose(step[0], isotropic(1.25, 1.25, 2))
-    np.testing.assert_allclose(step[1], isotropic(4 + 10 + 1 + 0.75, 4 + 12 + 1 + 0.75, 2))
+    np.testing.assert_allclose(V[1], isotropic(5, 6, 2))
 
 
 def test_statics_knows_nothing_of_it() -> None:
     plain, full = Material.lame(3.0, 2.0), Material.lame(3.0, 2.0, density=1.0, viscosity=(1.0, 1.0))
     np.testing.assert_array_equal(plain.stiffness_tensor(POINTS), full.stiffness_tensor(POINTS))
-    assert plain.effective() is plain
-    assert full.effective() is full
-    assert plain.effective(3.0).stiffness_tensor(POINTS)[0].tolist() == plain.stiffness_tensor(POINTS)[0].tolist()
+    assert not plain.viscosity_tensor(POINTS).any()
 
 
 def test_pickling() -> None:
     material = Material.lame(3.0, 2.0, density=1.0, viscosity=np.eye(3), branches=[Branch(lame=(1, 1), time=2.0)])
-    again = pickle.loads(pickle.dumps(material.effective(2.0, (3.0,))))
-    np.testing.assert_array_equal(
-        again.stiffness_tensor(POINTS), material.effective(2.0, (3.0,)).stiffness_tensor(POINTS)
-    )
+    again = pickle.loads(pickle.dumps(material))
+    np.testing.assert_array_equal(again.viscosity_tensor(POINTS), material.viscosity_tensor(POINTS))
+    np.testing.assert_array_equal(again.branch_tensor(0, POINTS), material.branch_tensor(0, POINTS))
 
 
 BAD: dict[str, tuple[Callable[[], Any], str]] = {
@@ -203,11 +188,11 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: Material.by_region({"a": Material.lame(1, 1, density=1), "b": Material.lame(1, 1)}),
         "region 'b' has no density",
     ),
-    "effective negative": (lambda: Material.lame(1, 1, viscosity=(1, 1)).effective(-1.0), "not negative"),
-    "effective too many": (lambda: Material.lame(1, 1).effective(0.0, (1.0,)), "1 shares of branches"),
-    "bedding negative": (lambda: Bedding(-1.0), "bedding = -1; it must not be negative"),
-    "bedding callable": (lambda: Bedding(lambda x: -x[:, 0]).at(POINTS), r"bedding = -1 at x = \[1.0, 0.5\]"),
-    "inertia without mass": (lambda: Bedding(0.0, Material.lame(1, 1), 1.0), "a body without density has no inertia"),
+    "bedding negative": (lambda: checked_quantity(-1.0, "bedding"), "bedding = -1; it must not be negative"),
+    "bedding callable": (
+        lambda: at_place(lambda x: -x[:, 0], "bedding", POINTS),
+        r"bedding = -1 at x = \[1.0, 0.5\]",
+    ),
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -12,10 +13,11 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.mechanics.material import Material
+from hemivar.mechanics.per_volume import at_place, constant_of
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["ConstitutiveLaw", "EnergyDensity", "EnergyLaw", "constitutive_law", "elastic"]
+__all__ = ["ConstitutiveLaw", "EnergyDensity", "EnergyLaw", "constitutive_law", "elastic", "relaxing", "viscous"]
 
 
 class EnergyDensity(Protocol):
@@ -117,3 +119,22 @@ def constitutive_law(problem: Statement) -> ConstitutiveLaw:
     if isinstance(problem, ScalarProblem):
         return ConstitutiveLaw(np.arange(problem.mesh.dim)[None], problem.coefficients, problem.homogeneous)
     return elastic(problem.material, problem.mesh.dim)
+
+
+def viscous(problem: Material | ScalarProblem, dim: int) -> ConstitutiveLaw:
+    """The viscosity of a material, or of a scalar problem that has one, in d dimensions."""
+    if isinstance(problem, Material):
+        return ConstitutiveLaw(voigt_index(dim), problem.viscosity_tensor, problem.homogeneous_in(True))
+    value = problem.viscosity
+    assert value is not None
+
+    def matrices(points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
+        return at_place(value, "viscosity", points, regions)[:, None, None] * np.eye(dim)
+
+    return ConstitutiveLaw(np.arange(dim)[None], matrices, constant_of(value) is not None)
+
+
+def relaxing(material: Material, number: int, dim: int) -> ConstitutiveLaw:
+    """The springs of the branches of one of the relaxation times of a material in d dimensions."""
+    matrices = partial(material.branch_tensor, number)
+    return ConstitutiveLaw(voigt_index(dim), matrices, material.homogeneous_in(False, (number,)))

@@ -25,10 +25,9 @@ from hemivar.fem.contact_points import refuse_dependent
 from hemivar.fem.edge_blocks import node_graph
 from hemivar.fem.energy_integral import EnergyIntegral, NodalEnergy
 from hemivar.fem.locking import locking_warning
-from hemivar.fem.mass import body_blocks, mass_blocks, resists
+from hemivar.fem.mass import body_blocks, mass_blocks, per_volume, resists
 from hemivar.fem.scalar_energy import discretize_scalar
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
-from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.obstacles import refuse_inside
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -148,10 +147,10 @@ class _DiscreteBody:
 
 
 def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBody:
-    mesh, order, prescribed, bedding = problem.mesh, problem.order, conditions.prescribed, bedding_of(problem.bedding)
+    mesh, order, prescribed = problem.mesh, problem.order, conditions.prescribed
     reaction = np.zeros_like(prescribed)
-    blocks = body_blocks(mesh, problem.material, bedding, node_graph(mesh, order))
-    resisted = resists(mesh, order, bedding, np.einsum("ncc->nc", blocks.diagonal))
+    blocks = body_blocks(mesh, problem.material, problem.bedding, node_graph(mesh, order))
+    resisted = resists(mesh, order, per_volume(problem.bedding, "bedding"), np.einsum("ncc->nc", blocks.diagonal))
     if prescribed.any():
         reaction = blocks.times(conditions.supports.value).ravel()
     blocks.turn(conditions.directions)
@@ -160,7 +159,7 @@ def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBo
 
 
 def _nonlinear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBody:
-    mesh, order, bedding = problem.mesh, problem.order, bedding_of(problem.bedding)
+    mesh, order, bedding = problem.mesh, problem.order, per_volume(problem.bedding, "bedding")
     energy = NodalEnergy(mesh, order, EnergyLaw.of(problem.material, mesh.dim))
     own = None if bedding.none else mass_blocks(mesh, bedding, energy.graph)
     start = conditions.supports.value

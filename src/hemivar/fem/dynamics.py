@@ -11,13 +11,13 @@ from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.operators import Multiple, Operator, of_arrays
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem.assembly import stiffness_blocks
+from hemivar.fem.constitutive import ConstitutiveLaw, relaxing, viscous
 from hemivar.fem.discretize import discretize
 from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
-from hemivar.fem.mass import body_blocks, mass_blocks
+from hemivar.fem.mass import body_blocks, inertia, mass_blocks
 from hemivar.fem.supports import Supports
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.mechanics.bedding import Bedding, bedding_of
-from hemivar.mechanics.composed_material import Combination
 from hemivar.mechanics.conditions import Support, prescribed_values
 from hemivar.mechanics.statement import ContactProblem
 
@@ -74,7 +74,7 @@ class Reduction:
 
 
 def body_family(
-    problem: ContactProblem, discrete: DiscreteProblem | None = None, *, inertia: bool = True
+    problem: ContactProblem, discrete: DiscreteProblem | None = None, *, with_mass: bool = True
 ) -> OperatorFamily:
     """The matrices of a body: its stiffness is that of :func:`discretize`, the others stand on the same sparsity.
 
@@ -84,7 +84,7 @@ def body_family(
         At one time, where it depends on time.
     discrete : DiscreteProblem, optional
         What :func:`discretize` made of the same problem.
-    inertia : bool
+    with_mass : bool
         Whether the mass is asked for.
 
     Raises
@@ -94,23 +94,19 @@ def body_family(
     """
     problem = expect(problem, ContactProblem, "what to make matrices of", "give the ContactProblem")
     discrete = discretize(problem, check_coercivity=False, evolving=True) if discrete is None else discrete
-    material, bedding, mesh = problem.material, bedding_of(problem.bedding), problem.mesh
+    material, mesh = problem.material, problem.mesh
     conditions, graph = nodal_conditions(problem), node_graph(mesh, problem.order)
     moved = moved_components(problem, conditions.supports)
     reduction = Reduction(discrete, moved, conditions.free, conditions.directions)
-    stiffness = reduction.stiffness(body_blocks(mesh, material, bedding, graph) if moved.size else None)
+    stiffness = reduction.stiffness(body_blocks(mesh, material, problem.bedding, graph) if moved.size else None)
+
+    def made(law: ConstitutiveLaw) -> Operator:
+        return reduction.part(stiffness_blocks(mesh, law, graph), stiffness)
+
+    viscosity = made(viscous(material, mesh.dim)) if material.viscous else None
+    mass = reduction.part(mass_blocks(mesh, inertia(material), graph)) if with_mass and material.inert else None
     times = material.relaxation_times
-    none = (0.0,) * len(times)
-
-    def made(viscous: float, shares: tuple[float, ...]) -> Operator:
-        blocks = body_blocks(mesh, Combination(material, 0.0, viscous, shares), Bedding(), graph)
-        return reduction.part(blocks, stiffness)
-
-    viscosity = made(1.0, none) if material.viscous else None
-    mass = None
-    if inertia and material.inert:
-        mass = reduction.part(mass_blocks(mesh, Bedding(0.0, material, 1.0), graph))
-    branches = tuple((time, made(0.0, (*none[:i], 1.0, *none[i + 1 :]))) for i, time in enumerate(times))
+    branches = tuple((time, made(relaxing(material, i, mesh.dim))) for i, time in enumerate(times))
     return OperatorFamily(discrete, stiffness, viscosity, mass, branches, moved)
 
 

@@ -160,8 +160,8 @@ def family_of(problem: DiscreteProblem, inertia: bool) -> OperatorFamily:
     stated = problem.origin
     assert stated is not None
     if isinstance(stated, ScalarProblem):
-        return scalar_family(stated, problem, inertia=inertia)
-    return body_family(stated, problem, inertia=inertia)
+        return scalar_family(stated, problem, with_mass=inertia)
+    return body_family(stated, problem, with_mass=inertia)
 
 
 def _shared_points(fine: ContactPoints, coarse: ContactPoints, interpolation: sp.csr_array) -> IntArray:

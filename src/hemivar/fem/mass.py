@@ -2,55 +2,115 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
 from hemivar.fem.assembly import portions, stiffness_blocks
 from hemivar.fem.constitutive import elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
-from hemivar.mechanics.bedding import Bedding
+from hemivar.mechanics.conditions import ScalarData
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.per_volume import PerVolume
+from hemivar.mechanics.per_volume import Regional, at_place, constant_of
+from hemivar.mechanics.single_material import SingleMaterial
 from hemivar.mechanics.stored_energy import refuse_nonlinear
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["body_blocks", "cell_masses", "mass_blocks", "mass_matrix", "resists"]
+__all__ = [
+    "MassDensity",
+    "body_blocks",
+    "cell_masses",
+    "inertia",
+    "mass_blocks",
+    "mass_matrix",
+    "per_volume",
+    "resists",
+]
 
 #: Ratio of bedding and stiffness at a node below which the bedding is lost in the rounding of the stiffness.
 _FELT = 1e-12
 
 
-def cell_masses(mesh: Mesh, order: int, bedding: Bedding | PerVolume, cells: slice | IntArray = slice(None)) -> Array:
-    """Matrices ``int_T bedding phi_k phi_l`` of some cells, shape (k, L, L), in the order of :meth:`Mesh.cell_nodes`.
+@dataclass(frozen=True, eq=False)
+class MassDensity:
+    """The factor c of a mass matrix ``int c u . v``: a mass, a capacity or the stiffness of a bedding, per volume.
 
-    Exact for a constant; a bedding that varies is integrated by a rule of degree 2 more than the shape functions ask
+    Attributes
+    ----------
+    at : function
+        Of points (k, d) and of masks of regions, shape (k,) each: numbers (k,), not negative.
+    constant : float or None
+        The number where it is the same everywhere.
+    """
+
+    at: Callable[[Array, Mapping[str, BoolArray] | None], Array]
+    constant: float | None
+
+    @property
+    def none(self) -> bool:
+        """Whether there is nothing at all."""
+        return self.constant == 0.0
+
+
+def per_volume(value: Regional, name: str) -> MassDensity:
+    """A number, a function of the place, or either by region."""
+    return MassDensity(partial(at_place, value, name), constant_of(value))
+
+
+def inertia(material: Material) -> MassDensity:
+    """The density of a material.
+
+    Raises
+    ------
+    ProblemError
+        It has none.
+    """
+    if not material.inert:
+        raise ProblemError("a body without density has no inertia; give the material a density")
+
+    def at(points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
+        density = material.density_at(points, regions)
+        assert density is not None
+        return density
+
+    stated = material.density if isinstance(material, SingleMaterial) else None
+    return MassDensity(at, None if callable(stated) else stated)
+
+
+def cell_masses(mesh: Mesh, order: int, density: MassDensity, cells: slice | IntArray = slice(None)) -> Array:
+    """Matrices ``int_T c phi_k phi_l`` of some cells, shape (k, L, L), in the order of :meth:`Mesh.cell_nodes`.
+
+    Exact for a constant; a density that varies is integrated by a rule of degree 2 more than the shape functions ask
     for.
     """
-    constant = bedding.constant
+    constant = density.constant
     barycentric, weights = quadrature_rule(mesh.dim, 2 * order + (0 if constant is not None else 2))
     shapes = shape_values(order, barycentric)
     table = np.einsum("q,qk,ql->qkl", weights, shapes, shapes)
     volumes = mesh.volumes[cells]
     if constant is not None:
         return np.asarray(constant * volumes[:, None, None] * table.sum(axis=0))
-    values, _ = at_quadrature_points(mesh, 2 * order + 2, bedding.at, cells)
+    values, _ = at_quadrature_points(mesh, 2 * order + 2, density.at, cells)
     size = shapes.shape[1]
     return np.asarray(volumes[:, None] * (values @ table.reshape(len(weights), -1))).reshape(-1, size, size)
 
 
 def mass_blocks(
-    mesh: Mesh, bedding: Bedding | PerVolume, graph: NodeGraph | None = None, into: EdgeBlocks | None = None
+    mesh: Mesh, density: MassDensity, graph: NodeGraph | None = None, into: EdgeBlocks | None = None
 ) -> EdgeBlocks:
-    """Consistent mass matrix ``int bedding u . v`` by nodes and edges.
+    """Consistent mass matrix ``int c u . v`` by nodes and edges.
 
     Parameters
     ----------
     mesh : Mesh
-    bedding : Bedding or PerVolume
-        The density, or the stiffness of a bedding; ``Bedding(material=material, factor=1.0)`` is the density.
+    density : MassDensity
     graph : NodeGraph, optional
         Of the mesh and the order of the elements; by default of linear ones.
     into : EdgeBlocks, optional
@@ -61,7 +121,7 @@ def mass_blocks(
     on_nodes, on_edges = np.zeros(graph.count), np.zeros(len(graph.edges))
     corners, (one, other) = np.arange(graph.cells.shape[1]), graph.local
     for part in portions(mesh, graph.order):
-        local = cell_masses(mesh, graph.order, bedding, part)
+        local = cell_masses(mesh, graph.order, density, part)
         on_nodes += np.bincount(graph.cells[part].ravel(), local[:, corners, corners].ravel(), minlength=graph.count)
         edge = graph.cell_edges[part]
         first, last = int(edge.min()), int(edge.max()) + 1
@@ -74,12 +134,12 @@ def mass_blocks(
     return into
 
 
-def mass_matrix(mesh: Mesh, bedding: Bedding, order: int = 1) -> sp.csr_array:
-    """Consistent mass matrix ``v'M u = int bedding u . v``, shape (nodes * d, nodes * d)."""
-    return mass_blocks(mesh, bedding, node_graph(mesh, order)).matrix()
+def mass_matrix(mesh: Mesh, density: MassDensity, order: int = 1) -> sp.csr_array:
+    """Consistent mass matrix ``v'M u = int c u . v``, shape (nodes * d, nodes * d)."""
+    return mass_blocks(mesh, density, node_graph(mesh, order)).matrix()
 
 
-def body_blocks(mesh: Mesh, material: Material, bedding: Bedding, graph: NodeGraph | None = None) -> EdgeBlocks:
+def body_blocks(mesh: Mesh, material: Material, bedding: ScalarData, graph: NodeGraph | None = None) -> EdgeBlocks:
     """Stiffness with that of a bedding, by nodes and edges; of linear elements where no graph is given.
 
     Raises
@@ -89,27 +149,28 @@ def body_blocks(mesh: Mesh, material: Material, bedding: Bedding, graph: NodeGra
     """
     refuse_nonlinear(material)
     graph = node_graph(mesh, 1) if graph is None else graph
-    blocks = stiffness_blocks(mesh, elastic(material, mesh.dim), graph)
-    return blocks if bedding.none else mass_blocks(mesh, bedding, graph, blocks)
+    blocks, resisting = stiffness_blocks(mesh, elastic(material, mesh.dim), graph), per_volume(bedding, "bedding")
+    return blocks if resisting.none else mass_blocks(mesh, resisting, graph, blocks)
 
 
-def resists(mesh: Mesh, order: int, bedding: Bedding | PerVolume, diagonal: Array) -> bool:
+def resists(mesh: Mesh, order: int, density: MassDensity, diagonal: Array) -> bool:
     """Whether a bedding resists every motion of every part of a body, by more than rounding.
 
     Parameters
     ----------
     mesh : Mesh
     order : int
-    bedding : Bedding or PerVolume
+    density : MassDensity
+        Of the bedding.
     diagonal : array, shape (nodes, d)
         Of the stiffness with the bedding.
     """
-    if bedding.none:
+    if density.none:
         return False
     nodes, count = mesh.cell_nodes(order), len(diagonal)
     own = np.zeros(count)
     for part in portions(mesh, order):
-        local = cell_masses(mesh, order, bedding, part)
+        local = cell_masses(mesh, order, density, part)
         entries = range(local.shape[1])
         own += np.bincount(nodes[part].ravel(), local[:, entries, entries].ravel(), minlength=count)
     ratio = own / diagonal.max(axis=1)

@@ -15,11 +15,10 @@ from hemivar.fem.constitutive import EnergyLaw, constitutive_law
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
 from hemivar.fem.energy_integral import NodalEnergy
-from hemivar.fem.mass import cell_masses
+from hemivar.fem.mass import cell_masses, per_volume
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.scalar_energy import scalar_reactions
 from hemivar.fem.supports import stated_supports, sum_by
-from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
 
@@ -107,7 +106,7 @@ def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArra
     That of a bedding is counted."""
     mesh, order = problem.mesh, problem.order
     forces = _of_material(problem, displacement, cells)
-    bedding = bedding_of(problem.bedding)
+    bedding = per_volume(problem.bedding, "bedding")
     if not bedding.none:
         nodes = mesh.cell_nodes(order)[cells]
         own = cell_masses(mesh, order, bedding, cells) @ displacement[nodes]

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.assembly import stiffness_blocks
+from hemivar.fem.constitutive import viscous
 from hemivar.fem.dynamics import Reduction
-from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
+from hemivar.fem.edge_blocks import node_graph
+from hemivar.fem.mass import mass_blocks, per_volume
 from hemivar.fem.scalar_energy import contact_of, held_values, scalar_blocks, scalar_load
 from hemivar.laws import ContactLaw
-from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Shares
+from hemivar.mechanics.scalar import ScalarKind, ScalarProblem
 
 __all__ = ["scalar_acting", "scalar_family"]
 
 
-def scalar_family(problem: ScalarProblem, discrete: DiscreteProblem, *, inertia: bool = True) -> OperatorFamily:
+def scalar_family(problem: ScalarProblem, discrete: DiscreteProblem, *, with_mass: bool = True) -> OperatorFamily:
     """Stiffness, viscosity (of heat its capacity) and mass, reduced to the unknowns of :func:`discretize_scalar`.
 
     Parameters
@@ -28,7 +29,7 @@ def scalar_family(problem: ScalarProblem, discrete: DiscreteProblem, *, inertia:
         At one time, where it depends on time.
     discrete : DiscreteProblem
         What :func:`discretize_scalar` made of it.
-    inertia : bool
+    with_mass : bool
         Whether the mass is asked for.
 
     Raises
@@ -41,17 +42,15 @@ def scalar_family(problem: ScalarProblem, discrete: DiscreteProblem, *, inertia:
     graph, moved = node_graph(problem.mesh, problem.order), moved_nodes(problem)
     reduction = Reduction(discrete, moved, np.diff(field.basis.indptr)[:, None] > 0)
 
-    def part(shares: Shares, only_mass: bool = False) -> EdgeBlocks:
-        return scalar_blocks(replace(problem, bedding=0.0, shares=shares), graph, only_mass=only_mass)
-
-    stiffness = reduction.stiffness(scalar_blocks(problem, graph) if moved.size else None)
+    mesh, stiffness = problem.mesh, reduction.stiffness(scalar_blocks(problem, graph) if moved.size else None)
     viscosity = mass = None
     if problem.viscosity is not None:
-        viscosity = reduction.part(part(Shares(viscous=1.0, elastic=0.0)), stiffness)
+        viscosity = reduction.part(stiffness_blocks(mesh, viscous(problem, mesh.dim), graph), stiffness)
     if problem.capacity is not None:
-        viscosity = reduction.part(part(Shares(viscous=1.0), only_mass=True))
-    if inertia and problem.density is not None:
-        mass = reduction.part(part(Shares(inert=1.0), only_mass=True))
+        capacity = per_volume(problem.capacity, "capacity")
+        viscosity = reduction.part(mass_blocks(mesh, capacity, graph, graph.zeros(1)))
+    if with_mass and problem.density is not None:
+        mass = reduction.part(mass_blocks(mesh, per_volume(problem.density, "density"), graph, graph.zeros(1)))
     return OperatorFamily(discrete, stiffness, viscosity, mass, (), moved)
 
 

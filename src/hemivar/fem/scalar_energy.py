@@ -24,13 +24,13 @@ from hemivar.fem.contact_points import shares
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
 from hemivar.fem.energy_integral import EnergyIntegral, NodalEnergy
-from hemivar.fem.mass import mass_blocks, resists
+from hemivar.fem.mass import mass_blocks, per_volume, resists
 from hemivar.fem.quadrature import region_masks
 from hemivar.fem.supports import in_words
 from hemivar.laws import ContactLaw, Friction, NoContact
 from hemivar.mechanics.conditions import LARGEST, ScalarData, evaluate_scalar
 from hemivar.mechanics.instants import told_of
-from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Shares, Side
+from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Side
 
 __all__ = [
     "contact_of",
@@ -89,7 +89,7 @@ def discretize_scalar(problem: ScalarProblem, *, check_coercivity: bool = True) 
     full = scalar_load(problem)
     prescribed = np.where(held, value, 0.0)
     reaction = np.zeros(len(nodes))
-    bedding, graph = problem.mass_of_step, node_graph(mesh, order)
+    bedding, graph = per_volume(problem.bedding, "bedding"), node_graph(mesh, order)
     blocks = scalar_blocks(problem, graph)  # where the gradient is zero, if the flux is not linear
     resisted = resists(mesh, order, bedding, blocks.diagonal[:, 0])
     bulk: Quadratic | Potential
@@ -141,19 +141,11 @@ def held_values(problem: ScalarProblem, nodes: Array) -> tuple[BoolArray, Array]
 # ---- matrices and loads -----------------------------------------------------------------------------------
 
 
-def scalar_blocks(problem: ScalarProblem, graph: NodeGraph, *, only_mass: bool = False) -> EdgeBlocks:
-    """``int A grad u . grad v + mass u v`` by nodes and edges; the mass is :attr:`ScalarProblem.mass_of_step`.
-
-    Parameters
-    ----------
-    problem : ScalarProblem
-    graph : NodeGraph
-    only_mass : bool
-        Without the first term.
-    """
-    mesh, mass = problem.mesh, problem.mass_of_step
-    blocks = graph.zeros(1) if only_mass else stiffness_blocks(mesh, constitutive_law(problem), graph)
-    return blocks if mass.none else mass_blocks(mesh, mass, graph, blocks)
+def scalar_blocks(problem: ScalarProblem, graph: NodeGraph) -> EdgeBlocks:
+    """``int A grad u . grad v + bedding u v`` by nodes and edges."""
+    bedding = per_volume(problem.bedding, "bedding")
+    blocks = stiffness_blocks(problem.mesh, constitutive_law(problem), graph)
+    return blocks if bedding.none else mass_blocks(problem.mesh, bedding, graph, blocks)
 
 
 def scalar_nodal_energy(problem: ScalarProblem) -> NodalEnergy:
@@ -324,7 +316,7 @@ def least_coefficient(problem: ScalarProblem) -> float:
 
 def gradient_norm_problem(problem: ScalarProblem) -> ScalarProblem:
     """The problem whose stiffness is that of ``int grad u . grad v``, the norm of V."""
-    return replace(problem, coefficient=1.0, bedding=0.0, density=None, viscosity=None, capacity=None, shares=Shares())
+    return replace(problem, coefficient=1.0, bedding=0.0, density=None, viscosity=None, capacity=None)
 
 
 def gradient(problem: ScalarProblem, values: Array) -> tuple[Array, Array]:
@@ -384,7 +376,7 @@ def scalar_reactions(problem: DiscreteProblem, values: Array, multiplier: Array)
 
 def _forces(problem: ScalarProblem) -> Callable[[Array], Array]:
     """Internal forces (nodes,), those of the bedding counted, of nodal values (nodes,)."""
-    energy, bedding = scalar_nodal_energy(problem), problem.mass_of_step
+    energy, bedding = scalar_nodal_energy(problem), per_volume(problem.bedding, "bedding")
     graph = energy.graph
     own = None if bedding.none else mass_blocks(problem.mesh, bedding, graph, graph.zeros(1))
 

@@ -100,6 +100,10 @@ def _free_directions(supports: Supports, groups: list[BoundaryContact]) -> tuple
             chosen[every[active], pick[active]] = along[active]
             used[every[active], pick[active]] = True
             rest -= np.einsum("kcd,kd->kc", rest, along)[:, :, None] * along[:, None, :]
+        held = np.argsort(used, axis=1, kind="stable")  # slots of held directions come first
+        for step in range(dim - 1):
+            filled = step < supports.count[partly]
+            chosen[every[filled], held[filled, step]] = supports.directions[partly[filled], step]
         directions[partly], free[partly] = chosen, used
     return directions, free
 

@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from hemivar.basics.arguments import suggest
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import Quantity, TomlTable, kind
-from hemivar.files.unsaid import unsaid
 from hemivar.formula import VARIABLES
-from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.conditions import (
     SUPPORTS,
     Clamped,
@@ -62,7 +60,7 @@ def read_bedding(table: TomlTable, mesh: Mesh) -> Quantity:
 
 
 def loads_record(
-    body: VectorData | float, tractions: Mapping[str, Traction], bedding: ScalarData | Bedding, dim: int
+    body: VectorData | float, tractions: Mapping[str, Traction], bedding: ScalarData, dim: int
 ) -> dict[str, object]:
     """The table [loads]."""
 
@@ -81,8 +79,6 @@ def loads_record(
         else:
             traction[name] = vector(value, where)
     record |= ({"traction": traction} if traction else {}) | ({"pressure": pressure} if pressure else {})
-    if isinstance(bedding, Bedding):
-        raise unsaid("bedding", "the inertia of a step in time")
     return record if bedding == 0.0 else record | {"bedding": quantity_record(bedding, "bedding")}
 
 

@@ -1,6 +1,5 @@
 """The statement: bodies, materials, supports, loads, obstacles and foundations."""
 
-from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
 from hemivar.mechanics.gradient_energy import GradientEnergy, PowerLaw, SaturatingFlux
 from hemivar.mechanics.material import Material
@@ -15,7 +14,6 @@ from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, Isotrop
 from hemivar.mechanics.thermal import Heat, HeatContact
 
 __all__ = [
-    "Bedding",
     "BoundsBy",
     "Branch",
     "Clamped",

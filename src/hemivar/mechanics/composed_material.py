@@ -15,7 +15,7 @@ from hemivar.mechanics.material import Material, no_matrices
 from hemivar.mechanics.material_description import MaterialDescription
 from hemivar.mechanics.material_words import BoundsBy
 
-__all__ = ["ByRegion", "Combination", "LowerElasticity", "lower_elasticity"]
+__all__ = ["ByRegion", "LowerElasticity", "lower_elasticity"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,115 +175,6 @@ class ByRegion(Material):
         for name, mask in self._masks(points, regions).items():
             if mask.any():
                 yield name, mask, {key: value[mask] for key, value in (regions or {}).items()}
-
-
-@dataclass(frozen=True, eq=False)
-class Combination(Material):
-    """An elastic material made of the elasticity, the viscosity and the branches of another one, with its density.
-
-    Its matrices are ``of_elasticity A + of_viscosity V + sum_i of_branches_i A_i``; see :meth:`Material.effective`.
-
-    Attributes
-    ----------
-    material : Material
-    of_elasticity, of_viscosity : float
-    of_branches : tuple of float
-        One for each of the relaxation times of the material.
-
-    Raises
-    ------
-    ProblemError
-        If a number is negative or not finite, or there are not as many shares as relaxation times.
-    """
-
-    material: Material
-    of_elasticity: float
-    of_viscosity: float
-    of_branches: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        times = len(self.material.relaxation_times)
-        if len(self.of_branches) != times:
-            raise ProblemError(
-                f"{len(self.of_branches)} shares of branches are given; the material has {times} of them"
-            )
-        numbers = np.array([self.of_elasticity, self.of_viscosity, *self.of_branches], dtype=float)
-        if not (np.isfinite(numbers).all() and (numbers >= 0.0).all()):
-            raise ProblemError(f"the shares {numbers.tolist()} of a material must be finite and not negative")
-
-    @property
-    def _numbers(self) -> list[int]:
-        return [number for number, share in enumerate(self.of_branches) if share]
-
-    @property
-    def homogeneous(self) -> bool:
-        elastic = self.material.homogeneous or not self.of_elasticity
-        return elastic and self.material.homogeneous_in(bool(self.of_viscosity), self._numbers)
-
-    @property
-    def inert(self) -> bool:
-        return self.material.inert
-
-    def density_at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array | None:
-        return self.material.density_at(points, regions)
-
-    def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        at = points[:1] if self.homogeneous else points
-        total = self._added(at, regions)
-        if self.of_elasticity:
-            total += self.of_elasticity * self.material.stiffness_tensor(at, regions)
-        return np.broadcast_to(total[0], (len(points), *total.shape[1:])) if len(at) < len(points) else total
-
-    def _added(self, points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
-        """What viscosity and branches add to the elasticity, (k, v, v); linear, whatever the elasticity is."""
-        total = np.array(no_matrices(points))
-        if self.of_viscosity:
-            total += self.of_viscosity * self.material.viscosity_tensor(points, regions)
-        for number in self._numbers:
-            total += self.of_branches[number] * self.material.branch_tensor(number, points, regions)
-        return total
-
-    @property
-    def linear(self) -> bool:
-        return self.material.linear or not self.of_elasticity
-
-    @property
-    def bounds_by(self) -> BoundsBy:
-        return self.material.bounds_by if self.of_elasticity else BoundsBy.CLOSED_FORM
-
-    @property
-    def reach(self) -> float:
-        return self.material.reach if self.of_elasticity else np.inf
-
-    def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:
-        return self.material.describe(point)
-
-    def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        added = 0.5 * np.einsum("ki,kij,kj->k", strain, self._added(points, regions), strain)
-        return np.asarray(added + self.of_elasticity * self.material.energy(points, strain, regions))
-
-    def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        added = np.einsum("kij,kj->ki", self._added(points, regions), strain)
-        return np.asarray(added + self.of_elasticity * self.material.stress(points, strain, regions))
-
-    def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        added = self._added(points, regions)
-        return np.asarray(added + self.of_elasticity * self.material.tangent(points, strain, regions))
-
-    def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        return np.asarray(
-            self._added(points, regions) + self.of_elasticity * self.material.lower_tensor(points, regions)
-        )
-
-    def upper_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        return np.asarray(
-            self._added(points, regions) + self.of_elasticity * self.material.upper_tensor(points, regions)
-        )
-
-    def out_of_plane_stress(
-        self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
-    ) -> Array:
-        return self.material.out_of_plane_stress(points, strain, regions)
 
 
 @dataclass(frozen=True, eq=False)

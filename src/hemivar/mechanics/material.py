@@ -450,23 +450,6 @@ class Material(Portable):
         """Whether the viscosity, if asked for, and the branches of some numbers are the same everywhere."""
         return True
 
-    def effective(self, viscous: float = 0.0, branches: Sequence[float] = ()) -> Material:
-        """The elastic material ``A + viscous V + sum_i branches_i A_i``, which a step in time is made of.
-
-        Parameters
-        ----------
-        viscous : float
-            Not negative.
-        branches : sequence of float
-            One for each of the :attr:`relaxation_times`, not negative; none leaves them all out.
-        """
-        with IMPORTS:
-            from hemivar.mechanics.composed_material import Combination
-
-        if not branches:
-            branches = (0.0,) * len(self.relaxation_times)
-        return Combination(self, 1.0, viscous, tuple(branches)) if viscous or any(branches) else self
-
 
 def no_matrices(points: Array) -> Array:
     """Matrices that are zero, at points (k, d), shape (k, v, v)."""

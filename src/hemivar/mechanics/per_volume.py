@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 
 from hemivar.basics.arguments import suggest
-from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, ScalarData, evaluate_scalar, plain_data
 from hemivar.mechanics.instants import refuse_time
 
-__all__ = ["PerVolume", "Regional", "at_place", "checked_per_volume", "constant_of"]
+__all__ = ["Regional", "at_place", "checked_per_volume", "checked_quantity", "constant_of"]
 
 #: A quantity that may be given by region.
 Regional = ScalarData | Mapping[str, ScalarData]
@@ -36,12 +34,19 @@ def checked_per_volume(value: object, name: str, regions: list[str]) -> Regional
             if region not in regions:
                 near = suggest(str(region), regions, "regions")
                 raise ProblemError(f"{name} names region '{region}', which the mesh does not have{near}")
-        parts = {region: _plain(one, f"{name} of region '{region}'") for region, one in value.items()}
+        parts = {region: checked_quantity(one, f"{name} of region '{region}'") for region, one in value.items()}
         return MappingProxyType(parts)
-    return _plain(value, name)
+    return checked_quantity(value, name)
 
 
-def _plain(value: object, name: str) -> ScalarData:
+def checked_quantity(value: object, name: str) -> ScalarData:
+    """A quantity that is not negative, a number or a function of the place.
+
+    Raises
+    ------
+    ProblemError
+        A number is negative or not finite, or something depends on time.
+    """
     refuse_time(value, name)
     plain: ScalarData = plain_data(value, name, vector=False, most=LARGEST)
     if not callable(plain) and plain < 0.0:
@@ -86,40 +91,3 @@ def _at(value: ScalarData, name: str, points: Array) -> Array:
         bad = int(np.argmin(found))
         raise ProblemError(f"{name} = {found[bad]:g} at x = {points[bad].tolist()}; it must not be negative")
     return found
-
-
-@dataclass(frozen=True, eq=False)
-class PerVolume(Portable):
-    """A sum of multiples of quantities per volume, as a mass matrix is made of.
-
-    Attributes
-    ----------
-    parts : tuple of (factor, quantity, name)
-        Factors are not negative; parts of factor zero are left out.
-    """
-
-    parts: tuple[tuple[float, Regional, str], ...] = ()
-
-    def __post_init__(self) -> None:
-        kept = tuple(part for part in self.parts if part[0] and (constant_of(part[1]) != 0.0))
-        object.__setattr__(self, "parts", kept)
-
-    @property
-    def none(self) -> bool:
-        """Whether there is nothing at all."""
-        return not self.parts
-
-    @property
-    def constant(self) -> float | None:
-        """The sum where it is the same everywhere; None where it varies."""
-        constants = [constant_of(value) for _, value, _ in self.parts]
-        if any(one is None for one in constants):
-            return None
-        return float(sum(factor * one for (factor, _, _), one in zip(self.parts, constants, strict=True) if one))
-
-    def at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        """The sum at points (k, d), shape (k,)."""
-        total = np.zeros(len(points))
-        for factor, value, name in self.parts:
-            total += factor * at_place(value, name, points, regions)
-        return total

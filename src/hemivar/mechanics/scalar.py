@@ -10,7 +10,7 @@ displacement across the plane, heat the conductivity and the temperature.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -30,12 +30,12 @@ from hemivar.mechanics.coefficient import Coefficient, flux_density, plain_coeff
 from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
 from hemivar.mechanics.gradient_energy import FluxDensity, GradientEnergy
 from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time, refuse_time
-from hemivar.mechanics.per_volume import PerVolume, Regional, at_place, checked_per_volume, constant_of
+from hemivar.mechanics.per_volume import Regional, checked_per_volume, checked_quantity, constant_of
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["AREA", "ScalarContact", "ScalarKind", "ScalarProblem", "Shares", "Side", "Statement"]
+__all__ = ["AREA", "ScalarContact", "ScalarKind", "ScalarProblem", "Side", "Statement"]
 
 #: What contact over the whole domain is called beside the contact boundaries.
 AREA = "area"
@@ -140,20 +140,6 @@ class ScalarContact(Portable):
         return None
 
 
-@dataclass(frozen=True)
-class Shares:
-    """What the static problem of a step in time takes of viscosity (or capacity), density and A: not negative.
-
-    Attributes
-    ----------
-    viscous, inert, elastic : float
-    """
-
-    viscous: float = 0.0
-    inert: float = 0.0
-    elastic: float = 1.0
-
-
 @dataclass(frozen=True, eq=False)
 class ScalarProblem(Portable, Displayed):
     """A membrane, antiplane shear or heat: one component over a mesh, with laws at boundaries and over areas.
@@ -189,8 +175,6 @@ class ScalarProblem(Portable, Displayed):
         Factor of grad u', beside A grad u: the tension or the shear stress of Kelvin and Voigt.
     capacity : float, callable, mapping or None
         Of heat: heat per volume and degree, the factor of u'.  A problem at rest knows nothing of the three.
-    shares : Shares
-        Of viscosity, capacity and density in the static problem of a step in time; see :meth:`effective`.
 
     Raises
     ------
@@ -213,7 +197,6 @@ class ScalarProblem(Portable, Displayed):
     density: Regional | None = None
     viscosity: Regional | None = None
     capacity: Regional | None = None
-    shares: Shares = field(default_factory=lambda: Shares())
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -248,7 +231,7 @@ class ScalarProblem(Portable, Displayed):
         parts = self.coefficient.values() if isinstance(self.coefficient, Mapping) else (self.coefficient,)
         for name, value in (("bedding", self.bedding), *((self.kind.constant, part) for part in parts)):
             refuse_time(value, name)
-        put(self, "bedding", _nonnegative(self.bedding, "bedding"))
+        put(self, "bedding", checked_quantity(self.bedding, "bedding"))
         for name in ("density", "viscosity", "capacity"):
             if getattr(self, name) is not None:
                 put(self, name, checked_per_volume(getattr(self, name), name, list(self.mesh.regions)))
@@ -270,14 +253,8 @@ class ScalarProblem(Portable, Displayed):
 
     @property
     def homogeneous(self) -> bool:
-        """Whether the coefficient, with the viscosity of a step in time, is the same everywhere."""
-        own = not callable(self.coefficient) and not isinstance(self.coefficient, Mapping)
-        return own and (self._viscous_share is None or constant_of(self._viscous_share[0]) is not None)
-
-    @property
-    def _viscous_share(self) -> tuple[Regional, float] | None:
-        """The viscosity and what a step in time takes of it."""
-        return (self.viscosity, self.shares.viscous) if self.viscosity is not None and self.shares.viscous else None
+        """Whether the coefficient is the same everywhere."""
+        return not callable(self.coefficient) and not isinstance(self.coefficient, Mapping)
 
     @property
     def time_dependent(self) -> frozenset[str]:
@@ -326,17 +303,6 @@ class ScalarProblem(Portable, Displayed):
         ProblemError
             A is not positive definite at some point, or the regions do not cover the points; the message names one.
         """
-        found = self._own_coefficients(points, regions)
-        if self.shares.elastic != 1.0:
-            found = self.shares.elastic * found
-        if self._viscous_share is None:
-            return found
-        viscosity, share = self._viscous_share
-        more = share * at_place(viscosity, "viscosity", points[:1] if self.homogeneous else points, regions)
-        total = found[: len(more)] + more[:, None, None] * np.eye(points.shape[1])
-        return np.broadcast_to(total, found.shape)
-
-    def _own_coefficients(self, points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
         return self._of_parts(lambda part, at: part.at_rest(points[at]), points, regions)
 
     def _of_parts(
@@ -409,33 +375,6 @@ class ScalarProblem(Portable, Displayed):
     def resisted(self) -> bool:
         """Whether a rate is resisted: by viscosity, or by the capacity for heat."""
         return self.viscosity is not None or self.capacity is not None
-
-    @property
-    def mass_of_step(self) -> PerVolume:
-        """What resists u itself, per volume: bedding, and the shares of capacity and density of a step in time."""
-        return PerVolume(
-            (
-                (1.0, self.bedding, "bedding"),
-                (self.shares.viscous, 0.0 if self.capacity is None else self.capacity, "capacity"),
-                (self.shares.inert, 0.0 if self.density is None else self.density, "density"),
-            )
-        )
-
-    def effective(self, viscous: float = 0.0, branches: Sequence[float] = (), inertia: float = 0.0) -> ScalarProblem:
-        """The static problem of a step in time: with ``K + viscous C + inertia M`` for K.
-
-        Parameters
-        ----------
-        viscous, inertia : float
-            Not negative.
-        branches : sequence of float
-            There are none of one component.
-        """
-        if self.shares.viscous or self.shares.inert:
-            raise ProblemError("this problem is that of a step in time already; take the one that was stated")
-        if branches:
-            raise ProblemError("a problem of one component has no branches that relax; leave them out")
-        return replace(self, shares=Shares(viscous, inertia))
 
     def _check_rates(self) -> None:
         heat = self.kind is ScalarKind.HEAT
@@ -520,13 +459,6 @@ def _check_name(what: str, name: str, kind: str, known: list[str]) -> None:
         raise ProblemError(
             f"{what} names {kind} '{name}', which the mesh does not have{hint} ({listed}: {', '.join(known) or 'none'})"
         )
-
-
-def _nonnegative(value: object, name: str) -> ScalarData:
-    plain: ScalarData = plain_data(value, name, vector=False, most=LARGEST)
-    if not callable(plain) and plain < 0.0:
-        raise ProblemError(f"{name} = {plain:g}; it must not be negative")
-    return plain
 
 
 #: What :func:`hemivar.discretize` takes.

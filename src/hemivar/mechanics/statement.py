@@ -18,7 +18,6 @@ from hemivar.basics.portable import Portable
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential, VectorLaw
 from hemivar.laws.memory import Memory
-from hemivar.mechanics.bedding import Bedding, bedding_of
 from hemivar.mechanics.conditions import (
     LARGEST,
     SUPPORTS,
@@ -39,6 +38,7 @@ from hemivar.mechanics.conditions import (
 from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
+from hemivar.mechanics.per_volume import checked_quantity
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
@@ -216,7 +216,7 @@ class ContactProblem(Portable, Displayed):
         Polynomial degree of the elements, 1 or 2.
     quadrature : Quadrature
         Where the contact laws are evaluated.
-    bedding : float, callable or Bedding
+    bedding : float or callable
         An elastic bedding of the whole body, a force ``-bedding u`` per volume (Winkler), not negative; a callable gets
         points, shape (k, d), and returns shape (k,).
 
@@ -236,7 +236,7 @@ class ContactProblem(Portable, Displayed):
     title: str = ""
     order: int = 1
     quadrature: Quadrature = Quadrature.NODAL
-    bedding: ScalarData | Bedding = 0.0
+    bedding: ScalarData = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Mesh):
@@ -272,8 +272,7 @@ class ContactProblem(Portable, Displayed):
             )
         self._check_values()
         object.__setattr__(self, "body_force", plain_data(self.body_force, "body_force"))
-        bedding = bedding_of(self.bedding)
-        object.__setattr__(self, "bedding", bedding if bedding.factor else bedding.own)
+        object.__setattr__(self, "bedding", checked_quantity(self.bedding, "bedding"))
         forces = {
             name: value if isinstance(value, Pressure) else plain_data(value, f"tractions['{name}']")
             for name, value in self.tractions.items()
@@ -325,25 +324,6 @@ class ContactProblem(Portable, Displayed):
         ):
             object.__setattr__(bound, name, MappingProxyType(value) if isinstance(value, dict) else value)
         return bound
-
-    def effective(self, viscous: float = 0.0, branches: Sequence[float] = (), inertia: float = 0.0) -> ContactProblem:
-        """The static problem of a step in time: with ``K + viscous C + inertia M + sum_i branches_i K_i`` for K.
-
-        Loads, supports and contact stay as they are.
-
-        Parameters
-        ----------
-        viscous, inertia : float
-            Not negative; inertia needs a density.
-        branches : sequence of float
-            One for each of the relaxation times of the material; none leaves them out.
-        """
-        bedding = bedding_of(self.bedding)
-        if inertia:
-            if bedding.factor:
-                raise ProblemError("this problem is that of a step in time already; take the one that was stated")
-            bedding = Bedding(bedding.own, self.material, inertia)
-        return replace(self, material=self.material.effective(viscous, branches), bedding=bedding)
 
     def _check_name(self, what: str, name: str) -> None:
         known = list(self.mesh.boundaries)

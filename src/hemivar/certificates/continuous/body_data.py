@@ -24,7 +24,6 @@ from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import elastic
 from hemivar.fem.elements import shape_derivatives, shape_values, voigt_index
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector, traction_value
 from hemivar.mechanics.statement import ContactProblem
@@ -247,7 +246,7 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
         )
     if order != 1 and mesh.dim != 2:
         raise ProblemError("admissible stresses are made of linear elements in space; take order = 1")
-    if not bedding_of(problem.bedding).none:
+    if callable(problem.bedding) or problem.bedding:
         raise ProblemError("admissible stresses are made of bodies without bedding; leave the bedding out")
     u = real_array(displacement, "the displacement")
     count = mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0)

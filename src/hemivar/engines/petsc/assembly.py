@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.contact import ContactPoints
+from hemivar.engines.petsc.cycles import Cycles, ReusedCycle
 from hemivar.engines.petsc.held import admissible_motions, check_held, supported, unrefined
-from hemivar.engines.petsc.matrices import near_null_space, places_of, prolongation, stiffness_and_load
+from hemivar.engines.petsc.matrices import assembled, hold, near_null_space, row_sums
+from hemivar.engines.petsc.nodes import NodesOnRanks
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
@@ -31,7 +32,6 @@ from hemivar.fem.locking import largest_poisson_ratio, locking_warning
 from hemivar.fem.mass import body_blocks
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.laws import VectorLaw
-from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh.mesh import Mesh
@@ -53,17 +53,11 @@ class BodyOnRanks(Body):
 
     Attributes
     ----------
-    ranks : Ranks
-    piece : Piece
-        Cells and nodes of this rank.
+    nodes : NodesOnRanks
     statement : ContactProblem
         The problem on this piece.
     near : petsc4py NullSpace
         Rigid motions, for algebraic multigrid.
-    places : int array (N,)
-        Global number, in the order of the vectors, of each node of the piece.
-    directions : array (N, d, d)
-    free : bool array (N, d)
     prescribed : array (N, d)
         Prescribed displacements.
     contact : ContactPoints
@@ -78,16 +72,14 @@ class BodyOnRanks(Body):
         As :attr:`hemivar.mechanics.DiscreteProblem.warnings`.
     coarser : BodyOnRanks or None
         The problem on the next coarser mesh; a solve starts there if it is ``below`` as well.
+    cycles : Cycles or None
+        What solves leave to one another of their cycles, where there will be many.
     """
 
     elastic: Stiffness
-    ranks: Ranks
-    piece: Piece
+    nodes: NodesOnRanks
     statement: ContactProblem
     near: PETSc.NullSpace
-    places: IntArray
-    directions: Array
-    free: BoolArray
     prescribed: Array
     contact: ContactPoints
     typical: float
@@ -96,6 +88,7 @@ class BodyOnRanks(Body):
     contact_points: int
     warnings: tuple[str, ...]
     coarser: BodyOnRanks | None = None
+    cycles: Cycles | None = None
 
     @property
     def K(self) -> PETSc.Mat:  # noqa: N802 - the matrix
@@ -103,44 +96,39 @@ class BodyOnRanks(Body):
         return self.elastic.K
 
     @property
+    def ranks(self) -> Ranks:
+        """The ranks."""
+        return self.nodes.ranks
+
+    @property
+    def piece(self) -> Piece:
+        """Cells and nodes of this rank."""
+        return self.nodes.piece
+
+    @property
     def dim(self) -> int:
         """Space dimension d."""
-        return self.piece.mesh.dim
+        return self.nodes.dim
+
+    @property
+    def owned(self) -> BoolArray:
+        """Nodes that this rank owns, (N,)."""
+        return self.nodes.owned
+
+    @property
+    def held(self) -> BoolArray:
+        """Entries of a vector that supports hold."""
+        return self.nodes.held
 
     @property
     def points(self) -> int:
         """Contact points m of this rank."""
         return len(self.weights)
 
-    @cached_property
-    def owned(self) -> BoolArray:
-        """Nodes that this rank owns, (N,)."""
-        return self.piece.owned(self.ranks)
-
-    @cached_property
-    def held(self) -> BoolArray:
-        """Entries of a vector that supports hold."""
-        return np.asarray(~self.free[self.owned].ravel())
-
-    @cached_property
-    def prolongation(self) -> PETSc.Mat:
-        """Unknowns from those of :attr:`coarser`, a petsc4py Mat."""
-        assert self.coarser is not None
-        return prolongation(self.coarser, self)
-
-    @cached_property
-    def _scatter(self) -> tuple[PETSc.Scatter, PETSc.Vec]:
-        """From a vector to the unknowns of all nodes of the piece."""
-        from petsc4py import PETSc
-
-        local = PETSc.Vec().createSeq(self.places.size * self.dim, bsize=self.dim, comm=PETSc.COMM_SELF)
-        chosen = PETSc.IS().createBlock(self.dim, self.places.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
-        return PETSc.Scatter().create(self.vector(), chosen, local, None), local
-
     # ---- what the methods ask for ------------------------------------------------------------------------
 
     def truncation(self) -> Truncation:
-        return Multigrid(self)
+        return Multigrid(self) if self.cycles is None else ReusedCycle(self, self.cycles)
 
     def from_below(self, x: Array) -> Array:
         below, ends = self.below, self.piece.ends
@@ -151,25 +139,39 @@ class BodyOnRanks(Body):
     def with_law(self, law: VectorLaw) -> Self:
         return replace(self, law=law, below=None)
 
+    def under(self, load: Array, offset: Array, law: VectorLaw) -> Self:
+        """The body under a load (n,), with offsets (m, d) and a law of its contact points; all ranks call this."""
+        load = np.where(self.held, 0.0, load)
+        found = replace(self, load=load, offset=offset, law=law, below=None, constant=0.0)
+        _ = found.load_scale, found.stiffest  # found by all ranks together, so that each may look at it alone
+        return found
+
+    def stiffened(self, matrix: PETSc.Mat, supported: bool) -> Self:
+        """The body with another stiffness, held where it is, for many solves; all ranks call this."""
+        typical = hold(matrix, self.nodes)
+        elastic = Stiffness(matrix, self.ranks, self.unknown, self.sign, self.active)
+        compliance = _compliance(self.ranks, self.weights, self.active, self.unknown, elastic.matrix_diagonal)
+        return replace(
+            self, elastic=elastic, row_sums=row_sums(matrix, self.nodes), compliance=compliance, typical=typical,
+            supported=supported, cycles=Cycles(), below=None,
+        )  # fmt: skip
+
     # ---- vectors and displacements -----------------------------------------------------------------------
 
     def vector(self, x: Array | None = None) -> PETSc.Vec:
-        """A petsc4py Vec with a copy of the entries of an array (n,), or zeros."""
-        vector = self.K.createVecRight()
-        vector.array_w[:] = 0.0 if x is None else x
-        return vector
+        """See :meth:`NodesOnRanks.vector`."""
+        return self.nodes.vector(x)
 
     def displacement(self, x: Array) -> Array:
         """Displacements (N, d) of all nodes of the piece."""
-        scatter, local = self._scatter
-        scatter.scatter(self.vector(x), local)
-        values = np.where(self.free, local.array_r.reshape(self.free.shape), 0.0)
-        return np.asarray(np.einsum("nc,ncd->nd", values, self.directions) + self.prescribed)
+        nodes = self.nodes
+        values = np.where(nodes.free, nodes.everywhere(x), 0.0)
+        return np.asarray(np.einsum("nc,ncd->nd", values, nodes.directions) + self.prescribed)
 
     def restrict(self, displacement: Array) -> Array:
         """Vector (n,) of a displacement (N, d) of the nodes of the piece."""
-        along = np.einsum("ncd,nd->nc", self.directions, displacement - self.prescribed)
-        return np.where(self.free, along, 0.0)[self.owned].ravel()
+        nodes = self.nodes
+        return np.where(nodes.free, nodes.along(displacement - self.prescribed), 0.0)[nodes.owned].ravel()
 
 
 def assemble(
@@ -201,10 +203,10 @@ def assemble(
     """
     began = time.perf_counter()
     skin = _with_facets_around(ranks, piece)
-    nodes = piece.mesh.number_of_nodes
+    count = piece.mesh.number_of_nodes
     owned = piece.owned(ranks)
     inside = np.zeros(skin.number_of_nodes, dtype=bool)
-    inside[:nodes] = owned
+    inside[:count] = owned
 
     def conditions() -> tuple[ContactProblem, NodalConditions]:
         stated = state(skin)
@@ -221,24 +223,27 @@ def assemble(
         if not piece.mesh.number_of_cells:
             return None, np.zeros(0)
         load = load_vector(piece.mesh, 1, own.body_force, own.tractions)
-        return body_blocks(piece.mesh, own.material, bedding_of(own.bedding)), load
+        return body_blocks(piece.mesh, own.material, own.bedding), load
 
     blocks, load = ranks.agree(elements)
-    directions, free = nodal.directions[:nodes], nodal.free[:nodes]
-    prescribed = nodal.supports.value[:nodes]
-    places = places_of(ranks, piece)
+    below = None if coarser is None else coarser.nodes
+    nodes = NodesOnRanks.of(ranks, piece, nodal.directions[:count], nodal.free[:count], below)
+    prescribed = nodal.supports.value[:count]
     if blocks is not None and prescribed.any():
         reaction = blocks.times(prescribed).ravel()
         constant += float(prescribed.ravel() @ (0.5 * reaction - load))
         load = load - reaction
     unknowns, points, constant = ranks.total(
-        np.count_nonzero(free[owned]), len(contact.weights), constant
+        np.count_nonzero(~nodes.held), len(contact.weights), constant
     )  # fmt: skip
     if unknowns == 0:
         raise shared(SupportError("the supports leave the body no freedom; refine the mesh or remove supports"))
     with np.errstate(all="ignore"):  # what is not finite is refused below
-        K, f, row_sums, typical = stiffness_and_load(ranks, blocks, load, directions, free, places, owned)
-    finite = float(np.isfinite(f.array_r).all() and np.isfinite(row_sums.array_r).all() and 0.0 < typical < np.inf)
+        K = assembled(nodes, blocks)
+        typical = hold(K, nodes)
+        force = np.where(nodes.held, 0.0, nodes.summed(nodes.along(load.reshape(nodes.free.shape))))
+        sums = row_sums(K, nodes)
+    finite = float(np.isfinite(force).all() and np.isfinite(sums).all() and 0.0 < typical < np.inf)
     if ranks.largest(1.0 - finite)[0]:
         raise shared(
             ProblemError("stiffness or load is not finite, for numbers of the problem are too large; take other units")
@@ -247,7 +252,7 @@ def assemble(
     unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)
     elastic = Stiffness(K, ranks, unknown, sign, active)
     admissible, moves = admissible_motions(ranks, nodal, skin, piece, owned)
-    if bedding_of(stated.bedding).everywhere:
+    if not callable(stated.bedding) and stated.bedding > 0.0:
         admissible = admissible[:, :0]
     dependent = ranks.largest(float(law.state_dependent))[0]  # else a solve may start on the coarser mesh
     body = BodyOnRanks(
@@ -259,19 +264,15 @@ def assemble(
         unknown=unknown,
         sign=sign,
         active=active,
-        load=f.array_r.copy(),
-        row_sums=row_sums.array_r.copy(),
+        load=force,
+        row_sums=sums,
         constant=float(constant),
         compliance=_compliance(ranks, contact.weights, active, unknown, elastic.matrix_diagonal),
         seconds=time.perf_counter() - began,
         below=None if dependent else coarser,
-        ranks=ranks,
-        piece=piece,
+        nodes=nodes,
         statement=replace(stated, mesh=piece.mesh),
-        near=near_null_space(piece.mesh, directions, owned, f),
-        places=places,
-        directions=directions,
-        free=free,
+        near=near_null_space(nodes),
         prescribed=prescribed,
         contact=contact,
         typical=typical,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
@@ -16,24 +17,23 @@ from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.assembly import BodyOnRanks, _present, _with_facets_around, assemble
-from hemivar.engines.petsc.matrices import stiffness_and_load
+from hemivar.engines.petsc.matrices import assembled, combined, row_sums
+from hemivar.engines.petsc.nodes import NodesOnRanks
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
-from hemivar.engines.petsc.step_body import StepBody
 from hemivar.engines.petsc.stiffness import applied
 from hemivar.errors import MethodError
 from hemivar.evolution import Evolution, Mass
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution, dampings
-from hemivar.fem.assembly import load_vector
+from hemivar.fem.assembly import load_vector, stiffness_blocks
+from hemivar.fem.constitutive import ConstitutiveLaw, relaxing, viscous
 from hemivar.fem.dynamics import moved_components
-from hemivar.fem.edge_blocks import EdgeBlocks
-from hemivar.fem.mass import body_blocks, mass_blocks
+from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
+from hemivar.fem.mass import body_blocks, inertia, mass_blocks
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.laws import ContactLaw, separable
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.vectors import Vectors
-from hemivar.mechanics.bedding import Bedding, bedding_of
-from hemivar.mechanics.composed_material import Combination
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
@@ -51,33 +51,38 @@ class OwnUnknowns:
 
     Attributes
     ----------
-    body : BodyOnRanks
+    nodes : NodesOnRanks
     moved : int array (k,)
         Components ``node * d + c`` that supports may move, the nodes being those of this rank in their order.
     """
 
-    def __init__(self, body: BodyOnRanks, moved: IntArray) -> None:
-        self.body, self.moved = body, moved
-        self.directions = body.directions[body.owned]
-        self.free = body.free[body.owned]
+    def __init__(self, nodes: NodesOnRanks, moved: IntArray) -> None:
+        self.nodes, self.moved = nodes, moved
+        self.directions = nodes.directions[nodes.owned]
+        self.free = nodes.free[nodes.owned]
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns n of this rank, held ones included."""
         return int(self.free.size)
 
-    def nodal(self, x: Array) -> Array:
-        """``P u + E z`` at this rank's nodes, (own nodes * d,), of ``x = (u, z)``."""
+    def along(self, x: Array) -> Array:
+        """``P u + E z`` along the directions of this rank's nodes, (n,), of ``x = (u, z)``."""
         n = self.unknowns
-        along = np.where(self.free, x[:n].reshape(self.free.shape), 0.0)
-        values = np.einsum("nc,ncd->nd", along, self.directions).ravel()
-        values[self.moved] += x[n:]
-        return np.asarray(values)
+        values = np.where(self.free, x[:n].reshape(self.free.shape), 0.0)
+        if self.moved.size:
+            prescribed = np.zeros(n)
+            prescribed[self.moved] = x[n:]
+            values += np.einsum("ncd,nd->nc", self.directions, prescribed.reshape(self.free.shape))
+        return values.ravel()
 
     def reduced(self, values: Array) -> Array:
-        """``(P'y, E'y)`` of nodal values (own nodes * d,)."""
-        along = np.einsum("ncd,nd->nc", self.directions, values.reshape(self.free.shape))
-        return np.concatenate([np.where(self.free, along, 0.0).ravel(), values[self.moved]])
+        """``(P'y, E'y)`` of values y (n,) along the directions."""
+        along = values.reshape(self.free.shape)
+        inner = np.where(self.free, along, 0.0).ravel()
+        if not self.moved.size:
+            return inner
+        return np.concatenate([inner, np.einsum("ncd,nc->nd", self.directions, along).ravel()[self.moved]])
 
 
 class OperatorOnRanks(Operator):
@@ -86,16 +91,16 @@ class OperatorOnRanks(Operator):
     Parameters
     ----------
     matrix : petsc4py Mat
-        Over the components of all nodes in the coordinates of the mesh.
-    frame : Frame
+        Along the directions of all nodes, be they held or not.
+    frame : OwnUnknowns
     """
 
     def __init__(self, matrix: PETSc.Mat, frame: OwnUnknowns) -> None:
-        object.__setattr__(self, "_matrix", matrix)
+        object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "_frame", frame)
         object.__setattr__(self, "_vectors", matrix.createVecs())
 
-    _matrix: PETSc.Mat
+    matrix: PETSc.Mat
     _frame: OwnUnknowns
     _vectors: tuple[PETSc.Vec, PETSc.Vec]
 
@@ -115,9 +120,13 @@ class OperatorOnRanks(Operator):
     def unknowns(self) -> int:
         return self._frame.unknowns
 
+    @cached_property
+    def row_sums(self) -> Array:
+        return row_sums(self.matrix, self._frame.nodes)
+
     def times(self, x: Array) -> Array:
         right, left = self._vectors
-        return self._frame.reduced(applied(self._matrix.mult, right, left, self._frame.nodal(x)))
+        return self._frame.reduced(applied(self.matrix.mult, right, left, self._frame.along(x)))
 
     def multiple_of(self, other: Operator) -> float | None:
         """Not looked for."""
@@ -125,8 +134,8 @@ class OperatorOnRanks(Operator):
 
     def solved(self, right: Array) -> Array | None:
         """By conjugate gradients with the diagonal, which is all that a mass matrix needs."""
-        ranks, frame = self._frame.body.ranks, self._frame
-        diagonal = np.einsum("ncd,nd,ncd->nc", frame.directions, self._diagonal, frame.directions).ravel()
+        ranks, frame = self._frame.nodes.ranks, self._frame
+        diagonal = np.array(self.matrix.getDiagonal().array_r)
         there = frame.free.ravel() & (diagonal > 0.0)
         diagonal, right = np.where(there, diagonal, 1.0), np.where(there, right, 0.0)
         size = _SOLVED * float(ranks.norms(right)[0])
@@ -136,12 +145,8 @@ class OperatorOnRanks(Operator):
         return found.solution if float(ranks.norms(found.residual)[0]) <= size else None
 
     @property
-    def _diagonal(self) -> Array:
-        return np.asarray(self._matrix.getDiagonal().array_r).reshape(self._frame.free.shape)
-
-    @property
     def numbers(self) -> tuple[Array, ...]:
-        start, columns, entries = self._matrix.getValuesCSR()
+        start, columns, entries = self.matrix.getValuesCSR()
         return np.asarray(start), np.asarray(columns), np.asarray(entries)
 
 
@@ -162,10 +167,10 @@ class BulkOnRanks:
 
     Attributes
     ----------
-    body : StepBody
+    body : BodyOnRanks
     """
 
-    body: StepBody
+    body: BodyOnRanks
 
     @property
     def unknowns(self) -> int:
@@ -223,14 +228,14 @@ class EvolutionOnRanks(DiscreteEvolution):
 
     def full(self, x: Array) -> Array:
         """Nodal values (N, d) of all nodes of this rank's piece; all ranks call this."""
-        scatter, local = self.body._scatter
-        scatter.scatter(self.body.vector(self.frame.nodal(x)), local)
-        return np.array(local.array_r).reshape(-1, self.body.dim)
+        nodes = self.body.nodes
+        return np.asarray(np.einsum("nc,ncd->nd", nodes.everywhere(self.frame.along(x)), nodes.directions))
 
     def restrict(self, values: Array, prescribed: Array) -> Array:
         rest = values[self.body.owned].ravel().copy()
         rest[self.moved] -= prescribed
-        return np.concatenate([self.frame.reduced(rest)[: self.unknowns], prescribed])
+        along = np.einsum("ncd,nd->nc", self.frame.directions, rest.reshape(self.frame.free.shape))
+        return np.concatenate([self.frame.reduced(along)[: self.unknowns], prescribed])
 
     def acting(self, time: float) -> Acting:
         ranks, stated = self.ranks, self.evolution.body
@@ -241,7 +246,8 @@ class EvolutionOnRanks(DiscreteEvolution):
                 return np.zeros(0)
             return load_vector(bound.mesh, 1, bound.body_force, bound.tractions)
 
-        load = self.frame.reduced(self._summed(ranks.agree(forces)))
+        nodes = self.body.nodes
+        load = self.frame.reduced(nodes.summed(nodes.along(ranks.agree(forces).reshape(nodes.free.shape))))
         if not stated.time_dependent & {"supports", "gap", "law"}:
             prescribed, loading = self._prescribed(self.body.prescribed), self.problem.loading
             return Acting(load, prescribed, loading.offset, separable(loading.law, "a march in time"), dampings(stated))
@@ -260,43 +266,35 @@ class EvolutionOnRanks(DiscreteEvolution):
         """What supports prescribe (N, d), where they may move their nodes."""
         return np.asarray(values[self.body.owned].ravel()[self.moved])
 
-    def _summed(self, force: Array) -> Array:
-        """Nodal forces of the cells of this rank as those of all cells at its nodes."""
-        from petsc4py import PETSc
-
-        vector = self.body.vector()
-        places = self.body.places.astype(PETSc.IntType)
-        vector.setValuesBlocked(places, force, addv=PETSc.InsertMode.ADD_VALUES)
-        vector.assemble()
-        return np.array(vector.array_r)
-
 
 class BodiesOnRanks(Bodies):
-    """Bodies of stages over ranks: the effective statement, assembled on every mesh as a static one is."""
+    """Bodies of stages over ranks: that of the start with another stiffness, which is combined of its matrices.
+
+    Matrices on coarser meshes are products of the finest one with the prolongations.
+    """
 
     def __init__(self, discrete: DiscreteEvolution) -> None:
         super().__init__(discrete)
-        self._resisted: tuple[object, float, StepBody] | None = None
+        self._resisted: tuple[object, float, BodyOnRanks] | None = None
 
-    def slow(self, body: StepBody, resistance: float) -> StepBody:
+    def slow(self, body: BodyOnRanks, resistance: float) -> BodyOnRanks:
         """The body with a stiffness that is larger by a factor; the last one is kept."""
         if self._resisted is None or self._resisted[0] is not body.elastic or self._resisted[1] != resistance:
-            self._resisted = body.elastic, resistance, body.slower(resistance)
+            matrix = combined(body.K, [(resistance, body.K)])
+            self._resisted = body.elastic, resistance, body.stiffened(matrix, body.supported)
         return self._resisted[2]
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete
         assert isinstance(discrete, EvolutionOnRanks)
-        viscous = viscous if discrete.viscosity is not None else 0.0
-        inert = inert if discrete.mass is not None else 0.0
-        start, state = discrete.evolution.start, discrete.state
-
-        def effective(mesh: Mesh) -> ContactProblem:
-            return state(mesh).body.at_time(start).effective(viscous, branches, inert)
-
-        body = _assembled(discrete.ranks, discrete.pieces, effective, check=False)
-        known = discrete.problem.model
-        return replace(discrete.problem, model=Model(BulkOnRanks(StepBody.of(body)), known.contact), law_known=True)
+        family = discrete.family
+        parts = [(viscous, family.viscosity), (inert, family.mass)]
+        parts += [(share, part) for share, (_, part) in zip(branches, family.branches, strict=True)]
+        there = [(factor, part.matrix) for factor, part in parts if factor and isinstance(part, OperatorOnRanks)]
+        known, start = discrete.problem.model, discrete.body
+        inertia = bool(inert) and family.mass is not None
+        body = start.stiffened(combined(start.K, there), start.supported or inertia)
+        return replace(discrete.problem, model=Model(BulkOnRanks(body), known.contact), law_known=True)
 
 
 def discretize_on_ranks(
@@ -334,7 +332,7 @@ def discretize_on_ranks(
     owned = np.zeros(skin.number_of_nodes, dtype=bool)
     owned[: body.owned.size] = body.owned
     moved, seen = ranks.agree(lambda: _moved(_present(state(skin).body), at_start, skin, owned))
-    frame = OwnUnknowns(body, moved)
+    frame = OwnUnknowns(body.nodes, moved)
     problem = _own_problem(body)
     blocks = []
     for number, name in enumerate(problem.contact.names):
@@ -342,7 +340,7 @@ def discretize_on_ranks(
         if ranks.total(float(index.size))[0]:
             blocks.append((name, index))
     evolution = replace(evolution, problem=evolution.problem)
-    make = _Matrices(ranks, piece, body, frame, at_start)
+    make = _Matrices(body, frame, at_start)
     return EvolutionOnRanks(
         evolution, problem, make.family(problem, evolution.inertia), tuple(blocks), ranks, tuple(pieces), state, body,
         frame, skin, seen,
@@ -377,53 +375,31 @@ def _own_problem(body: BodyOnRanks) -> DiscreteProblem:
     """The contact points of this rank in terms of its unknowns."""
     rows = np.flatnonzero(body.active.ravel())
     trace = sp.csr_array((body.sign, (rows, body.unknown)), shape=(body.active.size, body.load.size))
-    model = Model(BulkOnRanks(StepBody.of(body)), replace(body.contact, trace=trace))
+    model = Model(BulkOnRanks(body), replace(body.contact, trace=trace))
     return DiscreteProblem(model, Loading(body.load, body.offset, body.law), body.warnings)
 
 
 class _Matrices:
-    """Makes the matrices of an evolution, over the components of all nodes."""
+    """Makes the matrices of an evolution, along the directions of all nodes and on one sparsity."""
 
-    def __init__(
-        self,
-        ranks: Ranks,
-        piece: Piece,
-        body: BodyOnRanks,
-        frame: OwnUnknowns,
-        at_start: Callable[[Mesh], ContactProblem],
-    ) -> None:
-        self.ranks, self.body, self.frame, self.mesh = ranks, body, frame, piece.mesh
-        self.stated = ranks.agree(lambda: at_start(piece.mesh))
-        self.material = self.stated.material
+    def __init__(self, body: BodyOnRanks, frame: OwnUnknowns, at_start: Callable[[Mesh], ContactProblem]) -> None:
+        self.nodes, self.frame, self.mesh = body.nodes, frame, body.piece.mesh
+        self.stated = body.ranks.agree(lambda: at_start(self.mesh))
 
-    def family(self, problem: DiscreteProblem, inertia: bool) -> OperatorFamily:
-        mass = self.mass() if inertia else None
-        return OperatorFamily(problem, self.stiffness(), self.viscosity(), mass, self.branches(), self.frame.moved)
+    def family(self, problem: DiscreteProblem, with_mass: bool) -> OperatorFamily:
+        """All of them; the mass if it is asked for."""
+        mesh, material, dim = self.mesh, self.stated.material, self.mesh.dim
+        graph = node_graph(mesh, 1) if mesh.number_of_cells else None
 
-    def stiffness(self) -> OperatorOnRanks:
-        bedding = bedding_of(self.stated.bedding)
-        return self._operator(lambda: body_blocks(self.mesh, self.material, bedding))
+        def of(law: ConstitutiveLaw) -> OperatorOnRanks:
+            return self._operator(graph, lambda graph: stiffness_blocks(mesh, law, graph))
 
-    def viscosity(self) -> OperatorOnRanks | None:
-        none = (0.0,) * len(self.material.relaxation_times)
-        return self._combined(0.0, 1.0, none) if self.material.viscous else None
+        viscosity = of(viscous(material, dim)) if material.viscous else None
+        mass = self._operator(graph, lambda graph: mass_blocks(mesh, inertia(material), graph)) if with_mass else None
+        branches = tuple((time, of(relaxing(material, i, dim))) for i, time in enumerate(material.relaxation_times))
+        stiffness = self._operator(graph, lambda graph: body_blocks(mesh, material, self.stated.bedding, graph))
+        return OperatorFamily(problem, stiffness, viscosity, mass, branches, self.frame.moved)
 
-    def mass(self) -> OperatorOnRanks:
-        return self._operator(lambda: mass_blocks(self.mesh, Bedding(0.0, self.material, 1.0)))
-
-    def branches(self) -> tuple[tuple[float, Operator], ...]:
-        times = self.material.relaxation_times
-        none = (0.0,) * len(times)
-        return tuple((time, self._combined(0.0, 0.0, (*none[:i], 1.0, *none[i + 1 :]))) for i, time in enumerate(times))
-
-    def _combined(self, elastic: float, viscous: float, branches: tuple[float, ...]) -> OperatorOnRanks:
-        material = Combination(self.material, elastic, viscous, branches)
-        return self._operator(lambda: body_blocks(self.mesh, material, Bedding()))
-
-    def _operator(self, make: Callable[[], EdgeBlocks]) -> OperatorOnRanks:
-        body, nodes, dim = self.body, self.mesh.number_of_nodes, self.body.dim
-        blocks = self.ranks.agree(lambda: make() if self.mesh.number_of_cells else None)
-        axes = np.broadcast_to(np.eye(dim), (nodes, dim, dim))
-        every = np.ones((nodes, dim), dtype=bool)
-        made = stiffness_and_load(self.ranks, blocks, np.zeros(nodes * dim), axes, every, body.places, body.owned)
-        return OperatorOnRanks(made[0], self.frame)
+    def _operator(self, graph: NodeGraph | None, make: Callable[[NodeGraph], EdgeBlocks]) -> OperatorOnRanks:
+        blocks = self.nodes.ranks.agree(lambda: None if graph is None else make(graph))
+        return OperatorOnRanks(assembled(self.nodes, blocks), self.frame)

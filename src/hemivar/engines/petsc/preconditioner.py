@@ -76,7 +76,7 @@ class Multigrid:
         self._exact: tuple[BoolArray, Array] = self._held, self._curvature
         self.builds = 0
         self._given, self._made = body.K.createVecs()
-        self.levels = [body]
+        self.levels = [body.nodes]
         while self.levels[0].coarser is not None:
             self.levels.insert(0, self.levels[0].coarser)
         self.matrices: list[PETSc.Mat] = []
@@ -103,7 +103,7 @@ class Multigrid:
             self.pc.getMGSmootherUp(number).setOptionsPrefix("hemivar_mg_up_")
         coarse = self.pc.getMGCoarseSolve()
         coarse.setType("preonly")
-        coarse.getPC().setType("redundant" if self.levels[0].K.getSize()[0] <= _DIRECT else "gamg")
+        coarse.getPC().setType("redundant" if self.levels[0].total <= _DIRECT else "gamg")
 
     # ---- Newton's matrix -----------------------------------------------------------------------------------
 
@@ -134,7 +134,7 @@ class Multigrid:
     @property
     def _remembers(self) -> bool:
         """Whether algebraic multigrid takes part, which keeps its aggregates where it is set up again."""
-        return len(self.levels) == 1 or self.levels[0].K.getSize()[0] > _DIRECT
+        return len(self.levels) == 1 or self.levels[0].total > _DIRECT
 
     def __matmul__(self, vector: Array) -> Array:
         body = self.body
@@ -224,7 +224,7 @@ class Multigrid:
                 self.matrices[number] = finer.ptap(chain[number], fill=1.0)
             else:
                 finer.ptap(chain[number], result=self.matrices[number])
-            _fill_diagonal(self.matrices[number], self.levels[number].typical)
+            _fill_diagonal(self.matrices[number])
 
     def _stale(self, held: BoolArray, curvature: Array) -> bool:
         """Whether the cycle was set up for something else."""
@@ -248,10 +248,11 @@ def _positive(curvature: Array) -> Array:
     return np.asarray(np.einsum("mic,mc,mjc->mij", vectors, np.maximum(values, 0.0), vectors))
 
 
-def _fill_diagonal(matrix: PETSc.Mat, typical: float) -> None:
-    """Give rows that nothing reaches (held by supports, or taken out) a diagonal."""
+def _fill_diagonal(matrix: PETSc.Mat) -> None:
+    """Give rows that nothing reaches (held by supports, or taken out) a diagonal, that of the stiffest."""
     diagonal = matrix.getDiagonal()
-    diagonal.array_w[:] = np.where(diagonal.array_r > 1e-10 * typical, diagonal.array_r, typical)
+    largest = diagonal.max()[1]
+    diagonal.array_w[:] = np.where(diagonal.array_r > 1e-10 * largest, diagonal.array_r, largest)
     matrix.setDiagonal(diagonal)
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.alarm import Alarm
+from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.engines.petsc.certificate import _margin
 from hemivar.engines.petsc.evolution import BodiesOnRanks, BulkOnRanks, EvolutionOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.solve import Saved, solve_distributed
-from hemivar.engines.petsc.step_body import StepBody
 from hemivar.evolution import Jump, Scheme
 from hemivar.evolution.data_in_time import StatedData
 from hemivar.evolution.descent import CREEPS, TIGHT, Looks, bottom_of_pieces, resistance_against
@@ -105,7 +105,7 @@ class StageSolverOnRanks(StageSolver):
             return StageSolution(self._solved(problem, body, start, controls))
         return StageSolution(self._downhill(problem, body, resistance_against(excess), start, controls))
 
-    def _solved(self, problem: DiscreteProblem, body: StepBody, start: Array, controls: Controls) -> Solution:
+    def _solved(self, problem: DiscreteProblem, body: BodyOnRanks, start: Array, controls: Controls) -> Solution:
         saved = Saved(State(start, body.multiplier(start)), ())
         alarm = self.alarm.limited(min(self.controls.max_time, self.alarm.left))
         found = solve_distributed(body, self.solver, controls, resume=saved, alarm=alarm)
@@ -115,7 +115,7 @@ class StageSolverOnRanks(StageSolver):
         )  # fmt: skip
 
     def _downhill(
-        self, problem: DiscreteProblem, body: StepBody, resistance: float, u: Array, controls: Controls
+        self, problem: DiscreteProblem, body: BodyOnRanks, resistance: float, u: Array, controls: Controls
     ) -> Solution:
         """Downhill from a place without a leap: steps against a resistance that leaves each of them one solution."""
         ranks, law = self.discrete.ranks, body.law
@@ -149,7 +149,7 @@ class StageSolverOnRanks(StageSolver):
                 return there
         return replace(solution, status=Status.STALLED)
 
-    def _bottom(self, problem: DiscreteProblem, body: StepBody, u: Array, controls: Controls) -> Solution | None:
+    def _bottom(self, problem: DiscreteProblem, body: BodyOnRanks, u: Array, controls: Controls) -> Solution | None:
         """The bottom of the pieces on which a place lies, if laws that soften leave the body stable there."""
         inner = self.solver.inner if isinstance(self.solver, FixedPoint) else self.solver
         method = inner if isinstance(inner, NonsmoothMultigrid) else NonsmoothMultigrid()
@@ -160,7 +160,7 @@ class StageSolverOnRanks(StageSolver):
         return Solution(problem, x, multiplier, Status.CONVERGED, off, "petsc", 1)
 
 
-def _body_of(problem: DiscreteProblem) -> StepBody:
+def _body_of(problem: DiscreteProblem) -> BodyOnRanks:
     """The body of a stage, under its load and with its law."""
     assert isinstance(problem.bulk, BulkOnRanks)
     return problem.bulk.body.under(problem.load, problem.offset, problem.law)
