@@ -47,11 +47,11 @@ from hemivar.evolution.march import March, marching
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.linear import factorisation
-from hemivar.linear.cycle import ElasticMultigrid
 from hemivar.linear.factorisation import factorise, mumps_available
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import Truncated
 from hemivar.linear.threads import one_thread
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 STEP = 0.01
 RTOL = 1e-9

@@ -23,6 +23,7 @@ PACKAGE = ROOT / "src" / "hemivar"
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors",),
     ("basics",),
+    ("linear",),  # matrices, never problems
     ("formula",),
     ("laws",),
     ("mesh",),
@@ -31,7 +32,6 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("mechanics",),
     ("materials",),
     ("fem",),
-    ("linear",),
     ("systems",),
     ("solvers", "certificates"),
     ("branches", "adapt"),

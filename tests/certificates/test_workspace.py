@@ -13,8 +13,7 @@ import hemivar as hv
 from hemivar.certificates import MultigridNorm, energy_norm, norms, smallness
 from hemivar.discrete import DiscreteProblem, Loading, Model, Space
 from hemivar.discrete.bulk import Quadratic
-from hemivar.linear import cycle
-from hemivar.systems import Workspace, elimination
+from hemivar.systems import Workspace, elastic_multigrid, elimination
 from tests.problems import bar, square
 
 STATEMENT = square(n=6)
@@ -36,7 +35,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     watch(spla, "splu", "factor")
     watch(elimination, "factorise", "condensation")
-    watch(cycle, "coarser", "level")
+    watch(elastic_multigrid, "coarser", "level")
     return calls
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.discrete.contact import selects
 from hemivar.errors import SupportError
 from hemivar.fem.hierarchy import coarser
 from hemivar.fem.load_line import LoadLine
-from hemivar.linear.cycle import selects
 from hemivar.mechanics import Side
 from hemivar.mesh import Mesh
 

@@ -12,11 +12,11 @@ import scipy.sparse.linalg as spla
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.linear import ElasticMultigrid
-from hemivar.linear.cycle import contact_unknowns
+from hemivar.discrete.contact import contact_unknowns
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import Truncated
 from hemivar.mesh.mesh import Mesh
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 
 def square(n: int = 16) -> hv.DiscreteProblem:
@@ -46,7 +46,7 @@ PROBLEMS = [square, cube, large_square_without_meshes, cube_without_meshes]
 
 def held_somewhere(problem: hv.DiscreteProblem, seed: int = 4) -> tuple[np.ndarray, sp.csr_array]:
     """Some contact unknowns held, in runs and singly, and a stiffness at the points of the others."""
-    unknown, _, active, point = contact_unknowns(problem)
+    unknown, _, active, point = contact_unknowns(problem.contact)
     rng = np.random.default_rng(seed)
     held = (rng.uniform(size=unknown.size) < 0.2) | (np.arange(unknown.size) < unknown.size // 3)
     blocks = rng.standard_normal((len(active), 3, 3))
@@ -64,7 +64,7 @@ def held_somewhere(problem: hv.DiscreteProblem, seed: int = 4) -> tuple[np.ndarr
 
 def dense_truncated(problem: hv.DiscreteProblem, held: np.ndarray, added: sp.csr_array) -> np.ndarray:
     """The matrix that holding and adding stand for, with ones on the diagonal where held."""
-    unknown = contact_unknowns(problem)[0]
+    unknown = contact_unknowns(problem.contact)[0]
     matrix = problem.stiffness.toarray()
     matrix[np.ix_(unknown, unknown)] += added.toarray()
     out = unknown[held]
@@ -84,7 +84,7 @@ def test_cycle_is_symmetric_positive_definite_and_leaves_held_unknowns_alone(
     held, added = held_somewhere(problem)
     truncated = Truncated(hierarchy.levels, top)
     truncated.change(held, added)
-    unknown = contact_unknowns(problem)[0]
+    unknown = contact_unknowns(problem.contact)[0]
     free = np.ones(problem.unknowns)
     free[unknown[held]] = 0.0
     rng = np.random.default_rng(0)
@@ -108,7 +108,7 @@ def test_conjugate_gradients_with_the_cycle_solve_the_truncated_equation(
     held, added = held_somewhere(problem)
     levels.change(held, added)
     right = problem.load.copy()
-    right[contact_unknowns(problem)[0][held]] = 0.0
+    right[contact_unknowns(problem.contact)[0][held]] = 0.0
     found = conjugate_gradients(
         levels.matrix(top), levels.diagonal(top), right, lambda v: levels.cycle(top, v), 1e-11, 100
     )
@@ -122,7 +122,7 @@ def test_where_the_held_unknowns_end_costs_conjugate_gradients_next_to_nothing()
     problem = square(64)
     hierarchy = ElasticMultigrid.of(problem)
     top = hierarchy.first + len(hierarchy.steps)
-    unknown = contact_unknowns(problem)[0]
+    unknown = contact_unknowns(problem.contact)[0]
     right = np.random.default_rng(2).standard_normal(problem.unknowns)
 
     def iterations(part: float, vanishing: bool = False) -> int:
@@ -155,7 +155,7 @@ def test_what_is_added_acts_on_the_coarser_meshes_as_well(make: Make) -> None:
     held, added = held_somewhere(problem)
     held[:] = False
     added = sp.csr_array(1e-3 * added)
-    unknown = contact_unknowns(problem)[0]
+    unknown = contact_unknowns(problem.contact)[0]
     levels = Truncated(hierarchy.levels, top)
     levels.change(held, added)
     change = np.zeros((problem.unknowns,) * 2)
@@ -185,7 +185,7 @@ def test_holding_unknowns_changes_no_matrix_of_the_hierarchy(make: Make) -> None
     assert [bits(levels.matrix(k)) for k in range(top + 1)] == before
     np.testing.assert_array_equal(levels.cycle(top, vector), cycled)
     # held once more, and then nothing: what it was held for before leaves no trace
-    nothing = np.zeros(contact_unknowns(problem)[0].size, dtype=bool)
+    nothing = np.zeros(contact_unknowns(problem.contact)[0].size, dtype=bool)
     truncated.change(nothing, sp.csr_array((nothing.size, nothing.size)))
     size = np.abs(cycled).max()
     np.testing.assert_allclose(truncated.cycle(top, vector), cycled, rtol=1e-9, atol=1e-12 * size)
@@ -199,7 +199,7 @@ def test_what_is_left_of_a_coarse_space_needs_no_new_matrix(make: Make) -> None:
     held, _ = held_somewhere(problem)
     none = sp.csr_array((held.size, held.size))
     truncated = dense_truncated(problem, held, none)
-    out = contact_unknowns(problem)[0][held]
+    out = contact_unknowns(problem.contact)[0][held]
     P = step.prolongation.toarray()
     kept = ~np.any(P[out] != 0.0, axis=0)
     galerkin = (P.T @ truncated @ P)[np.ix_(kept, kept)]
@@ -218,7 +218,7 @@ def test_algebraic_levels_follow_the_galerkin_product(make: Make) -> None:
     levels = Truncated(hierarchy.levels, hierarchy.first)
     levels.change(held, added)
     truncated = dense_truncated(problem, held, added)
-    out = contact_unknowns(problem)[0][held]
+    out = contact_unknowns(problem.contact)[0][held]
     P = hierarchy.levels.transfers[-1].prolongation.toarray()
     P[out] = 0.0
     expected = P.T @ truncated @ P

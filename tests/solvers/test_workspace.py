@@ -12,9 +12,9 @@ import pytest
 import hemivar as hv
 from hemivar.discrete import Quadratic
 from hemivar.laws import ContactLaw
-from hemivar.linear.cycle import ElasticMultigrid
 from hemivar.linear.factorisation import mumps_available
 from hemivar.systems import elimination
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 from ..counting import sparse_factors
 from ..problems import discrete_square

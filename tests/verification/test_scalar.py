@@ -17,10 +17,10 @@ from hemivar import gallery
 from hemivar.basics.types import Array
 from hemivar.fem import gradient
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.linear.cycle import ElasticMultigrid
 from hemivar.mechanics import Side
 from hemivar.mesh import Mesh
 from hemivar.solvers import Solution
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 SIDES = ("left", "right", "bottom", "top")
 

@@ -379,7 +379,7 @@ def test_controls_reach_the_solve() -> None:
 
 def test_solve_and_certificate_share_their_levels(monkeypatch: pytest.MonkeyPatch) -> None:
     from hemivar.certificates import norms
-    from hemivar.linear.cycle import ElasticMultigrid
+    from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
     made: list[int] = []
     original = ElasticMultigrid.of

@@ -18,12 +18,13 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.linear_bodies import below
 from hemivar.certificates.subspace import Mode, Subspace, counting_rows, start_vector
+from hemivar.discrete.contact import contact_unknowns, selects
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.linear.cycle import contact_unknowns, selects
-from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, rounding
+from hemivar.linear.definite import lowest_quotient, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import Levels, Truncated
 from hemivar.systems.body_on_levels import levels_of
+from hemivar.systems.free_unknowns import free_unknowns
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["MultigridNorm"]
@@ -285,7 +286,7 @@ class MultigridNorm:
         """
         if not selects(self.problem.contact.trace):
             return None
-        unknown, _, active, _ = contact_unknowns(self.problem)
+        unknown, _, active, _ = contact_unknowns(self.problem.contact)
         levels, first = self._levels, self._levels.algebraic
         rest = [unknown[held[active]]]
         parts = [sp.csr_array(sp.diags_array(np.sqrt(np.abs(weight))) @ rows)]

@@ -6,7 +6,7 @@ from hemivar.certificates.by_factorisation import EnergyNorm
 from hemivar.certificates.by_multigrid import MultigridNorm
 from hemivar.certificates.linear_bodies import below
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.linear.definite import free_unknowns
+from hemivar.systems.free_unknowns import free_unknowns
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["FACTORISED", "EnergyNorm", "MultigridNorm", "Norm", "energy_norm", "factorises"]

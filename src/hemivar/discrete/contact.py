@@ -13,7 +13,7 @@ from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 
-__all__ = ["ContactPoints", "components_of"]
+__all__ = ["ContactPoints", "components_of", "contact_unknowns", "selects"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,3 +216,23 @@ def components_of(rows: int, weights: Array) -> int:
         bad = int(np.flatnonzero(weights <= 0)[0])
         raise ProblemError(f"weights[{bad}] = {weights[bad]:g}; every weight must be positive")
     return rows // m if m else 0
+
+
+def selects(trace: sp.csr_array) -> bool:
+    """Whether every row of a trace is one unknown or its opposite, no unknown in two rows."""
+    if (np.diff(trace.indptr) > 1).any() or np.bincount(trace.indices).max(initial=0) > 1:
+        return False
+    return bool(np.allclose(np.abs(trace.data), 1.0, rtol=1e-12, atol=0.0))
+
+
+def contact_unknowns(contact: ContactPoints) -> tuple[IntArray, Array, BoolArray, IntArray]:
+    """The unknown and the sign of each active component (k,), which are active (m, d), and the points of those (k,).
+
+    Parameters
+    ----------
+    contact : ContactPoints
+        Whose trace :func:`selects` unknowns.
+    """
+    active = (np.diff(contact.trace.indptr) > 0).reshape(contact.count, contact.components)
+    point = np.repeat(np.arange(contact.count), active.sum(axis=1))
+    return contact.trace.indices.astype(np.int64), np.sign(contact.trace.data), active, point

@@ -1,5 +1,5 @@
-"""Linear elastic solves by multigrid: what the nonsmooth method and the certificates of large problems rest on."""
+"""Matrices in, solvers out: multigrid hierarchies, factorisations, conjugate gradients."""
 
-from hemivar.linear.cycle import ElasticMultigrid
+from hemivar.linear.multilevel import GridLevel, Hierarchy
 
-__all__ = ["ElasticMultigrid"]
+__all__ = ["GridLevel", "Hierarchy"]

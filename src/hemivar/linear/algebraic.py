@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
-from hemivar.discrete.problem import DiscreteProblem
-from hemivar.fem.hierarchy import rigid_motions
 from hemivar.linear.levels import COARSEST, Transfer
 
-__all__ = ["algebraic_levels"]
+__all__ = ["NodeSlots", "algebraic_levels"]
 
 _LEVELS = 20
 #: Sweeps that smooth the near null space of the finest level, on which supports bend it.
@@ -25,28 +25,52 @@ _ACCURACY = 0.01
 _GONE = 1e-14
 
 
-def algebraic_levels(problem: DiscreteProblem) -> list[tuple[sp.csr_array, Transfer]]:
-    """Matrices below that of the problem, each with the transfer from it to the next finer one, from coarse to fine.
+@dataclass(frozen=True, eq=False)
+class NodeSlots:
+    """Where unknowns go in a vector with the same number of entries for every node.
+
+    Attributes
+    ----------
+    places : int array, shape (n,)
+    size : int
+        Entries of a node.
+    nodes : int
+    """
+
+    places: IntArray
+    size: int
+    nodes: int
+
+
+def algebraic_levels(
+    matrix: sp.csr_array, near: Array | None = None, slots: NodeSlots | None = None
+) -> list[tuple[sp.csr_array, Transfer]]:
+    """Matrices below a given one, each with the transfer from it to the next finer one, from coarse to fine.
 
     Unknowns of one node are aggregated together; directions that a support takes away from a node are filled up by
     unknowns that nothing couples to.
 
     Parameters
     ----------
-    problem : DiscreteProblem
-        Without a mesh the unknowns are taken one by one, and constants for the near null space.
+    matrix : sparse array, shape (n, n)
+        Symmetric positive definite, or with a kernel that other terms remove.
+    near : array, shape (n, q), optional
+        What it hardly resists; constants by default.
+    slots : NodeSlots, optional
+        By default each unknown is a node of its own.
     """
-    slots, size, count = _slots(problem)
-    place = sp.csr_array((np.ones(slots.size), (slots, np.arange(slots.size))), shape=(count, slots.size))
+    n = matrix.shape[0]
+    slots = NodeSlots(np.arange(n), 1, n) if slots is None else slots
+    count, size = slots.nodes * slots.size, slots.size
+    place = sp.csr_array((np.ones(n), (slots.places, np.arange(n))), shape=(count, n))
     empty = np.ones(count)
-    empty[slots] = 0.0
-    mean = float(problem.stiffness.diagonal().mean())
-    filled = place @ problem.stiffness @ place.T + sp.diags_array(mean * empty)
+    empty[slots.places] = 0.0
+    mean = float(matrix.diagonal().mean())
+    filled = place @ matrix @ place.T + sp.diags_array(mean * empty)
     blocks = sp.csr_array(filled).tobsr((size, size))
-    field = problem.field
-    near = np.ones((problem.unknowns, 1)) if field is None or not field.moves else rigid_motions(field)
+    near = np.ones((n, 1)) if near is None else near
     candidates = np.zeros((count, near.shape[1]))
-    candidates[slots] = near
+    candidates[slots.places] = near
     found: list[tuple[sp.csr_array, Transfer]] = []
     while len(found) < _LEVELS and blocks.shape[0] // blocks.blocksize[0] > COARSEST:
         blocks, prolongation, candidates = _coarsened(blocks, candidates, improve=not found)
@@ -103,18 +127,6 @@ def _largest_eigenvalue(matrix: sp.bsr_array, scale: Array) -> float:
         beside.append(beta)
         before, v = v, w / beta
     return top
-
-
-def _slots(problem: DiscreteProblem) -> tuple[IntArray, int, int]:
-    """Where each unknown goes in a vector with the same number of entries for every node; that number; its length."""
-    if problem.field is None:
-        return np.arange(problem.unknowns), 1, problem.unknowns
-    basis, size = problem.field.basis.tocsc(), problem.field.components
-    node = basis.indices[basis.indptr[:-1]] // size
-    first = np.concatenate([[True], np.diff(node) != 0])
-    start = np.maximum.accumulate(np.where(first, np.arange(node.size), 0))
-    used, number = np.unique(node, return_inverse=True)
-    return number * size + np.arange(node.size) - start, size, used.size * size
 
 
 def _regular(matrix: sp.csr_array) -> sp.csr_array:

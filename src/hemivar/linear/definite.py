@@ -1,4 +1,4 @@
-"""Whether a stiffness matrix is positive definite: by geometry where there is a mesh, by its numbers elsewhere.
+"""Whether a stiffness matrix is positive definite, by its numbers.
 
 All eigenvalues are those of ``D^-1/2 K D^-1/2``, D the diagonal of K, so that units and scale do not matter.  Rounding
 moves them by about :func:`rounding`; what lies within that of zero counts as zero, neither definite nor indefinite.
@@ -11,43 +11,21 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array
-from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 
 __all__ = [
     "below_zero",
-    "free_unknowns",
     "indefinite",
     "lowest_quotient",
     "positive_pivots",
     "quotient",
     "refuse_indefinite",
-    "refuse_unseen",
     "rounding",
 ]
 
 _DENSE = 400
 #: What rounding in the entries may amount to, in units of the last place of the largest row.
 _ULPS = 64.0
-#: Motions that a stiffness resists by more than this, relative to its diagonal, are not in its kernel.
-_RESISTED = 1e-9
-
-
-def free_unknowns(problem: DiscreteProblem) -> Array | None:
-    """Unknowns (n, a) of the motions without deformation, the kernel of K; None where K is not that of a mesh.
-
-    They are told by mesh and supports of a displacement.  A stiffness that resists them is not the one of the mesh
-    (springs may have been added), and nothing is known.
-    """
-    field = problem.field
-    if field is None or not field.knows_motions:
-        return None
-    motions = problem.model.free_motions
-    unknowns = np.asarray((field.lift @ motions.motions).toarray())
-    if not motions.count:
-        return unknowns
-    force = np.abs(problem.stiffness @ unknowns)
-    return unknowns if float((force / problem.linear.diagonal[:, None]).max(initial=0.0)) <= _RESISTED else None
 
 
 def rounding(matrix: sp.csr_array, diagonal: Array | None = None) -> float:
@@ -139,29 +117,9 @@ def indefinite(matrix: sp.csr_array) -> float | None:
     return found if found < -guard else None
 
 
-def below_zero(problem: DiscreteProblem, eigenvalue: float) -> float | None:
-    """An eigenvalue of the stiffness that is below zero by more than rounding, or None."""
-    return eigenvalue if eigenvalue < -rounding(problem.stiffness, problem.linear.diagonal) else None
-
-
-def refuse_unseen(problem: DiscreteProblem) -> None:
-    """Refuse a body that can move without deforming and without any contact point noticing it.
-
-    Raises
-    ------
-    ProblemError
-    """
-    free = free_unknowns(problem)
-    if free is None or not free.shape[1]:
-        return
-    seen = (
-        np.linalg.qr(problem.contact.trace @ free, mode="r") if problem.contact_points else np.zeros((0, free.shape[1]))
-    )
-    if np.linalg.matrix_rank(seen, tol=_RESISTED) < free.shape[1]:
-        raise ProblemError(
-            "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "
-            "fix it with a support (hemivar.discretize names the part unless check_coercivity = False)"
-        )
+def below_zero(matrix: sp.csr_array, eigenvalue: float, diagonal: Array | None = None) -> float | None:
+    """An eigenvalue of a matrix that is below zero by more than rounding, or None."""
+    return eigenvalue if eigenvalue < -rounding(matrix, diagonal) else None
 
 
 def refuse_indefinite(lowest: float | None) -> None:

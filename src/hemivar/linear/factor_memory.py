@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from hemivar.basics.memory import available_bytes, size_in_words
-from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError
 from hemivar.linear.factorisation import mumps_available
 
@@ -60,12 +59,11 @@ def check_memory(unknowns: int, dimension: int, contact: int, many: bool = False
         )
 
 
-def shortage(problem: DiscreteProblem, condensed: bool = True) -> MethodError:
+def shortage(unknowns: int, contact: int, condensed: bool = True) -> MethodError:
     """The error for a problem that ran out of memory all the same; ``condensed`` if it was to be factorised."""
-    contact = problem.contact.trace.nnz
     remedy = _REMEDY if condensed else "take fewer cells, or a machine with more memory"
     return MethodError(
-        f"the memory gave out for {problem.unknowns} unknowns, {contact} of them on the contact boundary; {remedy}"
+        f"the memory gave out for {unknowns} unknowns, {contact} of them on the contact boundary; {remedy}"
     )
 
 

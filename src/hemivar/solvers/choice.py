@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.linear.cycle import selects
 from hemivar.linear.factor_memory import available_bytes, factorisation_bytes
 from hemivar.solvers.base import Solver
 from hemivar.solvers.multigrid import NonsmoothMultigrid

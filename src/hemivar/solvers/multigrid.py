@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from hemivar.basics.types import Array
+from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.linear.cycle import selects
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.line_search import SearchLine

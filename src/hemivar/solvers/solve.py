@@ -200,7 +200,7 @@ def _run(
         start = _start(system, solver, initial, budget)
         apart = _apart(system, solver, start, controls, began) if isinstance(system, CondensedProblem) else None
     except MemoryError:
-        raise shortage(problem, solver.condenses) from None
+        raise shortage(problem.unknowns, problem.contact.trace.nnz, solver.condenses) from None
     if apart is not None:
         yield apart.history[-1]
         return apart
@@ -216,7 +216,7 @@ def _run(
     try:  # what the first attempt held is free again
         return _solution(system, replace(end, status=Status.OUT_OF_MEMORY))
     except MemoryError:
-        raise shortage(problem, solver.condenses) from None
+        raise shortage(problem.unknowns, problem.contact.trace.nnz, solver.condenses) from None
 
 
 def _apart(system: CondensedProblem, solver: Solver, start: State, controls: Controls, began: float) -> Solution | None:

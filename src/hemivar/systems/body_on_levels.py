@@ -13,18 +13,16 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.coercivity.free_motion import free_growth
 from hemivar.coercivity.recession import Growth, growth_along
+from hemivar.discrete.contact import contact_unknowns
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
-from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns
 from hemivar.linear.definite import (
     below_zero,
-    free_unknowns,
     lowest_quotient,
     quotient,
     refuse_indefinite,
-    refuse_unseen,
     rounding,
 )
 from hemivar.linear.levels import COARSEST
@@ -32,6 +30,8 @@ from hemivar.linear.vectors import WHOLE
 from hemivar.systems.body import Body
 from hemivar.systems.condensed import ROUNDED
 from hemivar.systems.contact_stiffness import ContactStiffness
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.free_unknowns import free_unknowns, refuse_unseen
 from hemivar.systems.krylov_newton import Truncation
 from hemivar.systems.workspace import Workspace
 
@@ -96,7 +96,7 @@ class BodyProblem(Body):
     @staticmethod
     def of(problem: DiscreteProblem, hierarchy: ElasticMultigrid, top: int) -> BodyProblem:
         """The body of a problem, no problem being posed below."""
-        unknown, sign, active, _ = contact_unknowns(problem)
+        unknown, sign, active, _ = contact_unknowns(problem.contact)
         return BodyProblem(
             vectors=WHOLE,
             elastic=MatrixAtContact(problem.stiffness, unknown, sign, active),
@@ -152,7 +152,8 @@ class BodyProblem(Body):
     def refuse_direction(self, direction: Array) -> None:
         problem = self.problem
         if free_unknowns(problem) is None:
-            refuse_indefinite(below_zero(problem, quotient(problem.stiffness, direction, problem.linear.diagonal)))
+            K, diagonal = problem.stiffness, problem.linear.diagonal
+            refuse_indefinite(below_zero(K, quotient(K, direction, diagonal), diagonal))
 
     def free_growth(self) -> list[Growth]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves.
@@ -229,7 +230,7 @@ def _bodies(problem: DiscreteProblem, workspace: Workspace) -> list[BodyProblem]
     """The body on every mesh, from coarse to fine."""
     refuse_unseen(problem)
     if free_unknowns(problem) is None:
-        refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
+        refuse_indefinite(below_zero(problem.stiffness, lowest_quotient(problem.stiffness), problem.linear.diagonal))
     hierarchy = levels_of(problem, workspace)
     problems = [step.problem for step in hierarchy.steps] + [problem]
     return [BodyProblem.of(one, hierarchy, top) for top, one in enumerate(problems, hierarchy.first)]

@@ -430,7 +430,7 @@ def condense(problem: Posable, many: bool = False) -> CondensedProblem:
     try:
         return _under(Elimination.of(problem, many), problem, began)
     except MemoryError:
-        raise shortage(problem) from None
+        raise shortage(problem.unknowns, problem.contact.trace.nnz) from None
 
 
 def _under(body: Elimination, problem: DiscreteProblem, began: float) -> CondensedProblem:

@@ -16,10 +16,11 @@ from hemivar.discrete.bulk import without_zeros
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
-from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite, refuse_unseen
+from hemivar.linear.definite import below_zero, indefinite, quotient, refuse_indefinite
 from hemivar.linear.factorisation import Factorisation, Reduced, factorise
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.contact_moves import majorant
+from hemivar.systems.free_unknowns import free_unknowns, refuse_unseen
 
 __all__ = ["Elimination", "Recovery"]
 
@@ -280,7 +281,8 @@ def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: I
             u = np.zeros(problem.unknowns)
             u[kept] = la.eigh(scaled, subset_by_index=[0, 0])[1][:, 0] / root
             u += factor.solve_interior(-(K @ u))
-        refuse_indefinite(below_zero(problem, quotient(K, u, problem.linear.diagonal)))
+        diagonal = problem.linear.diagonal
+        refuse_indefinite(below_zero(K, quotient(K, u, diagonal), diagonal))
     else:
         refuse_indefinite(indefinite(K))
 

@@ -16,12 +16,12 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.coercivity.free_motion import free_growth
 from hemivar.coercivity.recession import Growth
 from hemivar.discrete.bulk import Bulk, Quadratic
+from hemivar.discrete.contact import selects
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale
 from hemivar.fem.hierarchy import Coarser, coarser, tangent_problem
 from hemivar.laws import VectorLaw
-from hemivar.linear.cycle import selects
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.contact_system import Equilibrium
 from hemivar.systems.workspace import Workspace

@@ -1,0 +1,95 @@
+"""The hierarchy of a discrete problem: the body on its mesh and the coarser ones, with the matrices of all levels."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.discrete.contact import contact_unknowns, selects
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.hierarchy import Coarser, coarser, rigid_motions
+from hemivar.linear.algebraic import NodeSlots
+from hemivar.linear.levels import COARSEST, Levels
+from hemivar.linear.multilevel import Hierarchy
+
+__all__ = ["ElasticMultigrid", "near_kernel", "node_slots"]
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticMultigrid:
+    """A hierarchy of discrete problems with the matrices of all its levels; nothing in it changes.
+
+    Attributes
+    ----------
+    steps : tuple of Coarser
+        From coarse to fine: ``steps[k]`` holds the problem on mesh k and leads to mesh k + 1.
+    hierarchy : Hierarchy
+        The matrices, with algebraic ones below that of the coarsest mesh where that is large.
+    seconds : float
+        Spent on setting up.
+    """
+
+    steps: tuple[Coarser, ...]
+    hierarchy: Hierarchy
+    seconds: float
+
+    @staticmethod
+    def of(problem: DiscreteProblem) -> ElasticMultigrid:
+        """The hierarchy of a problem; it serves every other load, gap and law of the same body as well."""
+        began = time.perf_counter()
+        chain: list[Coarser] = []  # from fine to coarse
+        coarsest = problem
+        while coarsest.unknowns > COARSEST:
+            step = coarser(coarsest)
+            if step is None:
+                break
+            chain.append(step)
+            coarsest = step.problem
+        problems = [problem] + [step.problem for step in chain]
+        nothing = np.zeros(0, dtype=np.int64)
+        parts = [contact_unknowns(p.contact) if selects(p.contact.trace) else (nothing,) * 4 for p in problems]
+        large = coarsest.unknowns > COARSEST
+        hierarchy = Hierarchy.of(
+            [p.stiffness for p in problems],
+            [step.prolongation for step in chain],
+            near=near_kernel(coarsest) if large else None,
+            slots=node_slots(coarsest) if large else None,
+            contacts=[part[0] for part in parts],
+            points=[part[3] for part in parts],
+        )
+        return ElasticMultigrid(tuple(reversed(chain)), hierarchy, time.perf_counter() - began)
+
+    @property
+    def levels(self) -> Levels:
+        """The matrices from coarse to fine."""
+        return self.hierarchy.stack
+
+    @property
+    def first(self) -> int:
+        """Level of the coarsest mesh."""
+        return self.levels.algebraic
+
+    def solve(self, load: Array, tolerance: float = 1e-10, nested: bool = True) -> tuple[Array, int]:
+        """``K^-1 load`` (n,), none of the contact laws acting, and the cycles that it took: :meth:`Hierarchy.solve`."""
+        return self.hierarchy.solve(load, tolerance, nested)
+
+
+def near_kernel(problem: DiscreteProblem) -> Array | None:
+    """Unknowns (n, q) of the rigid motions, whatever the supports; None where the unknowns are not those of a mesh."""
+    field = problem.field
+    return None if field is None or not field.moves else rigid_motions(field)
+
+
+def node_slots(problem: DiscreteProblem) -> NodeSlots | None:
+    """Where the unknowns of a problem stand by nodes; None where they are not those of a mesh."""
+    if problem.field is None:
+        return None
+    basis, size = problem.field.basis.tocsc(), problem.field.components
+    node = basis.indices[basis.indptr[:-1]] // size
+    first = np.concatenate([[True], np.diff(node) != 0])
+    start = np.maximum.accumulate(np.where(first, np.arange(node.size), 0))
+    used, number = np.unique(node, return_inverse=True)
+    return NodeSlots(number * size + np.arange(node.size) - start, size, used.size)

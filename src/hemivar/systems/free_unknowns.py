@@ -1,0 +1,51 @@
+"""The kernel of a stiffness where mesh and supports tell it, and whether contact points notice what lies in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+
+__all__ = ["free_unknowns", "refuse_unseen"]
+
+#: Motions that a stiffness resists by more than this, relative to its diagonal, are not in its kernel.
+_RESISTED = 1e-9
+
+
+def free_unknowns(problem: DiscreteProblem) -> Array | None:
+    """Unknowns (n, a) of the motions without deformation, the kernel of K; None where K is not that of a mesh.
+
+    They are told by mesh and supports of a displacement.  A stiffness that resists them is not the one of the mesh
+    (springs may have been added), and nothing is known.
+    """
+    field = problem.field
+    if field is None or not field.knows_motions:
+        return None
+    motions = problem.model.free_motions
+    unknowns = np.asarray((field.lift @ motions.motions).toarray())
+    if not motions.count:
+        return unknowns
+    force = np.abs(problem.stiffness @ unknowns)
+    return unknowns if float((force / problem.linear.diagonal[:, None]).max(initial=0.0)) <= _RESISTED else None
+
+
+def refuse_unseen(problem: DiscreteProblem) -> None:
+    """Refuse a body that can move without deforming and without any contact point noticing it.
+
+    Raises
+    ------
+    ProblemError
+    """
+    free = free_unknowns(problem)
+    if free is None or not free.shape[1]:
+        return
+    seen = (
+        np.linalg.qr(problem.contact.trace @ free, mode="r") if problem.contact_points else np.zeros((0, free.shape[1]))
+    )
+    if np.linalg.matrix_rank(seen, tol=_RESISTED) < free.shape[1]:
+        raise ProblemError(
+            "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "
+            "fix it with a support (hemivar.discretize names the part unless check_coercivity = False)"
+        )
