@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict, Unpack
 
-from hemivar.mechanics.bedding import Bedding
-
 from hemivar.laws import Superpotential
 from hemivar.mechanics import Branch, Clamped, Contact, ContactProblem, Fixed, Material, Quadrature, Roller
 from hemivar.mechanics.conditions import ScalarData, Support, Traction, VectorData
@@ -28,7 +26,7 @@ class Loaded(TypedDict, total=False):
     title: str
     order: int
     quadrature: Quadrature
-    bedding: ScalarData | Bedding
+    bedding: ScalarData
 
 
 class Made(Loaded, total=False):
