@@ -178,6 +178,10 @@ def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.laws.Superpotenti
                 values[parameter.name] = parameter.example or draw(st.sampled_from([(0.5, 2.0), (0.25, 0.75)]))
     if values.get("extend") == "linear" and entry in FRICTION_LAWS.values():
         values["extend"] = "constant"  # the table falls
+    if {"softening", "energy"} <= values.keys():
+        del values[draw(st.sampled_from(["softening", "energy"]))]  # each follows from the other
+    if "energy" in values:
+        values["energy"] = draw(st.floats(1e4, 2e4))  # more than glue of any of these strengths has at its peak
     make = friction_law if entry in FRICTION_LAWS.values() else normal_law
     return make(entry.name, **values)
 

@@ -56,8 +56,9 @@ def test_every_status_has_a_remedy_in_words() -> None:
     for status, words in REMEDIES.items():
         for word in words:
             assert word in status.remedy
-            found: object = hv
-            for part in word.split(".") if word[0].isupper() else ():
+            name, *parts = word.split(".") if word[0].isupper() else ("solve",)
+            found: object = getattr(hv, name, None) or getattr(hv.solvers, name)
+            for part in parts:
                 found = getattr(found, part)  # what a remedy names is there
 
 

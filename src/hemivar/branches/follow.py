@@ -162,7 +162,8 @@ def following(
     if problem.law.state_dependent:
         raise MethodError(
             "path following needs a friction bound that does not depend on the solution; take one that is a number, or "
-            "raise the load in steps instead: hemivar.solve(problem, FixedPoint(LoadStepping()))"
+            "raise the load in steps instead: "
+            "hemivar.solve(problem, hemivar.solvers.FixedPoint(hemivar.solvers.LoadStepping()))"
         )
     budget = Budget(options.max_time)
     line = LoadLine(problem, unloaded)

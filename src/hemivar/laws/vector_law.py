@@ -36,7 +36,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True, eq=False)
-class Sides:
+class Sides(Portable):
     """Directions of contact points in which a law is looked at, and its derivatives to both sides along them.
 
     Attributes
