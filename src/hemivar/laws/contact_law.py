@@ -406,6 +406,11 @@ def separable(law: VectorLaw, what: str) -> ContactLaw:
     what : str
         Who asks for it, as the subject of the message.
 
+    Returns
+    -------
+    ContactLaw
+        The law itself.
+
     Raises
     ------
     MethodError

@@ -93,7 +93,15 @@ class Invariants:
 
 @dataclass(frozen=True, eq=False)
 class IsotropicBounds:
-    """Isotropic tensors ``k tr(eps) I + 2 mu dev eps`` below and above the tangent at every strain, arrays (k,)."""
+    """Isotropic tensors ``k tr(eps) I + 2 mu dev eps`` below and above the tangent at every strain.
+
+    Attributes
+    ----------
+    bulk, shear : arrays (k,)
+        Moduli k and mu of the tensor below, in units of stress.
+    largest_bulk, largest_shear : arrays (k,)
+        Those of the tensor above.
+    """
 
     bulk: Array
     shear: Array

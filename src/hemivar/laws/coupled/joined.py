@@ -244,7 +244,17 @@ class _NearJoined:
 
 
 def join_laws(laws: Sequence[tuple[VectorLaw, int]]) -> VectorLaw:
-    """One law from laws for consecutive blocks of contact points, given as ``(law, number of points)``.
+    """One law from laws for consecutive blocks of contact points.
+
+    Parameters
+    ----------
+    laws : sequence of (VectorLaw, int)
+        The law of each block, with parameters resolved at its points, and how many these are.
+
+    Returns
+    -------
+    VectorLaw
+        A :class:`ContactLaw` where all of them split.
 
     Raises
     ------
