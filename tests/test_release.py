@@ -154,4 +154,4 @@ def test_the_wheel_holds_modules_and_templates_and_nothing_else() -> None:
     source = ROOT / "src"
     modules = {str(path.relative_to(source)) for path in (source / "hemivar").rglob("*.py")}
     templates = {str(path.relative_to(source)) for path in (source / "hemivar/files/templates").glob("*.toml")}
-    assert found == modules | templates | {"hemivar/py.typed"}
+    assert found == modules | templates | {"hemivar/py.typed", "hemivar/__init__.pyi"}
