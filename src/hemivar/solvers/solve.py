@@ -44,7 +44,7 @@ __all__ = ["solve", "solving", "suited"]
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
 #: Ends that a solve beyond the limit of a foundation has, and relative residual up to which they are something else.
-_LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE), 1e-6
+_LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_CONTRACTING), 1e-6
 
 
 @known_keywords
