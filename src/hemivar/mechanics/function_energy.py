@@ -43,8 +43,20 @@ class RelativeEnergy(StoredEnergy):
         return True
 
     @abstractmethod
+    def _found(self, dim: int) -> FoundRange:
+        """The range of the eigenvalues of the tangent relative to that at zero strain, looked for anew."""
+
+    @cached_property
+    def _in_the_plane(self) -> FoundRange:
+        return self._found(2)
+
+    @cached_property
+    def _throughout(self) -> FoundRange:
+        return self._found(3)
+
     def factors(self, dim: int) -> FoundRange:
         """The range of the eigenvalues of the tangent relative to that at zero strain."""
+        return self._in_the_plane if dim == 2 else self._throughout
 
     def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         return np.asarray(self.factors(points.shape[1]).lower * self.stiffness_tensor(points))
@@ -166,17 +178,6 @@ class FunctionEnergy(RelativeEnergy):
         voigt = np.zeros((len(points), 6))
         voigt[:, 0], voigt[:, 1], voigt[:, 5] = strain[:, 0, 0], strain[:, 1, 1], 2.0 * strain[:, 0, 1]
         return self.stress(np.zeros((len(points), 3)), voigt)[:, 2]
-
-    @cached_property
-    def _in_the_plane(self) -> FoundRange:
-        return self._found(2)
-
-    @cached_property
-    def _throughout(self) -> FoundRange:
-        return self._found(3)
-
-    def factors(self, dim: int) -> FoundRange:
-        return self._in_the_plane if dim == 2 else self._throughout
 
     def _found(self, dim: int) -> FoundRange:
         first = self._first(dim)

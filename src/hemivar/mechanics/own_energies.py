@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.curvature import enclosed_range
@@ -295,17 +294,6 @@ class ComponentEnergy(RelativeEnergy):
     ) -> Array:
         voigt = np.column_stack([strain[:, 0, 0], strain[:, 1, 1], 2.0 * strain[:, 0, 1]])
         return np.array(self._value(self._graph.derivative(self._node, "ezz"), voigt))
-
-    @cached_property
-    def _in_the_plane(self) -> FoundRange:
-        return self._found(2)
-
-    @cached_property
-    def _throughout(self) -> FoundRange:
-        return self._found(3)
-
-    def factors(self, dim: int) -> FoundRange:
-        return self._in_the_plane if dim == 2 else self._throughout
 
     def _found(self, dim: int) -> FoundRange:
         first, reach = self._first(dim), self.reach

@@ -12,6 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, Near, Sides, VectorLaw
 
@@ -19,7 +20,7 @@ __all__ = ["JoinedLaw", "join_laws"]
 
 
 @dataclass(frozen=True, eq=False)
-class JoinedLaw(VectorLaw):
+class JoinedLaw(CoupledLaw):
     """Law ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once.
 
     Raises
@@ -73,24 +74,6 @@ class JoinedLaw(VectorLaw):
         if len(chosen) == 1:
             return chosen[0][0]
         return JoinedLaw(tuple(law for law, _ in chosen), tuple(rows for _, rows in chosen))
-
-    @property
-    def state_dependent(self) -> bool:
-        return False
-
-    def frozen(self, r: Array, lam: Array) -> JoinedLaw:
-        return self
-
-    def frozen_at(self, r: Array) -> JoinedLaw:
-        return self
-
-    @property
-    def lipschitz(self) -> Array:
-        return np.zeros(1)
-
-    @property
-    def lipschitz_sampled(self) -> bool:
-        return False
 
     def value(self, r: Array) -> Array:
         return self._gather(lambda law, i: law.value(r[i]))

@@ -12,6 +12,7 @@ from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
+from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.near_mixed_mode import NearMixedMode, principal_sides, row_entries
 from hemivar.laws.coupled.opening import OpeningProblem
 from hemivar.laws.named import NamedLaw
@@ -21,13 +22,13 @@ from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import downhill, one_sided, radial_sides, steepest
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
+from hemivar.laws.vector_law import Linearisation, Sides
 
 __all__ = ["MixedMode"]
 
 
 @dataclass(frozen=True, eq=False)
-class MixedMode(VectorLaw):
+class MixedMode(CoupledLaw):
     """Glue that opens and slips: ``j(r) = Phi(rho)`` and a normal law in compression.
 
     The effective opening is ``rho = sqrt(<w>^2 + ratio^2 |s|^2)`` with the opening w = -r_nu and the slip s = r_tau;
@@ -250,26 +251,6 @@ class MixedMode(VectorLaw):
         """Share of the slip in rho^2, (m,): 0 opening alone, 1 slip alone or compression; nan at rho = 0."""
         rho, opening = self.effective(r), np.maximum(-r[:, 0], 0.0)
         return np.where(rho > 0.0, 1.0 - (opening / np.where(rho > 0.0, rho, 1.0)) ** 2, np.nan)
-
-    # ---- no state ---------------------------------------------------------------------------------------
-
-    @property
-    def state_dependent(self) -> bool:
-        return False
-
-    def frozen(self, r: Array, lam: Array) -> MixedMode:
-        return self
-
-    def frozen_at(self, r: Array) -> MixedMode:
-        return self
-
-    @property
-    def lipschitz(self) -> Array:
-        return np.zeros(1)
-
-    @property
-    def lipschitz_sampled(self) -> bool:
-        return False
 
     # ---- value and subdifferential ----------------------------------------------------------------------
 
