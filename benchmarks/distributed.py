@@ -32,7 +32,7 @@ def statement(mesh: Mesh) -> hv.ContactProblem:
         mesh=mesh,
         material=hv.Material.lame(4.0, 4.0),
         supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.laws.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
+        contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
         body_force=(-0.8, -0.4, -0.8),
     )
 

@@ -42,7 +42,7 @@ from common import show
 import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.types import Array
-from hemivar.evolution.discrete import Bodies, DiscreteEvolution, discretize_evolution
+from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices, discretize_evolution
 from hemivar.evolution.march import March, marching
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import ImplicitEuler
@@ -169,9 +169,9 @@ class Linear:
     def __init__(self, discrete: DiscreteEvolution, multigrid: bool) -> None:
         self.discrete = discrete
         rule = ImplicitEuler().rules(STEP)[0]
-        problem = Bodies(discrete).body(rule.rate.difference, rule.acceleration.difference)
+        problem = StepMatrices(discrete).body(rule.rate.difference, rule.acceleration.difference)
         self.matrix = problem.stiffness
-        self.load = discrete.acting(0.0).load[: discrete.unknowns]
+        self.load = discrete.data_at(0.0).load[: discrete.unknowns]
         self.levels = ElasticMultigrid.of(problem) if multigrid else None
         none = np.zeros(0, dtype=np.int64)
         self.factor = None if multigrid else factorise(self.matrix, none)

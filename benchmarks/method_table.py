@@ -36,7 +36,7 @@ BEGIN, END = "<!-- method table: begin (benchmarks/method_table.py) -->", "<!-- 
 WRONG = 1e-6
 
 NORMAL: dict[str, Callable[[], hv.laws.Superpotential]] = {
-    "survey": lambda: laws.SurveyLaw(0.3, 2.0),
+    "survey": lambda: laws.ThresholdCompliance(0.3, 2.0),
     "signorini": laws.Signorini,
     "bilateral": laws.Bilateral,
     "compliance": lambda: laws.Compliance(50.0, 2.0),

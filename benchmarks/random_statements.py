@@ -213,7 +213,7 @@ def _normal(rng: np.random.Generator, p: float, L: float, soft: float) -> tuple[
     kind = int(rng.integers(0, 11))
     u = rng.uniform
     if kind == 0:
-        return hv.laws.SurveyLaw(0.1 * p * u(0.1, 4.0), p / L * u(0.0, 5.0)), "survey"
+        return hv.laws.ThresholdCompliance(0.1 * p * u(0.1, 4.0), p / L * u(0.0, 5.0)), "survey"
     if kind == 1:
         return hv.Softening(p / L * u(1.0, 10.0), 0.03 * L * u(0.2, 2.0), soft * u(0.05, 0.8)), "softening"
     if kind == 2:

@@ -96,7 +96,7 @@ def margin() -> list[dict[str, object]]:
             mesh=hv.rectangle((1.0, 1.0), 8, pattern="cross"),
             material=hv.Material.lame(4.0, 4.0),
             supports={"left": hv.Clamped()},
-            contact={"bottom": hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.laws.Logarithmic(5.2 * c))},
+            contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.0), hv.laws.Logarithmic(5.2 * c))},
             body_force=(-0.8, -0.8),
         )
         solution = hv.solve(problem)

@@ -48,7 +48,7 @@ kappa = RIGIDITY / LENGTH
 r0 = LOAD * LENGTH**2 / (2.0 * RIGIDITY) - GAP
 q, p, k = 0.3, 2.0, 5.0
 cases = {
-    "survey": (hv.laws.SurveyLaw(q, p), max(kappa * r0 - q, 0.0) / (kappa + p)),
+    "survey": (hv.laws.ThresholdCompliance(q, p), max(kappa * r0 - q, 0.0) / (kappa + p)),
     "compliance": (hv.Compliance(k), kappa * r0 / (kappa + k)),
     "signorini": (hv.Signorini(), 0.0),
 }

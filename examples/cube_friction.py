@@ -15,7 +15,7 @@ problem = hv.ContactProblem(
     mesh=hv.box((1.0, 1.0, 1.0), 8),
     material=hv.Material.lame(4.0, 4.0),
     supports={"left": hv.Clamped()},
-    contact={"bottom": hv.Contact(hv.laws.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.4))},
+    contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(q_max=0.3, p_const=2.0), hv.Tresca(0.4))},
     body_force=(-0.2, 0.5, -0.8),
     title="cube with friction",
 )

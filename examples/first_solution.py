@@ -26,7 +26,7 @@ problem = hv.ContactProblem(
     mesh=hv.rectangle((1.0, 1.0), 32, pattern="cross"),
     material=hv.Material.lame(4.0, 4.0),
     supports={"left": hv.Clamped()},
-    contact={"bottom": hv.Contact(hv.laws.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
+    contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
     body_force=(-0.8, -0.8),
     title="survey, data (5.1)",
 )

@@ -46,7 +46,7 @@ def threshold(x: np.ndarray) -> np.ndarray:
     return KAPPA * (DOWN - SUNK) - stiffness(x) * SUNK
 
 
-uneven = pressed_block(hv.laws.SurveyLaw(threshold, stiffness))
+uneven = pressed_block(hv.laws.ThresholdCompliance(threshold, stiffness))
 off = float(np.abs(uneven.penetration - SUNK).max())
 print(f"penetration {uneven.penetration.mean():.12f} (by hand {SUNK}), spread {off:.1e}")
 
@@ -86,7 +86,7 @@ halves = hv.ContactProblem(
     mesh=hv.rectangle((1.0, 1.0), 32, pattern="cross"),
     material=hv.Material.lame(LAM, MU),
     supports={"left": hv.Clamped()},
-    contact={"bottom": hv.Contact(hv.laws.SurveyLaw(hardness, 2.0), hv.Tresca(bound))},
+    contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(hardness, 2.0), hv.Tresca(bound))},
     body_force=(0.8, -0.8),
     title="soft and smooth left, hard and rough right",
 )

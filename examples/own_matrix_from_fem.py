@@ -60,7 +60,7 @@ problem = hv.DiscreteProblem.of_arrays(
     trace=trace[:, free],
     weights=weights,
     gap=np.zeros(m),
-    law=hv.laws.ContactLaw(hv.laws.SurveyLaw(Q_MAX, P_CONST), hv.Tresca(0.1)).at(mesh.p[:, nodes].T),
+    law=hv.laws.ContactLaw(hv.laws.ThresholdCompliance(Q_MAX, P_CONST), hv.Tresca(0.1)).at(mesh.p[:, nodes].T),
     constant=0.5 * float(value @ (full @ value)),
 )
 solution = hv.solve(problem).raise_for_status()

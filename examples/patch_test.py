@@ -32,7 +32,7 @@ problem = hv.ContactProblem(
         "right": hv.Roller(),
         "top": hv.Prescribed(0.1 * np.array([np.sin(ANGLE), -np.cos(ANGLE)])),
     },
-    contact={"bottom": hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(0.2))},
+    contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(0.2))},
     title="turned block",
 )
 solution = hv.solve(problem).raise_for_status()

@@ -21,7 +21,7 @@ def bracket(length: float, pressure: float) -> hv.ContactProblem:
         supports={"left": hv.Clamped()},
         contact={
             "bottom": hv.Contact(
-                hv.laws.SurveyLaw(q_max=1e4 * pressure, p_const=2e7 * pressure / length),
+                hv.laws.ThresholdCompliance(q_max=1e4 * pressure, p_const=2e7 * pressure / length),
                 hv.Tresca(6e3 * pressure),
                 gap=0.5e-3 * length,
             )

@@ -26,7 +26,7 @@ def block(weight: float) -> hv.ContactProblem:
         mesh=hv.rectangle((WIDTH, HEIGHT), (12, 8), pattern="cross"),
         material=hv.Material.lame(LAM, MU),
         supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.laws.SurveyLaw(Q_MAX, P_CONST))},
+        contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(Q_MAX, P_CONST))},
         body_force=(0.0, -weight),
         title=f"block of weight {weight:g}",
     )

@@ -12,7 +12,7 @@ from threadpoolctl import ThreadpoolController
 from hemivar.basics.types import Array
 from hemivar.fem import discretize
 from hemivar.gallery import elastic_bar, survey
-from hemivar.laws import Signorini, SurveyLaw, Tresca
+from hemivar.laws import Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import Contact, ContactProblem, Material, Prescribed, Quadrature
 from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import Solution, solve
@@ -84,7 +84,7 @@ def solid() -> Solution:
     mesh = Mesh.oriented(points, cells).with_boundaries(
         {"left": lambda p: p[:, 0] < 1e-9, "bottom": lambda p: p[:, 2] < 1e-9}
     )
-    problem = bodies.body(mesh, Contact(SurveyLaw(0.3, 2.0), Tresca(0.1)), body_force=(0.4, 0.2, -1.0))
+    problem = bodies.body(mesh, Contact(ThresholdCompliance(0.3, 2.0), Tresca(0.1)), body_force=(0.4, 0.2, -1.0))
     return solve(discretize(problem)).raise_for_status()
 
 

@@ -6,18 +6,18 @@ import numpy as np
 
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
-from hemivar.laws import Compliance, ContactLaw, Friction, Signorini, Superpotential, SurveyLaw, Tresca
+from hemivar.laws import Compliance, ContactLaw, Friction, Signorini, Superpotential, ThresholdCompliance, Tresca
 from hemivar.mechanics import Contact, ContactProblem, Quadrature
 from hemivar.solvers import Solution
 from tests import bodies
 
 #: The survey's five data sets: body force, normal law, friction bound (its Figures 1 to 4 and (5.1)).
 SURVEY_DATA: dict[str, tuple[tuple[float, float], Superpotential, Friction]] = {
-    "figure 1": ((-0.5, -1.0), SurveyLaw(0.1, 10.0), Tresca(0.1)),
-    "figure 2": ((-0.5, -1.0), SurveyLaw(0.7, 0.0), Tresca(0.1)),
-    "figure 3": ((-0.5, -1.0), SurveyLaw(0.5, 0.0), Tresca(0.5)),
-    "figure 4": ((0.5, -1.0), SurveyLaw(10.0, 0.0), Tresca(0.1)),
-    "data (5.1)": ((-0.8, -0.8), SurveyLaw(0.3, 2.0), Tresca(0.5)),
+    "figure 1": ((-0.5, -1.0), ThresholdCompliance(0.1, 10.0), Tresca(0.1)),
+    "figure 2": ((-0.5, -1.0), ThresholdCompliance(0.7, 0.0), Tresca(0.1)),
+    "figure 3": ((-0.5, -1.0), ThresholdCompliance(0.5, 0.0), Tresca(0.5)),
+    "figure 4": ((0.5, -1.0), ThresholdCompliance(10.0, 0.0), Tresca(0.1)),
+    "data (5.1)": ((-0.8, -0.8), ThresholdCompliance(0.3, 2.0), Tresca(0.5)),
 }
 
 #: The same body on other foundations.

@@ -417,7 +417,7 @@ def test_any_is_counted_wherever_it_is_said() -> None:
 WORKING = {
     "branches.follower": ("TrackPoint", "Track", "Follower"),
     "coercivity.recession": ("_Programme",),
-    "evolution.jump_paths": ("_Fall",),
+    "evolution.jump_paths": ("_GradientFlow",),
     "laws.testing": ("_Checker",),
     "solvers.active_set_newton": ("NewtonCache",),
     "systems.dense_newton": ("DenseFactor",),

@@ -13,7 +13,8 @@ import os, sys, threading, time
 import hemivar as hv
 problem = hv.ContactProblem(
     mesh=hv.rectangle((1.0, 1.0), 4), material=hv.Material.lame(4, 4), supports={"left": hv.Clamped()},
-    body_force=(0, -0.5), contact={"bottom": hv.Contact(hv.laws.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
+    body_force=(0, -0.5),
+    contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
 )
 """
 

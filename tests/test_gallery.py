@@ -18,7 +18,7 @@ from hemivar.gallery import (
     survey,
     weighted_block,
 )
-from hemivar.laws import Softening, SurveyLaw
+from hemivar.laws import Softening, ThresholdCompliance
 from hemivar.mechanics import ContactProblem
 from hemivar.solvers import Solution, solve
 
@@ -65,7 +65,7 @@ def test_bar_with_three_solutions() -> None:
 
 @pytest.mark.parametrize(("load", "q", "p"), [(0.8, 0.1, 3.0), (0.8, 0.5, 1.0), (-0.8, 0.1, 1.0)])
 def test_convex_bar(load: float, q: float, p: float) -> None:
-    solution = solve(elastic_bar(SurveyLaw(q, p), 5, load=load)).raise_for_status()
+    solution = solve(elastic_bar(ThresholdCompliance(q, p), 5, load=load)).raise_for_status()
     free = load / 2
     expected = max(free - q, 0.0) / (1.0 + p) if free > 0 else free
     assert solution.penetration[0] == pytest.approx(expected, abs=1e-12)
@@ -102,7 +102,7 @@ def test_block_under_its_own_weight(weight: float) -> None:
 
 def test_block_needs_constant_parameters() -> None:
     with pytest.raises(ProblemError, match="constant"):
-        weighted_block(SurveyLaw(lambda x: x[:, 0], 1.0))
+        weighted_block(ThresholdCompliance(lambda x: x[:, 0], 1.0))
 
 
 def test_manufactured_solution_is_approached() -> None:

@@ -25,7 +25,7 @@ def penetrations(known: KnownProblem) -> list[float]:
     ("known", "expected"),
     [
         (lambda: hencky_block(), [0.034941569056]),
-        (lambda: hencky_block(hv.laws.SurveyLaw(0.3, 2.0)), [0.062733873583324]),
+        (lambda: hencky_block(hv.laws.ThresholdCompliance(0.3, 2.0)), [0.062733873583324]),
         (lambda: hencky_ring(), [0.0949739517132]),
         (lambda: hencky_ring(constants=HenckyConstants(softened=1.0)), [4.0 / 45.0]),
         (

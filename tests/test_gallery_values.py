@@ -10,7 +10,7 @@ import pytest
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution
@@ -30,9 +30,9 @@ def functions() -> dict[str, Callable[..., object]]:
 @pytest.mark.parametrize("name", functions())
 def test_every_problem_of_the_gallery_is_a_statement(name: str) -> None:
     found = functions()[name](**NEEDED.get(name, {}))
-    stated = KnownStatement.of(found)
+    stated = ManufacturedProblem.of(found)
     assert isinstance(stated, Statement | Evolution | DiscreteProblem)
-    assert isinstance(found, KnownStatement) or found is stated
+    assert isinstance(found, ManufacturedProblem) or found is stated
 
 
 @pytest.mark.parametrize("make", [gallery.weighted_block, gallery.manufactured_spring, gallery.softening_block])

@@ -98,9 +98,9 @@ PUBLIC: dict[str, Callable[[hv.Solution, Path], object]] = {
     "residual": lambda s, path: hv.discrete.residual(s.problem, s.unknowns, s.multiplier),
     "condense": lambda s, path: hv.systems.condense(s.problem),
     "find_solutions": lambda s, path: hv.find_solutions(
-        bar(0.5, hv.laws.SurveyLaw(0.3, 2.0)), enumerate_up_to=0, starts=3
+        bar(0.5, hv.laws.ThresholdCompliance(0.3, 2.0)), enumerate_up_to=0, starts=3
     ),
-    "follow_path": lambda s, path: hv.follow_path(bar(0.5, hv.laws.SurveyLaw(0.3, 2.0))),
+    "follow_path": lambda s, path: hv.follow_path(bar(0.5, hv.laws.ThresholdCompliance(0.3, 2.0))),
     "laws": lambda s, path: [
         hv.FormulaLaw("10 * max(r, 0)^2 + sqrt(1 + abs(r))"),
         hv.laws.PenetrationBound("min(8*s, 0.8)"),

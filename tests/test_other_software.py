@@ -39,7 +39,7 @@ def test_code_for_another_code(
             mesh=hv.rectangle((1.0, 1.0), 16, pattern="right"),
             material=hv.Material.lame(4.0, 4.0),
             supports={"left": hv.Clamped()},
-            contact={"bottom": hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(0.5))},
+            contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(0.5))},
             body_force=(-0.8, -0.8),
         )
     ).raise_for_status()

@@ -23,8 +23,8 @@ SCALAR = (gallery.membrane_obstacle(8), gallery.antiplane_friction(4))
 
 #: What users do not make themselves.
 NOT_MADE = {
-    "Bedding", "Frame", "Interval", "InvariantEnergy", "Invariants", "IsotropicBounds", "LawDescription", "LawKink",
-    "Linearisation", "LocalStep", "MaterialDescription", "MaterialReport", "MemoryChain", "Row", "Stepped",
+    "WinklerFoundation", "Frame", "Interval", "InvariantEnergy", "Invariants", "IsotropicBounds", "LawDescription",
+    "LawKink", "Linearisation", "LocalStep", "MaterialDescription", "MaterialReport", "MemoryChain", "Row", "StepEvent",
     "StoredEnergy",
 }  # fmt: skip
 
@@ -95,7 +95,7 @@ def examples() -> dict[str, list[object]]:
         hv.laws.ExponentialCohesion(30.0, 0.5, 1e4),
         hv.laws.TrapezoidalCohesion(30.0, 0.5, 1e4, 0.005),
         hv.laws.MixedMode(hv.laws.BilinearCohesion(30.0, 0.5, 1e4), 1.5),
-        hv.laws.SurveyLaw(0.3, Formula("1 + x")),
+        hv.laws.ThresholdCompliance(0.3, Formula("1 + x")),
         hv.Signorini(),
         hv.laws.Bilateral(),
         hv.laws.NoContact(),

@@ -23,12 +23,13 @@ PROBLEM = hv.ContactProblem(
     mesh=MESH,
     material=hv.Material.lame(4.0, 4.0),
     supports={"left": hv.Clamped()},
-    contact={"bottom": hv.Contact(hv.laws.SurveyLaw(0.3), hv.Tresca(0.5))},
+    contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(0.3), hv.Tresca(0.5))},
 )
 #: What stands for the other arguments that must be given.
 RIGHT: dict[str, object] = {
     "mesh": MESH, "material": PROBLEM.material, "problem": PROBLEM, "points": MESH.points, "cells": MESH.cells,
-    "law": hv.laws.SurveyLaw(0.3), "normal": hv.laws.SurveyLaw(0.3), "friction": hv.Tresca(0.5), "size": (1.0, 1.0),
+    "law": hv.laws.ThresholdCompliance(0.3), "normal": hv.laws.ThresholdCompliance(0.3), "friction": hv.Tresca(0.5),
+    "size": (1.0, 1.0),
 }  # fmt: skip
 ROOMS = (hv, hv.laws, hv.mechanics, hv.solvers, hv.evolution, hv.adapt)
 CALLED: dict[str, Callable[..., object]] = {
@@ -40,8 +41,8 @@ CALLED: dict[str, Callable[..., object]] = {
         "Memory", "Mesh", "MoreauJean", "Newmark", "NonsmoothMultigrid", "NonsmoothNewton", "PenetrationBound",
         "PiecewiseQuadratic", "Plane", "Powell", "Prescribed", "PrimalDualActiveSet", "ProximalBundle", "RateAndState",
         "Roller", "Save", "SawTooth", "ScalarContact", "ScalarProblem", "SemismoothNewton", "Signorini", "SlipTable",
-        "SlipWeakening", "Softening", "Sphere", "StaticKinetic", "SurveyLaw", "Tresca", "ViscousFoundation", "Wear",
-        "When", "affine", "bonded", "box", "discretize", "envelope", "find_solutions", "known_goals", "plus",
+        "SlipWeakening", "Softening", "Sphere", "StaticKinetic", "ThresholdCompliance", "Tresca", "ViscousFoundation",
+        "Wear", "When", "affine", "bonded", "box", "discretize", "envelope", "find_solutions", "known_goals", "plus",
         "read_law_table", "read_mesh", "read_problem", "rectangle", "secant", "solve_nested", "table_law",
         "write_problem",
     )
@@ -94,11 +95,11 @@ def test_wrong_arguments_are_refused_in_words(
 @pytest.mark.parametrize("value", [True, np.True_, [True, 0.5], np.array([True])])
 def test_truth_values_are_no_numbers(value: Any) -> None:
     for call in (
-        lambda: hv.laws.SurveyLaw(value).knots,
+        lambda: hv.laws.ThresholdCompliance(value).knots,
         lambda: hv.Compliance(value).knots,
         lambda: hv.Tresca(value).at(MESH.points[:2]),
         lambda: hv.Material.young(value, 0.3),
-        lambda: hv.laws.affine(hv.laws.SurveyLaw(0.3), value),
+        lambda: hv.laws.affine(hv.laws.ThresholdCompliance(0.3), value),
     ):
         with pytest.raises(hv.errors.ProblemError, match="truth value"):
             call()

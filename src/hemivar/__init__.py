@@ -21,10 +21,10 @@ __version__ = "0.1.0"
 
 #: Methods that hand their value on to a function of a room above, loaded when they are called.
 _HANDED_ON = {
-    "Displayed._repr_html_": "report.notebook.html_of",
-    "Displayed.plot": "report.notebook.picture_of",
-    "Displayed.show": "report.window.show",
-    "Displayed.to_dataframe": "report.frames.frame_of",
+    "ReprMixin._repr_html_": "report.notebook.html_of",
+    "ReprMixin.plot": "report.notebook.picture_of",
+    "ReprMixin.show": "report.window.show",
+    "ReprMixin.to_dataframe": "report.frames.frame_of",
     "Solution.summary": "report.summary.summary_of",
     "Solution.certify": "certificates.certify",
     "Solution.to_dict": "files.solution_record",

@@ -26,7 +26,7 @@ NAMES = ("contact.bottom.force", "support.left.force", "boundary.right.displacem
 def square(n: int = 4, **changes: object) -> hv.ContactProblem:
     given: dict[str, Any] = {
         "mesh": rectangle((1.0, 1.0), n, pattern="cross"),
-        "contact": hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(0.5)),
+        "contact": hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(0.5)),
         "body_force": (-0.8, -0.8),
     }
     return bodies.body(**given | changes)
@@ -84,9 +84,10 @@ def some_laws(count: int) -> list[hv.Contact]:
     rng = np.random.default_rng(4)
 
     def normal() -> hv.laws.Superpotential:
-        return (hv.laws.SurveyLaw(rng.uniform(0.0, 0.5), rng.uniform(0.5, 4.0)), hv.Compliance(rng.uniform(1.0, 20.0)))[
-            rng.integers(2)
-        ]
+        return (
+            hv.laws.ThresholdCompliance(rng.uniform(0.0, 0.5), rng.uniform(0.5, 4.0)),
+            hv.Compliance(rng.uniform(1.0, 20.0)),
+        )[rng.integers(2)]
 
     frictions = (
         lambda: hv.Tresca(rng.uniform(0.05, 0.5)),
@@ -202,7 +203,9 @@ def test_where_nothing_bounds_a_force() -> None:
 
 
 def test_an_estimated_distance_gives_an_estimated_interval() -> None:
-    contact = hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(0.5), gap=lambda x: 0.01 * np.sin(9.0 * x[:, 0]))
+    contact = hv.Contact(
+        hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(0.5), gap=lambda x: 0.01 * np.sin(9.0 * x[:, 0])
+    )
     (found,) = valued(square(contact={"bottom": contact}), "contact.bottom.force.y")
     assert not found.guaranteed
     assert any("gap of contact 'bottom' varies" in reason for reason in found.reasons)
@@ -262,7 +265,7 @@ def test_what_grows_with_the_same_part_of_the_error_adds_up() -> None:
 def test_units_do_not_matter() -> None:
     """Lengths in mm, stresses in MPa instead of m and Pa: forces per depth change as they must."""
     (small,) = valued(square(), "contact.bottom.force", constants=as_if_proved(square()))
-    law = hv.Contact(hv.laws.SurveyLaw(0.3e-6, 2.0e-9), hv.Tresca(0.5e-6))
+    law = hv.Contact(hv.laws.ThresholdCompliance(0.3e-6, 2.0e-9), hv.Tresca(0.5e-6))
     problem = square(
         mesh=rectangle((1e3, 1e3), 4, pattern="cross"), material=hv.Material.lame(4e-6, 4e-6),
         contact={"bottom": law}, body_force=(-0.8e-9, -0.8e-9),

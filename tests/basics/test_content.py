@@ -84,7 +84,7 @@ PAIRS: dict[str, tuple[object, object]] = {
     "nesting": (((1,), 2), ((1, 2),)),
     "true and one": (True, 1),
     "options": (hv.evolution.SDIRK2(), hv.evolution.ImplicitEuler()),
-    "members": (hv.evolution.Jump.LOCAL, hv.evolution.Jump.STOP),
+    "members": (hv.evolution.SelectionRule.LOCAL, hv.evolution.SelectionRule.STOP),
     "builtin functions": (abs, max),
     "functions of numpy": (np.sin, np.cos),
     "arrays of objects": (np.array([None, "a"], dtype=object), np.array([None, "b"], dtype=object)),

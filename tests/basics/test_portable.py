@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.laws.friction import ABSOLUTE_VALUE
 from hemivar.mesh.mesh import Mesh
 from tests import bodies
@@ -54,7 +54,7 @@ def cubic_curvature(r: np.ndarray) -> np.ndarray:
 
 LAWS = {
     "compliance": hv.Compliance(50.0, 2.0),
-    "survey": hv.laws.SurveyLaw(0.3, 2.0),
+    "survey": hv.laws.ThresholdCompliance(0.3, 2.0),
     "signorini": hv.Signorini(),
     "no contact": hv.laws.NoContact(),
     "formula": hv.FormulaLaw("10 * max(r, 0)^2"),
@@ -172,7 +172,7 @@ def test_solutions_and_certificates(trip: str) -> None:
 
 @pytest.mark.parametrize("trip", TRIPS)
 def test_solution_sets_and_paths(trip: str) -> None:
-    discrete = bar(0.5, hv.laws.SurveyLaw(0.3, 2.0))
+    discrete = bar(0.5, hv.laws.ThresholdCompliance(0.3, 2.0))
     found = hv.find_solutions(discrete)
     there = TRIPS[trip](found)
     np.testing.assert_array_equal(there.energies, found.energies)
@@ -249,7 +249,7 @@ def test_functions_that_cannot_be_imported_are_told_of(make: Callable[[], object
 
 def test_classes_that_cannot_be_imported_are_told_of() -> None:
     @dataclass(frozen=True)
-    class Inner(Portable):
+    class Inner(PickleMixin):
         value: int
 
     with pytest.raises(hv.errors.ProblemError, match=r"Inner objects cannot be pickled: .* move it there"):

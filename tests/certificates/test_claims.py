@@ -19,7 +19,7 @@ from hemivar.laws import (
     PenetrationBound,
     PiecewiseQuadratic,
     Signorini,
-    SurveyLaw,
+    ThresholdCompliance,
 )
 from tests import bodies
 from tests.certificates.problems import bar_problem, bar_unknowns, softening
@@ -50,7 +50,7 @@ def test_a_convex_law_leaves_global_minimisers_only() -> None:
     assert (found.margin, found.error_bound) == (-np.inf, np.inf)
     assert found.equilibrium == np.inf
     assert found.equilibrium_relative == np.inf
-    soft = problem.with_(law=ContactLaw(SurveyLaw(0.1, 10.0)))
+    soft = problem.with_(law=ContactLaw(ThresholdCompliance(0.1, 10.0)))
     off = certify(soft, np.array([50.0, 49.0]), np.array([[1.0]]))
     assert off.kind is PointKind.NOT_STATIONARY
 

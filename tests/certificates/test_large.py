@@ -24,7 +24,15 @@ from hemivar.certificates import (
 from hemivar.certificates.smallness import trace_constants
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
-from hemivar.laws import Friction, NoFriction, PenetrationBound, PiecewiseQuadratic, Superpotential, SurveyLaw, Tresca
+from hemivar.laws import (
+    Friction,
+    NoFriction,
+    PenetrationBound,
+    PiecewiseQuadratic,
+    Superpotential,
+    ThresholdCompliance,
+    Tresca,
+)
 from hemivar.mechanics import Contact, Material, Roller
 from hemivar.mesh import rectangle
 from hemivar.mesh.mesh import Mesh
@@ -231,7 +239,7 @@ def test_body_that_only_contact_holds(nested: bool, dim: int) -> None:
     mesh = hv.box((1.0, 1.0, 1.0), (8, 8, 8)) if dim == 3 else rectangle((1.0, 1.0), (32, 32))
     if not nested:
         mesh = Mesh(mesh.points, mesh.cells, dict(mesh.boundaries))
-    problem = body(mesh, SurveyLaw(0.3, 20.0), Tresca(2.0), left=Roller())
+    problem = body(mesh, ThresholdCompliance(0.3, 20.0), Tresca(2.0), left=Roller())
     norm = MultigridNorm(problem)
     assert not norm.definite
     solution = hv.solve(problem, controls=TIGHT)
@@ -240,7 +248,7 @@ def test_body_that_only_contact_holds(nested: bool, dim: int) -> None:
     assert found.stationary
     assert found.kind is PointKind.GLOBAL_MINIMISER
     assert found.error_bound == np.inf
-    assert MultigridNorm(body(mesh, SurveyLaw(0.3, 20.0), Tresca(2.0))).definite
+    assert MultigridNorm(body(mesh, ThresholdCompliance(0.3, 20.0), Tresca(2.0))).definite
 
 
 def test_arrays() -> None:
@@ -255,7 +263,7 @@ def test_arrays() -> None:
     assert exact.margin - 1e-3 <= quick.margin <= exact.margin
     root = np.sqrt(made.stiffness.diagonal())
     assert MultigridNorm(problem).lowest <= np.linalg.eigvalsh(made.stiffness.toarray() / np.outer(root, root))[0]
-    held = body(rectangle((1.0, 1.0), (32, 32)), SurveyLaw(0.3, 20.0), Tresca(2.0), left=Roller())
+    held = body(rectangle((1.0, 1.0), (32, 32)), ThresholdCompliance(0.3, 20.0), Tresca(2.0), left=Roller())
     floating = DiscreteProblem.of_arrays(
         held.stiffness, held.load, held.contact.trace, held.contact.weights, held.gap, held.law
     )

@@ -10,7 +10,7 @@ import scipy.optimize
 from numpy.typing import ArrayLike
 
 from hemivar.basics.types import Array
-from hemivar.coercivity.recession import Growth, Verdict, _cut_off, decide, growth_along
+from hemivar.coercivity.recession import Coercivity, RecessionFunction, _cut_off, decide, growth_along
 from hemivar.laws import (
     Compliance,
     ContactLaw,
@@ -20,7 +20,7 @@ from hemivar.laws import (
     NoFriction,
     PiecewiseQuadratic,
     Signorini,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
 )
 
@@ -30,13 +30,13 @@ INF = np.inf
 def growth(
     work: ArrayLike, rows: ArrayLike, up: ArrayLike, down: ArrayLike, load: float | None = None, cones: ArrayLike = (),
     rates: ArrayLike = (),
-) -> Growth:  # fmt: skip
+) -> RecessionFunction:  # fmt: skip
     force = np.asarray(work, dtype=float)
     numbers = [np.asarray(given, dtype=float) for given in (rows, up, down)]
     lengths = np.asarray(rates, dtype=float)
     slips = np.asarray(cones, dtype=float).reshape(lengths.size, 2, force.size)
     size = float(np.abs(force).sum()) if load is None else load
-    return Growth(force, size, *numbers, slips, lengths)
+    return RecessionFunction(force, size, *numbers, slips, lengths)
 
 
 def test_growth_is_what_the_hinges_and_the_slips_take_less_the_work() -> None:
@@ -73,7 +73,7 @@ def local(*points: ArrayLike) -> Array:
 
 def test_rates_of_laws_in_the_plane() -> None:
     """A pressure of at most 0.5 over weight 2 takes 1 a length; friction of at most 0.3 takes 0.6 on both sides."""
-    law = ContactLaw(SurveyLaw(0.5, 0.0), Tresca(0.3)).at(np.zeros((1, 2)))
+    law = ContactLaw(ThresholdCompliance(0.5, 0.0), Tresca(0.3)).at(np.zeros((1, 2)))
     some = growth_along(law, local([[1.0, 0.0], [0.0, 1.0]]), np.array([2.0]), np.array([0.25, 0.5]), 4.0)
     for z, expected in (((1, 0), 0.75), ((-1, 0), 0.25), ((0, 1), 0.1), ((0, -1), 1.1), ((1, 1), 0.85)):
         assert some(np.array(z, dtype=float))[0] == pytest.approx(expected)
@@ -115,37 +115,37 @@ def test_friction_that_may_vanish_takes_nothing(friction: Friction) -> None:
     law = ContactLaw(Compliance(1.0), friction).at(np.zeros((1, 2)))
     some = growth_along(law, local(np.eye(2)), np.ones(1), np.zeros(2), 1.0)
     assert some(np.array([0.0, 1.0]))[0] == 0.0
-    assert decide(some).verdict is Verdict.BALANCED
+    assert decide(some).verdict is Coercivity.BALANCED
 
 
 def test_scalar_laws_have_no_friction() -> None:
-    law = ContactLaw(SurveyLaw(0.5, 0.0), Tresca(0.3)).at(np.zeros((2, 1)))
+    law = ContactLaw(ThresholdCompliance(0.5, 0.0), Tresca(0.3)).at(np.zeros((2, 1)))
     some = growth_along(law, local([[1.0]], [[-1.0]]), np.array([1.0, 3.0]), np.zeros(1), 1.0)
     assert some(np.array([1.0]))[0] == pytest.approx(0.5)
     assert some(np.array([-1.0]))[0] == pytest.approx(1.5)
 
 
 def test_a_body_that_cannot_move_is_held() -> None:
-    assert decide(growth([], np.zeros((0, 0)), [], [])).verdict is Verdict.HELD
+    assert decide(growth([], np.zeros((0, 0)), [], [])).verdict is Coercivity.HELD
 
 
 @pytest.mark.parametrize("units", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize(
     ("work", "up", "down", "verdict", "direction"),
     [
-        (1.0, 2.0, 0.5, Verdict.HELD, None),
-        (1.0, 0.5, 0.0, Verdict.FALLS, 1.0),
-        (-1.0, 2.0, 0.5, Verdict.FALLS, -1.0),
-        (1.0, 1.0, 0.0, Verdict.BALANCED, 1.0),
-        (-1.0, 0.0, 1.0, Verdict.BALANCED, -1.0),
-        (1.0, INF, 0.0, Verdict.HELD, None),
-        (0.0, 1.0, 0.0, Verdict.BALANCED, -1.0),
-        (0.0, -1.0, 2.0, Verdict.FALLS, 1.0),
-        (1.0, -INF, 2.0, Verdict.FALLS, 1.0),
+        (1.0, 2.0, 0.5, Coercivity.HELD, None),
+        (1.0, 0.5, 0.0, Coercivity.FALLS, 1.0),
+        (-1.0, 2.0, 0.5, Coercivity.FALLS, -1.0),
+        (1.0, 1.0, 0.0, Coercivity.BALANCED, 1.0),
+        (-1.0, 0.0, 1.0, Coercivity.BALANCED, -1.0),
+        (1.0, INF, 0.0, Coercivity.HELD, None),
+        (0.0, 1.0, 0.0, Coercivity.BALANCED, -1.0),
+        (0.0, -1.0, 2.0, Coercivity.FALLS, 1.0),
+        (1.0, -INF, 2.0, Coercivity.FALLS, 1.0),
     ],
 )
 def test_one_motion(
-    units: float, work: float, up: float, down: float, verdict: Verdict, direction: float | None
+    units: float, work: float, up: float, down: float, verdict: Coercivity, direction: float | None
 ) -> None:
     found = decide(growth([units * work], [[1.0]], [units * up], [units * down]))
     assert found.verdict is verdict
@@ -164,7 +164,7 @@ def test_a_hair_more_than_the_load_holds_and_a_hair_less_does_not(units: float, 
     """Rates of 1 +- 1e-8 against a work of 1 along each motion, beside a rate that is a thousand times larger."""
     rates = units * np.array([1.0 + excess, 1.0 + excess, 1e3])
     found = decide(growth([units, units], [[1, 0], [0, 1], [1, -1]], rates, rates))
-    assert found.verdict is (Verdict.HELD if excess > 0.0 else Verdict.FALLS)
+    assert found.verdict is (Coercivity.HELD if excess > 0.0 else Coercivity.FALLS)
     if excess < 0.0:
         assert found.growth == pytest.approx(units * np.sqrt(2.0) * excess, rel=1e-6, abs=0.0)
 
@@ -172,34 +172,34 @@ def test_a_hair_more_than_the_load_holds_and_a_hair_less_does_not(units: float, 
 @pytest.mark.parametrize("units", [1e-12, 1.0, 1e12])
 def test_a_body_without_load_is_held_in_any_units(units: float) -> None:
     rates = units * np.ones(2)
-    assert decide(growth([0.0, 0.0], np.eye(2), rates, rates)).verdict is Verdict.HELD
-    assert decide(growth([0.0, 0.0], np.eye(2), rates, [units, 0.0])).verdict is Verdict.BALANCED
-    assert decide(growth([0.0, 0.0], [[1, 1]], [units], [units])).verdict is Verdict.BALANCED
+    assert decide(growth([0.0, 0.0], np.eye(2), rates, rates)).verdict is Coercivity.HELD
+    assert decide(growth([0.0, 0.0], np.eye(2), rates, [units, 0.0])).verdict is Coercivity.BALANCED
+    assert decide(growth([0.0, 0.0], [[1, 1]], [units], [units])).verdict is Coercivity.BALANCED
     cone = [[[1.0, 0.0], [0.0, 1.0]]]
-    assert decide(growth([0.0, 0.0], np.zeros((0, 2)), [], [], 0.0, cone, [units])).verdict is Verdict.HELD
+    assert decide(growth([0.0, 0.0], np.zeros((0, 2)), [], [], 0.0, cone, [units])).verdict is Coercivity.HELD
 
 
 def test_conditions_on_both_sides_leave_no_motion() -> None:
     """Bilateral contact: every row is a condition twice, and each of them is taken up."""
     for work in ([0.0, -1.0], [1.0, 1.0], [-1.0, 0.5]):
-        assert decide(growth(work, np.eye(2), [INF] * 2, [INF] * 2)).verdict is Verdict.HELD
+        assert decide(growth(work, np.eye(2), [INF] * 2, [INF] * 2)).verdict is Coercivity.HELD
     three = np.array([[1.0, 0.2, 0.0], [0.0, 1.0, 0.3], [0.1, 0.0, 1.0], [1.0, 1.0, 1.0]])
     for sign in (1.0, -1.0):
         for axis in range(3):
             work = sign * np.eye(3)[axis]
-            assert decide(growth(work, three, [INF] * 4, [INF] * 4)).verdict is Verdict.HELD
-            assert decide(growth(work, three[:2], [INF] * 2, [INF] * 2)).verdict is Verdict.FALLS
+            assert decide(growth(work, three, [INF] * 4, [INF] * 4)).verdict is Coercivity.HELD
+            assert decide(growth(work, three[:2], [INF] * 2, [INF] * 2)).verdict is Coercivity.FALLS
 
 
 def test_what_pulls_across_the_axes_is_found_there() -> None:
     """Along both axes the energy grows, along the diagonal it falls: the chord of the concave hinge must count."""
     found = decide(growth([0.0, 0.0], [[1.0, -1.0], [1.0, 1.0]], [1.0, -0.7], [1.0, -0.7], 1.0))
-    assert found.verdict is Verdict.FALLS
+    assert found.verdict is Coercivity.FALLS
     assert found.direction is not None
     np.testing.assert_allclose(np.abs(found.direction), np.sqrt(0.5))
     assert found.growth == pytest.approx(-1.4 * np.sqrt(0.5))
     held = decide(growth([0.0, 0.0], [[1.0, -1.0], [1.0, 1.0], [1.0, 1.0]], [1.0, -0.7, 0.8], [1.0, -0.7, 0.8], 1.0))
-    assert held.verdict is Verdict.HELD
+    assert held.verdict is Coercivity.HELD
 
 
 @pytest.mark.parametrize("status", [0, 1, 4])
@@ -212,13 +212,13 @@ def test_a_programme_that_ends_without_a_bound_holds_nothing(status: int, monkey
 
     monkeypatch.setattr(scipy.optimize, "linprog", linprog)
     held = growth([1.0, 1.0], np.eye(2), [3.0, 3.0], [3.0, 3.0])
-    assert decide(held).verdict is Verdict.UNDECIDED
+    assert decide(held).verdict is Coercivity.UNDECIDED
     falling = growth([1.0, 1.0], np.eye(2), [3.0, 0.5], [3.0, 3.0])
-    assert decide(falling).verdict is Verdict.FALLS  # a motion along an axis needs no programme
+    assert decide(falling).verdict is Coercivity.FALLS  # a motion along an axis needs no programme
 
 
-@pytest.mark.parametrize(("rate", "verdict"), [(-1.0, Verdict.FALLS), (-0.8, None), (-0.5, Verdict.HELD)])
-def test_friction_that_pushes_counts_with_the_longest_slip(rate: float, verdict: Verdict | None) -> None:
+@pytest.mark.parametrize(("rate", "verdict"), [(-1.0, Coercivity.FALLS), (-0.8, None), (-0.5, Coercivity.HELD)])
+def test_friction_that_pushes_counts_with_the_longest_slip(rate: float, verdict: Coercivity | None) -> None:
     """Along (1, 1) the slip is sqrt(2) long, and 1.2 is all that resists it."""
     some = growth([0.0, 0.0], [[1, -1], [1, 1]], [1.0, 0.6], [1.0, 0.6], 1.0, [np.eye(2)], [rate])
     assert some(np.ones(2))[0] == pytest.approx(1.2 + rate * np.sqrt(2.0))
@@ -226,8 +226,8 @@ def test_friction_that_pushes_counts_with_the_longest_slip(rate: float, verdict:
     if verdict is not None:
         assert found.verdict is verdict
     else:  # it grows, too little to be shown by the bounds of a box
-        assert found.verdict in (Verdict.HELD, Verdict.UNDECIDED)
-    if verdict is Verdict.FALLS:
+        assert found.verdict in (Coercivity.HELD, Coercivity.UNDECIDED)
+    if verdict is Coercivity.FALLS:
         assert found.growth == pytest.approx((1.2 + rate * np.sqrt(2.0)) / np.sqrt(2.0))
 
 
@@ -235,7 +235,7 @@ def test_slips_of_any_sign_on_random_growths_by_sampling_every_direction() -> No
     rng = np.random.default_rng(23)
     angle = np.linspace(0.0, 2.0 * np.pi, 721)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    seen = dict.fromkeys(Verdict, 0)
+    seen = dict.fromkeys(Coercivity, 0)
     for _ in range(30):
         q, p = int(rng.integers(2, 5)), int(rng.integers(1, 3))
         up, down = rng.uniform(0.2, 2.0, (2, q))
@@ -247,16 +247,16 @@ def test_slips_of_any_sign_on_random_growths_by_sampling_every_direction() -> No
         found = decide(some)
         seen[found.verdict] += 1
         if least < -1e-3:
-            assert found.verdict in (Verdict.FALLS, Verdict.UNDECIDED)
-        if found.verdict is Verdict.FALLS:
+            assert found.verdict in (Coercivity.FALLS, Coercivity.UNDECIDED)
+        if found.verdict is Coercivity.FALLS:
             assert found.growth < 0.0
-    assert min(seen[Verdict.HELD], seen[Verdict.FALLS]) > 2
+    assert min(seen[Coercivity.HELD], seen[Coercivity.FALLS]) > 2
 
 
 ACROSS, ALONG = [1.0, -1.0], [1.0, 1.0]
 
 
-def skewed(across: float, along: float, up: float, down: float) -> Growth:
+def skewed(across: float, along: float, up: float, down: float) -> RecessionFunction:
     """``across |x - y| + along |x + y|`` and a hinge of x + y that falls: concave where ``up + down < 0``."""
     return growth([0.0, 0.0], [ACROSS, ALONG, ALONG], [across, along, up], [across, along, down], 1.0)
 
@@ -264,20 +264,20 @@ def skewed(across: float, along: float, up: float, down: float) -> Growth:
 @pytest.mark.parametrize(
     ("numbers", "verdict", "direction"),
     [
-        ((9.0, 1.0, -3.0, -3.0), Verdict.FALLS, None),
-        ((9.0, 1.0, -0.2, -0.3), Verdict.HELD, None),
-        ((1.02, 3.0, -4.0, -0.1), Verdict.FALLS, 1.0),
-        ((1.02, 3.0, -0.1, -4.0), Verdict.FALLS, -1.0),
-        ((1.02, 3.0, -2.9, -2.9), Verdict.HELD, None),
+        ((9.0, 1.0, -3.0, -3.0), Coercivity.FALLS, None),
+        ((9.0, 1.0, -0.2, -0.3), Coercivity.HELD, None),
+        ((1.02, 3.0, -4.0, -0.1), Coercivity.FALLS, 1.0),
+        ((1.02, 3.0, -0.1, -4.0), Coercivity.FALLS, -1.0),
+        ((1.02, 3.0, -2.9, -2.9), Coercivity.HELD, None),
     ],
 )
 def test_a_hinge_that_falls_to_both_sides(
-    numbers: tuple[float, float, float, float], verdict: Verdict, direction: float | None
+    numbers: tuple[float, float, float, float], verdict: Coercivity, direction: float | None
 ) -> None:
     """By hand: least along (1, 1) and (-1, -1), where the growth is 2 (along + up) and 2 (along + down) over sqrt 2."""
     found = decide(skewed(*numbers))
     assert found.verdict is verdict
-    if verdict is Verdict.FALLS:
+    if verdict is Coercivity.FALLS:
         along, least = numbers[1], min(numbers[2:])
         assert found.growth == pytest.approx(np.sqrt(2.0) * (along + least))
     if direction is not None:
@@ -287,7 +287,7 @@ def test_a_hinge_that_falls_to_both_sides(
 def test_what_is_in_balance_along_a_motion_of_both_grows_by_nothing() -> None:
     """Against a load of (1, 1) along (1, 1), where the hinge takes as much as the load does."""
     found = decide(growth([1.0, 1.0], [ACROSS, ALONG], [5.0, 1.0], [5.0, 3.0]))
-    assert found.verdict is Verdict.BALANCED
+    assert found.verdict is Coercivity.BALANCED
     assert found.direction == pytest.approx(np.sqrt(0.5) * np.ones(2))
     assert abs(found.growth) < 1e-9
 

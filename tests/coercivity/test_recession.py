@@ -11,10 +11,10 @@ import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from hemivar.coercivity.free_motion import free_growth
-from hemivar.coercivity.recession import Growth, Verdict, decide, growth_along
+from hemivar.coercivity.recession import Coercivity, RecessionFunction, decide, growth_along
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.laws import Compliance, ContactLaw, FormulaLaw, NoContact, Signorini, SurveyLaw, Tresca
+from hemivar.laws import Compliance, ContactLaw, FormulaLaw, NoContact, Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import Contact, ContactProblem, Material, Roller
 from hemivar.mesh import Mesh, box, rectangle
 from tests import bodies
@@ -22,7 +22,7 @@ from tests import bodies
 clarabel = pytest.importorskip("clarabel")
 
 
-def least_growth(growth: Growth) -> float:
+def least_growth(growth: RecessionFunction) -> float:
     """The least growth on the surface of the unit box, by conic programmes of another solver; inf if all is held."""
     a, q, p = growth.work.size, len(growth.up), len(growth.rates)
     n = a + q + p
@@ -58,7 +58,7 @@ def least_growth(growth: Growth) -> float:
     return float(least)
 
 
-def random_growth(rng: np.random.Generator) -> Growth:
+def random_growth(rng: np.random.Generator) -> RecessionFunction:
     a, q = int(rng.integers(1, 7)), int(rng.integers(1, 12))
     p = int(rng.integers(0, 6)) if a > 3 else 0
     up = 2.0 * rng.random(q)
@@ -67,17 +67,17 @@ def random_growth(rng: np.random.Generator) -> Growth:
     up[rng.random(q) < 0.3] = np.inf
     work = rng.standard_normal(a) * rng.choice([0.1, 1.0, 3.0])
     rows, cones = rng.standard_normal((q, a)), rng.standard_normal((p, 2, a))
-    return Growth(work, float(np.abs(work).sum()), rows, up, down, cones, rng.random(p))
+    return RecessionFunction(work, float(np.abs(work).sum()), rows, up, down, cones, rng.random(p))
 
 
 def test_programme_agrees_with_another_solver() -> None:
     rng = np.random.default_rng(5)
-    seen = {Verdict.HELD: 0, Verdict.FALLS: 0}
+    seen = {Coercivity.HELD: 0, Coercivity.FALLS: 0}
     for _ in range(120):
         growth = random_growth(rng)
         hold, least = decide(growth), least_growth(growth)
         assert abs(least) > 1e-7
-        assert hold.verdict is (Verdict.HELD if least > 0.0 else Verdict.FALLS)
+        assert hold.verdict is (Coercivity.HELD if least > 0.0 else Coercivity.FALLS)
         seen[hold.verdict] += 1
         if hold.direction is not None:
             assert growth(hold.direction)[0] == hold.growth < 0.0
@@ -88,20 +88,20 @@ def test_programme_agrees_with_another_solver() -> None:
 def test_many_rigid_points() -> None:
     """More conditions than are taken up at first: the others must be found where they are violated."""
     rng = np.random.default_rng(11)
-    seen = {Verdict.HELD: 0, Verdict.FALLS: 0}
+    seen = {Coercivity.HELD: 0, Coercivity.FALLS: 0}
     for _ in range(12):
         a = int(rng.integers(3, 7))
         rows = rng.standard_normal((300, a))
         rows[:, 0] = -np.abs(rows[:, 0]) - 0.5  # all let the body move along the first axis, and a cone around it
         work = -rng.random(a) * rng.choice([-0.2, 0.2, 1.0], a)
         work[0] = -rng.random()
-        growth = Growth(
+        growth = RecessionFunction(
             work, float(np.abs(work).sum()), rows, np.full(300, np.inf), np.zeros(300), np.zeros((0, 2, a)), np.zeros(0)
         )
         least = least_growth(growth)
         assert abs(least) > 1e-6
         verdict = decide(growth).verdict
-        assert verdict is (Verdict.HELD if least > 0.0 else Verdict.FALLS)
+        assert verdict is (Coercivity.HELD if least > 0.0 else Coercivity.FALLS)
         seen[verdict] += 1
     assert min(seen.values()) > 0
 
@@ -115,7 +115,7 @@ def test_load_at_the_edge_of_what_holds() -> None:
         if growth.work.size < 2 or not 0.0 < least_growth(growth) < np.inf:
             continue
 
-        def under(times: float, growth: Growth = growth) -> Growth:
+        def under(times: float, growth: RecessionFunction = growth) -> RecessionFunction:
             return replace(growth, work=times * growth.work, load=times * growth.load)
 
         low, high = 1.0, 64.0
@@ -124,31 +124,31 @@ def test_load_at_the_edge_of_what_holds() -> None:
         while high - low > 1e-5 * high:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if least_growth(under(middle)) > 0.0 else (low, middle)
-        assert decide(under(0.9999 * low)).verdict is Verdict.HELD
-        assert decide(under(1.0001 * high)).verdict is Verdict.FALLS
+        assert decide(under(0.9999 * low)).verdict is Coercivity.HELD
+        assert decide(under(1.0001 * high)).verdict is Coercivity.FALLS
         done += 1
 
 
 def test_laws_that_pull_the_less_the_farther_they_open() -> None:
     """Hinges with up + down < 0: the growth is concave there; every sign of every row is looked at."""
     rng = np.random.default_rng(7)
-    seen = {Verdict.HELD: 0, Verdict.FALLS: 0}
+    seen = {Coercivity.HELD: 0, Coercivity.FALLS: 0}
     for _ in range(60):
         a, q = int(rng.integers(2, 4)), int(rng.integers(2, 7))
         rows = rng.standard_normal((q, a))
         up, down = 3.0 * rng.random(q), 3.0 * rng.random(q)
         down[:2] = -up[:2] - 0.3 * rng.random(2)
         work = 0.05 * rng.standard_normal(a)
-        growth = Growth(work, float(np.abs(work).sum()), rows, up, down, np.zeros((0, 2, a)), np.zeros(0))
+        growth = RecessionFunction(work, float(np.abs(work).sum()), rows, up, down, np.zeros((0, 2, a)), np.zeros(0))
         least = np.inf
         for signs in itertools.product((1.0, -1.0), repeat=2):  # on each sign pattern the growth is convex
             linear = work - sum((up[j] if signs[j] > 0.0 else -down[j]) * rows[j] for j in range(2))
             wall_up = np.concatenate([[np.inf if signs[j] < 0.0 else 0.0 for j in range(2)], up[2:]])
             wall_down = np.concatenate([[np.inf if signs[j] > 0.0 else 0.0 for j in range(2)], down[2:]])
-            part = Growth(linear, growth.load, rows, wall_up, wall_down, growth.cones, growth.rates)
+            part = RecessionFunction(linear, growth.load, rows, wall_up, wall_down, growth.cones, growth.rates)
             least = min(least, least_growth(part))
         verdict = decide(growth).verdict
-        assert verdict is (Verdict.HELD if least > 0.0 else Verdict.FALLS)
+        assert verdict is (Coercivity.HELD if least > 0.0 else Coercivity.FALLS)
         seen[verdict] += 1
     assert min(seen.values()) > 3
 
@@ -164,7 +164,7 @@ def statement(mesh: Mesh, matrix: np.ndarray, seed: int, units: float = 1.0) -> 
     stress = units**3
     laws = {
         "rigid": Signorini(),
-        "bounded": SurveyLaw(0.8 * stress, 0.0),
+        "bounded": ThresholdCompliance(0.8 * stress, 0.0),
         "soft": Compliance(2.0 * stress),
         "none": NoContact(),
     }
@@ -253,7 +253,7 @@ def test_ten_thousand_contact_points_take_a_moment() -> None:
     law = ContactLaw(Compliance(1.0), Tresca(0.1)).at(None)
     work = 0.5 * 10_000 * 0.1 * rng.standard_normal(6) / 3.0
     growth = growth_along(law, local, np.ones(10_000), work, float(np.abs(work).sum()))
-    assert decide(growth).verdict in (Verdict.HELD, Verdict.FALLS)
+    assert decide(growth).verdict in (Coercivity.HELD, Coercivity.FALLS)
 
 
 def test_a_law_that_falls_without_end_is_not_said_to_hold() -> None:
@@ -269,28 +269,28 @@ def test_verdicts_on_random_growths_by_sampling_every_direction(cones: bool) -> 
     rng = np.random.default_rng(17 + cones)
     angle = np.linspace(0.0, 2.0 * np.pi, 721)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    seen = dict.fromkeys(Verdict, 0)
+    seen = dict.fromkeys(Coercivity, 0)
     for _ in range(50):
         q, p = int(rng.integers(1, 6)), int(rng.integers(0, 3)) if cones else 0
         up, down = rng.normal(0.6, 1.0, q), rng.normal(0.6, 1.0, q)
         up[rng.random(q) < 0.2] = np.inf
         work = rng.normal(size=2) * rng.choice([0.0, 0.5, 1.0])
-        growth = Growth(
+        growth = RecessionFunction(
             work, float(np.abs(work).sum()), rng.normal(size=(q, 2)), up, down,
             rng.normal(size=(p, 2, 2)), rng.uniform(0.0, 1.0, p),
         )  # fmt: skip
         least = min(growth(z)[0] for z in circle)
         found = decide(growth)
         seen[found.verdict] += 1
-        if found.verdict is Verdict.HELD:
+        if found.verdict is Coercivity.HELD:
             assert least > 0.0
-        elif found.verdict is Verdict.FALLS:
+        elif found.verdict is Coercivity.FALLS:
             assert found.direction is not None
             assert growth(found.direction)[0] < 0.0
             assert found.growth == pytest.approx(growth(found.direction)[0])
         if least < -1e-2:
-            assert found.verdict is Verdict.FALLS
+            assert found.verdict is Coercivity.FALLS
         if least > 0.1:
-            assert found.verdict in (Verdict.HELD, Verdict.UNDECIDED)
-    assert seen[Verdict.HELD] > 5
-    assert seen[Verdict.FALLS] > 5
+            assert found.verdict in (Coercivity.HELD, Coercivity.UNDECIDED)
+    assert seen[Coercivity.HELD] > 5
+    assert seen[Coercivity.FALLS] > 5

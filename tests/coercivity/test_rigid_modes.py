@@ -11,7 +11,7 @@ from hemivar.coercivity.rigid_modes import admitted, rigid_basis
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.laws import Adhesive, Bilateral, Compliance, Signorini, SurveyLaw, Tresca
+from hemivar.laws import Adhesive, Bilateral, Compliance, Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Roller
 from hemivar.mesh import Mesh, box, rectangle
 from hemivar.solvers import METHODS, NonsmoothMultigrid, Status, solve
@@ -145,7 +145,7 @@ def resultant(problem: DiscreteProblem, solution: hv.Solution, part: int) -> np.
 
 
 @pytest.mark.parametrize("method", [None, NonsmoothMultigrid()])
-@pytest.mark.parametrize("law", [Signorini(), Compliance(3.0), SurveyLaw(0.8, 2.0)])
+@pytest.mark.parametrize("law", [Signorini(), Compliance(3.0), ThresholdCompliance(0.8, 2.0)])
 def test_parts_that_contact_holds_are_solved(method: hv.Solver | None, law: hv.laws.Superpotential) -> None:
     """Two blocks beside one another, each under its own weight, on a rough foundation; one is clamped as well."""
     mesh = joined(square(0, 0, 4), square(2, 0, 4))
@@ -186,7 +186,7 @@ def test_gap_that_is_never_closed_gives_the_linear_problem() -> None:
     assert linear.field is not None
     expected = linear.field.full(solve(linear).unknowns)
     for gap in (1e3, 1e6, 1e9, 1e12):
-        for law in (Signorini(), Compliance(10.0), SurveyLaw(0.3, 2.0)):
+        for law in (Signorini(), Compliance(10.0), ThresholdCompliance(0.3, 2.0)):
             contact = {"bottom": Contact(law, gap=gap)}
             problem = discretize(ContactProblem(mesh, MATERIAL, contact, {"left": Clamped()}, body_force=DOWN))
             for method in (None, NonsmoothMultigrid()):

@@ -52,7 +52,7 @@ def test_sizes() -> None:
 def test_local_displacements_and_forces_are_those_of_the_matrices() -> None:
     contact, rng = three(), np.random.default_rng(1)
     u, lam = rng.normal(size=5), rng.normal(size=(3, 2))
-    np.testing.assert_allclose(contact.traced(u), (B @ u).reshape(3, 2), rtol=1e-14)
+    np.testing.assert_allclose(contact.trace_of(u), (B @ u).reshape(3, 2), rtol=1e-14)
     W = np.diag([0.5, 0.5, 2.0, 2.0, 1.5, 1.5])
     np.testing.assert_allclose(contact.force(lam), B.T @ W @ lam.ravel(), rtol=1e-14)
 
@@ -123,14 +123,14 @@ def test_what_contact_points_refuse(change: dict[str, Array], words: str) -> Non
 def test_a_point_has_up_to_three_components(components: int) -> None:
     contact = bare(2, components)
     assert contact.components == components
-    assert contact.traced(np.ones(5)).shape == (2, components)
+    assert contact.trace_of(np.ones(5)).shape == (2, components)
 
 
 @pytest.mark.parametrize("make", [lambda: bare(0), lambda: three().take(np.zeros(0, dtype=int))])
 def test_no_points_keep_their_components(make: Callable[[], ContactPoints]) -> None:
     contact = make()
     assert (contact.count, contact.components) == (0, 2)
-    assert contact.traced(np.ones(5)).shape == (0, 2)
+    assert contact.trace_of(np.ones(5)).shape == (0, 2)
     np.testing.assert_array_equal(contact.force(np.zeros((0, 2))), np.zeros(5))
     for change in ({"points": np.zeros((1, 2))}, {"frames": np.zeros((1, 2, 2))}):
         with pytest.raises(ProblemError, match=next(iter(change))):

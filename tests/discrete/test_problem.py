@@ -20,14 +20,14 @@ from hemivar.laws import (
     Friction,
     NoFriction,
     Signorini,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
 )
 from hemivar.mechanics import Contact, Material
 from hemivar.mesh import rectangle
 from tests import bodies
 
-LAW = ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.5))
+LAW = ContactLaw(ThresholdCompliance(0.3, 2.0), Tresca(0.5))
 
 
 def arrays(**changes: Any) -> dict:
@@ -66,7 +66,9 @@ def test_energy_local_and_force() -> None:
 
 def test_scalar_contact() -> None:
     """A bar: one normal component, no slip."""
-    problem = DiscreteProblem.of_arrays([[2.0]], [1.0], [[1.0]], [1.0], [0.0], ContactLaw(SurveyLaw(0.3, 2.0)))
+    problem = DiscreteProblem.of_arrays(
+        [[2.0]], [1.0], [[1.0]], [1.0], [0.0], ContactLaw(ThresholdCompliance(0.3, 2.0))
+    )
     assert problem.contact.components == 1
     assert np.isclose(problem.energy(np.array([0.1])), 0.01 - 0.1 + 0.03 + 0.01)
 
@@ -84,7 +86,7 @@ def test_assembled_problems_pass_the_checks_they_are_spared(order: int) -> None:
     problem = discretize(
         bodies.body(
             mesh,
-            Contact(SurveyLaw(0.3, 2.0), Tresca(0.5)),
+            Contact(ThresholdCompliance(0.3, 2.0), Tresca(0.5)),
             material=Material.young(3.0, 0.3),
             body_force=(0.1, -0.4),
             order=order,
@@ -97,12 +99,12 @@ def test_assembled_problems_pass_the_checks_they_are_spared(order: int) -> None:
 
 def test_with_law_shares_matrices() -> None:
     problem = DiscreteProblem.of_arrays(**arrays())
-    other = problem.with_(law=ContactLaw(SurveyLaw(1.0)))
+    other = problem.with_(law=ContactLaw(ThresholdCompliance(1.0)))
     assert other.stiffness is problem.stiffness
     assert other.law is not problem.law
     assert other.energy(np.ones(6)) != problem.energy(np.ones(6))
     with pytest.raises(ProblemError, match="law"):
-        problem.with_(law=ContactLaw(SurveyLaw(np.ones(5))))
+        problem.with_(law=ContactLaw(ThresholdCompliance(np.ones(5))))
 
 
 UNSYMMETRIC = arrays()["stiffness"] + np.eye(6, k=2) * 1e-6
@@ -132,8 +134,8 @@ UNSYMMETRIC = arrays()["stiffness"] + np.eye(6, k=2) * 1e-6
         ({"slip_offset": [[0.0, 0.0]]}, "slip_offset has shape"),
         ({"points": [[0.0, 0.0]]}, "points has shape"),
         ({"frames": np.zeros((2, 3, 3))}, "frames has shape"),
-        ({"law": ContactLaw(SurveyLaw(lambda x: x[:, 0]))}, r"law.at\(points\)"),
-        ({"law": ContactLaw(SurveyLaw(np.ones(3)))}, "law"),
+        ({"law": ContactLaw(ThresholdCompliance(lambda x: x[:, 0]))}, r"law.at\(points\)"),
+        ({"law": ContactLaw(ThresholdCompliance(np.ones(3)))}, "law"),
     ],
 )
 def test_refuses(changes: dict, words: str) -> None:

@@ -83,7 +83,7 @@ def test_a_softening_membrane_has_the_same_margin_in_any_basis() -> None:
     margins = []
     for scale in (1.0, 0.2):
         problem = membrane(scale)
-        problem = problem.with_(law=ContactLaw(hv.laws.SurveyLaw(0.1, 3.0)).at(problem.contact.points))
+        problem = problem.with_(law=ContactLaw(hv.laws.ThresholdCompliance(0.1, 3.0)).at(problem.contact.points))
         found = hv.solve(problem)
         margins.append(hv.certify(problem, found.unknowns, found.multiplier).smallness.margin)
     assert margins[0] == pytest.approx(margins[1], rel=1e-9)
@@ -193,7 +193,7 @@ def test_contact_points_know_their_node_and_boundary() -> None:
     some = contact.take(left)
     assert some.count == len(left)
     np.testing.assert_array_equal(
-        some.traced(np.ones(problem.unknowns)), contact.traced(np.ones(problem.unknowns))[left]
+        some.trace_of(np.ones(problem.unknowns)), contact.trace_of(np.ones(problem.unknowns))[left]
     )
     with pytest.raises(hv.errors.ProblemError, match=r"no contact boundary .right. \(known: .bottom., .left."):
         contact.on("right")

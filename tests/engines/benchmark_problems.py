@@ -16,7 +16,9 @@ RTOL = hv.Controls(rtol=1e-9)
 def cube(n: int) -> hv.ContactProblem:
     """The one of benchmarks/distributed.py."""
     return bodies.cube(
-        hv.Contact(hv.laws.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5)), n, body_force=(-0.8, -0.4, -0.8)
+        hv.Contact(hv.laws.ThresholdCompliance(q_max=0.3, p_const=2.0), hv.Tresca(0.5)),
+        n,
+        body_force=(-0.8, -0.4, -0.8),
     )
 
 

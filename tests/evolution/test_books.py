@@ -47,7 +47,7 @@ def measured(history: History, at: float) -> dict[str, float]:
     assert discrete.viscosity is not None
     assert sorted(period for period, _ in discrete.branches) == [0.1, 0.3]
     weights = discrete.problem.contact.weights[:, None]
-    places = [discrete.restrict(one.displacement, discrete.acting(one.time).prescribed) for one in frames]
+    places = [discrete.restrict(one.displacement, discrete.data_at(one.time).prescribed) for one in frames]
     hidden = [np.zeros_like(places[0]) for _ in discrete.branches]
     found = dict.fromkeys(("viscous", "branch_loss", "damping", "friction", "work", "euler"), 0.0)
     for before, after, x, y in zip(frames, frames[1:], places, places[1:], strict=False):
@@ -67,7 +67,7 @@ def measured(history: History, at: float) -> dict[str, float]:
         found["viscous"] += 2.0 * discrete.viscosity.energy(way) / tau
         found["damping"] += DASHPOT * float((weights * slid**2)[:, 0].sum()) / tau
         found["friction"] += float((weights * after.multiplier * slid)[:, 1:].sum())
-        found["work"] += float(discrete.acting(before.time + at * tau).load @ way)
+        found["work"] += float(discrete.data_at(before.time + at * tau).load @ way)
         faster = after.velocity - before.velocity
         faster = discrete.restrict(faster, faster.ravel()[discrete.moved])
         found["euler"] += discrete.stiffness.energy(way) + 0.5 * SPRING * float((weights * slid**2)[:, 0].sum())

@@ -16,10 +16,10 @@ from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution import Checkpoint, Frame, Row
 from hemivar.evolution.energy_balance import EnergyBalance
-from hemivar.evolution.heat_book import HeatBook, Warmth
+from hemivar.evolution.heat_balance import HeatBalance, ThermalState
 from hemivar.evolution.march_state import MarchState
 from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
-from hemivar.evolution.steps import Pace
+from hemivar.evolution.steps import StepSizeState
 
 
 class Numbers:
@@ -51,7 +51,7 @@ def state(heat: bool, last: LastStep | None = None) -> MarchState:
         )  # fmt: skip
 
     memory = {"bottom": {"0.opening": some(3), "1.depth": some(3)}, "right": {"slip": some(1), "opening": some(1)}}
-    warm = Warmth(replace(moment(), index=4), some.all_of(HeatBook), 5, some.one()) if heat else None
+    warm = ThermalState(replace(moment(), index=4), some.all_of(HeatBalance), 5, some.one()) if heat else None
     values = [{"normal_force": some.one(), "tip.u_x": some.one(), "time_error": math.nan} for _ in range(3)]
     frames = [
         Frame(
@@ -67,7 +67,7 @@ def state(heat: bool, last: LastStep | None = None) -> MarchState:
             heat=warm,
             history=last,
         ),
-        Pace(some.one(), -2, 1),
+        StepSizeState(some.one(), -2, 1),
         tuple(
             Row(some.one(), some.one(), i + 6, some.one(), some.one(), math.inf, one, i == 1)
             for i, one in enumerate(values)

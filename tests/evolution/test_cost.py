@@ -23,7 +23,7 @@ from hemivar.evolution.march import March, marching
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import Scheme
-from hemivar.evolution.stage import expected_multiplier, forces, left_over, stage_state
+from hemivar.evolution.stage import extrapolated_multiplier, forces, out_of_balance_force, stage_state
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.linear import factorisation
 from hemivar.solvers.active_set_newton import ForceResidual, NewtonCache, active_set_newton
@@ -70,8 +70,8 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
     watch(elimination, "factorise", "factors")
     watch(factorisation.SuperLUFactorisation, "_solve", "solves")
-    watch(factorisation._Halves, "forward", "halves")
-    watch(factorisation._Halves, "backward", "halves")
+    watch(factorisation._TriangularFactors, "forward", "halves")
+    watch(factorisation._TriangularFactors, "backward", "halves")
     return found
 
 
@@ -132,15 +132,15 @@ def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: py
     assert np.abs(change).max() > 1e-4
     for part in (0.0, 0.5, 2.0):
         expected = moment.multiplier + part * change
-        np.testing.assert_allclose(expected_multiplier(moment, part * STEP), expected, atol=1e-14)
-    np.testing.assert_array_equal(expected_multiplier(moment, 3.0 * STEP), moment.multiplier)
+        np.testing.assert_allclose(extrapolated_multiplier(moment, part * STEP), expected, atol=1e-14)
+    np.testing.assert_array_equal(extrapolated_multiplier(moment, 3.0 * STEP), moment.multiplier)
 
     def equations() -> int:
         run = marching(body("softening", 16), March(1.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton()))
         return sum(next(run).row.solver_steps for _ in range(40))
 
     told = equations()
-    monkeypatch.setattr("hemivar.evolution.stage_solver.expected_multiplier", lambda moment, _: moment.multiplier)
+    monkeypatch.setattr("hemivar.evolution.stage_solver.extrapolated_multiplier", lambda moment, _: moment.multiplier)
     assert told < 0.9 * equations()
 
 
@@ -169,11 +169,11 @@ def test_what_forces_leave_of_the_load_is_what_the_stiffness_leaves(scheme: Sche
     for stage, solution in zip(taken.stages, taken.solutions, strict=True):
         u = solution.unknowns + random.normal(scale=np.abs(solution.unknowns).max(), size=solution.unknowns.shape)
         reached = stage_state(discrete, stage, u)
-        found = left_over(discrete, stage, reached, 0.0)
+        found = out_of_balance_force(discrete, stage, reached, 0.0)
         rest = stage.problem.out_of_balance(u)
         assert np.linalg.norm(found.force - rest) <= 1e-14 * found.size
         assert found.size <= 1e6 * np.linalg.norm(rest)  # else that would say nothing
-        rough = left_over(discrete, stage, reached, math.inf).size
+        rough = out_of_balance_force(discrete, stage, reached, math.inf).size
         assert found.size <= rough <= 30.0 * found.size
         direct = hv.discrete.residual(stage.problem, solution.unknowns, solution.multiplier)
         assert abs(solution.residual.equilibrium - direct.equilibrium) <= solution.residual.noise + direct.noise

@@ -7,7 +7,7 @@ import numpy as np
 import hemivar as hv
 from hemivar.coercivity.foothold import PERHAPS_NO_MINIMUM
 from hemivar.evolution.descent import slowed
-from hemivar.evolution.discrete import Bodies, discretize_evolution
+from hemivar.evolution.discrete import StepMatrices, discretize_evolution
 from tests import bodies
 
 
@@ -37,7 +37,7 @@ def test_a_step_against_springs_at_the_contact_points_has_one_solution() -> None
     """K + R - B'W diag(alpha) B is positive definite, where no multiple of K alone makes it so."""
     block = bodies.column(hv.Adhesive(24.0, 2.0, 60.0, 72.0), cells=2, top=None, tractions={"top": (0.0, 1.0)})
     discrete = discretize_evolution(hv.Evolution(block))
-    slow = slowed(Bodies(discrete), discrete.problem, np.inf)
+    slow = slowed(StepMatrices(discrete), discrete.problem, np.inf)
     assert slow.contact is not None
     problem, B = discrete.problem, discrete.problem.contact.trace.toarray()
     falls = np.zeros((problem.contact_points, 2))

@@ -79,13 +79,13 @@ def test_a_coupling_that_pushes_back_hard_is_solved_at_once_as_well(
     conduction = warm.conduction
     assert conduction.viscosity is not None
     n, m = discrete.unknowns, conduction.unknowns
-    held = np.zeros(discrete.acting(0.0).prescribed.size)
+    held = np.zeros(discrete.data_at(0.0).prescribed.size)
     spread = conduction.field.basis.toarray()  # nodes, m
     beta = np.column_stack([warm.load(column)[:n] for column in spread.T])  # n, m
     gives = np.column_stack([spread.T @ warm.deformed(np.concatenate([unit, held])) for unit in np.eye(n)])  # m, n
     K, C = discrete.stiffness.inner.toarray(), discrete.viscosity.inner.toarray()
     L, S = conduction.stiffness.inner.toarray(), conduction.viscosity.inner.toarray()
-    force, source = discrete.acting(0.0).load[:n], conduction.acting(0.0).load[:m]
+    force, source = discrete.data_at(0.0).load[:n], conduction.data_at(0.0).load[:m]
     whole = np.block([[K + C / tau, -beta], [-gives / tau, S / tau + L]])
     u, th = np.zeros(n), np.zeros(m)
     for _ in range(count):

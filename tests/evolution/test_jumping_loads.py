@@ -33,7 +33,7 @@ def exact(evolution: Evolution, first: float = 0.3, then: float = -1.0) -> tuple
     assert discrete.mass is not None
     square, modes = la.eigh(discrete.stiffness.inner.toarray(), discrete.mass.inner.toarray())
     w = np.sqrt(square)
-    push = modes.T @ (discrete.acting(_UNTIL).load / then)
+    push = modes.T @ (discrete.data_at(_UNTIL).load / then)
     q = first * push * (_AT / w**2 - np.sin(w * _AT) / w**3)
     v = first * push * (1.0 - np.cos(w * _AT)) / w**2
     rest, c, s = then * push / w**2, np.cos(w * (_UNTIL - _AT)), np.sin(w * (_UNTIL - _AT))

@@ -129,7 +129,9 @@ def test_bounds_of_the_error_in_time_hold() -> None:
             evolution = beam(False, load, normal=hv.laws.Bilateral(), friction=hv.Tresca(bound), gap=0.0)
             norm = "stiffness"
         else:
-            evolution = beam(False, load, friction=hv.laws.NoFriction(), normal=hv.laws.SurveyLaw(0.1 * bound))
+            evolution = beam(
+                False, load, friction=hv.laws.NoFriction(), normal=hv.laws.ThresholdCompliance(0.1 * bound)
+            )
             norm = "viscosity"
         coarse = march(evolution, 0.4, step=0.1, save=Save(0.1))
         fine = march(evolution, 0.4, step=0.1 / 40, save=Save(0.1))

@@ -9,7 +9,7 @@ import pytest
 
 from hemivar.basics.types import Array
 from hemivar.evolution import SDIRK2, GeneralizedAlpha, ImplicitEuler, Midpoint, MoreauJean, Newmark, Scheme
-from hemivar.evolution.schemes import RateFormula, Rule
+from hemivar.evolution.schemes import RateFormula, StageRule
 
 TAU = 0.37
 OLD = np.array([0.3, -0.7, 1.9])  # place, velocity and acceleration at the beginning
@@ -20,7 +20,7 @@ def told(rule: RateFormula, difference: float, v: float, w: float) -> float:
     return rule.difference * difference + rule.velocity * v + rule.acceleration * w
 
 
-def ends(rule: Rule, stage: float) -> tuple[float, float, float, float, float]:
+def ends(rule: StageRule, stage: float) -> tuple[float, float, float, float, float]:
     """v*, w* and place, velocity and acceleration at the end, of the place at the stage."""
     u, v, w = OLD
     whole = rule.reach * (stage - u)

@@ -16,7 +16,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Mass, Save, march, marching
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
-from hemivar.evolution.march import Tools
+from hemivar.evolution.march import Backend
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_error import step_error
@@ -63,7 +63,7 @@ class Interrupted(Never):
 
 
 def through(plan: March, kind: type[TimeStepper]) -> History:
-    steps = marching(block(), plan, tools=Tools(advance=kind.of))
+    steps = marching(block(), plan, tools=Backend(advance=kind.of))
     while True:
         try:
             next(steps)
@@ -240,7 +240,7 @@ def test_the_acceleration_at_the_start_balances_the_forces() -> None:
     pressed = discrete.problem.contact_force(lam)
     inner = discrete.stiffness.times(moment.body.displacement) + discrete.viscosity.times(moment.body.velocity)
     n = discrete.unknowns
-    np.testing.assert_allclose((inertial + inner)[:n] + pressed, discrete.acting(0.0).load[:n], atol=1e-10)
+    np.testing.assert_allclose((inertial + inner)[:n] + pressed, discrete.data_at(0.0).load[:n], atol=1e-10)
     trace = np.asarray(discrete.problem.contact.trace @ moment.body.acceleration[:n]).reshape(lam.shape)
     np.testing.assert_allclose(moment.local.acceleration, trace, atol=1e-12)
     assert moment.local.velocity[:, 0] == pytest.approx(1.0)

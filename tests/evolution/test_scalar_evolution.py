@@ -14,11 +14,11 @@ import pytest
 import hemivar as hv
 from hemivar.errors import FileError
 from hemivar.evolution import Evolution, march
-from hemivar.evolution.discrete import Bodies, discretize_evolution
+from hemivar.evolution.discrete import StepMatrices, discretize_evolution
 from hemivar.fem.hierarchy import family_of
 from hemivar.files.history_table import read_history_table
+from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import parse_problem_file
-from hemivar.files.unsaid import difference
 from hemivar.mechanics import ScalarKind
 from hemivar.workflows.marching import evolution_of
 
@@ -262,7 +262,7 @@ def test_the_command_marches_a_file(tmp_path: Path) -> None:
 def test_a_capacity_leaves_no_constant_without_energy() -> None:
     """Insulated all round: the body of a step holds every temperature by what it stores; without it none is held."""
     insulated = membrane(kind=ScalarKind.HEAT, density=None, capacity=2.0, supports={}, source=1.0)
-    step = Bodies(discretize_evolution(Evolution(insulated))).body(1.0, 4.0)
+    step = StepMatrices(discretize_evolution(Evolution(insulated))).body(1.0, 4.0)
     assert step.model.free_motions.count == 0
     assert np.linalg.eigvalsh(step.stiffness.toarray())[0] > 1e-3
     still = hv.discretize(membrane(kind=ScalarKind.HEAT, density=None, supports={}), check_coercivity=False)

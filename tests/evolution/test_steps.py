@@ -11,7 +11,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import SDIRK2, AdaptiveStep, Evolution, FixedStep, History, Midpoint, Scheme, march
-from hemivar.evolution.steps import Pace
+from hemivar.evolution.steps import StepSizeState
 from hemivar.formula import Formula
 from hemivar.gallery import VelocityStep
 from tests import bodies
@@ -48,26 +48,26 @@ def test_a_rejected_step_goes_down_as_far_as_its_error_says() -> None:
     control = AdaptiveStep(1e-3, first_step=1.0)
     for order in (1, 2):
         for rungs in (1, 2, 5):  # an error of 2^(rungs (order + 1)) tolerances, less what 0.1 of a rung keeps back
-            stands, pace = control.after(Pace(1.0), 1e-3 * 2.0 ** ((order + 1) * (rungs - 0.2)), order)
-            assert (stands, pace) == (False, Pace(0.5**rungs, -rungs, 2))
-            stands, pace = control.after(Pace(1.0), 1e-3 * 2.0 ** ((order + 1) * (rungs - 0.05)), order)
+            stands, pace = control.after(StepSizeState(1.0), 1e-3 * 2.0 ** ((order + 1) * (rungs - 0.2)), order)
+            assert (stands, pace) == (False, StepSizeState(0.5**rungs, -rungs, 2))
+            stands, pace = control.after(StepSizeState(1.0), 1e-3 * 2.0 ** ((order + 1) * (rungs - 0.05)), order)
             assert (stands, pace.rung) == (False, -rungs - 1)
-    stands, pace = control.after(Pace(1.0), 1.0000001e-3, 1)
+    stands, pace = control.after(StepSizeState(1.0), 1.0000001e-3, 1)
     assert (stands, pace.rung) == (False, -1)
-    assert control.after(Pace(1.0), 1e-3, 1)[0]
+    assert control.after(StepSizeState(1.0), 1e-3, 1)[0]
 
 
 def test_steps_grow_after_good_ones_only() -> None:
     control = AdaptiveStep(1e-3)
-    pace = Pace(0.5, -1, 2)
+    pace = StepSizeState(0.5, -1, 2)
     for waiting in (1, 0):
         stands, pace = control.after(pace, 1e-9, 1)
-        assert (stands, pace) == (True, Pace(0.5, -1, waiting))
+        assert (stands, pace) == (True, StepSizeState(0.5, -1, waiting))
     stands, pace = control.after(pace, 1e-9, 1)
-    assert (stands, pace) == (True, Pace(1.0, 0, 1))
-    assert control.after(Pace(1.0, 0, 0), 0.19e-3, 1)[1].step == 2.0  # below 0.8/4 of the tolerance
-    assert control.after(Pace(1.0, 0, 0), 0.21e-3, 1)[1].step == 1.0
-    assert control.after(Pace(1.0, 0, 2), 0.21e-3, 1)[1] == Pace(1.0, 0, 1)
+    assert (stands, pace) == (True, StepSizeState(1.0, 0, 1))
+    assert control.after(StepSizeState(1.0, 0, 0), 0.19e-3, 1)[1].step == 2.0  # below 0.8/4 of the tolerance
+    assert control.after(StepSizeState(1.0, 0, 0), 0.21e-3, 1)[1].step == 1.0
+    assert control.after(StepSizeState(1.0, 0, 2), 0.21e-3, 1)[1] == StepSizeState(1.0, 0, 1)
 
 
 def test_limits_of_adaptive_steps() -> None:
@@ -77,24 +77,24 @@ def test_limits_of_adaptive_steps() -> None:
     assert not rejected
     kept, rejected = paced(control, 1e9, 1, 20)
     assert min(kept) == 0.05  # a step that cannot be smaller stands
-    assert AdaptiveStep(1e-3, first_step=0.1, most=0.79).after(Pace(0.4, 2, 0), 0.0, 1)[1].step == 0.4
-    assert control.smaller(Pace(0.1)) == Pace(0.05, -1, 2)
-    assert control.smaller(Pace(0.05, -1)) is None
+    assert AdaptiveStep(1e-3, first_step=0.1, most=0.79).after(StepSizeState(0.4, 2, 0), 0.0, 1)[1].step == 0.4
+    assert control.smaller(StepSizeState(0.1)) == StepSizeState(0.05, -1, 2)
+    assert control.smaller(StepSizeState(0.05, -1)) is None
     # Down by fewer rungs where the least step does not allow more.
-    assert AdaptiveStep(1e-3, least=0.2).after(Pace(1.0), 1e6, 1) == (False, Pace(0.25, -2, 2))
+    assert AdaptiveStep(1e-3, least=0.2).after(StepSizeState(1.0), 1e6, 1) == (False, StepSizeState(0.25, -2, 2))
     deep = AdaptiveStep(1e-3, first_step=1.0)
-    assert deep.smaller(Pace(0.5**20, -20)) is None
-    assert deep.smaller(Pace(0.5**19, -19)) == Pace(0.5**20, -20, 2)
+    assert deep.smaller(StepSizeState(0.5**20, -20)) is None
+    assert deep.smaller(StepSizeState(0.5**19, -19)) == StepSizeState(0.5**20, -20, 2)
 
 
 def test_first_steps() -> None:
-    assert AdaptiveStep(1e-3).first(2.0) == Pace(2e-3)
-    assert AdaptiveStep(1e-3, most=1e-3).first(2.0) == Pace(1e-3)
-    assert AdaptiveStep(1e-3, first_step=0.3).first(2.0) == Pace(0.3)
-    assert AdaptiveStep(1e-3, least=0.01).first(2.0) == Pace(0.01)
-    assert AdaptiveStep(1e-3, least=3.0).first(2.0) == Pace(2.0)
-    assert AdaptiveStep(1e-3, first_step=3.0).first(2.0) == Pace(2.0)
-    assert FixedStep(0.5).first(0.5) == Pace(0.5)
+    assert AdaptiveStep(1e-3).first(2.0) == StepSizeState(2e-3)
+    assert AdaptiveStep(1e-3, most=1e-3).first(2.0) == StepSizeState(1e-3)
+    assert AdaptiveStep(1e-3, first_step=0.3).first(2.0) == StepSizeState(0.3)
+    assert AdaptiveStep(1e-3, least=0.01).first(2.0) == StepSizeState(0.01)
+    assert AdaptiveStep(1e-3, least=3.0).first(2.0) == StepSizeState(2.0)
+    assert AdaptiveStep(1e-3, first_step=3.0).first(2.0) == StepSizeState(2.0)
+    assert FixedStep(0.5).first(0.5) == StepSizeState(0.5)
     with pytest.raises(ProblemError, match="longer than the whole"):
         FixedStep(0.5).first(0.49)
     for wrong in (0.0, -1.0, math.inf):

@@ -44,7 +44,7 @@ def place_problem(seed: int) -> tuple[Evolution, float, int]:
     normal = (
         hv.Compliance(40.0 * rng.random()),
         hv.Signorini(),
-        hv.laws.SurveyLaw(0.1 * rng.random(), 3.0 * rng.random()),
+        hv.laws.ThresholdCompliance(0.1 * rng.random(), 3.0 * rng.random()),
         hv.Softening(2.0, 0.03, 0.3 + 0.5 * rng.random()),
     )[seed % 4]
     contact = hv.Contact(normal, gap=0.02 * rng.random())

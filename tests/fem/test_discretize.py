@@ -15,7 +15,7 @@ import scipy.sparse.linalg as sla
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate, stress, v_norm
-from hemivar.laws import Bilateral, Compliance, NoContact, Signorini, SurveyLaw, Tresca
+from hemivar.laws import Bilateral, Compliance, NoContact, Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import (
     Clamped,
     Contact,
@@ -32,7 +32,7 @@ from tests import bodies
 
 from ..mesh.meshes import cube, distorted
 
-SURVEY = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))
+SURVEY = Contact(ThresholdCompliance(0.3, 2.0), Tresca(0.5))
 
 
 def survey_problem(cells: int = 8, **options: Any) -> ContactProblem:
@@ -165,7 +165,7 @@ def test_spring_foundation(order: int, quadrature: Quadrature, rate: float) -> N
 def test_block_pressed_by_its_top(order: int) -> None:
     """Top moved down by D on the survey's foundation: the closed form satisfies the discrete equations."""
     D, q, p, M = 0.1, 0.3, 2.0, 12.0
-    problem = bodies.column(SurveyLaw(q, p), cells=4, top=Fixed(y=-D), order=order)
+    problem = bodies.column(ThresholdCompliance(q, p), cells=4, top=Fixed(y=-D), order=order)
     discrete = discretize(problem)
     s = (M * D - q) / (M + p)
     assert math.isclose(s, 0.9 / 14)
@@ -308,7 +308,7 @@ def test_gap_function() -> None:
 
 def test_array_parameters_follow_dropped_points() -> None:
     bound = np.arange(1.0, 6.0)
-    discrete = discretize(survey_problem(4, contact={"bottom": Contact(SurveyLaw(bound), Tresca(bound))}))
+    discrete = discretize(survey_problem(4, contact={"bottom": Contact(ThresholdCompliance(bound), Tresca(bound))}))
     r = np.zeros((4, 2))
     r[:, 1] = 1.0
     np.testing.assert_allclose(discrete.law.value(r), [2, 3, 4, 5])
@@ -483,7 +483,7 @@ def test_points_without_friction_are_in_log_result_and_json(caplog: pytest.LogCa
     from hemivar.files import solution_record
     from hemivar.solvers import solve
 
-    rough = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))
+    rough = Contact(ThresholdCompliance(0.3, 2.0), Tresca(0.5))
     with caplog.at_level("INFO", logger="hemivar"):
         problem = discretize(survey_problem(2, contact={"bottom": rough, "right": rough}))
     assert any("friction is left out" in line for line in caplog.messages)
@@ -498,7 +498,7 @@ def test_points_without_friction_are_in_log_result_and_json(caplog: pytest.LogCa
 
 def test_points_without_friction_are_named() -> None:
     """At the corner of two contact boundaries, and where a roller is oblique to the contact normal; not elsewhere."""
-    rough, smooth = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5)), Contact(SurveyLaw(0.3, 2.0))
+    rough, smooth = Contact(ThresholdCompliance(0.3, 2.0), Tresca(0.5)), Contact(ThresholdCompliance(0.3, 2.0))
 
     def warned(angle: float = 0.0, **options: Any) -> DiscreteProblem:
         problem = survey_problem(4, **options)
@@ -546,8 +546,8 @@ def pressed(pressure: float, contact: Contact, **options: Any) -> ContactProblem
 @pytest.mark.parametrize(
     ("pressure", "contact"),
     [
-        (0.4, Contact(SurveyLaw(0.3, 2.0))),
-        (0.2, Contact(SurveyLaw(0.3, 0.0))),
+        (0.4, Contact(ThresholdCompliance(0.3, 2.0))),
+        (0.2, Contact(ThresholdCompliance(0.3, 0.0))),
         (0.4, Contact(Signorini())),
         (0.4, Contact(Bilateral())),
         (-0.4, Contact(Bilateral())),
@@ -560,8 +560,8 @@ def test_held_by_the_foundation(pressure: float, contact: Contact) -> None:
 @pytest.mark.parametrize(
     ("pressure", "contact", "words"),
     [
-        (0.4, Contact(SurveyLaw(0.3, 0.0)), r"translation \(0, -1\).*energy falls by 0.1"),
-        (0.3, Contact(SurveyLaw(0.3, 0.0)), "in balance"),
+        (0.4, Contact(ThresholdCompliance(0.3, 0.0)), r"translation \(0, -1\).*energy falls by 0.1"),
+        (0.3, Contact(ThresholdCompliance(0.3, 0.0)), "in balance"),
         (-0.1, Contact(Signorini()), r"translation \(0, 1\)"),
         (0.0, Contact(Signorini()), "in balance"),
         (0.4, Contact(NoContact()), r"translation \(0, -1\)"),
@@ -621,7 +621,7 @@ def test_loose_block_in_space() -> None:
         ({"tractions": {"Top": (0, 1)}}, "did you mean 'top'"),
         ({"contact": {"left": SURVEY}}, "'left' is clamped"),
         ({"contact": {"top": SURVEY}, "supports": {"top": Prescribed((0, 0))}}, "prescribed displacement"),
-        ({"contact": {"bottom": SurveyLaw(1.0)}}, r"wrap the law: Contact\(law"),
+        ({"contact": {"bottom": ThresholdCompliance(1.0)}}, r"wrap the law: Contact\(law"),
         ({"supports": {"left": "glued"}}, "glued"),
         ({"supports": {"left": 3}}, r"pass Clamped\(\)"),
         ({"supports": {"left": Prescribed((0, 0, 0))}}, "needs 2 components"),
@@ -651,10 +651,10 @@ def test_statement_refused(changes: dict, words: str) -> None:
         (lambda: Prescribed((0.0, math.inf)), "not finite"),
         (lambda: Pressure(math.nan), "not finite"),
         (lambda: Pressure((1.0, 2.0)), "one number or a callable"),
-        (lambda: Contact(SurveyLaw(1.0), gap=math.nan), "not finite"),
-        (lambda: Contact(SurveyLaw(1.0), gap=[1.0, 2.0]), "one number or a callable"),
+        (lambda: Contact(ThresholdCompliance(1.0), gap=math.nan), "not finite"),
+        (lambda: Contact(ThresholdCompliance(1.0), gap=[1.0, 2.0]), "one number or a callable"),
         (lambda: Contact(3.0), "superpotential"),
-        (lambda: Contact(SurveyLaw(1.0), 0.5), "Friction"),
+        (lambda: Contact(ThresholdCompliance(1.0), 0.5), "Friction"),
     ],
 )
 def test_condition_refused(make: Callable[[], object], words: str) -> None:
@@ -670,8 +670,8 @@ def test_condition_refused(make: Callable[[], object], words: str) -> None:
             {"contact": {"bottom": Contact(Signorini(), gap=lambda x: np.nan * x[:, 0])}},
             "gap of contact 'bottom'",
         ),
-        ({"contact": {"bottom": Contact(SurveyLaw(lambda x: x))}}, "q_max"),
-        ({"contact": {"bottom": Contact(SurveyLaw(1.0), Tresca(lambda x: -x[:, 0]))}}, "bound"),
+        ({"contact": {"bottom": Contact(ThresholdCompliance(lambda x: x))}}, "q_max"),
+        ({"contact": {"bottom": Contact(ThresholdCompliance(1.0), Tresca(lambda x: -x[:, 0]))}}, "bound"),
         (
             {"supports": {"left": Prescribed(lambda x: x[:, 0])}},
             r"supports\['left'\]: the callable returned shape",

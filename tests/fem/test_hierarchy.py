@@ -11,7 +11,7 @@ import pytest
 from hemivar.basics.types import Array
 from hemivar.fem import discretize
 from hemivar.fem.hierarchy import coarser, rigid_motions
-from hemivar.laws import SurveyLaw, Tresca
+from hemivar.laws import ThresholdCompliance, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Support
 from hemivar.mesh import Mesh, box, rectangle
 
@@ -32,7 +32,7 @@ def _pressure(x: Array) -> Array:
 def problem(mesh: Mesh, **changes: Any) -> ContactProblem:
     parts = {
         "material": Material.lame(3.0, 2.0),
-        "contact": {"bottom": Contact(SurveyLaw(_pressure, 2.0), Tresca(0.1), gap=lambda x: 1.0 + x[:, 0])},
+        "contact": {"bottom": Contact(ThresholdCompliance(_pressure, 2.0), Tresca(0.1), gap=lambda x: 1.0 + x[:, 0])},
         "supports": {"left": Clamped()},
         "body_force": (0.2, -0.4, -0.3)[: mesh.dim],
     }

@@ -182,7 +182,7 @@ def test_loads_and_supports_grow_together() -> None:
 @pytest.mark.parametrize("order", [1, 2])
 def test_reactions_balance_loads_and_contact(order: int) -> None:
     problem = hv.ScalarProblem(
-        MESH, lambda x: 1.0 + x[:, 0], {"bottom": hv.ScalarContact(hv.laws.SurveyLaw(0.1, 4.0), -0.02)},
+        MESH, lambda x: 1.0 + x[:, 0], {"bottom": hv.ScalarContact(hv.laws.ThresholdCompliance(0.1, 4.0), -0.02)},
         supports={"left": 0.1, "right": lambda x: 0.1 + 0.1 * x[:, 1]}, source=lambda x: x[:, 1], fluxes={"top": 0.3},
         order=order,
     )  # fmt: skip

@@ -10,8 +10,8 @@ import pytest
 
 import hemivar as hv
 from hemivar.errors import ProblemError
+from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import parse_problem
-from hemivar.files.unsaid import difference
 from hemivar.mechanics import Material
 from hemivar.mechanics.material_registry import MATERIAL_LAWS, named_material
 from hemivar.mechanics.statement import ContactProblem

@@ -32,7 +32,7 @@ from hemivar.laws import (
     SlipWeakening,
     Softening,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
     table_law,
 )
@@ -113,7 +113,7 @@ def test_the_survey_problem_as_printed() -> None:
         ContactProblem(
             rectangle((1.0, 1.0), (32, 32), "cross"),
             Material.lame(4.0, 4.0),
-            contact={"bottom": Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))},
+            contact={"bottom": Contact(ThresholdCompliance(0.3, 2.0), Tresca(0.5))},
             supports={"left": Clamped()},
             body_force=(-0.8, -0.8),
         ),
@@ -315,12 +315,12 @@ def test_supports(text: str, support: object) -> None:
         ('normal = { law = "signorini" }\nfriction = "none"', Contact(Signorini(), NoFriction())),
         ('normal = "bilateral"', Contact(Bilateral())),
         ('normal = "none"', Contact(NoContact())),
-        ('normal = { law = "survey", q_max = 1 }', Contact(SurveyLaw(1.0))),
+        ('normal = { law = "survey", q_max = 1 }', Contact(ThresholdCompliance(1.0))),
         (
             'normal = { law = "survey", q_max = "0.1 + x", p_const = "y" }\n'
             'friction = { law = "tresca", bound = "max(0, x - 1)" }\ngap = "0.1*x*(2-x)"',
             Contact(
-                SurveyLaw(lambda p: 0.1 + p[:, 0], lambda p: p[:, 1]),
+                ThresholdCompliance(lambda p: 0.1 + p[:, 0], lambda p: p[:, 1]),
                 Tresca(lambda p: np.maximum(0.0, p[:, 0] - 1.0)),
                 lambda p: 0.1 * p[:, 0] * (2.0 - p[:, 0]),
             ),
@@ -468,7 +468,7 @@ def test_tables_that_are_too_deep_are_refused(deep: str) -> None:
 
 
 def test_laws_by_name() -> None:
-    assert isinstance(normal_law("survey", q_max=0.3), SurveyLaw)
+    assert isinstance(normal_law("survey", q_max=0.3), ThresholdCompliance)
     assert friction_law("tresca", bound=0.5).bound == 0.5
     with pytest.raises(ProblemError, match="law 'glue' is not known; the laws are survey"):
         normal_law("glue")

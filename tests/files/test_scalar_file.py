@@ -13,8 +13,8 @@ import pytest
 
 import hemivar as hv
 from hemivar import gallery
+from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import parse_problem
-from hemivar.files.unsaid import difference
 from hemivar.formula import Formula, FormulaArray
 from hemivar.mechanics import ScalarKind, Side
 
@@ -47,7 +47,7 @@ def test_a_file_says_what_the_library_says() -> None:
     assert isinstance(found, hv.ScalarProblem)
     same = hv.ScalarProblem(
         hv.rectangle((2.0, 2.0), 8, origin=(-1.0, -1.0)), Formula("2 + x"),
-        {"bottom": hv.ScalarContact(hv.laws.SurveyLaw(0.1), Formula("0.1*x"))},
+        {"bottom": hv.ScalarContact(hv.laws.ThresholdCompliance(0.1), Formula("0.1*x"))},
         supports={"left": 0.0, "top": Formula("0.1*(x + 1)")},
         source=-1.0, fluxes={"right": Formula("y")}, bedding=Formula("0.5*x^2", minimum=0.0), title="hill",
         density=3.0, viscosity=Formula("1 + y^2", minimum=0.0),
@@ -93,7 +93,7 @@ def test_regions_are_written_beside(tmp_path: Path) -> None:
         mesh, {"low": 1.0, "high": Formula("1 + x")}, supports={"left": 0.0},
         area={
             "low": hv.ScalarContact(hv.Signorini(), 0.1),
-            "high": hv.ScalarContact(hv.laws.SurveyLaw(0.1), -0.1, Side.BELOW),
+            "high": hv.ScalarContact(hv.laws.ThresholdCompliance(0.1), -0.1, Side.BELOW),
         },
     )  # fmt: skip
     path = hv.write_problem(problem, tmp_path / "p.toml", beside=True)

@@ -14,9 +14,9 @@ import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.fem.dynamics import body_family
 from hemivar.files.memory_table import memory_kinds
+from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import ProblemFile, parse_problem, parse_problem_file, read_problem_file, write_problem
 from hemivar.files.time_table import CheckpointSettings, OutputSettings, SchemeSettings, StepSettings, TimeSettings
-from hemivar.files.unsaid import difference
 from hemivar.formula import Formula, FormulaArray
 from hemivar.laws.memory import MemoryChain, Secant
 from hemivar.mechanics.moduli import Moduli

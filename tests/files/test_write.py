@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 import hemivar as hv
 from hemivar import gallery
 from hemivar.errors import FileError, HemivarError, ProblemError
+from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import SolverSettings, parse_problem_file, read_problem_file
 from hemivar.files.toml import text_of
-from hemivar.files.unsaid import difference
 from hemivar.formula import Formula, FormulaArray
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, ParameterForm, friction_law, normal_law
 from hemivar.mesh import Mesh, box, read_mesh, rectangle
@@ -429,10 +429,13 @@ def law(r: np.ndarray) -> np.ndarray:
     ("changes", "words"),
     [
         (
-            {"contact": {"bottom": hv.Contact(hv.laws.SurveyLaw(lambda x: x[:, 0]))}},
+            {"contact": {"bottom": hv.Contact(hv.laws.ThresholdCompliance(lambda x: x[:, 0]))}},
             r"normal\.q_max is the Python function",
         ),
-        ({"contact": {"bottom": hv.Contact(hv.laws.SurveyLaw(np.ones(5)))}}, r"normal\.q_max is given as 5 numbers"),
+        (
+            {"contact": {"bottom": hv.Contact(hv.laws.ThresholdCompliance(np.ones(5)))}},
+            r"normal\.q_max is given as 5 numbers",
+        ),
         (
             {"contact": {"bottom": hv.Contact(hv.laws.PiecewiseQuadratic([0.0], [0.0, 1.0], [0.0]))}},
             r"contact\['bottom'\]\.normal is a PiecewiseQuadratic, which .* it can say the laws",

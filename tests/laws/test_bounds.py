@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 
 from hemivar.discrete import DiscreteProblem, residual
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw, Coulomb, CoulombBound, Friction, PenetrationBound, SlipWeakening, SurveyLaw, Tresca
+from hemivar.laws import (
+    ContactLaw,
+    Coulomb,
+    CoulombBound,
+    Friction,
+    PenetrationBound,
+    SlipWeakening,
+    ThresholdCompliance,
+    Tresca,
+)
 from hemivar.laws.friction import ExponentialWeakening
 from hemivar.laws.friction.bounds import stack_bounds
 
@@ -80,7 +89,7 @@ def test_coulomb() -> None:
 
 
 def test_frozen_laws_are_ordinary() -> None:
-    law = ContactLaw(SurveyLaw(0.3, 2.0), Friction(PenetrationBound("8*s"), ExponentialWeakening())).at(
+    law = ContactLaw(ThresholdCompliance(0.3, 2.0), Friction(PenetrationBound("8*s"), ExponentialWeakening())).at(
         np.zeros((3, 2))
     )
     r = np.array([[0.1, 0.3], [0.0, 0.2], [-0.1, 0.1]])
@@ -92,7 +101,7 @@ def test_frozen_laws_are_ordinary() -> None:
     assert frozen.frozen(r, lam) is frozen
     np.testing.assert_allclose(frozen.friction.bounds, [0.8, 0.0, 0.0])
     np.testing.assert_array_equal(
-        frozen.value(r), ContactLaw(SurveyLaw(0.3, 2.0), SlipWeakening(np.array([0.8, 0, 0]))).value(r)
+        frozen.value(r), ContactLaw(ThresholdCompliance(0.3, 2.0), SlipWeakening(np.array([0.8, 0, 0]))).value(r)
     )
     np.testing.assert_array_equal(law.take(np.array([2, 0])).frozen(r[[2, 0]], lam[:2]).friction.bounds, [0.0, 0.8])
     for ask in (lambda: law.value(r), lambda: law.distance(r, lam), lambda: law.prox(r, np.ones((3, 2)))):
@@ -104,9 +113,9 @@ def test_frozen_laws_are_ordinary() -> None:
 
 def test_boundaries_with_and_without_are_joined() -> None:
     laws = [
-        (ContactLaw(SurveyLaw(0.3), Tresca(CoulombBound(0.5))), 2),
-        (ContactLaw(SurveyLaw(0.3), Tresca(0.7)), 1),
-        (ContactLaw(SurveyLaw(0.3), Tresca(PenetrationBound("2*s"))), 1),
+        (ContactLaw(ThresholdCompliance(0.3), Tresca(CoulombBound(0.5))), 2),
+        (ContactLaw(ThresholdCompliance(0.3), Tresca(0.7)), 1),
+        (ContactLaw(ThresholdCompliance(0.3), Tresca(PenetrationBound("2*s"))), 1),
     ]
     law = ContactLaw.concatenate(laws)
     state = np.full((4, 2), 0.4)
@@ -118,7 +127,7 @@ def test_boundaries_with_and_without_are_joined() -> None:
 
 
 def test_residual_and_energy_freeze_the_law_at_the_state() -> None:
-    law = ContactLaw(SurveyLaw(0.0, 2.0), Tresca(CoulombBound(0.5)))
+    law = ContactLaw(ThresholdCompliance(0.0, 2.0), Tresca(CoulombBound(0.5)))
     u, lam = np.array([0.5, 0.2]), np.array([[1.0, 0.5]])
     problem = DiscreteProblem.of_arrays(np.eye(2), u + lam[0], np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
     assert residual(problem, u, lam).total < 1e-14

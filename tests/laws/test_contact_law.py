@@ -22,7 +22,7 @@ from hemivar.laws import (
     SlipWeakening,
     StaticKinetic,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
 )
 
@@ -40,7 +40,7 @@ WEAKENING = PiecewiseQuadratic(
 @pytest.mark.parametrize("friction", [Tresca(0.5), Friction(0.7, WEAKENING), NoFriction()])
 def test_local_argmin_beats_random_points(d: int, friction: Friction) -> None:
     rng = np.random.default_rng(11)
-    law = ContactLaw(SurveyLaw(0.3, 2.0), friction)
+    law = ContactLaw(ThresholdCompliance(0.3, 2.0), friction)
     m = 60
     a, b = rng.uniform(1.5, 4.0, (m, 2)), rng.normal(size=(m, d))
     r = law.local_argmin(a, b)
@@ -58,7 +58,7 @@ def test_local_argmin_beats_random_points(d: int, friction: Friction) -> None:
 @pytest.mark.parametrize("d", [2, 3])
 def test_prox_gives_a_pair_on_the_graph(d: int) -> None:
     rng = np.random.default_rng(3)
-    law = ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.5))
+    law = ContactLaw(ThresholdCompliance(0.3, 2.0), Tresca(0.5))
     x, tau = rng.normal(size=(200, d)), rng.uniform(0.1, 1.0, (200, 2))
     r = law.prox(x, tau)
     lam = (x - r) / np.concatenate([tau[:, :1], np.repeat(tau[:, 1:], d - 1, axis=1)], axis=1)
@@ -85,7 +85,7 @@ def test_prox_jacobian_is_the_derivative_of_prox(d: int) -> None:
 @pytest.mark.parametrize("d", [2, 3])
 def test_linearisation_is_the_derivative_of_the_value(d: int) -> None:
     rng = np.random.default_rng(6)
-    law = ContactLaw(SurveyLaw(0.3, 2.0), Friction(0.7, WEAKENING))
+    law = ContactLaw(ThresholdCompliance(0.3, 2.0), Friction(0.7, WEAKENING))
     r = rng.normal(size=(80, d)) * 0.5
     line = law.linearise(r)
     assert line.smooth.all()
@@ -113,14 +113,14 @@ def test_friction_turns_with_the_slip() -> None:
 
 
 def test_clamp_keeps_a_step_on_its_piece() -> None:
-    law = ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.5))
+    law = ContactLaw(ThresholdCompliance(0.3, 2.0), Tresca(0.5))
     start = np.array([[-0.1, 0.2], [0.1, -0.2], [-0.1, 0.2]])
     end = np.array([[0.3, -0.1], [-0.2, -0.5], [-0.4, 0.9]])
     np.testing.assert_allclose(law.clamp(start, end), [[0.0, 0.0], [0.0, -0.5], [-0.4, 0.9]])
 
 
 @pytest.mark.parametrize("components", [1, 2, 3])
-@pytest.mark.parametrize("normal", [SurveyLaw(0.3, 2.0), Capped(5.0, 0.1, 0.4), Compliance(3.0, 1.5)])
+@pytest.mark.parametrize("normal", [ThresholdCompliance(0.3, 2.0), Capped(5.0, 0.1, 0.4), Compliance(3.0, 1.5)])
 @pytest.mark.parametrize("friction", [Tresca(0.5), SlipWeakening(0.6, 0.2, 0.3), Friction(0.7, WEAKENING)])
 def test_gradients_near_a_displacement_are_those_of_the_law(
     normal: Superpotential, friction: Friction, components: int
@@ -139,7 +139,7 @@ def test_gradients_near_a_displacement_are_those_of_the_law(
 
 def test_laws_of_several_boundaries_are_joined_point_by_point() -> None:
     points = np.random.default_rng(1).random((5, 2))
-    first = ContactLaw(SurveyLaw(lambda x: 1.0 + x[:, 0], 2.0), Tresca(0.5)).at(points)
+    first = ContactLaw(ThresholdCompliance(lambda x: 1.0 + x[:, 0], 2.0), Tresca(0.5)).at(points)
     second = ContactLaw(Signorini(), Friction(0.7, WEAKENING)).at(np.zeros((3, 2)))
     law = ContactLaw.concatenate([(first, 5), (second, 3)])
     r = np.random.default_rng(2).normal(size=(8, 2))
@@ -168,7 +168,7 @@ def test_what_is_no_law_is_refused() -> None:
 #: Steps of the difference quotients and of the grids of multipliers.
 STEP, FINE = 1e-7, 2001
 NORMAL_LAWS = {
-    "survey": (SurveyLaw(0.3, 2.0), [-0.2, 0.0, 0.1]),
+    "survey": (ThresholdCompliance(0.3, 2.0), [-0.2, 0.0, 0.1]),
     "rigid": (Signorini(), [-0.2, 0.0]),
     "stop": (FinitePenetration(3.0, 0.2), [-0.1, 0.0, 0.1, 0.2]),
     "breaking": (Capped(20.0, 0.1, 0.3), [-0.1, 0.0, 0.05, 0.1, 0.3]),

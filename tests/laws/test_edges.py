@@ -22,7 +22,7 @@ from hemivar.laws import (
     Softening,
     StateBound,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     table_law,
 )
 from hemivar.laws.stacked import stack
@@ -108,12 +108,12 @@ def test_pieces_beyond_the_end_of_a_law_are_empty() -> None:
 
 
 def test_of_several_laws_one_whose_constants_are_sampled_is_enough() -> None:
-    sampled, known = FunctionLaw(np.log1p, even=True), SurveyLaw(0.3)
+    sampled, known = FunctionLaw(np.log1p, even=True), ThresholdCompliance(0.3)
     both = stack([(sampled, 1), (known, 2)])
     assert both.constants_sampled
     assert both.alpha_sampled
     assert both.growth_sampled
-    assert not stack([(known, 1), (SurveyLaw(0.5), 2)]).constants_sampled
+    assert not stack([(known, 1), (ThresholdCompliance(0.5), 2)]).constants_sampled
     assert str(sampled.describe()).count("(sampled)") == 2
     assert "(sampled)" not in str(known.describe())
 
@@ -128,7 +128,7 @@ def test_a_law_made_of_others_has_their_doubts_and_no_more(law: Superpotential, 
     """Each constant by itself: the growth of r^2 is sampled and its alpha is known, of sqrt(1 + r^2) the other way."""
     assert (law.alpha_sampled, law.growth_sampled, law.made_of) == (alpha, growth, ())
     slow = law.scaled(np.array([1.0, 0.1]))
-    made = [slow, stack([(SurveyLaw(0.3), 1), (law, 2)]), plus(FormulaLaw("r"), slow), affine(law, 2.0, 0.1)]
+    made = [slow, stack([(ThresholdCompliance(0.3), 1), (law, 2)]), plus(FormulaLaw("r"), slow), affine(law, 2.0, 0.1)]
     made += [affine(stack([(law, 2)]), 0.5), slow.take(np.array([1]))]
     for one in made:
         assert one.made_of, one.name
@@ -137,13 +137,13 @@ def test_a_law_made_of_others_has_their_doubts_and_no_more(law: Superpotential, 
 
 
 def test_a_class_that_says_its_constants_are_sampled_means_both() -> None:
-    class Guessed(SurveyLaw):
+    class Guessed(ThresholdCompliance):
         constants_sampled = True
 
     law = Guessed(0.3)
     assert law.alpha_sampled
     assert law.growth_sampled
-    assert stack([(SurveyLaw(0.3), 1), (law, 1)]).growth_sampled
+    assert stack([(ThresholdCompliance(0.3), 1), (law, 1)]).growth_sampled
 
 
 def test_a_description_says_where_each_formula_holds() -> None:
@@ -223,7 +223,7 @@ def test_a_function_that_is_negative_somewhere_is_no_bound() -> None:
 
 def test_a_contact_law_says_whether_a_constant_of_its_bound_is_sampled() -> None:
     def law(bound: StateBound | float, profile: Superpotential | None = None) -> ContactLaw:
-        return ContactLaw(SurveyLaw(0.3), Friction(bound) if profile is None else Friction(bound, profile))
+        return ContactLaw(ThresholdCompliance(0.3), Friction(bound) if profile is None else Friction(bound, profile))
 
     own = PenetrationBound(lambda s: np.clip(8.0 * s, 0.0, 0.8))
     exact = PenetrationBound(([0.0, 0.1], [0.0, 0.8]))
@@ -244,7 +244,7 @@ def test_a_contact_law_says_whether_a_constant_of_its_bound_is_sampled() -> None
 
 
 def test_smooth_friction_is_bent_the_same_way_in_all_directions_at_rest() -> None:
-    law = ContactLaw(SurveyLaw(0.3), Friction(2.0, FormulaLaw("r^2", even=True)))
+    law = ContactLaw(ThresholdCompliance(0.3), Friction(2.0, FormulaLaw("r^2", even=True)))
     line = law.linearise(np.array([[0.1, 0.0, 0.0]]))
     assert line.smooth.all()
     np.testing.assert_allclose(line.hessian[0, 1:, 1:], 4.0 * np.eye(2))

@@ -22,7 +22,7 @@ from hemivar.laws import (
     Signorini,
     SlipWeakening,
     Softening,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
 )
 from hemivar.laws.testing import LawError, check_law
@@ -31,8 +31,8 @@ from hemivar.laws.testing import LawError, check_law
 @pytest.mark.parametrize(
     "law",
     [
-        SurveyLaw(0.3, 2.0),
-        SurveyLaw(np.array([0.3, 0.5]), 2.0),
+        ThresholdCompliance(0.3, 2.0),
+        ThresholdCompliance(np.array([0.3, 0.5]), 2.0),
         Signorini(),
         Bilateral(),
         NoContact(),
@@ -158,5 +158,5 @@ def test_wrong_growth_recession_and_shape_are_caught() -> None:
 
 
 def test_a_friction_law_that_is_not_even_is_caught() -> None:
-    assert "the law is even: it is not" in failures(SurveyLaw(0.3, 2.0), friction=True)
+    assert "the law is even: it is not" in failures(ThresholdCompliance(0.3, 2.0), friction=True)
     assert "the law is even" in failures(FormulaLaw("max(r, 0)"), friction=True)

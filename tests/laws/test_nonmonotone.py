@@ -25,7 +25,7 @@ from hemivar.laws import (
     SlipWeakening,
     Softening,
     StaticKinetic,
-    SurveyLaw,
+    ThresholdCompliance,
     table_law,
 )
 from hemivar.laws.stacked import stack
@@ -172,7 +172,7 @@ def test_coercivity() -> None:
     np.testing.assert_array_equal(falling.coercive_against(np.array([1.0, 2.0, 2.1])), [False, False, True])
     assert falling.describe().coercive_above == 2.0
     assert "only if the body is stiffer than 2" in str(falling.describe())
-    for law in (SurveyLaw(0.3), Signorini(), Capped(20.0, 0.1), LAWS["slip weakening"], LAWS["waves"]):
+    for law in (ThresholdCompliance(0.3), Signorini(), Capped(20.0, 0.1), LAWS["slip weakening"], LAWS["waves"]):
         assert law.coercive_against(1e-3).all()
     assert not FormulaLaw("-r^4").coercive_against(1e6).any()
     assert not FormulaLaw("-3*r^2").coercive_against(5.9).any()
@@ -183,7 +183,7 @@ def test_coercivity() -> None:
 
 def test_friction_laws_are_radial_in_3d() -> None:
     rng = np.random.default_rng(5)
-    law = ContactLaw(SurveyLaw(0.3, 2.0), SlipWeakening(0.5, rate=4.0))
+    law = ContactLaw(ThresholdCompliance(0.3, 2.0), SlipWeakening(0.5, rate=4.0))
     a, b = np.full((40, 2), 0.9), rng.normal(size=(40, 3))
     r = law.local_argmin(a, b)
     lam = b - 0.9 * r

@@ -25,7 +25,7 @@ from hemivar.laws import (
     Signorini,
     SlipTable,
     SlipWeakening,
-    SurveyLaw,
+    ThresholdCompliance,
     read_law_table,
     table_law,
 )
@@ -182,7 +182,7 @@ def test_friction_is_never_negative() -> None:
 
 
 def test_a_profile_of_friction_is_even() -> None:
-    for profile in (FormulaLaw("abs(r) + r"), table_law([0.0, 0.1], [0.0, 1.0]), SurveyLaw(0.3), Signorini()):
+    for profile in (FormulaLaw("abs(r) + r"), table_law([0.0, 0.1], [0.0, 1.0]), ThresholdCompliance(0.3), Signorini()):
         with pytest.raises(ProblemError, match="must be the same backwards"):
             Friction(0.3, profile)
     Friction(0.3, FormulaLaw("abs(r) + 0.1*r^2"))
@@ -362,12 +362,12 @@ def test_laws_of_own_classes_are_looked_at() -> None:
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: SurveyLaw(0.3 + 0.1j).at(np.zeros((2, 2))),  # type: ignore[arg-type]
-        lambda: SurveyLaw(lambda x: x[:, 0] + 1j).at(np.zeros((2, 2))),  # type: ignore[arg-type, return-value]
+        lambda: ThresholdCompliance(0.3 + 0.1j).at(np.zeros((2, 2))),  # type: ignore[arg-type]
+        lambda: ThresholdCompliance(lambda x: x[:, 0] + 1j).at(np.zeros((2, 2))),  # type: ignore[arg-type, return-value]
         lambda: PiecewiseQuadratic(np.array([0.0]), np.array([0.0, 1j]), np.array([0.0])),
         lambda: table_law([0.0, 1.0], [0.0, 1.0 + 1j]),  # type: ignore[list-item]
         lambda: Layered([0.1], [1.0 + 1j]),  # type: ignore[list-item]
-        lambda: SurveyLaw(0.3).scaled(np.array([1.0 + 1j])),
+        lambda: ThresholdCompliance(0.3).scaled(np.array([1.0 + 1j])),
         lambda: FormulaLaw("abs(r)").scaled(np.array([1.0 + 1j])),
         lambda: FunctionLaw(lambda r: r**2 + 0j),
         lambda: PenetrationBound(([0.0, 1.0], [0.0, 1j])),

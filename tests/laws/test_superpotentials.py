@@ -17,21 +17,21 @@ from hemivar.laws import (
     PiecewiseQuadratic,
     Signorini,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
 )
 from hemivar.laws.friction import ABSOLUTE_VALUE
 from hemivar.laws.stacked import stack
 
 NAMED = {
-    "survey": SurveyLaw(0.3, 2.0),
-    "survey without slope": SurveyLaw(0.7),
+    "survey": ThresholdCompliance(0.3, 2.0),
+    "survey without slope": ThresholdCompliance(0.7),
     "signorini": Signorini(),
     "bilateral": Bilateral(),
     "none": NoContact(),
     "spring": Compliance(3.0),
     "power": Compliance(5.0, 2.5),
     "tresca": ABSOLUTE_VALUE.scaled(0.5),
-    "stacked": stack([(SurveyLaw(0.3, 2.0), 1)]),
+    "stacked": stack([(ThresholdCompliance(0.3, 2.0), 1)]),
 }
 
 numbers = st.floats(-3.0, 3.0, allow_nan=False)
@@ -217,16 +217,16 @@ def test_signorini_is_infinite_outside_and_no_penalty() -> None:
 
 def test_recession_tells_how_far_a_law_holds() -> None:
     up, down = np.array([1.0]), np.array([-1.0])
-    assert SurveyLaw(0.3, 2.0).recession(up) == np.inf
-    assert SurveyLaw(0.3).recession(2 * up) == pytest.approx(0.6)
-    assert SurveyLaw(0.3).recession(down) == 0.0
+    assert ThresholdCompliance(0.3, 2.0).recession(up) == np.inf
+    assert ThresholdCompliance(0.3).recession(2 * up) == pytest.approx(0.6)
+    assert ThresholdCompliance(0.3).recession(down) == 0.0
     assert Signorini().recession(up) == np.inf
     assert Bilateral().recession(down) == np.inf
     assert ABSOLUTE_VALUE.scaled(0.5).recession(-3 * up) == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize(
-    "law", [SurveyLaw(np.ones(4), 2.0), Compliance(np.arange(1.0, 5.0)), Compliance(2.0, np.full(4, 1.5))]
+    "law", [ThresholdCompliance(np.ones(4), 2.0), Compliance(np.arange(1.0, 5.0)), Compliance(2.0, np.full(4, 1.5))]
 )
 def test_parameters_for_every_point(law: Superpotential) -> None:
     r = np.array([-0.1, 0.0, 0.2, 0.4])
@@ -241,11 +241,11 @@ def test_parameters_for_every_point(law: Superpotential) -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: SurveyLaw(-0.1).at(None), ["q_max", "survey", "-0.1", "at least 0"]),
-        (lambda: SurveyLaw(float("nan")).at(None), ["q_max", "finite"]),
-        (lambda: SurveyLaw("soft").at(None), ["q_max", "number"]),
-        (lambda: SurveyLaw(lambda x: np.ones((3, 2))).at(np.zeros((4, 2))), ["q_max", "shape"]),
-        (lambda: SurveyLaw(lambda x: x[:, 0]).prox(np.zeros(2), 1.0), ["q_max", "function of x", "law.at"]),
+        (lambda: ThresholdCompliance(-0.1).at(None), ["q_max", "survey", "-0.1", "at least 0"]),
+        (lambda: ThresholdCompliance(float("nan")).at(None), ["q_max", "finite"]),
+        (lambda: ThresholdCompliance("soft").at(None), ["q_max", "number"]),
+        (lambda: ThresholdCompliance(lambda x: np.ones((3, 2))).at(np.zeros((4, 2))), ["q_max", "shape"]),
+        (lambda: ThresholdCompliance(lambda x: x[:, 0]).prox(np.zeros(2), 1.0), ["q_max", "function of x", "law.at"]),
         (lambda: Compliance(1.0, 0.5).at(None), ["exponent", "at least 1"]),
         (lambda: PiecewiseQuadratic([0.0, 0.0], [0.0] * 3, [0.0] * 2), ["increase"]),
         (lambda: PiecewiseQuadratic([0.0], [0.0], [0.0]), ["2 slopes"]),

@@ -17,7 +17,7 @@ import pytest
 
 import hemivar as hv
 from hemivar import report
-from hemivar.basics.display import Displayed
+from hemivar.basics.display import ReprMixin
 from hemivar.errors import ProblemError
 from hemivar.gallery import survey
 from hemivar.report.notebook import picture_of
@@ -28,7 +28,7 @@ THREE = bar(0.5, hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.
 
 
 def swept(q_max: float) -> hv.ContactProblem:
-    return replace(survey("5.1", 2), contact={"bottom": hv.Contact(hv.laws.SurveyLaw(q_max, 2.0))})
+    return replace(survey("5.1", 2), contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(q_max, 2.0))})
 
 
 MADE: dict[str, Callable[[], Any]] = {
@@ -80,7 +80,7 @@ def test_every_class_that_shows_itself_is_tried_here(values: dict[str, Any]) -> 
     def below(kind: type) -> set[type]:
         return {kind} | {other for one in kind.__subclasses__() for other in below(one)}
 
-    public = {kind for kind in below(Displayed) if kind.__module__.startswith("hemivar.")} - {Displayed}
+    public = {kind for kind in below(ReprMixin) if kind.__module__.startswith("hemivar.")} - {ReprMixin}
     assert {one.__name__ for one in public} <= {type(one).__name__ for one in values.values()} | {"ScalarProblem"}
 
 

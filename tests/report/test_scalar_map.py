@@ -51,7 +51,8 @@ def test_marks_of_friction() -> None:
 
 def test_heat_in_space() -> None:
     problem = hv.ScalarProblem(
-        hv.box((1.0, 1.0, 1.0), 2), 1.0, {"bottom": hv.ScalarContact(hv.laws.SurveyLaw(0.1))}, supports={"top": 1.0},
+        hv.box((1.0, 1.0, 1.0), 2), 1.0, {"bottom": hv.ScalarContact(hv.laws.ThresholdCompliance(0.1))},
+        supports={"top": 1.0},
         kind="heat",  # type: ignore[arg-type]
     )  # fmt: skip
     found = hv.solve(problem)
@@ -59,7 +60,7 @@ def test_heat_in_space() -> None:
     with pytest.raises(hv.errors.ProblemError, match="write it with write_vtu"):
         plot_contact(found)
     with pytest.raises(hv.errors.ProblemError, match="write it with write_vtu"):
-        plot_contact(hv.solve(replace(problem, contact={}, area=hv.ScalarContact(hv.laws.SurveyLaw(0.1)))))
+        plot_contact(hv.solve(replace(problem, contact={}, area=hv.ScalarContact(hv.laws.ThresholdCompliance(0.1)))))
 
 
 def test_what_a_notebook_shows() -> None:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.gallery import survey_cube
-from hemivar.laws import Signorini, SurveyLaw, Tresca
+from hemivar.laws import Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import Contact, Prescribed, Sphere
 from hemivar.mesh import box
 from hemivar.report import plot_contact, plot_solution, render_solution, save
@@ -127,7 +127,7 @@ def test_maps_show_the_part_that_touches(tmp_path: Path) -> None:
 
 def test_maps_of_two_boundaries() -> None:
     """Each is seen along its own normal, and shows its own values."""
-    contact = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))
+    contact = Contact(ThresholdCompliance(0.3, 2.0), Tresca(0.5))
     problem = replace(survey_cube("5.1", 3), contact={"bottom": contact, "right": contact})
     solution = solve(discretize(problem))
     figure = plot_contact(solution)
@@ -171,7 +171,7 @@ def test_maps_of_a_slanted_boundary() -> None:
 
 def test_no_friction_has_a_scale_without_numbers() -> None:
     """Around zero a scale would run from -0.1 to 0.1, for a magnitude."""
-    problem = replace(survey_cube("5.1", 3), contact={"bottom": Contact(SurveyLaw(0.3, 2.0))})
+    problem = replace(survey_cube("5.1", 3), contact={"bottom": Contact(ThresholdCompliance(0.3, 2.0))})
     figure = plot_contact(solve(discretize(problem)))
     (bar,) = (panel for panel in figure.findobj(Axes) if panel.get_ylabel() == "friction, magnitude")
     figure.draw_without_rendering()

@@ -21,7 +21,7 @@ from hemivar.laws import (
     SlipTable,
     SlipWeakening,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
 )
 from hemivar.laws.vector_law import spread
@@ -47,14 +47,14 @@ from ..problems import OTHER_DATA, SURVEY_DATA, discrete_square, relative_differ
 
 #: Body force, normal law, friction.
 CASES: dict[str, tuple[tuple[float, float, float], Superpotential, Friction]] = {
-    "slips": ((-0.5, 0.3, -1.0), SurveyLaw(0.1, 10.0), Tresca(0.1)),
-    "sticks in part": ((-0.8, 0.5, -0.8), SurveyLaw(0.3, 2.0), Tresca(0.7)),
-    "sticks": ((-0.2, 0.1, -1.0), SurveyLaw(0.3, 2.0), Tresca(5.0)),
+    "slips": ((-0.5, 0.3, -1.0), ThresholdCompliance(0.1, 10.0), Tresca(0.1)),
+    "sticks in part": ((-0.8, 0.5, -0.8), ThresholdCompliance(0.3, 2.0), Tresca(0.7)),
+    "sticks": ((-0.2, 0.1, -1.0), ThresholdCompliance(0.3, 2.0), Tresca(5.0)),
     "rigid": ((0.5, 0.2, -1.0), Signorini(), Tresca(0.3)),
     "lifting": ((-0.6, 0.2, 0.3), Signorini(), Tresca(0.05)),
     "without friction": ((0.5, 0.2, -1.0), Signorini(), NoFriction()),
-    "weakening": ((0.5, 0.2, -1.0), SurveyLaw(0.3, 2.0), SlipWeakening(0.3)),
-    "logarithmic": ((0.5, 0.2, -1.0), SurveyLaw(0.3, 2.0), Logarithmic(0.3)),
+    "weakening": ((0.5, 0.2, -1.0), ThresholdCompliance(0.3, 2.0), SlipWeakening(0.3)),
+    "logarithmic": ((0.5, 0.2, -1.0), ThresholdCompliance(0.3, 2.0), Logarithmic(0.3)),
     "table with a knot at a slip": (
         (0.5, 0.2, -1.0),
         Signorini(),
@@ -179,7 +179,7 @@ def test_units_do_not_matter() -> None:
         problem.contact.trace,
         problem.contact.weights,
         1e3 * problem.gap,
-        ContactLaw(SurveyLaw(0.3e9, 2.0e6), Tresca(0.7e9)),
+        ContactLaw(ThresholdCompliance(0.3e9, 2.0e6), Tresca(0.7e9)),
     )
     first, second = solve(problem, PrimalDualActiveSet()), solve(scaled, PrimalDualActiveSet())
     assert first.status is second.status is Status.CONVERGED

@@ -15,7 +15,7 @@ from hemivar.fem import discretize
 from hemivar.fem.assembly import load_vector, stiffness_matrix
 from hemivar.fem.reactions import internal_forces, nodal_contact_forces
 from hemivar.gallery import beam, elastic_bar, survey, survey_cube
-from hemivar.laws import Signorini, SurveyLaw, Tresca
+from hemivar.laws import Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import (
     Clamped,
     Contact,
@@ -140,7 +140,7 @@ def test_a_shared_node_is_booked_to_the_support_named_first() -> None:
 
 def test_a_column_on_its_foundation() -> None:
     """Uniaxial strain under a pressed top: lambda + 2 mu = 12, by hand."""
-    column = bodies.column(SurveyLaw(100.0), cells=(4, 2), size=(2.0, 1.0), top=Fixed(y=-0.1))
+    column = bodies.column(ThresholdCompliance(100.0), cells=(4, 2), size=(2.0, 1.0), top=Fixed(y=-0.1))
     solution = solve(discretize(column)).raise_for_status()
     bottom = solution.on("bottom")
     np.testing.assert_allclose(bottom.force, [0.0, 2.4], atol=1e-12)

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw, Signorini, SurveyLaw, Tresca
+from hemivar.laws import ContactLaw, Signorini, ThresholdCompliance, Tresca
 from hemivar.linear.factorisation import MumpsFactorisation, SuperLUFactorisation, mumps_available
 from hemivar.mechanics import Quadrature
 from hemivar.solvers import METHODS, Status, solve
@@ -116,7 +116,7 @@ def test_user_trace_that_is_no_selection() -> None:
 def test_interior_that_hangs_on_nothing_is_reported() -> None:
     K = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     B = np.array([[0.0, 0.0, 1.0]])
-    problem = DiscreteProblem.of_arrays(K, np.ones(3), B, np.ones(1), np.zeros(1), ContactLaw(SurveyLaw(0.3)))
+    problem = DiscreteProblem.of_arrays(K, np.ones(3), B, np.ones(1), np.zeros(1), ContactLaw(ThresholdCompliance(0.3)))
     with pytest.raises(ProblemError, match="can move freely"):
         condense(problem)
 
@@ -124,7 +124,7 @@ def test_interior_that_hangs_on_nothing_is_reported() -> None:
 def test_contact_points_that_share_a_displacement_are_reported() -> None:
     K = np.eye(3)
     B = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    problem = DiscreteProblem.of_arrays(K, np.ones(3), B, np.ones(2), np.zeros(2), ContactLaw(SurveyLaw(0.3)))
+    problem = DiscreteProblem.of_arrays(K, np.ones(3), B, np.ones(2), np.zeros(2), ContactLaw(ThresholdCompliance(0.3)))
     with pytest.raises(ProblemError, match="depend on one another"):
         solve(problem)
 
@@ -133,7 +133,7 @@ def test_fixed_component_of_a_contact_point_stays_fixed() -> None:
     """Slip of the only contact point is held at -0.2; its friction is the smallest that the law allows."""
     K = np.array([[2.0]])
     B = np.array([[1.0], [0.0]])
-    law = ContactLaw(SurveyLaw(0.1, 2.0), Tresca(0.5))
+    law = ContactLaw(ThresholdCompliance(0.1, 2.0), Tresca(0.5))
     problem = DiscreteProblem.of_arrays(
         K, np.array([0.5]), B, np.ones(1), np.zeros(1), law, slip_offset=np.array([[0.2]])
     )
@@ -145,7 +145,7 @@ def test_fixed_component_of_a_contact_point_stays_fixed() -> None:
 
 def test_fixed_slip_carries_the_friction_of_the_law() -> None:
     """The reaction of the support takes no part in the law: the friction of a point held at a slip is the bound."""
-    law = ContactLaw(SurveyLaw(0.1, 2.0), Tresca(0.5))
+    law = ContactLaw(ThresholdCompliance(0.1, 2.0), Tresca(0.5))
     B = np.array([[1.0], [0.0]])
     problem = DiscreteProblem.of_arrays(
         np.array([[2.0]]), np.array([0.5]), B, np.ones(1), np.zeros(1), law, slip_offset=np.array([[0.2]])

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from hemivar.discrete import DiscreteProblem, Quadratic
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import discretize
-from hemivar.laws import Compliance, ContactLaw, NoContact, Signorini, Superpotential, SurveyLaw
+from hemivar.laws import Compliance, ContactLaw, NoContact, Signorini, Superpotential, ThresholdCompliance
 from hemivar.mechanics import Pressure
 from hemivar.solvers import METHODS, Controls, Status, solve
 from tests import bodies
@@ -39,7 +39,12 @@ def block(law: Superpotential) -> DiscreteProblem:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(
     ("law", "penetration"),
-    [(Compliance(2.0), 0.25), (SurveyLaw(0.3, 2.0), 0.1), (SurveyLaw(0.6, 2.0), 0.0), (Signorini(), 0.0)],
+    [
+        (Compliance(2.0), 0.25),
+        (ThresholdCompliance(0.3, 2.0), 0.1),
+        (ThresholdCompliance(0.6, 2.0), 0.0),
+        (Signorini(), 0.0),
+    ],
 )
 def test_block_on_its_foundation(method: str, law: Superpotential, penetration: float) -> None:
     try:
@@ -66,7 +71,7 @@ def test_bar_on_its_foundation(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("law", [NoContact(), Compliance(3.0), SurveyLaw(0.3, 2.0), Signorini()])
+@pytest.mark.parametrize("law", [NoContact(), Compliance(3.0), ThresholdCompliance(0.3, 2.0), Signorini()])
 def test_body_pulled_off_its_foundation_is_refused(method: str, law: Superpotential) -> None:
     with pytest.raises((ProblemError, MethodError), match=r"no lower bound|\+inf"):
         solve(free_bar((-0.2, -0.3), law), METHODS[method])
@@ -74,8 +79,8 @@ def test_body_pulled_off_its_foundation_is_refused(method: str, law: Superpotent
 
 def test_load_beyond_what_the_foundation_can_carry_is_refused() -> None:
     with pytest.raises(ProblemError, match="no lower bound"):
-        solve(free_bar((0.2, 0.3), SurveyLaw(0.4)))
-    held = solve(free_bar((0.2, 0.3), SurveyLaw(0.6)))
+        solve(free_bar((0.2, 0.3), ThresholdCompliance(0.4)))
+    held = solve(free_bar((0.2, 0.3), ThresholdCompliance(0.6)))
     assert held.status is Status.CONVERGED
     assert held.pressure[0] == pytest.approx(0.5)
 

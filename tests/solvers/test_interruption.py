@@ -246,7 +246,7 @@ _BLOCK = """
     import resource, sys
     import numpy as np, scipy.sparse as sp
     from hemivar.errors import MethodError
-    from hemivar.laws import ContactLaw, SurveyLaw, Tresca
+    from hemivar.laws import ContactLaw, ThresholdCompliance, Tresca
     from hemivar.discrete import DiscreteProblem
     from hemivar.solvers import Controls, NonsmoothNewton, solve
     from hemivar.linear import factor_memory as memory
@@ -268,7 +268,7 @@ _BLOCK = """
         )
     d = 3 if rest else 2
     B = sp.eye_array(d * m, n, format="csr")
-    law = ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.1))
+    law = ContactLaw(ThresholdCompliance(0.3, 2.0), Tresca(0.1))
     problem = DiscreteProblem.of_arrays(K, np.cos(np.arange(n)), B, np.ones(m), np.zeros(m), law)
     # everything is loaded
     solve(DiscreteProblem.of_arrays(np.eye(2), np.ones(2), np.eye(2), np.ones(1), np.zeros(1), law))

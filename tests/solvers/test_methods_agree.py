@@ -71,10 +71,10 @@ def test_methods_of_scipy_come_as_close_as_they_can_and_say_so(method: str, data
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_solves_a_bar_of_the_users_own_arrays(method: str) -> None:
-    from hemivar.laws import SurveyLaw
+    from hemivar.laws import ThresholdCompliance
 
     # kappa (r0 - r) in dj(r) with kappa = 1, r0 = 0.4: q = 0.1, p = 2 gives r = 0.3 / 3.
-    problem = bar(0.8, SurveyLaw(0.1, 2.0))
+    problem = bar(0.8, ThresholdCompliance(0.1, 2.0))
     found = solve(problem, METHODS[method])
     tolerance = 1e-3 if method == "direct-powell" else 1e-8
     assert found.penetration[0] == pytest.approx(0.1, abs=tolerance)
@@ -83,9 +83,9 @@ def test_every_method_solves_a_bar_of_the_users_own_arrays(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_leaves_a_body_without_load_at_rest(method: str) -> None:
-    from hemivar.laws import SurveyLaw
+    from hemivar.laws import ThresholdCompliance
 
-    found = solve(bar(0.0, SurveyLaw(0.1, 2.0)), METHODS[method])
+    found = solve(bar(0.0, ThresholdCompliance(0.1, 2.0)), METHODS[method])
     np.testing.assert_array_equal(found.unknowns, 0.0)
     assert found.status is Status.CONVERGED
     assert found.energy == 0.0

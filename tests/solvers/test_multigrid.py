@@ -152,7 +152,7 @@ def test_rotation_of_a_cube_by_any_angle_changes_nothing() -> None:
 def test_units_change_nothing() -> None:
     """In millimetres and megapascals: lengths times 1000, stresses over 1e6."""
     plain = gallery.survey("5.1", 16, "right")
-    law = hv.laws.SurveyLaw(0.3e-6, 2.0e-9)
+    law = hv.laws.ThresholdCompliance(0.3e-6, 2.0e-9)
     scaled = replace(
         plain,
         mesh=plain.mesh.scaled(1e3),

@@ -20,7 +20,7 @@ from hemivar.solvers import METHODS, ProximalNewton, Search, Solver, suited
 BULK, SHEAR, LEFT, SIZE = 20 / 3, 4.0, 0.25, 0.05
 FRICTIONS = (hv.laws.NoFriction(), hv.Tresca(0.1), hv.Coulomb(0.3))
 #: Laws of the block and the penetrations that belong to them, computed apart from one equation.
-BLOCK = [(hv.laws.SurveyLaw(0.3, 2.0), 0.062733873583324), (hv.Compliance(20.0), 0.034941569056)]
+BLOCK = [(hv.laws.ThresholdCompliance(0.3, 2.0), 0.062733873583324), (hv.Compliance(20.0), 0.034941569056)]
 
 
 def hencky(left: float = LEFT, scale: float = 1.0, plane: str = "strain") -> Material:

@@ -12,7 +12,7 @@ import hemivar as hv
 from hemivar.basics.generators import result_of
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
-from hemivar.laws import ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, SurveyLaw, Tresca
+from hemivar.laws import ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, ThresholdCompliance, Tresca
 from hemivar.solvers import (
     METHODS,
     AugmentedLagrangian,
@@ -245,7 +245,7 @@ def test_no_residual_is_hidden_by_a_kink_missed_by_rounding() -> None:
         np.eye(2),
         np.ones(1),
         np.zeros(1),
-        ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.5)),
+        ContactLaw(ThresholdCompliance(0.3, 2.0), Tresca(0.5)),
     )
     found = solve(problem, NonsmoothNewton())
     from hemivar.discrete import residual

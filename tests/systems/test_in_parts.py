@@ -16,7 +16,7 @@ import hemivar as hv
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.systems.contact_moves import best_component, diagonal_step, majorant, snapped
+from hemivar.systems.contact_moves import best_component, diagonal_step, majorant, snap_to_kinks
 
 PARTS = 2
 
@@ -118,14 +118,14 @@ def test_contact_moves(normal: hv.laws.Superpotential) -> None:
     stiff = majorant(body)
     move, (best, gained) = diagonal_step(body, r, force, 0.1), best_component(body, r, force)
     assert move.tries > 1
-    near = snapped(body, np.where(np.arange(M)[:, None] == M - 1, 1e5, 1e-8) * r)
+    near = snap_to_kinks(body, np.where(np.arange(M)[:, None] == M - 1, 1e5, 1e-8) * r)
 
     def work(vectors: Vectors, number: int) -> tuple[Any, ...]:
         own = HALVES[number]
         mine = part(body, own, vectors)
         moved, (point, least) = diagonal_step(mine, r[own], force[own], 0.1), best_component(mine, r[own], force[own])
         scale = np.where(own[:, None] == M - 1, 1e5, 1e-8)
-        return majorant(mine), moved, point, least, snapped(mine, scale * r[own])
+        return majorant(mine), moved, point, least, snap_to_kinks(mine, scale * r[own])
 
     for own, (found, moved, point, least, close) in zip(HALVES, in_parts(work), strict=True):
         assert found == pytest.approx(stiff, rel=1e-9)
@@ -137,13 +137,13 @@ def test_contact_moves(normal: hv.laws.Superpotential) -> None:
         np.testing.assert_array_equal(close, near[own])
 
 
-def test_a_target_that_is_not_finite_in_one_part_is_endless_in_all() -> None:
+def test_a_target_that_is_not_finite_in_one_part_is_unbounded_in_all() -> None:
     body, r, force = whole(hv.Compliance(5.0))
     force[-1, 0] = np.inf
 
     def work(vectors: Vectors, number: int) -> bool:
         own = HALVES[number]
-        return diagonal_step(part(body, own, vectors), r[own], force[own], 1.0).endless
+        return diagonal_step(part(body, own, vectors), r[own], force[own], 1.0).unbounded
 
     assert in_parts(work) == [True, True]
 

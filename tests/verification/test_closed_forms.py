@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hemivar.fem import discretize, v_norm
-from hemivar.laws import Bilateral, Compliance, NoContact, Signorini, SurveyLaw, Tresca
+from hemivar.laws import Bilateral, Compliance, NoContact, Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import (
     Clamped,
     Contact,
@@ -30,10 +30,10 @@ ALL_PATTERNS = ["cross", "right", "left"]
 @pytest.mark.parametrize(
     ("law", "load", "expected"),
     [
-        (SurveyLaw(0.1, 2.0), 0.8, 0.1),  # kappa (r0 - r) = q + p r
-        (SurveyLaw(0.5, 2.0), 0.8, 0.0),  # held by the rigid part
-        (SurveyLaw(0.1, 2.0), -0.8, -0.4),  # lifted
-        (SurveyLaw(0.1, 0.0), 0.8, 0.3),
+        (ThresholdCompliance(0.1, 2.0), 0.8, 0.1),  # kappa (r0 - r) = q + p r
+        (ThresholdCompliance(0.5, 2.0), 0.8, 0.0),  # held by the rigid part
+        (ThresholdCompliance(0.1, 2.0), -0.8, -0.4),  # lifted
+        (ThresholdCompliance(0.1, 0.0), 0.8, 0.3),
         (Signorini(), 0.8, 0.0),
         (Bilateral(), -0.8, 0.0),
         (NoContact(), 0.8, 0.4),
@@ -55,7 +55,7 @@ def test_bar_on_a_convex_foundation(law: object, load: float, expected: float) -
 def block(weight: float, q: float, p: float, quadrature: Quadrature) -> ContactProblem:
     """E2: (0, 0.5) x (0, 1), frictionless rollers on both sides, top fixed, body force (0, -weight)."""
     return bodies.column(
-        Contact(SurveyLaw(q, p), Tresca(0.2)),
+        Contact(ThresholdCompliance(q, p), Tresca(0.2)),
         cells=(2, 4),
         pattern="cross",
         size=(0.5, 1.0),
@@ -85,7 +85,7 @@ def test_block_under_its_own_weight(q: float, p: float, quadrature: Quadrature) 
 @pytest.mark.parametrize("method", [name for name in METHODS if name not in ("direct-powell",)])
 def test_block_patch(method: str) -> None:
     """E2's patch version: top moved down by D, no body force: s = 0.9/14 and u linear."""
-    problem = bodies.column(SurveyLaw(0.3, 2.0), cells=6, pattern="cross", top=Prescribed((0.0, -0.1)))
+    problem = bodies.column(ThresholdCompliance(0.3, 2.0), cells=6, pattern="cross", top=Prescribed((0.0, -0.1)))
     found = solve(discretize(problem), METHODS[method])
     s = 0.9 / 14.0
     tolerance = 1e-10 if method in ("newton", "active-set", "augmented-lagrangian-newton") else 1e-8
@@ -100,7 +100,9 @@ def test_block_patch(method: str) -> None:
 @pytest.mark.parametrize("q", [0.3, 0.6])
 def test_block_held_by_its_foundation_alone(q: float) -> None:
     """Semicoercive case: no vertical support, pressure P on top: P in dj(s), s = (P - q)/p or rigid contact."""
-    problem = bodies.column(SurveyLaw(q, 2.0), cells=4, pattern="cross", top=None, tractions={"top": Pressure(0.5)})
+    problem = bodies.column(
+        ThresholdCompliance(q, 2.0), cells=4, pattern="cross", top=None, tractions={"top": Pressure(0.5)}
+    )
     found = solve(discretize(problem))
     assert found.status.value == "converged"
     np.testing.assert_allclose(found.penetration, max(0.5 - q, 0.0) / 2.0, atol=1e-10)

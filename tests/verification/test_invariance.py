@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
-from hemivar.laws import ContactLaw, Friction, SurveyLaw, Tresca
+from hemivar.laws import ContactLaw, Friction, ThresholdCompliance, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Roller
 from hemivar.mesh import rectangle
 from hemivar.solvers import METHODS, Solution, solve
@@ -23,7 +23,7 @@ EXACT = ["newton", "active-set", "augmented-lagrangian-newton", "direct-lbfgs", 
 def in_other_units(data: str, n: int, length: float, stress: float) -> DiscreteProblem:
     """The square with every length multiplied by ``length`` and every stress by ``stress``."""
     force, normal, friction = SURVEY_DATA[data]
-    assert isinstance(normal, SurveyLaw)
+    assert isinstance(normal, ThresholdCompliance)
     return discretize(
         ContactProblem(
             mesh=rectangle((length, length), (n, n), "cross"),
@@ -31,7 +31,7 @@ def in_other_units(data: str, n: int, length: float, stress: float) -> DiscreteP
             supports={"left": Clamped()},
             contact={
                 "bottom": Contact(
-                    SurveyLaw(normal.q_max * stress, normal.p_const * stress / length),  # type: ignore[operator]
+                    ThresholdCompliance(normal.q_max * stress, normal.p_const * stress / length),  # type: ignore[operator]
                     Tresca(friction.bound * stress),  # type: ignore[operator]
                 )
             },
@@ -135,7 +135,7 @@ def quadratic_programme(problem: DiscreteProblem, q: float, p: float, rigid: boo
 def test_energy_is_that_of_a_quadratic_programme(data: str) -> None:
     problem = discrete_square(data, 8)
     _, normal, friction = {**SURVEY_DATA, **OTHER_DATA}[data]
-    rigid = not isinstance(normal, SurveyLaw)
+    rigid = not isinstance(normal, ThresholdCompliance)
     q, p = (0.0, 0.0) if rigid else (float(normal.q_max), float(normal.p_const))  # type: ignore[union-attr,arg-type]
     u = quadratic_programme(problem, q, p, rigid, float(friction.bound))  # type: ignore[arg-type]
     found = solve(problem)
@@ -182,12 +182,14 @@ def test_energy_is_that_of_brute_force(data: str) -> None:
 def test_parameters_that_vary_along_the_boundary() -> None:
     """A law with q_max(x), h(x) equals, point by point, the table of the same numbers."""
     problem = square(n=8)
-    varying = {"bottom": Contact(SurveyLaw(lambda x: 0.1 + x[:, 0], 2.0), Tresca(lambda x: 0.2 * (2.0 - x[:, 0])))}
+    varying = {
+        "bottom": Contact(ThresholdCompliance(lambda x: 0.1 + x[:, 0], 2.0), Tresca(lambda x: 0.2 * (2.0 - x[:, 0])))
+    }
     import dataclasses
 
     discrete = discretize(dataclasses.replace(problem, contact=varying))
     x = discrete.contact.points[:, 0]  # type: ignore[index]
-    numbers = discrete.with_(law=ContactLaw(SurveyLaw(0.1 + x, 2.0), Friction(0.2 * (2.0 - x))))
+    numbers = discrete.with_(law=ContactLaw(ThresholdCompliance(0.1 + x, 2.0), Friction(0.2 * (2.0 - x))))
     assert relative_difference(solve(numbers), solve(discrete)) < 1e-13
     uniform = solve(discretize(problem))
     assert relative_difference(solve(discrete), uniform) > 1e-2

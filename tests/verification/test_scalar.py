@@ -166,11 +166,11 @@ def test_an_obstacle_by_projected_relaxation() -> None:
 
 def test_mirrored_problems_have_mirrored_solutions() -> None:
     """What lies below and is met by falling is what lies above and is met by rising."""
-    hill = hv.ScalarContact(hv.laws.SurveyLaw(0.2, 30.0), lambda x: 0.02 + 0.1 * x[:, 0])
+    hill = hv.ScalarContact(hv.laws.ThresholdCompliance(0.2, 30.0), lambda x: 0.02 + 0.1 * x[:, 0])
     above = membrane(16, area=hill)
     below = membrane(
         16,
-        area=hv.ScalarContact(hv.laws.SurveyLaw(0.2, 30.0), lambda x: -0.02 - 0.1 * x[:, 0], Side.BELOW),
+        area=hv.ScalarContact(hv.laws.ThresholdCompliance(0.2, 30.0), lambda x: -0.02 - 0.1 * x[:, 0], Side.BELOW),
         source=-2.0,
     )
     one, other = hv.solve(above), hv.solve(below)
@@ -310,7 +310,7 @@ def between_plates(n: int, k: float, source: float, warm: float) -> tuple[hv.Sca
     problem = hv.ScalarProblem(
         hv.box((1.0, 1.0, 1.0), n),
         k,
-        contact={"bottom": hv.ScalarContact(hv.laws.SurveyLaw(q, p), outside)},
+        contact={"bottom": hv.ScalarContact(hv.laws.ThresholdCompliance(q, p), outside)},
         supports={"top": warm},
         source=source,
         kind="heat",  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ from hemivar.certificates import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize, interpolate
 from hemivar.gallery import survey_cube, survey_cube_logarithmic
-from hemivar.laws import Signorini, SurveyLaw, Tresca
+from hemivar.laws import Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import Contact, ContactProblem, Material, Prescribed
 from hemivar.mesh import box
 from hemivar.solvers import METHODS, Solution, Status, solve, solve_nested
@@ -60,7 +60,7 @@ def test_friction_turns_with_the_load(method: str, angle: float) -> None:
         mesh=mesh,
         material=Material.lame(0.0, mu),
         supports={"top": Prescribed(tuple(along * direction - [0.0, 0.0, down]))},
-        contact={"bottom": Contact(SurveyLaw(q, p), Tresca(bound))},
+        contact={"bottom": Contact(ThresholdCompliance(q, p), Tresca(bound))},
         tractions={
             "left": (0.0, 0.0, -bound * direction[0]),
             "right": (0.0, 0.0, bound * direction[0]),
@@ -150,7 +150,9 @@ def test_units_do_not_matter(length: float, stress: float) -> None:
                 problem,
                 mesh=problem.mesh.scaled(length),
                 material=Material.lame(4.0 * stress, 4.0 * stress),
-                contact={"bottom": Contact(SurveyLaw(0.3 * stress, 2.0 * stress / length), Tresca(0.5 * stress))},
+                contact={
+                    "bottom": Contact(ThresholdCompliance(0.3 * stress, 2.0 * stress / length), Tresca(0.5 * stress))
+                },
                 body_force=tuple(c * stress / length for c in problem.body_force),
             )
         )

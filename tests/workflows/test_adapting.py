@@ -8,7 +8,7 @@ from hemivar.errors import ProblemError
 from hemivar.gallery import antiplane_friction, survey
 from hemivar.workflows import (
     AdaptOptions,
-    Certified,
+    CertificateEvent,
     CertifyOptions,
     Refined,
     RunOptions,
@@ -25,7 +25,7 @@ def test_every_mesh_is_an_event_and_the_last_solution_is_certified() -> None:
     meshes = [event for event in events if isinstance(event, Refined)]
     assert [event.number for event in meshes] == list(range(len(result.adaptive.levels)))
     assert tuple(event.level for event in meshes) == result.adaptive.levels
-    assert isinstance(events[-1], Certified)
+    assert isinstance(events[-1], CertificateEvent)
     assert result.certificate is not None
     assert result.certificate.exact is not None
     assert result.certificate.exact.bound == result.adaptive.distance.distance

@@ -18,7 +18,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.fem.error_norms import KnownField, error_norms
 from hemivar.files.problem_file import parse_problem
 from hemivar.report import plot_study, study_table
-from hemivar.workflows import Begun, StudyLevel, StudyOptions, result_of, studying
+from hemivar.workflows import StartEvent, StudyLevel, StudyOptions, result_of, studying
 from tests import bodies
 from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT
 from tests.problems import square
@@ -163,7 +163,7 @@ def solved(problem: hv.ContactProblem, options: StudyOptions) -> tuple[list[int]
     begun: list[int] = []
 
     def view(event: object) -> None:
-        if isinstance(event, Begun):
+        if isinstance(event, StartEvent):
             begun.append(event.number)
 
     return begun, result_of(studying(problem, options), view)

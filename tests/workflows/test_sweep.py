@@ -15,7 +15,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.files.changes import Change
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.report import plot_sweep, sweep_table
-from hemivar.workflows import SweepAxis, SweepOptions, Swept, read_axis, result_of, sweeping
+from hemivar.workflows import SweepAxis, SweepEvent, SweepOptions, read_axis, result_of, sweeping
 from tests.problem_files import block_file
 from tests.problems import bar
 
@@ -43,7 +43,7 @@ def stopped_after(count: int, keep: Path) -> hv.workflows.Sweep:
     seen: list[SweepPoint] = []
 
     def view(event: object) -> None:
-        if isinstance(event, Swept):
+        if isinstance(event, SweepEvent):
             seen.append(event.point)
             if len(seen) == count:
                 raise KeyboardInterrupt
@@ -95,7 +95,7 @@ def test_what_was_interrupted_goes_on_with_the_same_bits(whole: hv.workflows.Swe
 def test_only_what_is_not_done_is_computed(tmp_path: Path) -> None:
     keep = tmp_path / "a.jsonl"
     stopped_after(5, keep)
-    computed = [e for e in sweeping(softening_bar, AXES, SweepOptions(keep=keep)) if isinstance(e, Swept)]
+    computed = [e for e in sweeping(softening_bar, AXES, SweepOptions(keep=keep)) if isinstance(e, SweepEvent)]
     assert len(computed) == 16 - 5
 
 

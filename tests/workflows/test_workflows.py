@@ -21,21 +21,21 @@ from hemivar.fem import LoadLine
 from hemivar.gallery import survey as survey_problem
 from hemivar.solvers import Controls, NonsmoothNewton
 from hemivar.workflows import (
-    Advanced,
     Attempt,
-    Begun,
-    Certified,
+    CertificateEvent,
     CertifyOptions,
-    Chosen,
     CompareOptions,
     Condensed,
     Event,
-    Found,
+    FoundEvent,
+    MethodEvent,
     PathOptions,
     Phase,
     Progress,
     RunOptions,
     SolutionsOptions,
+    StartEvent,
+    SurveyEvent,
     SurveyOptions,
     Work,
     equilibria,
@@ -73,13 +73,13 @@ def kinds(events: list[Event]) -> list[str]:
 
 def test_a_run_tells_of_all_it_does_and_returns_what_solve_and_certify_return() -> None:
     result, events = watched(workflows.run(PROBLEM))
-    assert kinds(events) == ["Chosen", "Begun", "Progress", "Found", "Certified"]
+    assert kinds(events) == ["MethodEvent", "StartEvent", "Progress", "FoundEvent", "CertificateEvent"]
     expected = hv.solve(PROBLEM)
     np.testing.assert_array_equal(result.solution.unknowns, expected.unknowns)
     steps = [event for event in events if isinstance(event, Progress)]
     assert tuple(steps) == result.solution.history
-    (found,) = (event for event in events if isinstance(event, Found))
-    (certified,) = (event for event in events if isinstance(event, Certified))
+    (found,) = (event for event in events if isinstance(event, FoundEvent))
+    (certified,) = (event for event in events if isinstance(event, CertificateEvent))
     assert found.solution is result.solution
     assert certified.certificate is result.certificate
     assert result.certificate is not None
@@ -96,25 +96,25 @@ def test_a_run_tells_of_all_it_does_and_returns_what_solve_and_certify_return() 
 def test_warnings_come_first() -> None:
     nearly_incompressible = replace(square(n=2), material=hv.Material.young(1.0, 0.4999))
     events = watched(workflows.run(nearly_incompressible, RunOptions(coarser=[PROBLEM])))[1]
-    assert kinds(events)[0] == "Warned"
-    assert [event.text for event in events if isinstance(event, workflows.Warned)] == list(
+    assert kinds(events)[0] == "WarningEvent"
+    assert [event.text for event in events if isinstance(event, workflows.WarningEvent)] == list(
         hv.discretize(nearly_incompressible).warnings
     )
 
 
 def test_a_warm_start_goes_over_the_coarser_meshes() -> None:
     result, events = watched(workflows.run(PROBLEM, RunOptions(NonsmoothNewton(), coarser=[square(n=2)])))
-    begun = [event for event in events if isinstance(event, Begun)]
+    begun = [event for event in events if isinstance(event, StartEvent)]
     assert [(event.number, event.count) for event in begun] == [(0, 2), (1, 2)]
     assert begun[1].problem is result.solution.problem
-    (chosen,) = (event for event in events if isinstance(event, Chosen))
+    (chosen,) = (event for event in events if isinstance(event, MethodEvent))
     assert (chosen.solver, chosen.reason) == (NonsmoothNewton(), "")
     cold = hv.solve(PROBLEM)
     assert result.solution.energy == pytest.approx(cold.energy, rel=1e-12)
     assert result.solution.history[0].residual < 0.5 * cold.history[0].residual
 
 
-@pytest.mark.parametrize("kind", [Progress, Found, Certified])
+@pytest.mark.parametrize("kind", [Progress, FoundEvent, CertificateEvent])
 def test_an_interruption_keeps_what_there_is(kind: type[Event]) -> None:
     result, events = watched(workflows.run(PROBLEM), lambda event: isinstance(event, kind))
     assert result.interrupted
@@ -125,18 +125,20 @@ def test_an_interruption_keeps_what_there_is(kind: type[Event]) -> None:
     else:
         assert result.solution.status is hv.Status.CONVERGED
         assert result.complaint == "interrupted"
-        assert (result.certificate is None) == (kind is Found)
-    assert sum(isinstance(event, Found) for event in events) == 1
+        assert (result.certificate is None) == (kind is FoundEvent)
+    assert sum(isinstance(event, FoundEvent) for event in events) == 1
 
 
 def test_an_interruption_between_two_meshes_keeps_the_coarser_solution() -> None:
     options = RunOptions(coarser=[square(n=2)])
-    result, _ = watched(workflows.run(PROBLEM, options), lambda event: isinstance(event, Begun) and event.number == 1)
+    result, _ = watched(
+        workflows.run(PROBLEM, options), lambda event: isinstance(event, StartEvent) and event.number == 1
+    )
     assert result.solution.status is hv.Status.INTERRUPTED
     assert result.solution.problem.unknowns == hv.discretize(square(n=2)).unknowns
     assert result.solution.residual.relative < 1e-9
     with pytest.raises(KeyboardInterrupt):
-        watched(workflows.run(PROBLEM, options), lambda event: isinstance(event, Begun))
+        watched(workflows.run(PROBLEM, options), lambda event: isinstance(event, StartEvent))
 
 
 def test_a_lack_of_memory_for_the_certificate_is_no_lack_of_a_solution(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,10 +153,10 @@ def test_a_lack_of_memory_for_the_certificate_is_no_lack_of_a_solution(monkeypat
 
 def test_a_pair_is_certified_or_what_a_solve_finds() -> None:
     solved, events = watched(workflows.certify(PROBLEM))
-    assert kinds(events) == ["Chosen", "Begun", "Progress", "Found", "Certified"]
+    assert kinds(events) == ["MethodEvent", "StartEvent", "Progress", "FoundEvent", "CertificateEvent"]
     solution = hv.solve(PROBLEM)
     given, events = watched(workflows.certify(PROBLEM, solution.unknowns))
-    assert kinds(events) == ["Certified"]
+    assert kinds(events) == ["CertificateEvent"]
     assert given.margin == solved.margin
     assert given.stationary
     wrong = result_of(workflows.certify(PROBLEM, 1.01 * solution.unknowns))
@@ -225,7 +227,7 @@ def test_a_comparison_that_is_interrupted_keeps_its_attempts() -> None:
 def test_solutions_and_path_are_those_of_the_library() -> None:
     found, events = watched(workflows.solutions(PROBLEM, SolutionsOptions(starts=3)))
     np.testing.assert_array_equal(found.energies, find_solutions(PROBLEM, starts=3).energies)
-    assert [event.solution for event in events if isinstance(event, Found)] == list(found)
+    assert [event.solution for event in events if isinstance(event, FoundEvent)] == list(found)
     path = result_of(workflows.path(PROBLEM, PathOptions((0.0, 1.5))))
     np.testing.assert_array_equal(path.load_factor, follow_path(PROBLEM, (0.0, 1.5)).load_factor)
     assert result_of(workflows.solutions(PROBLEM, SolutionsOptions(max_solutions=1))).energies.size == 1
@@ -326,7 +328,7 @@ def test_a_survey_that_is_interrupted_keeps_what_is_done() -> None:
     assert runs.interrupted
     assert list(runs.figures) == ["figure1"]
     assert (runs.meshes, runs.errors) == ((), {})
-    (done,) = (event for event in events if isinstance(event, Advanced))
+    (done,) = (event for event in events if isinstance(event, SurveyEvent))
     assert done.part == "figure1"
     assert done.runs.figures["figure1"] == runs.figures["figure1"]
     newton = runs.figures["figure1"]["newton"]

@@ -23,9 +23,9 @@ from hemivar.adapt.adaptive_end import AdaptiveEnd
 from hemivar.adapt.goal_values import GoalValue, goal_value
 from hemivar.adapt.goals import Goal, goal_named
 from hemivar.basics.arguments import expect, number
-from hemivar.basics.display import Displayed, brief
+from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.generators import result_of
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array, BoolArray, Record
@@ -131,7 +131,7 @@ class AdaptiveLevel:
 
 
 @dataclass(frozen=True, eq=False)
-class AdaptiveSolution(Displayed):
+class AdaptiveSolution(ReprMixin):
     """Solutions on finer and finer meshes, with their distances to the exact one.
 
     Attributes
@@ -225,7 +225,7 @@ class AdaptiveSolution(Displayed):
 
 
 def solve_adaptive(
-    problem: ContactProblem | KnownStatement, *, rtol: float = 0.01, **options: object
+    problem: ContactProblem | ManufacturedProblem, *, rtol: float = 0.01, **options: object
 ) -> AdaptiveSolution:
     """Refine the mesh where it is needed until a solution is known to be near to the exact one.
 
@@ -254,7 +254,7 @@ def solve_adaptive(
 
 
 def solving_adaptive(
-    problem: ContactProblem | KnownStatement,
+    problem: ContactProblem | ManufacturedProblem,
     *,
     rtol: float = 0.01,
     goal: Goal | str | None = None,
@@ -355,7 +355,7 @@ def solving_adaptive(
 
 
 def _checked(
-    problem: ContactProblem | KnownStatement,
+    problem: ContactProblem | ManufacturedProblem,
     rtol: float,
     share: float,
     max_unknowns: int,

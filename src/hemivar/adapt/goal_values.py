@@ -35,7 +35,7 @@ from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, 
 from hemivar.certificates.continuous.body_data import BodyData, VaryingLoads
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
 from hemivar.certificates.continuous.exact_distance import SWEEPS, ExactDistance
-from hemivar.certificates.continuous.sweeps import Sweeper
+from hemivar.certificates.continuous.sweeps import PatchSmoother
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.discrete.problem import DiscreteProblem
@@ -259,7 +259,7 @@ def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:
     if traces is not None:
         own = replace(traces, data=data)
         pressures = own.on_facets(-own.moments(own.interpolated(start.moments)))
-    sweeper = Sweeper(admissible_stress(data, pressures, start))
+    sweeper = PatchSmoother(admissible_stress(data, pressures, start))
     for kind in SWEEPS[data.table.dim]:
         sweeper.sweep(kind)
     return sweeper.stress

@@ -11,7 +11,7 @@ from dataclasses import fields
 from types import UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def expect(value: object, kind: Any, name: str, remedy: str) -> object:
     ProblemError
         ``NAME is WHAT; REMEDY``; for the class in place of an object of it, that it must be made first.
     """
-    value = KnownStatement.of(value) if not isinstance(value, kind) else value
+    value = ManufacturedProblem.of(value) if not isinstance(value, kind) else value
     if isinstance(value, kind):
         return value
     if isinstance(value, type) and issubclass(value, kind):

@@ -15,20 +15,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-__all__ = ["Displayed", "brief"]
+__all__ = ["ReprMixin", "brief"]
 
 #: Characters of a field in a short description, and of the whole; numbers of an array that are told.
 _FIELD, _WHOLE, _FEW = 90, 400, 6
 
 
-class Displayed:
+class ReprMixin:
     """Base of classes that have a picture and a table, and that a notebook shows by both.
 
     What they show is told in one place, :mod:`hemivar.report.notebook` and :mod:`hemivar.report.frames`.
     """
 
     def _repr_html_(self) -> str:
-        html: str = above("Displayed._repr_html_")(self)
+        html: str = above("ReprMixin._repr_html_")(self)
         return html
 
     def plot(self) -> Figure:
@@ -41,7 +41,7 @@ class Displayed:
         ProblemError
             There is nothing to draw.
         """
-        figure: Figure = above("Displayed.plot")(self)
+        figure: Figure = above("ReprMixin.plot")(self)
         return figure
 
     def show(self) -> None:
@@ -52,7 +52,7 @@ class Displayed:
         ProblemError
             There is nothing to draw, or no window can be opened here.
         """
-        above("Displayed.show")(self)
+        above("ReprMixin.show")(self)
 
     def to_dataframe(self) -> DataFrame:
         """A pandas DataFrame of what it holds, a row for each of its parts.
@@ -62,7 +62,7 @@ class Displayed:
         ProblemError
             pandas is not installed.
         """
-        frame: DataFrame = above("Displayed.to_dataframe")(self)
+        frame: DataFrame = above("ReprMixin.to_dataframe")(self)
         return frame
 
 

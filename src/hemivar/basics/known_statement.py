@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-__all__ = ["KnownStatement"]
+__all__ = ["ManufacturedProblem"]
 
 
-class KnownStatement(ABC):
+class ManufacturedProblem(ABC):
     """A problem or an evolution together with what is known of its solution."""
 
     @property
@@ -18,4 +18,4 @@ class KnownStatement(ABC):
     @staticmethod
     def of(given: object) -> object:
         """The statement of one whose solution is known as well; anything else as it is."""
-        return given.statement if isinstance(given, KnownStatement) else given
+        return given.statement if isinstance(given, ManufacturedProblem) else given

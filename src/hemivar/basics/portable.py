@@ -17,10 +17,10 @@ from hemivar.basics.display import brief
 from hemivar.basics.types import AnyArray
 from hemivar.errors import ProblemError
 
-__all__ = ["Portable"]
+__all__ = ["PickleMixin"]
 
 
-class Portable:
+class PickleMixin:
     """Base of frozen classes whose objects can be pickled and copied.
 
     Cached properties are left behind and computed again when they are asked for; read-only arrays and mappings
@@ -103,7 +103,7 @@ def _unpacked(value: object) -> object:
     return value.value
 
 
-def _check_functions(owner: Portable, name: str, value: object) -> None:
+def _check_functions(owner: PickleMixin, name: str, value: object) -> None:
     """Refuse functions that plain pickle cannot send, in the words of who gave them."""
     if isinstance(value, _ReadOnly):
         value = value.value

@@ -7,9 +7,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from hemivar.basics.display import Displayed
+from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import LoadLine
@@ -84,7 +84,7 @@ class PathJump:
 
 
 @dataclass(frozen=True, eq=False)
-class Path(Portable, Displayed):
+class Path(PickleMixin, ReprMixin):
     """Equilibria in the order in which they are met.
 
     Attributes

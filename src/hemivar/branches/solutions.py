@@ -10,7 +10,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.deadline import Budget, limited
-from hemivar.basics.display import Displayed
+from hemivar.basics.display import ReprMixin
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
@@ -34,7 +34,7 @@ _SHOWN = 4
 
 
 @dataclass(frozen=True, eq=False)
-class SolutionSet(Sequence[Solution], Displayed):
+class SolutionSet(Sequence[Solution], ReprMixin):
     """The solutions that were found, ordered by energy.
 
     Attributes

@@ -155,8 +155,8 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
     for given in (True, False):
         lam = point.lam if given else equilibrium_multiplier(problem, point.u)
         law = point.law(r, lam)
-        snapped = np.where(point.active, law.fitted(r, lam, tau), r)
-        best = min(best, _admissible(point, point.u, snapped, lam, margin, ceiling))
+        snap_to_kinks = np.where(point.active, law.fitted(r, lam, tau), r)
+        best = min(best, _admissible(point, point.u, snap_to_kinks, lam, margin, ceiling))
         if best <= poor * scale and not point.energy.factorised:
             break
     linear = isinstance(problem.bulk, Quadratic)

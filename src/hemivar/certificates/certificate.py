@@ -13,7 +13,7 @@ import numpy as np
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
-from hemivar.basics.display import Displayed
+from hemivar.basics.display import ReprMixin
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, Record
 from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound
@@ -66,7 +66,7 @@ class Certifiable(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Certificate(Displayed):
+class Certificate(ReprMixin):
     """What is known about a pair ``(u, lambda)``.
 
     K is the stiffness of the body. Of one that is not linear ``K u`` is the derivative of its stored energy, and

@@ -59,7 +59,7 @@ class MarchOptions:
         ------
         ProblemError
         """
-        from hemivar.evolution import SCHEMES, Jump
+        from hemivar.evolution import SCHEMES, SelectionRule
 
         check_limits(self.rtol, self.max_time)
         for option, value in (("--step", self.step), ("--adaptive", self.adaptive), ("--every", self.every)):
@@ -69,7 +69,7 @@ class MarchOptions:
             raise ProblemError(f"--until is {self.until:g}; it must be a finite time")
         if self.minutes is not None and not 0.0 <= self.minutes < math.inf:
             raise ProblemError(f"--minutes is {self.minutes:g}; it must be a number >= 0")
-        jumps = [kind.value for kind in Jump]
+        jumps = [kind.value for kind in SelectionRule]
         for option, name, known in (("--scheme", self.scheme, list(SCHEMES)), ("--jump", self.jump, jumps)):
             if name is not None and name not in known:
                 raise ProblemError(f"{option} {name}: it is not known{suggest(name, known)}")
@@ -82,7 +82,7 @@ class MarchOptions:
         ProblemError
             There is no checkpoint whose writing could wait.
         """
-        from hemivar.evolution import SCHEMES, Jump
+        from hemivar.evolution import SCHEMES, SelectionRule
         from hemivar.workflows import MarchSettings
 
         if self.minutes is not None and checkpoint is None:
@@ -93,7 +93,7 @@ class MarchOptions:
             rtol=self.adaptive,
             every=self.every,
             scheme=None if self.scheme is None else SCHEMES[self.scheme],
-            jump=None if self.jump is None else Jump(self.jump),
+            jump=None if self.jump is None else SelectionRule(self.jump),
             checkpoint=checkpoint,
             minutes=self.minutes,
             resume=self.resume,

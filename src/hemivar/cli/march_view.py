@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hemivar.evolution import History
     from hemivar.evolution.discrete import DiscreteEvolution
     from hemivar.files.series import Series
-    from hemivar.workflows import Event, Taken
+    from hemivar.workflows import Event, ProgressEvent
 
 __all__ = ["Bar", "MarchView", "code_of", "print_history"]
 
@@ -69,11 +69,11 @@ class MarchView:
 
     def __call__(self, event: Event) -> bool:
         """Show an event; returns whether to stop."""
-        from hemivar.workflows import Ready, Taken
+        from hemivar.workflows import ProgressEvent, ReadyEvent
 
-        if isinstance(event, Ready):
+        if isinstance(event, ReadyEvent):
             self._begin(event.discrete)
-        elif isinstance(event, Taken):
+        elif isinstance(event, ProgressEvent):
             self._frames(event)
             if not self.quiet:
                 self._step(event)
@@ -84,7 +84,7 @@ class MarchView:
         self._head(discrete)
         self.series = self._begin_series(discrete)
 
-    def _frames(self, event: Taken) -> None:
+    def _frames(self, event: ProgressEvent) -> None:
         """Write a frame at once, so that a march that is killed leaves what it had."""
         stepped = event.stepped
         if self.series is None or not (stepped.frame or stepped.earlier):
@@ -97,7 +97,7 @@ class MarchView:
             self.failed.append(f"--fields: {error}")
             self.series = None
 
-    def _step(self, event: Taken) -> None:
+    def _step(self, event: ProgressEvent) -> None:
         row, done = event.stepped.row, event.stepped.done
         if event.stepped.unkept and not self._warned:
             self._warned = True

@@ -85,21 +85,21 @@ class SolveView:
     def __call__(self, event: Event) -> bool:
         """Show an event; returns whether to stop."""
         from hemivar.solvers import Progress, Status
-        from hemivar.workflows import Begun, Chosen, Found
+        from hemivar.workflows import FoundEvent, MethodEvent, StartEvent
 
         match event:
-            case Chosen(solver, reason):
+            case MethodEvent(solver, reason):
                 print(f"method            {solver.name}")
                 if reason:
                     print(f"chosen            {reason}", flush=True)
-            case Begun(problem, _, count) if not self.quiet:
+            case StartEvent(problem, _, count) if not self.quiet:
                 level = ""
                 if count > 1 and problem.field is not None:
                     level = f"   mesh with h = {problem.field.mesh.size:.3g}, {problem.unknowns} unknowns"
                 print_step_head(level)
             case Progress() if not self.quiet:
                 return print_step(event)
-            case Found(solution):
+            case FoundEvent(solution):
                 self.solution = solution
                 if solution.status is Status.INTERRUPTED:
                     print("\ninterrupted       the best iterate follows; Ctrl-C again leaves its certificate out")

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from hemivar.coercivity.rigid_modes import FreeMotions, MovingGroup
+from hemivar.coercivity.rigid_modes import Mechanism, RigidModes
 
 if TYPE_CHECKING:
     from hemivar.discrete.space import Field
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["free_constants"]
 
 
-def free_constants(field: Field) -> FreeMotions:
+def free_constants(field: Field) -> RigidModes:
     """Constants on what hangs together, be it at one node only, and is held at none: the kernel of a gradient."""
     mesh, size = field.mesh, field.number_of_nodes
     low, high = mesh.edges.T
@@ -29,9 +29,9 @@ def free_constants(field: Field) -> FreeMotions:
     for number, piece in enumerate(np.flatnonzero(~held)):
         parts = np.unique(mesh.parts.cell[label[mesh.cells[:, 0]] == piece])
         coefficients, none = np.ones((len(parts), 1, 1)), np.zeros(0, dtype=np.int64)
-        groups.append(MovingGroup(parts, slice(number, number + 1), coefficients, none))
+        groups.append(Mechanism(parts, slice(number, number + 1), coefficients, none))
         entries.append(np.flatnonzero(label == piece))
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *entries])
     columns = np.repeat(np.arange(len(entries)), [len(one) for one in entries])
     motions = sp.csc_array((np.ones(len(rows)), (rows, columns)), shape=(size, len(entries)))
-    return FreeMotions(motions, tuple(groups), mesh.parts)
+    return RigidModes(motions, tuple(groups), mesh.parts)

@@ -21,8 +21,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.coercivity.recession import SLACK, Growth, Verdict, decide, growth_along, hinges
-from hemivar.coercivity.rigid_modes import FreeMotions
+from hemivar.coercivity.recession import SLACK, Coercivity, RecessionFunction, decide, growth_along, hinges
+from hemivar.coercivity.rigid_modes import RigidModes
 from hemivar.laws import VectorLaw
 
 if TYPE_CHECKING:
@@ -39,7 +39,9 @@ PERHAPS_NO_MINIMUM = "held by the foundation up to a limit; whether the energy h
 _SMALL = 1e-6
 
 
-def growths(field: Field, contact: ContactPoints, law: VectorLaw, forces: Array, motions: FreeMotions) -> list[Growth]:
+def growths(
+    field: Field, contact: ContactPoints, law: VectorLaw, forces: Array, motions: RigidModes
+) -> list[RecessionFunction]:
     """Growth of the energy along the motions of each group of parts, by the recession of the laws.
 
     Parameters
@@ -59,14 +61,14 @@ def growths(field: Field, contact: ContactPoints, law: VectorLaw, forces: Array,
 
 
 def resistances(
-    field: Field, contact: ContactPoints, loading: Loading, forces: Array, motions: FreeMotions, part: float = _SMALL
-) -> list[Growth | None]:
+    field: Field, contact: ContactPoints, loading: Loading, forces: Array, motions: RigidModes, part: float = _SMALL
+) -> list[RecessionFunction | None]:
     """The most that the laws resist on the way from rest, less the work of a part of the load, for each group.
 
     None for groups whose laws are convex: the recession decides there.
     """
     slack, size = geometric_slack(contact.points, contact.weights), float(np.ptp(field.nodes, axis=0).max())
-    found: list[Growth | None] = []
+    found: list[RecessionFunction | None] = []
     law = loading.law
     for points, rows, work, load in _grouped(field, contact, forces, motions):
         own = law.take(points) if len(points) else law
@@ -79,7 +81,7 @@ def resistances(
     return found
 
 
-def limit_of(field: Field, contact: ContactPoints, loading: Loading, motions: FreeMotions) -> str | None:
+def limit_of(field: Field, contact: ContactPoints, loading: Loading, motions: RigidModes) -> str | None:
     """The sentence for a body that its foundation holds at rest only; None if it is held, or not even at rest."""
     forces = field.lift.T @ loading.load
     limit: str | None = None
@@ -90,11 +92,11 @@ def limit_of(field: Field, contact: ContactPoints, loading: Loading, motions: Fr
     )
     for growth, resistance in pairs:
         hold = decide(growth)
-        if hold.verdict is Verdict.HELD:
+        if hold.verdict is Coercivity.HELD:
             continue
-        if resistance is None or decide(resistance).verdict is not Verdict.HELD:
+        if resistance is None or decide(resistance).verdict is not Coercivity.HELD:
             return None
-        limit = NO_MINIMUM if hold.verdict is Verdict.FALLS else limit or PERHAPS_NO_MINIMUM
+        limit = NO_MINIMUM if hold.verdict is Coercivity.FALLS else limit or PERHAPS_NO_MINIMUM
     return limit
 
 
@@ -108,7 +110,7 @@ def geometric_slack(points: Array | None, weights: Array) -> float:
 
 
 def _grouped(
-    field: Field, contact: ContactPoints, forces: Array, motions: FreeMotions
+    field: Field, contact: ContactPoints, forces: Array, motions: RigidModes
 ) -> Iterator[tuple[IntArray, Array, Array, float]]:
     """Of each group of parts: its contact points (k,), their local motions (k, d, a), work of the load along these (a,)
     and the size of what cancels in it."""

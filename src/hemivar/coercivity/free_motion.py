@@ -9,8 +9,8 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.coercivity.foothold import NO_MINIMUM, PERHAPS_NO_MINIMUM, growths, resistances
-from hemivar.coercivity.recession import Growth, Hold, Verdict, decide
-from hemivar.coercivity.rigid_modes import FreeMotions, MovingGroup, rigid_basis
+from hemivar.coercivity.recession import Coercivity, CoercivityResult, RecessionFunction, decide
+from hemivar.coercivity.rigid_modes import Mechanism, RigidModes, rigid_basis
 from hemivar.errors import SupportError
 
 if TYPE_CHECKING:
@@ -42,25 +42,25 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     SupportError
         Naming the part, the motion, and what would hold it.
     """
-    if problem.field is None or not problem.field.knows_motions:
+    if problem.field is None or not problem.field.kernel_known:
         return problem
     field, contact, motions = problem.field, problem.contact, problem.model.free_motions
     forces = field.lift.T @ problem.load if load is None else load
     holds = [decide(growth) for growth in growths(field, contact, problem.law, forces, motions)]
     limit: str | None = None
-    if any(hold.verdict is not Verdict.HELD for hold in holds):
+    if any(hold.verdict is not Coercivity.HELD for hold in holds):
         at_rest = resistances(field, contact, problem.loading, forces, motions)
         for group, hold, resistance in zip(motions.groups, holds, at_rest, strict=True):
-            if hold.verdict is Verdict.HELD:
+            if hold.verdict is Coercivity.HELD:
                 continue
-            if resistance is None or decide(resistance).verdict is not Verdict.HELD:
-                assert hold.direction is not None or hold.verdict is Verdict.UNDECIDED
+            if resistance is None or decide(resistance).verdict is not Coercivity.HELD:
+                assert hold.direction is not None or hold.verdict is Coercivity.UNDECIDED
                 raise _refusal(problem, motions, group, hold)
-            limit = NO_MINIMUM if hold.verdict is Verdict.FALLS else limit or PERHAPS_NO_MINIMUM
+            limit = NO_MINIMUM if hold.verdict is Coercivity.FALLS else limit or PERHAPS_NO_MINIMUM
     return problem.known_to_be_held(limit)
 
 
-def free_growth(problem: DiscreteProblem, motions: FreeMotions) -> list[Growth]:
+def free_growth(problem: DiscreteProblem, motions: RigidModes) -> list[RecessionFunction]:
     """Growth of the energy along the motions of each group of parts."""
     assert problem.field is not None
     forces = problem.field.lift.T @ problem.load
@@ -70,7 +70,7 @@ def free_growth(problem: DiscreteProblem, motions: FreeMotions) -> list[Growth]:
 _REMEDY = "add a support or a law that holds it"
 
 
-def refuse(hold: Hold, motion: str, who: str = "the body", remedy: str = _REMEDY) -> None:
+def refuse(hold: CoercivityResult, motion: str, who: str = "the body", remedy: str = _REMEDY) -> None:
     """Refuse a body that is not held.
 
     Parameters
@@ -85,14 +85,14 @@ def refuse(hold: Hold, motion: str, who: str = "the body", remedy: str = _REMEDY
     ------
     SupportError
     """
-    if hold.verdict is Verdict.HELD:
+    if hold.verdict is Coercivity.HELD:
         return
-    if hold.verdict is Verdict.FALLS:
+    if hold.verdict is Coercivity.FALLS:
         raise SupportError(
             f"{who} is free to move: the loads push it along the rigid motion {motion} with more than supports and "
             f"laws can resist (energy falls by {-hold.growth:.3g} per unit of motion); {remedy}"
         )
-    if hold.verdict is Verdict.BALANCED:
+    if hold.verdict is Coercivity.BALANCED:
         raise SupportError(
             f"{who} is free to move: nothing holds it against the rigid motion {motion} (along it the loads are in "
             f"balance with what supports and laws can resist); {remedy}"
@@ -119,7 +119,7 @@ def describe(coefficients: Array) -> str:
     return "(" + " with ".join(words) + ")"
 
 
-def _refusal(problem: DiscreteProblem, motions: FreeMotions, group: MovingGroup, hold: Hold) -> SupportError:
+def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, hold: CoercivityResult) -> SupportError:
     field = problem.field
     assert field is not None
     part, motion = int(group.parts[0]), ""
@@ -137,7 +137,7 @@ def _refusal(problem: DiscreteProblem, motions: FreeMotions, group: MovingGroup,
     raise AssertionError
 
 
-def _words(field: Field, motions: FreeMotions, group: MovingGroup, part: int) -> tuple[str, str]:
+def _words(field: Field, motions: RigidModes, group: Mechanism, part: int) -> tuple[str, str]:
     """Who moves, and what would hold it."""
     if motions.parts.count == 1:
         return "the body", _REMEDY

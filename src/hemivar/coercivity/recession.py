@@ -30,7 +30,7 @@ import scipy.optimize
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import VectorLaw
 
-__all__ = ["Growth", "Held", "Hold", "Verdict", "decide", "growth_along", "hinges"]
+__all__ = ["Coercivity", "CoercivityProof", "CoercivityResult", "RecessionFunction", "decide", "growth_along", "hinges"]
 
 #: Growth this small, against what cancels in it, is none.
 _BALANCE = 1e-9
@@ -50,7 +50,7 @@ _CUTS = 400
 _BRANCHES = 100
 
 
-class Verdict(Enum):
+class Coercivity(Enum):
     """What is known about a body along its motions without deformation."""
 
     HELD = "held"
@@ -64,7 +64,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Hold:
+class CoercivityResult:
     """The answer, with the motion that it rests on where the body is not held.
 
     Attributes
@@ -76,13 +76,13 @@ class Hold:
         Growth of the energy along it.
     """
 
-    verdict: Verdict
+    verdict: Coercivity
     direction: Array | None = None
     growth: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class CoercivityProof:
     """What was shown of how a body is held, so that it need not be decided again.
 
     It is known by what it was decided of, the very objects: whatever replaces one of them is decided anew.
@@ -104,7 +104,7 @@ class Held:
 
 
 @dataclass(frozen=True, eq=False)
-class Growth:
+class RecessionFunction:
     """Growth of the energy along the motions ``S z``.
 
     Attributes
@@ -156,7 +156,7 @@ class Growth:
 
 def growth_along(
     law: VectorLaw, local: Array, weights: Array, work: Array, load: float, slack: float = SLACK
-) -> Growth:
+) -> RecessionFunction:
     """Growth of the energy along motions.
 
     Parameters
@@ -179,7 +179,7 @@ def growth_along(
 
 def hinges(
     local: Array, up: Array, down: Array, slip: Array | None, work: Array, load: float, slack: float = SLACK
-) -> Growth:
+) -> RecessionFunction:
     """A growth made of rates.
 
     Parameters
@@ -203,28 +203,34 @@ def hinges(
         cone = np.flatnonzero((slip != 0.0) & (d == 3) & np.isfinite(slip))
         cones, rates = local[cone, 1:], slip[cone]
     counts = (np.abs(rows).max(axis=1, initial=0.0) > _AT_REST) & ((up != 0.0) | (down != 0.0))
-    return Growth(work, load, rows[counts], up[counts], down[counts], cones, rates, slack)
+    return RecessionFunction(work, load, rows[counts], up[counts], down[counts], cones, rates, slack)
 
 
-def decide(growth: Growth) -> Hold:
+def decide(growth: RecessionFunction) -> CoercivityResult:
     """Whether the energy grows along every motion."""
     a = growth.work.size
     if a == 0:
-        return Hold(Verdict.HELD)
+        return CoercivityResult(Coercivity.HELD)
     worst = min((_rated(growth, z) for z in _plain(a)), key=lambda found: found[0])
     if worst[0] < -_BALANCE:
-        return Hold(Verdict.FALLS, worst[1], growth(worst[1])[0])
+        return CoercivityResult(Coercivity.FALLS, worst[1], growth(worst[1])[0])
     if a == 1:
-        return Hold(Verdict.HELD) if worst[0] > _BALANCE else Hold(Verdict.BALANCED, worst[1], growth(worst[1])[0])
+        return (
+            CoercivityResult(Coercivity.HELD)
+            if worst[0] > _BALANCE
+            else CoercivityResult(Coercivity.BALANCED, worst[1], growth(worst[1])[0])
+        )
     hold = _by_programme(_cut_off(growth), growth)
-    if hold.verdict is Verdict.UNDECIDED:
+    if hold.verdict is Coercivity.UNDECIDED:
         hold = _by_programme(growth, growth)
-    if hold.verdict is Verdict.BALANCED and worst[0] <= _BALANCE:
-        return Hold(Verdict.BALANCED, worst[1], growth(worst[1])[0])  # a plain motion makes the better message
+    if hold.verdict is Coercivity.BALANCED and worst[0] <= _BALANCE:
+        return CoercivityResult(
+            Coercivity.BALANCED, worst[1], growth(worst[1])[0]
+        )  # a plain motion makes the better message
     return hold
 
 
-def _rated(growth: Growth, z: Array) -> tuple[float, Array]:
+def _rated(growth: RecessionFunction, z: Array) -> tuple[float, Array]:
     """Growth along z, of what cancels in it."""
     z = z / np.linalg.norm(z)
     value, size = growth(z)
@@ -236,7 +242,7 @@ def _plain(a: int) -> Iterator[Array]:
     yield from -np.eye(a)
 
 
-def _cut_off(growth: Growth) -> Growth:
+def _cut_off(growth: RecessionFunction) -> RecessionFunction:
     """Smaller rates where the load is far below them, so that the one does not vanish in the rounding of the other.
 
     What is held by these is held by the true ones; a motion that is not is looked at again.
@@ -256,7 +262,7 @@ def _cut_off(growth: Growth) -> Growth:
 class _Programme:
     """Cutting planes of the convex part of a growth, shared by the faces of the box."""
 
-    growth: Growth
+    growth: RecessionFunction
     scale: float
     linear: Array  # of what is linear: load, hinges with a sign, chords
     constant: float
@@ -388,7 +394,7 @@ class _Programme:
         return float(sign * c[face] - others - self.growth.slack * force.sum())
 
 
-def _by_programme(cut: Growth, growth: Growth) -> Hold:
+def _by_programme(cut: RecessionFunction, growth: RecessionFunction) -> CoercivityResult:
     """The programme with the rates cut off; what it finds is checked with the true ones."""
     finite = np.isfinite(cut.up) & np.isfinite(cut.down)
     endless = np.isneginf(cut.up) | np.isneginf(cut.down)
@@ -400,14 +406,14 @@ def _by_programme(cut: Growth, growth: Growth) -> Hold:
     scale = cut.load if cut.load > 0.0 else every if every > 0.0 else 1.0
     enough = _SHOWN[0] * scale + _SHOWN[1] * every
     if endless.any():
-        return Hold(Verdict.UNDECIDED)
+        return CoercivityResult(Coercivity.UNDECIDED)
     shrinking = cut.rates < 0.0
     lost = float(-cut.rates[shrinking] @ np.linalg.norm(np.abs(cut.cones[shrinking]).sum(axis=2), axis=1))
     waiting: list[dict[int, float]] = [{}]
-    doubt: Hold | None = None
+    doubt: CoercivityResult | None = None
     for _ in range(_BRANCHES):
         if not waiting:
-            return doubt or Hold(Verdict.HELD)
+            return doubt or CoercivityResult(Coercivity.HELD)
         signs = waiting.pop()
         linear, constant = -cut.work, -lost
         hard = []
@@ -426,10 +432,10 @@ def _by_programme(cut: Growth, growth: Growth) -> Hold:
             if bound > enough:
                 continue
             if z is None:
-                return Hold(Verdict.UNDECIDED)
+                return CoercivityResult(Coercivity.UNDECIDED)
             relative, z = _rated(growth, z)
             if relative < -_BALANCE:
-                return Hold(Verdict.FALLS, z, growth(z)[0])
+                return CoercivityResult(Coercivity.FALLS, z, growth(z)[0])
             open_ones = [j for j in concave if j not in signs]
             if open_ones:
                 gaps = [-(cut.up[j] + cut.down[j]) * (reach[j] - abs(float(cut.rows[j] @ z))) for j in open_ones]
@@ -437,7 +443,7 @@ def _by_programme(cut: Growth, growth: Growth) -> Hold:
                 waiting += [{**signs, split: 1.0}, {**signs, split: -1.0}]
                 break
             if relative <= _BALANCE:
-                doubt = Hold(Verdict.BALANCED, z, growth(z)[0])
+                doubt = CoercivityResult(Coercivity.BALANCED, z, growth(z)[0])
             elif doubt is None:
-                doubt = Hold(Verdict.UNDECIDED)
-    return Hold(Verdict.UNDECIDED)
+                doubt = CoercivityResult(Coercivity.UNDECIDED)
+    return CoercivityResult(Coercivity.UNDECIDED)

@@ -24,7 +24,7 @@ from hemivar.mesh.parts import Parts
 if TYPE_CHECKING:
     from hemivar.discrete.space import Field
 
-__all__ = ["FreeMotions", "MovingGroup", "admitted", "free_motions", "no_motions", "rigid_basis"]
+__all__ = ["Mechanism", "RigidModes", "admitted", "free_motions", "no_motions", "rigid_basis"]
 
 #: A motion that moves the supports by less than this, relative to its size, is free.
 _RANK = 1e-9
@@ -33,7 +33,7 @@ _LARGEST = 1200
 
 
 @dataclass(frozen=True, eq=False)
-class MovingGroup:
+class Mechanism:
     """Parts that hang together, and the motions without deformation that are left to them.
 
     Attributes
@@ -41,7 +41,7 @@ class MovingGroup:
     parts : int array (p,)
         Their numbers.
     columns : slice
-        Of :attr:`FreeMotions.motions`.
+        Of :attr:`RigidModes.motions`.
     coefficients : array (p, 3 or 6, a)
         What each part does in each of the motions: translations, then rotations about its middle that move its
         farthest corner by one.
@@ -56,7 +56,7 @@ class MovingGroup:
 
 
 @dataclass(frozen=True, eq=False)
-class FreeMotions:
+class RigidModes:
     """A basis of the motions that deform nothing and that the supports admit.
 
     Attributes
@@ -70,7 +70,7 @@ class FreeMotions:
     """
 
     motions: sp.csc_array
-    groups: tuple[MovingGroup, ...]
+    groups: tuple[Mechanism, ...]
     parts: Parts
 
     @property
@@ -108,7 +108,7 @@ def admitted(moved: Array) -> Array:
     return np.asarray(scipy.linalg.null_space(triangle, rcond=_RANK))
 
 
-def free_motions(field: Field) -> FreeMotions:
+def free_motions(field: Field) -> RigidModes:
     """The motions without deformation that a body has left, by its mesh and its supports.
 
     Raises
@@ -119,9 +119,9 @@ def free_motions(field: Field) -> FreeMotions:
     return _of_one(field) if field.mesh.parts.count == 1 else _of_many(field)
 
 
-def no_motions(field: Field) -> FreeMotions:
+def no_motions(field: Field) -> RigidModes:
     """None at all, for a body that something resists at every place."""
-    return FreeMotions(sp.csc_array((field.prescribed.size, 0)), (), field.mesh.parts)
+    return RigidModes(sp.csc_array((field.prescribed.size, 0)), (), field.mesh.parts)
 
 
 def _stopped(field: Field) -> tuple[IntArray, Array]:
@@ -140,7 +140,7 @@ def _stopped(field: Field) -> tuple[IntArray, Array]:
     return nodes, projection
 
 
-def _of_one(field: Field) -> FreeMotions:
+def _of_one(field: Field) -> RigidModes:
     """The motions of a body of one part."""
     nodes, dim = field.nodes, field.mesh.dim
     corners = (nodes.min(axis=0), nodes.max(axis=0))
@@ -154,8 +154,8 @@ def _of_one(field: Field) -> FreeMotions:
     if not left:
         return no_motions(field)
     motions = rigid_basis(nodes, corners)[0] @ admissible
-    group = MovingGroup(np.zeros(1, dtype=np.int64), slice(0, left), admissible[None], np.zeros(0, dtype=np.int64))
-    return FreeMotions(sp.csc_array(motions), (group,), field.mesh.parts)
+    group = Mechanism(np.zeros(1, dtype=np.int64), slice(0, left), admissible[None], np.zeros(0, dtype=np.int64))
+    return RigidModes(sp.csc_array(motions), (group,), field.mesh.parts)
 
 
 class _Body:
@@ -182,7 +182,7 @@ class _Body:
         return made.reshape(len(nodes), self.dim, self.kinds)
 
 
-def _of_many(field: Field) -> FreeMotions:
+def _of_many(field: Field) -> RigidModes:
     """The motions of a body of several parts: first the parts that supports hold, then what hangs on them."""
     body = _Body(field)
     dim, count, kinds = body.dim, body.all.count, body.kinds
@@ -213,7 +213,7 @@ def _of_many(field: Field) -> FreeMotions:
     return _clusters(body, left, held, stop, sharing)
 
 
-def _clusters(body: _Body, left: list[Array], held: BoolArray, stop: Array, sharing: sp.csr_array) -> FreeMotions:
+def _clusters(body: _Body, left: list[Array], held: BoolArray, stop: Array, sharing: sp.csr_array) -> RigidModes:
     """Motions of the parts that are not held, those that hang together being taken together."""
     dim, kinds = body.dim, body.kinds
     joints = np.flatnonzero(body.shared & ~stop[:, range(dim), range(dim)].all(axis=1))
@@ -222,7 +222,7 @@ def _clusters(body: _Body, left: list[Array], held: BoolArray, stop: Array, shar
     data: list[Array] = [np.zeros(0)]
     rows_of: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     columns_of: list[IntArray] = [np.zeros(0, dtype=np.int64)]
-    groups: list[MovingGroup] = []
+    groups: list[Mechanism] = []
     total = 0
     for cluster in np.unique(label[~held]):
         members: IntArray = np.flatnonzero((label == cluster) & ~held)
@@ -264,8 +264,8 @@ def _clusters(body: _Body, left: list[Array], held: BoolArray, stop: Array, shar
         rows_of.append(np.repeat(entries, own.shape[1]).astype(np.int64))
         columns_of.append(np.tile(total + np.arange(own.shape[1]), len(entries)))
         hinges = every[body.shared[every]]
-        groups.append(MovingGroup(members, slice(total, total + own.shape[1]), coefficients, hinges))
+        groups.append(Mechanism(members, slice(total, total + own.shape[1]), coefficients, hinges))
         total += own.shape[1]
     entries_at = (np.concatenate(rows_of), np.concatenate(columns_of))
     motions = sp.csc_array((np.concatenate(data), entries_at), shape=(len(body.nodes) * dim, total))
-    return FreeMotions(motions, tuple(groups), body.all)
+    return RigidModes(motions, tuple(groups), body.all)

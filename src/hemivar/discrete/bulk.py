@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.arrays import norm, real_matrix
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 
@@ -53,7 +53,7 @@ class Bulk(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Quadratic(Portable):
+class Quadratic(PickleMixin):
     """Stored energy of a linear elastic body: ``1/2 u'K u``.
 
     Parameters

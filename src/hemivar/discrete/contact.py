@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 
@@ -17,7 +17,7 @@ __all__ = ["ContactPoints", "components_of", "contact_unknowns", "selects"]
 
 
 @dataclass(frozen=True, eq=False)
-class ContactPoints(Portable):
+class ContactPoints(PickleMixin):
     """The contact points of a discrete problem, j = 1..m, with c local components each.
 
     Local component 0 is normal (penetration positive), the others are tangential; a scalar law has the first alone.
@@ -109,7 +109,7 @@ class ContactPoints(Portable):
         """Number of unknowns n."""
         return int(self.trace.shape[1])
 
-    def traced(self, u: Array) -> Array:
+    def trace_of(self, u: Array) -> Array:
         """``B u`` of unknowns (n,), shape (m, c)."""
         single = self._single
         if single is None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import norm, real_array
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, VectorLaw
@@ -19,7 +19,7 @@ __all__ = ["Loading"]
 
 
 @dataclass(frozen=True, eq=False)
-class Loading(Portable):
+class Loading(PickleMixin):
     """What acts on a :class:`Model`.  Arrays that may be written to are copied, read-only ones are shared.
 
     Parameters

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.portable import Portable
-from hemivar.coercivity.rigid_modes import FreeMotions, no_motions
+from hemivar.basics.portable import PickleMixin
+from hemivar.coercivity.rigid_modes import RigidModes, no_motions
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.potential import Potential
@@ -25,7 +25,7 @@ _ARRAYS = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) 
 
 
 @dataclass(frozen=True, eq=False)
-class Model(Portable):
+class Model(PickleMixin):
     """The part of a discrete problem that factors, levels and constants belong to.
 
     Its identity is what a :class:`hemivar.systems.Workspace` knows it by: problems that share a model share what has
@@ -80,7 +80,7 @@ class Model(Portable):
         return None if self.space is None else self.space.fields[0]
 
     @property
-    def free_motions(self) -> FreeMotions:
+    def free_motions(self) -> RigidModes:
         """The motions without energy, of a model whose field knows its motions."""
         assert self.field is not None
         return no_motions(self.field) if self.resisted else self.field.free_motions

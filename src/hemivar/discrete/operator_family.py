@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.recent import Recent
 from hemivar.basics.types import IntArray
 from hemivar.discrete.bulk import Quadratic
@@ -25,7 +25,7 @@ __all__ = ["Composition", "OperatorFamily"]
 
 
 @dataclass(frozen=True, eq=False)
-class OperatorFamily(Portable):
+class OperatorFamily(PickleMixin):
     """Stiffness, viscosity, mass and branches of a body, reduced to its unknowns, on the sparsity of the stiffness.
 
     A viscosity in proportion to the stiffness is a :class:`Multiple`, and zeros are not stored, so that the mass of
@@ -87,7 +87,7 @@ class OperatorFamily(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class Composition(Portable):
+class Composition(PickleMixin):
     """What a stiffness matrix is made of; on a coarser mesh it is made of the matrices there.
 
     Attributes

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import IMPORTS, cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import FEW_ZEROS, without_zeros
 
@@ -22,7 +22,7 @@ _PORTION = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
-class Operator(Portable):
+class Operator(PickleMixin):
     """A symmetric matrix over ``x = (u, z)``: the unknowns u (n,) and the prescribed displacements z (k,).
 
     Attributes

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.arrays import norm
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.recent import Recent
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
@@ -51,7 +51,7 @@ class BodyEnergy(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Potential(Portable):
+class Potential(PickleMixin):
     """Stored energy of a body that is not linear, a :class:`Bulk`: ``W(u) - W(0) - W'(0) u``.
 
     What is taken away, which prescribed displacements leave, belongs to load and constant of the loading, as for a
@@ -131,7 +131,7 @@ class Potential(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class Tangent(Portable):
+class Tangent(PickleMixin):
     """Where a linear body has its stiffness from: a body that is not linear, and the place; on a coarser mesh it is
     made of the body there.
 

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array, real_matrix
-from hemivar.basics.display import Displayed
-from hemivar.basics.portable import Portable
+from hemivar.basics.display import ReprMixin
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.coercivity.foothold import limit_of
-from hemivar.coercivity.recession import Held
+from hemivar.coercivity.recession import CoercivityProof
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints, components_of
 from hemivar.discrete.contact_energy import contact_energy
@@ -32,7 +32,7 @@ __all__ = ["DiscreteProblem"]
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteProblem(Portable, Displayed):
+class DiscreteProblem(PickleMixin, ReprMixin):
     """Energy of a discrete contact problem.
 
     ``E(u) = bulk(u) - f'u + constant + sum_j w_j j_j(r_j)``, ``r = B u - offset`` with shape (m, c): column 0 is the
@@ -62,7 +62,7 @@ class DiscreteProblem(Portable, Displayed):
     model: Model
     loading: Loading
     warnings: tuple[str, ...] = ()
-    shown: Held | None = None
+    shown: CoercivityProof | None = None
     law_known: InitVar[bool] = False
 
     def __post_init__(self, law_known: bool) -> None:
@@ -294,7 +294,7 @@ class DiscreteProblem(Portable, Displayed):
 
     def known_to_be_held(self, limit: str | None = None) -> DiscreteProblem:
         """The problem, known to be :attr:`held` from now on, or up to a :attr:`limit`; for who has shown it."""
-        return DiscreteProblem(self.model, self.loading, self.warnings, Held(self._held_by, limit), True)
+        return DiscreteProblem(self.model, self.loading, self.warnings, CoercivityProof(self._held_by, limit), True)
 
     @property
     def _held_by(self) -> tuple[object, ...]:
@@ -327,7 +327,7 @@ class DiscreteProblem(Portable, Displayed):
         array, shape (m, c)
             Column 0 penetration, columns 1.. slip.
         """
-        return self.contact.traced(self._checked(unknowns)) - self.offset
+        return self.contact.trace_of(self._checked(unknowns)) - self.offset
 
     def out_of_balance(self, unknowns: Array) -> Array:
         """What the body leaves of its load, the foundation apart: ``f - bulk'(u)``, shape (n,), of unknowns (n,)."""
@@ -346,7 +346,7 @@ class DiscreteProblem(Portable, Displayed):
         energy = self.bulk.value(u) - float(self.load @ u) + self.constant
         if self.contact_points > 0:
             contact = self.contact
-            r = contact.traced(u) - self.offset
+            r = contact.trace_of(u) - self.offset
             moved = np.abs(contact.trace) @ np.abs(u)  # what may cancel in r
             rounding = 1e-12 * max(float(moved.max()), float(np.abs(self.offset).max()))
             law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)

@@ -196,7 +196,7 @@ def residuals(
 
     ``compliance (m, 2)`` and ``scale`` are :func:`contact_compliance` and :func:`load_scale` of the problem.
     """
-    r, balance = problem.contact.traced(u) - problem.offset, problem.out_of_balance(u)
+    r, balance = problem.contact.trace_of(u) - problem.offset, problem.out_of_balance(u)
     moved = _moved(problem, u)
     found = []
     for lam in multipliers:

@@ -10,10 +10,10 @@ import scipy.sparse as sp
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.coercivity.constants import free_constants
-from hemivar.coercivity.rigid_modes import FreeMotions, free_motions
+from hemivar.coercivity.rigid_modes import RigidModes, free_motions
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 
@@ -21,7 +21,7 @@ __all__ = ["Field", "Space"]
 
 
 @dataclass(frozen=True, eq=False)
-class Field(Portable):
+class Field(PickleMixin):
     """A field over a mesh, made of the unknowns u of a discrete problem: ``U = P u + u0``.
 
     Entry ``node * components + c`` of ``U`` belongs to one node and one component. Nodes of a quadratic field
@@ -101,7 +101,7 @@ class Field(Portable):
         return self.components == self.mesh.dim
 
     @property
-    def knows_motions(self) -> bool:
+    def kernel_known(self) -> bool:
         """Whether :attr:`free_motions` are known: those of a displacement, or the constants of a gradient's energy."""
         return self.moves or self.constants
 
@@ -116,7 +116,7 @@ class Field(Portable):
         return self.mesh.nodes(self.order)
 
     @cached_property
-    def free_motions(self) -> FreeMotions:
+    def free_motions(self) -> RigidModes:
         """The motions without strain, or without gradient, that supports leave to a displacement or one component."""
         return free_constants(self) if self.constants else free_motions(self)
 
@@ -160,7 +160,7 @@ class Field(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class Space(Portable):
+class Space(PickleMixin):
     """The fields that the unknowns of a discrete problem describe, each over its own mesh.
 
     Parameters

@@ -1,10 +1,10 @@
 """Evolution: contact problems in time, each step of which is a static problem."""
 
 from hemivar.evolution.evolution_problem import Evolution, Mass
-from hemivar.evolution.happenings import BondBroken, Event, MarginLost, Release, Slip, Touch, When
 from hemivar.evolution.history import Frame, History, Row
-from hemivar.evolution.jumps import Jump
-from hemivar.evolution.march import Stepped, march, marching
+from hemivar.evolution.jumps import SelectionRule
+from hemivar.evolution.march import StepEvent, march, marching
+from hemivar.evolution.march_events import BondBroken, Event, MarginLost, Release, Slip, Touch, When
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.plan import March
 from hemivar.evolution.save import Save
@@ -19,7 +19,7 @@ from hemivar.evolution.schemes import (
     Newmark,
     Scheme,
 )
-from hemivar.evolution.steps import AdaptiveStep, FixedStep, Stepping
+from hemivar.evolution.steps import AdaptiveStep, FixedStep, StepSizeController
 
 __all__ = [
     "BDF2",
@@ -35,7 +35,6 @@ __all__ = [
     "GeneralizedAlpha",
     "History",
     "ImplicitEuler",
-    "Jump",
     "March",
     "MarginLost",
     "Mass",
@@ -46,9 +45,10 @@ __all__ = [
     "Row",
     "Save",
     "Scheme",
+    "SelectionRule",
     "Slip",
-    "Stepped",
-    "Stepping",
+    "StepEvent",
+    "StepSizeController",
     "Touch",
     "When",
     "march",

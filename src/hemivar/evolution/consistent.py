@@ -9,9 +9,9 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import Acting, DiscreteEvolution
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.energy_balance import EnergyBalance
-from hemivar.evolution.jumps import Jump
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.state import Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.fem.quadrature import quadrature_rule, region_masks
@@ -35,7 +35,9 @@ def yields_at_once(discrete: DiscreteEvolution) -> bool:
     return discrete.viscosity is None or not _viscous_everywhere(discrete)
 
 
-def settled(advance: TimeStepper, moment: TimeState, step: float, jump: Jump, start: Acting, now: Acting) -> StepResult:
+def settled(
+    advance: TimeStepper, moment: TimeState, step: float, jump: SelectionRule, start: ExternalData, now: ExternalData
+) -> StepResult:
     """The equilibrium with what acts now: parts without viscosity yield at once, branches and memories with them.
 
     A very short step of implicit Euler, in which viscosity resists whatever moves.  Where several equilibria exist it
@@ -52,7 +54,7 @@ def settled(advance: TimeStepper, moment: TimeState, step: float, jump: Jump, st
     start, now : Acting
         What acted before, and what acts now.
     """
-    chosen = jump if jump.follows or jump is Jump.GLOBAL else Jump.LOCAL
+    chosen = jump if jump.follows or jump is SelectionRule.GLOBAL else SelectionRule.LOCAL
     taken = advance.at_once(moment, _AT_ONCE * step, start, now, chosen)
     still = [np.zeros_like(place) for place in (taken.moment.body.displacement, taken.moment.local.displacement)]
     rest = replace(
@@ -72,7 +74,7 @@ def begun(moment: TimeState) -> TimeState:
     return replace(moment, ledger=EnergyBalance(start=ledger.stored, **{name: getattr(ledger, name) for name in names}))
 
 
-def ramped(discrete: DiscreteEvolution, taken: StepResult, start: Acting, now: Acting) -> StepResult:
+def ramped(discrete: DiscreteEvolution, taken: StepResult, start: ExternalData, now: ExternalData) -> StepResult:
     """What :func:`settled` found, with the work of loads and supports that change quickly, but not at once.
 
     What acts after a jump does more work on the way than what grows to it; the difference is what implicit Euler loses.

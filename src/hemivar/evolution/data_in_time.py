@@ -11,7 +11,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.recent import Recent
 from hemivar.basics.types import Array
-from hemivar.evolution.discrete import Acting, DiscreteEvolution
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 
 __all__ = ["ChangedData", "DataInTime", "StatedData"]
 
@@ -27,7 +27,7 @@ class DataInTime(ABC):
     """What acts on a body as a function of time."""
 
     @abstractmethod
-    def at(self, time: float) -> Acting:
+    def at(self, time: float) -> ExternalData:
         """What acts at a time."""
 
     @abstractmethod
@@ -37,11 +37,11 @@ class DataInTime(ABC):
         Loads, supports and gaps are looked at, laws are not.
         """
 
-    def before(self, time: float) -> Acting:
+    def before(self, time: float) -> ExternalData:
         """What acts just before a time: another than just after it where it jumps."""
         return self.at(self.sides(time)[0])
 
-    def after(self, time: float) -> Acting:
+    def after(self, time: float) -> ExternalData:
         """What acts just after a time."""
         return self.at(self.sides(time)[1])
 
@@ -64,16 +64,16 @@ class StatedData(DataInTime):
 
     discrete: DiscreteEvolution
     stops: Mapping[float, float] = field(default_factory=dict)
-    _known: Recent[float, Acting] = field(default_factory=lambda: Recent(_TIMES), repr=False)
+    _known: Recent[float, ExternalData] = field(default_factory=lambda: Recent(_TIMES), repr=False)
     _sides: Recent[float, tuple[float, float]] = field(default_factory=lambda: Recent(_SIDES), repr=False)
 
     @cached_property
     def _steady(self) -> bool:
         return not self.discrete.evolution.problem.time_dependent
 
-    def at(self, time: float) -> Acting:
+    def at(self, time: float) -> ExternalData:
         key = self.discrete.evolution.start if self._steady else time
-        return self._known.once(key, lambda: self.discrete.acting(key))
+        return self._known.once(key, lambda: self.discrete.data_at(key))
 
     def sides(self, time: float) -> tuple[float, float]:
         near = self.stops.get(time)
@@ -102,20 +102,22 @@ class ChangedData(DataInTime):
     """
 
     stated: DataInTime
-    change: Callable[[Acting, float], Acting]
+    change: Callable[[ExternalData, float], ExternalData]
 
-    def at(self, time: float) -> Acting:
+    def at(self, time: float) -> ExternalData:
         return self.change(self.stated.at(time), time)
 
     def sides(self, time: float) -> tuple[float, float]:
         return self.stated.sides(time)
 
 
-def _jumps(discrete: DiscreteEvolution, far: Acting, left: Acting, right: Acting, away: Acting) -> bool:
+def _jumps(
+    discrete: DiscreteEvolution, far: ExternalData, left: ExternalData, right: ExternalData, away: ExternalData
+) -> bool:
     """Whether loads or places change between the two times in the middle by more than three times as much as beside
     them, rounding aside."""
 
-    def change(one: Acting, other: Acting) -> Array:
+    def change(one: ExternalData, other: ExternalData) -> Array:
         pairs = (one.load - other.load, one.prescribed - other.prescribed, one.offset - other.offset)
         return discrete.vectors.largest(*(float(np.abs(pair).max(initial=0.0)) for pair in pairs))
 

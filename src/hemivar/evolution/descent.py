@@ -15,7 +15,7 @@ from hemivar.branches.state_chain import state_chain_of
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import Bodies
+from hemivar.evolution.discrete import StepMatrices
 from hemivar.solvers import Controls, NonsmoothMultigrid, Solution, Solver, Status, solve
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import finish
@@ -23,21 +23,21 @@ from hemivar.systems.body import Body
 from hemivar.systems.workspace import Workspace
 
 __all__ = [
-    "CREEPS",
+    "MAX_FLOW_STEPS",
     "TIGHT",
-    "Looks",
+    "Backoff",
     "Slowed",
     "bottom",
-    "bottom_of_pieces",
     "downhill",
-    "resistance_against",
+    "minimiser_on_pieces",
+    "regularising_viscosity",
     "slowed",
 ]
 
 #: Least resistance to a jump in units of the stiffness.
 _LEAST = 0.05
 #: Steps of a jump at most.
-CREEPS = 2000
+MAX_FLOW_STEPS = 2000
 #: Components of contact points up to which the graph of the law is laid out: every step on it is a dense solve.
 _LARGEST = 1500
 #: Rounding of a place on a segment, as a part of a typical displacement.
@@ -54,7 +54,7 @@ _AWAY = 100.0
 _EXACT = 1e-13
 
 
-class Looks:
+class Backoff:
     """When to look at the bottom of the pieces of the laws: once all points stay on them, and then ever more rarely."""
 
     def __init__(self) -> None:
@@ -73,20 +73,20 @@ class Looks:
         return True
 
 
-def resistance_against(excess: float) -> float:
-    """The resistance, in units of the stiffness, against which a problem has one solution; ``excess`` is c - 1.
+def regularising_viscosity(convexity_defect: float) -> float:
+    """The viscosity, in units of the stiffness, with which a problem has one solution; ``convexity_defect`` is c - 1.
 
     Raises
     ------
     ProblemError
         There is none, for a law falls at once.
     """
-    if not math.isfinite(excess):
+    if not math.isfinite(convexity_defect):
         raise ProblemError(
             "a contact law falls at once (its alpha is infinite), so that a step may have several solutions however "
             "stiff, viscous or heavy the body is; give its fall a slope, as Softening and Adhesive(softening=...) do"
         )
-    return 1.1 * excess + _LEAST
+    return 1.1 * convexity_defect + _LEAST
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +112,9 @@ class Slowed:
         return self.resistance * np.asarray(stiffness @ u) if self.contact is None else np.asarray(self.contact @ u)
 
 
-def slowed(bodies: Bodies, problem: DiscreteProblem, excess: float) -> Slowed:
-    """The step of a problem against the resistance that it needs; ``excess`` is c - 1, infinite with free motions.
+def slowed(bodies: StepMatrices, problem: DiscreteProblem, convexity_defect: float) -> Slowed:
+    """The step of a problem with the viscosity that it needs; ``convexity_defect`` is c - 1, infinite with free
+    motions.
 
     Raises
     ------
@@ -121,11 +122,11 @@ def slowed(bodies: Bodies, problem: DiscreteProblem, excess: float) -> Slowed:
         No resistance is enough, for a law falls at once.
     """
     steepest = math.inf
-    if not math.isfinite(excess):
+    if not math.isfinite(convexity_defect):
         law = problem.law.frozen_at(np.zeros((problem.contact_points, problem.contact.components)))
         steepest = max(float(np.max(alpha, initial=0.0)) for alpha in law.weak_convexity)
     if not math.isfinite(steepest):
-        resistance = resistance_against(excess)
+        resistance = regularising_viscosity(convexity_defect)
         return Slowed(bodies.slower(problem, resistance), resistance)
     slow, contact = bodies.on_its_foundation(problem, (1.0 + _LEAST) * steepest)
     return Slowed(slow, math.inf, contact)
@@ -187,8 +188,8 @@ def downhill(
     K, load, slow = problem.stiffness, problem.load, slowed.problem
     tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
     last: IntArray | None = None
-    looks, solved = Looks(), u
-    for _ in range(CREEPS):
+    looks, solved = Backoff(), u
+    for _ in range(MAX_FLOW_STEPS):
         start, before, here = u, problem.local(u), load + slowed.drag(K, u)
         solution = solve(slow.with_(load=here), solver, tight, initial=u, workspace=workspace)
         u = solution.unknowns
@@ -287,14 +288,14 @@ def _on_pieces(
     if method.refuse(problem) is not None:
         return None
     body = method.prepare(problem, workspace)
-    found = bottom_of_pieces(method, body, u, controls)
+    found = minimiser_on_pieces(method, body, u, controls)
     if found is None:
         return None
     x, multiplier, off = found
     return Solution(problem, x, multiplier, Status.CONVERGED, off, method.name, 1)
 
 
-def bottom_of_pieces(
+def minimiser_on_pieces(
     method: NonsmoothMultigrid, body: Body, u: Array, controls: Controls
 ) -> tuple[Array, Array, Residual] | None:
     """The bottom of the pieces on which a place lies, with its multiplier and residual; None if there is none there.

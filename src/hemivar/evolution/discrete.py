@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.loading import Loading
@@ -32,7 +32,7 @@ from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Statement
 from hemivar.mechanics.statement import Contact, ContactProblem
 
-__all__ = ["Acting", "Bodies", "DiscreteEvolution", "dampings", "discretize_evolution"]
+__all__ = ["DiscreteEvolution", "ExternalData", "StepMatrices", "dampings", "discretize_evolution"]
 
 #: Who asks for laws that split.
 _MARCH = "a march in time"
@@ -41,7 +41,7 @@ _KEPT = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Acting(Portable):
+class ExternalData(PickleMixin):
     """What acts on the body at one time.
 
     Attributes
@@ -65,7 +65,7 @@ class Acting(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteEvolution(Portable):
+class DiscreteEvolution(PickleMixin):
     """Matrices and contact points of an evolution.
 
     Attributes
@@ -163,23 +163,23 @@ class DiscreteEvolution(Portable):
         rest[self.moved] -= prescribed
         return np.concatenate([self.field.lift @ rest, prescribed])
 
-    def acting(self, time: float) -> Acting:
+    def data_at(self, time: float) -> ExternalData:
         """What acts at a time."""
         stated = self.evolution.problem
         bound = stated.at_time(time)
         if isinstance(bound, ScalarProblem):
             force, held, offset, law = scalar_acting(bound, self.field.basis)
             load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
-            return Acting(load, held[self.moved], offset, separable(law, _MARCH))
+            return ExternalData(load, held[self.moved], offset, separable(law, _MARCH))
         assert isinstance(stated, ContactProblem)
         force = load_vector(bound.mesh, bound.order, bound.body_force, bound.tractions)
         load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
         if not stated.time_dependent & {"supports", "gap", "law"}:
             loading, law = self.problem.loading, separable(self.problem.law, _MARCH)
-            return Acting(load, self.field.prescribed[self.moved], loading.offset, law, dampings(bound))
+            return ExternalData(load, self.field.prescribed[self.moved], loading.offset, law, dampings(bound))
         conditions = nodal_conditions(bound)
         _, offset, found, _ = conditions.contact()
-        return Acting(load, conditions.prescribed[self.moved], offset, separable(found, _MARCH), dampings(bound))
+        return ExternalData(load, conditions.prescribed[self.moved], offset, separable(found, _MARCH), dampings(bound))
 
 
 def dampings(bound: ContactProblem) -> dict[str, Superpotential]:
@@ -275,7 +275,7 @@ def _spread(M: sp.csr_array, massless: Array, node: IntArray) -> sp.csr_array:
     return sp.csr_array((kept, M.indices, M.indptr), shape=M.shape)
 
 
-class Bodies:
+class StepMatrices:
     """Bodies of stages: one for each set of factors of a step, with one stiffness matrix that a workspace knows again.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
@@ -25,7 +25,7 @@ __all__ = ["DiscreteHeat", "coupled_heat"]
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteHeat(Portable):
+class DiscreteHeat(PickleMixin):
     """Heat over the mesh of a body.
 
     Attributes

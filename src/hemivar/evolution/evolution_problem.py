@@ -11,7 +11,7 @@ import numpy as np
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
@@ -34,7 +34,7 @@ class Mass(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Evolution(Portable):
+class Evolution(PickleMixin):
     """A contact problem in time: ``M u'' + C u' + K u + B'W lam = f(t)`` from an initial state on.
 
     Scalar problems as well: membranes and antiplane shear have density and viscosity, and C of heat is its capacity,

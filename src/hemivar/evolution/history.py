@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from hemivar.basics.arguments import number
-from hemivar.basics.display import Displayed, brief
+from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.handed_on import above
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, Record
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
@@ -60,7 +60,7 @@ class Row:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame(Portable):
+class Frame(PickleMixin):
     """The body at one time.
 
     Attributes
@@ -88,7 +88,7 @@ class Frame(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class History(Portable, Displayed):
+class History(PickleMixin, ReprMixin):
     """An evolution that was computed.
 
     ``history["normal_force"]`` is a column of the table; ``history.times`` the times of its rows.

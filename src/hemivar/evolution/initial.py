@@ -9,10 +9,10 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import Acting
+from hemivar.evolution.discrete import ExternalData
 from hemivar.evolution.energy_balance import EnergyBalance
+from hemivar.evolution.prescribed_rates import prescribed_rates
 from hemivar.evolution.schemes import ImplicitEuler
-from hemivar.evolution.setting_out import setting_out
 from hemivar.evolution.state import Kinematics, TimeState
 from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
@@ -60,7 +60,7 @@ def initial_moment(advance: TimeStepper, step: float | None = None) -> TimeState
     if evolution.displacement is not None and off > 1e-9 * size and not discrete.stores:
         raise ProblemError("the initial displacement contradicts the supports; make them agree")
     speed = evolution.initial("velocity")
-    moving = setting_out(advance, evolution.start, step)
+    moving = prescribed_rates(advance, evolution.start, step)
     velocity = discrete.restrict(speed, moving[0].velocity)
     contact = discrete.problem.contact
     n = discrete.unknowns
@@ -94,7 +94,11 @@ def initial_moment(advance: TimeStepper, step: float | None = None) -> TimeState
 
 
 def accelerated(
-    advance: TimeStepper, moment: TimeState, acting: Acting, moving: tuple[Kinematics, Kinematics], step: float | None
+    advance: TimeStepper,
+    moment: TimeState,
+    acting: ExternalData,
+    moving: tuple[Kinematics, Kinematics],
+    step: float | None,
 ) -> TimeState:
     """A moment with the acceleration that all forces make of where the body is and of how fast.
 
@@ -129,7 +133,7 @@ def accelerated(
     )
 
 
-def _law_of_rates(advance: TimeStepper, moment: TimeState, acting: Acting, span: float) -> StepLaw:
+def _law_of_rates(advance: TimeStepper, moment: TimeState, acting: ExternalData, span: float) -> StepLaw:
     """The law of a step of implicit Euler so short that it sees the velocities at the start, and what is remembered."""
     guess = span * moment.local.velocity
     guess[:, 0] = moment.local.displacement[:, 0]
@@ -157,7 +161,7 @@ def _pressure(moment: TimeState, law: StepLaw, penetration: Array) -> Array:
 def _pressed(
     advance: TimeStepper,
     moment: TimeState,
-    acting: Acting,
+    acting: ExternalData,
     moving: tuple[Kinematics, Kinematics],
     law: StepLaw,
     step: float,

@@ -36,15 +36,15 @@ from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError
 from hemivar.evolution.descent import bottom, downhill, slowed
-from hemivar.evolution.discrete import Bodies, DiscreteEvolution
-from hemivar.evolution.jumps import Jump, Leap
+from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
+from hemivar.evolution.jumps import DissipatedJump, SelectionRule
 from hemivar.evolution.stage import Stage
 from hemivar.fem.hierarchy import family_of
 from hemivar.fem.load_line import LoadLine
 from hemivar.solvers import Controls, Solution, Solver, Status, solve
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["Followed", "JumpPaths"]
+__all__ = ["JumpPaths", "PathResult"]
 
 #: How far beyond the end of a branch the load goes to leave it, as parts of the step: the first that is felt.
 _BEYOND = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
@@ -68,7 +68,7 @@ _FINEST, _LOSING = 48, 1
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class PathResult:
     """Where a step ends that was followed along its path.
 
     Attributes
@@ -78,7 +78,7 @@ class Followed:
     """
 
     solution: Solution
-    leaps: tuple[Leap, ...] = ()
+    leaps: tuple[DissipatedJump, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,17 +95,19 @@ class JumpPaths:
     """
 
     discrete: DiscreteEvolution
-    bodies: Bodies
+    bodies: StepMatrices
     workspace: Workspace
     transient: Workspace
 
-    def follow(self, stage: Stage, excess: float, jump: Jump, solver: Solver | None, controls: Controls) -> Followed:
+    def follow(
+        self, stage: Stage, convexity_defect: float, jump: SelectionRule, solver: Solver | None, controls: Controls
+    ) -> PathResult:
         """The solution of a stage, at the end of the path from the moment before it.
 
         Parameters
         ----------
         stage : Stage
-        excess : float
+        convexity_defect : float
             c - 1 of its problem.
         jump : Jump
         solver : Solver or None
@@ -126,13 +128,15 @@ class JumpPaths:
         chain: Chain = chain_of(system)
         # Under a part of the load, what is left of the balance is measured by the whole.
         whole = controls.rtol * float(np.linalg.norm(problem.load))
-        fall = _Fall(self, chain, excess, jump, solver, replace(controls, atol=max(controls.atol, whole)))
+        fall = _GradientFlow(
+            self, chain, convexity_defect, jump, solver, replace(controls, atol=max(controls.atol, whole))
+        )
         start = before.local.displacement - stage.origin
         theta, segment = chain.nearest(start, before.multiplier)
         place, pressed = chain.local(theta, segment)
         line = LoadLine(problem, problem.with_(load=problem.contact_force(pressed), offset=-place))
         slope = chain.force - chain.out_of_balance(theta, segment, np.zeros(chain.size))
-        leaps: list[Leap] = []
+        leaps: list[DissipatedJump] = []
         part = 0.0
         for _ in range(_ENDS):
             force = chain.out_of_balance(theta, segment, part * slope)  # so that the start is an equilibrium
@@ -148,10 +152,10 @@ class JumpPaths:
                     break
             part += beyond
             if landed.status is not Status.CONVERGED:
-                return Followed(landed, tuple(leaps))
+                return PathResult(landed, tuple(leaps))
             leaps += fall.leap(part, here, u, landed)
             if part >= 1.0:
-                return Followed(landed, tuple(leaps))
+                return PathResult(landed, tuple(leaps))
             theta, segment = chain.nearest(landed.local, landed.multiplier)
         return _ended(fall, problem, landed.unknowns, leaps)
 
@@ -168,14 +172,18 @@ class JumpPaths:
 
 
 def _ended(
-    fall: _Fall, problem: DiscreteProblem, u: Array, leaps: list[Leap], place: tuple[Array, IntArray] | None = None
-) -> Followed:
+    fall: _GradientFlow,
+    problem: DiscreteProblem,
+    u: Array,
+    leaps: list[DissipatedJump],
+    place: tuple[Array, IntArray] | None = None,
+) -> PathResult:
     """The end of a step, maybe at a known place on the graph of the law."""
     at = None if place is None else bottom(fall.chain, problem, *place, fall.controls, fall.paths.workspace)
     if at is not None:
-        return Followed(at, tuple(leaps))
+        return PathResult(at, tuple(leaps))
     solution = fall.down(problem, u)
-    return Followed(solution, (*leaps, *fall.leap(1.0, problem, u, solution)))
+    return PathResult(solution, (*leaps, *fall.leap(1.0, problem, u, solution)))
 
 
 def _branch(
@@ -201,34 +209,34 @@ def _branch(
 
 
 @dataclass(eq=False)
-class _Fall:
+class _GradientFlow:
     """From a place to the next minimiser under the same load."""
 
     paths: JumpPaths
     chain: Chain
-    excess: float
-    jump: Jump
+    convexity_defect: float
+    jump: SelectionRule
     solver: Solver | None
     controls: Controls
 
     def down(self, problem: DiscreteProblem, u: Array) -> Solution:
         """Down the gradient in the norm of K."""
-        slow = slowed(self.paths.bodies, problem, self.excess)
+        slow = slowed(self.paths.bodies, problem, self.convexity_defect)
         return downhill(problem, slow, u, self.solver, self.controls, self.paths.workspace, self.chain)
 
-    def leap(self, part: float, problem: DiscreteProblem, u: Array, landed: Solution) -> list[Leap]:
+    def leap(self, part: float, problem: DiscreteProblem, u: Array, landed: Solution) -> list[DissipatedJump]:
         """The jump from a place to where it led, if it was one."""
         before, after = problem.local(u), landed.local
         # Near rest all displacements are small: what typically moves is what a jump is held against.
         size = max(float(np.abs(before).max(initial=0.0)), float(np.abs(after).max(initial=0.0)), self.chain.length)
         if not np.abs(after - before).max(initial=0.0) > _JUMPS * size:
             return []
-        return [Leap(part, problem.energy(u) - problem.energy(landed.unknowns))]
+        return [DissipatedJump(part, problem.energy(u) - problem.energy(landed.unknowns))]
 
     def fall(self, problem: DiscreteProblem, u: Array) -> Solution:
         """To where the choice leads."""
         there = self.down(problem, u)
-        if self.jump is not Jump.DYNAMIC or there.status is not Status.CONVERGED:
+        if self.jump is not SelectionRule.DYNAMIC or there.status is not Status.CONVERGED:
             return there
         K, way = problem.stiffness, there.unknowns - u
         size = _norm(K, way)
@@ -239,7 +247,7 @@ class _Fall:
     def _swung(self, problem: DiscreteProblem, u: Array, size: float, rate: float) -> Solution:
         """By inertia, from rest; the way is about ``size`` in the energy norm, the motion about as fast as ``rate``."""
         K, M = problem.stiffness, self.paths.mass
-        swing, start = _Swing(self.paths, problem, rate), u
+        swing, start = _Transient(self.paths, problem, rate), u
         rung = swing.unique(6)
         v, turned, largest, time = np.zeros_like(u), False, 0.0, 0.0
         late: list[tuple[float, float]] = []
@@ -279,7 +287,7 @@ def _norm(matrix: sp.csr_array, x: Array) -> float:
     return float(np.sqrt(max(float(x @ (matrix @ x)), 0.0)))
 
 
-class _Swing:
+class _Transient:
     """Steps of implicit Euler of a body with mass under a load that stays, ``2^-rung / rate`` long."""
 
     def __init__(self, paths: JumpPaths, problem: DiscreteProblem, rate: float) -> None:

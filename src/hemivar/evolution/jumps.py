@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-__all__ = ["Jump", "Leap"]
+__all__ = ["DissipatedJump", "SelectionRule"]
 
 
-class Jump(StrEnum):
+class SelectionRule(StrEnum):
     """Which equilibrium follows where the margin is lost in a body without viscosity and mass.
 
     They give different answers: a body that unloads slowly on a softening foundation jumps at different loads.
@@ -32,11 +32,11 @@ class Jump(StrEnum):
     @property
     def follows(self) -> bool:
         """Whether the path of equilibria is followed within a step."""
-        return self in (Jump.ARC_LENGTH, Jump.DYNAMIC)
+        return self in (SelectionRule.ARC_LENGTH, SelectionRule.DYNAMIC)
 
 
 @dataclass(frozen=True)
-class Leap:
+class DissipatedJump:
     """A jump within a step.
 
     Attributes

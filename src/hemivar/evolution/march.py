@@ -11,22 +11,22 @@ from typing import Any
 from hemivar.basics.arguments import expect
 from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.generators import result_of
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.errors import FileError, HemivarError
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.history import History
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.plan import March, refuse_plan
-from hemivar.evolution.running import Run, Stepped, Tools
+from hemivar.evolution.running import Backend, Integration, StepEvent
 from hemivar.evolution.step_laws import refuse_compliant, refuse_unaveraged
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["March", "Stepped", "Tools", "march", "marching", "refuse_plan"]
+__all__ = ["Backend", "March", "StepEvent", "march", "marching", "refuse_plan"]
 
 
 def march(
-    evolution: Evolution | DiscreteEvolution | KnownStatement,
+    evolution: Evolution | DiscreteEvolution | ManufacturedProblem,
     until: float,
     *,
     workspace: Workspace | None = None,
@@ -61,12 +61,12 @@ def march(
 
 
 def marching(
-    evolution: Evolution | DiscreteEvolution | KnownStatement,
+    evolution: Evolution | DiscreteEvolution | ManufacturedProblem,
     plan: March,
     *,
     workspace: Workspace | None = None,
-    tools: Tools | None = None,
-) -> Generator[Stepped, bool | None, History]:
+    tools: Backend | None = None,
+) -> Generator[StepEvent, bool | None, History]:
     """:func:`march` step by step: yields every step, ends after it if it is sent True, returns the history.
 
     Parameters
@@ -94,7 +94,7 @@ def marching(
         refuse_compliant(discrete, plan.scheme)
     if plan.scheme.averages_laws:
         refuse_unaveraged(discrete, plan.scheme)
-    run = Run(discrete, plan, workspace, Tools() if tools is None else tools)
+    run = Integration(discrete, plan, workspace, Backend() if tools is None else tools)
     run.begin()
     kept = plan.checkpoint
     assert kept is None or isinstance(kept, Checkpoint)
@@ -133,7 +133,7 @@ def marching(
     return run.history(ended, "" if kept is None else _keep(kept, run))
 
 
-def _keep(kept: Checkpoint, run: Run) -> str:
+def _keep(kept: Checkpoint, run: Integration) -> str:
     """Write a checkpoint; if it cannot be written, the march is worth more than that: returns why."""
     try:
         kept.write(run.state(), run.identity)

@@ -16,10 +16,10 @@ from hemivar.basics.packed import read_arrays, write_arrays
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.energy_balance import EnergyBalance
-from hemivar.evolution.heat_book import HeatBook, Warmth
+from hemivar.evolution.heat_balance import HeatBalance, ThermalState
 from hemivar.evolution.history import Frame, Row
 from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
-from hemivar.evolution.steps import Pace
+from hemivar.evolution.steps import StepSizeState
 
 __all__ = ["MOTION", "RATES", "Checkpoint", "MarchState"]
 
@@ -58,7 +58,7 @@ class MarchState:
     """
 
     moment: TimeState
-    pace: Pace
+    pace: StepSizeState
     rows: tuple[Row, ...]
     frames: tuple[Frame, ...]
     frame_place: tuple[int, int]
@@ -216,11 +216,11 @@ def _parts(of: Mapping[str, object], names: tuple[str, ...]) -> dict[str, Array]
     return {name: array for name, array in every if array is not None}
 
 
-def _hex(ledger: EnergyBalance | HeatBook) -> dict[str, str]:
+def _hex(ledger: EnergyBalance | HeatBalance) -> dict[str, str]:
     return {name: float(value).hex() for name, value in asdict(ledger).items()}
 
 
-def _heat_head(heat: Warmth) -> dict[str, object]:
+def _heat_head(heat: ThermalState) -> dict[str, object]:
     moment = heat.moment
     return {
         "time": float(moment.time).hex(),
@@ -276,8 +276,8 @@ def _state(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> MarchState:
             float.fromhex(warm["time"]), warm["index"], motion("heat.body"), motion("heat.local"),
             arrays["heat.multiplier"], ledger=EnergyBalance(**numbers(warm["ledger"])),
         )  # fmt: skip
-        book = HeatBook(**numbers(warm["book"]))
-        moment = replace(moment, heat=Warmth(flow, book, warm["rounds"], float.fromhex(warm["contraction"])))
+        book = HeatBalance(**numbers(warm["book"]))
+        moment = replace(moment, heat=ThermalState(flow, book, warm["rounds"], float.fromhex(warm["contraction"])))
     rows = tuple(
         Row(
             own[0], own[1], int(own[2]), own[3], own[4], own[5],
@@ -297,7 +297,7 @@ def _state(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> MarchState:
     step, rung, waiting = head["pace"]
     return MarchState(
         moment,
-        Pace(float.fromhex(step), rung, waiting),
+        StepSizeState(float.fromhex(step), rung, waiting),
         rows,
         frames,
         (head["frame_place"][0], head["frame_place"][1]),

@@ -14,11 +14,11 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.state import TimeState
-from hemivar.evolution.step_laws import BlockLaw
+from hemivar.evolution.step_laws import BoundaryLaw
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.laws import separable
 from hemivar.solvers import Solution
-from hemivar.systems.elimination import Elimination
+from hemivar.systems.elimination import SchurComplement
 
 __all__ = ["Margins"]
 
@@ -163,7 +163,7 @@ class Margins:
         """Stiffness (m d, m d) between the contact points of a body; None where it is not held."""
         if factors not in self._matrices:
             try:
-                found = Elimination.of(self.advance.stages.bodies.body(*factors, keep=False)).matrix
+                found = SchurComplement.of(self.advance.stages.bodies.body(*factors, keep=False)).matrix
             except ProblemError:
                 found = None
             self._matrices[factors] = found
@@ -174,7 +174,7 @@ class Margins:
         return self._matrices[factors]
 
 
-def _may_soften(block: BlockLaw) -> bool:
+def _may_soften(block: BoundaryLaw) -> bool:
     """Whether a law may soften in a step of some length, though it does not in this one."""
     laws = [*block.given.weak_convexity, *([] if block.damping is None else [block.damping.weak_convexity])]
     return any(np.any(alpha) for alpha in laws)

@@ -12,12 +12,12 @@ from hemivar.basics.disk import path_of
 from hemivar.basics.known_keywords import known_fields
 from hemivar.errors import ProblemError
 from hemivar.evolution.evolution_problem import Evolution, Mass
-from hemivar.evolution.happenings import Event
-from hemivar.evolution.jumps import Jump
+from hemivar.evolution.jumps import SelectionRule
+from hemivar.evolution.march_events import Event
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
-from hemivar.evolution.steps import FixedStep, Stepping
+from hemivar.evolution.steps import FixedStep, StepSizeController
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.solvers import Controls, Solver
 
@@ -64,11 +64,11 @@ class March:
 
     until: float
     scheme: Scheme = field(default_factory=ImplicitEuler)
-    step: Stepping | float | None = None
+    step: StepSizeController | float | None = None
     save: Save = field(default_factory=Save)
     stops: Sequence[float] = ()
     events: Sequence[Event] = ()
-    jump: Jump | str = Jump.LOCAL
+    jump: SelectionRule | str = SelectionRule.LOCAL
     solver: Solver | None = None
     controls: Controls = field(default_factory=Controls)
     max_time: float = math.inf
@@ -78,7 +78,7 @@ class March:
     def __post_init__(self) -> None:
         number(self.until, "until", "give the time at which it ends")
         expect(self.scheme, Scheme, "the scheme", "give ImplicitEuler() or the like")
-        if self.step is not None and not isinstance(self.step, Stepping):
+        if self.step is not None and not isinstance(self.step, StepSizeController):
             object.__setattr__(self, "step", FixedStep(number(self.step, "the step", "give a time > 0")))
         expect(self.save, Save, "save", "give Save(every=...)")
         some: Iterable[Event] = expect(self.events, Iterable, "events", "give a list of them, such as [Touch()]")
@@ -90,9 +90,9 @@ class March:
         object.__setattr__(self, "stops", stops)
         object.__setattr__(self, "events", events)
         try:
-            object.__setattr__(self, "jump", Jump(self.jump))
+            object.__setattr__(self, "jump", SelectionRule(self.jump))
         except ValueError:
-            raise ProblemError(f"jump = {self.jump!r}; choose one of {', '.join(Jump)}") from None
+            raise ProblemError(f"jump = {self.jump!r}; choose one of {', '.join(SelectionRule)}") from None
         if self.solver is not None:
             expect(self.solver, Solver, "the solver", "give NonsmoothNewton(), NonsmoothMultigrid() or the like")
         expect(self.controls, Controls, "controls", "pass Controls(rtol=...)")
@@ -103,7 +103,7 @@ class March:
         if self.resume and self.checkpoint is None:
             raise ProblemError("resume needs a checkpoint; name its file, checkpoint='run.ckpt'")
 
-    def stepping(self, span: float) -> Stepping:
+    def stepping(self, span: float) -> StepSizeController:
         """The control of steps of an evolution that lasts ``span``."""
         return FixedStep(span / 100.0) if self.step is None else self.step  # type: ignore[return-value]
 
@@ -141,7 +141,7 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
             f"{ImplicitEuler.name} or midpoint"
         )
     plan.stepping(span).first(span)
-    if Jump(plan.jump).follows:
+    if SelectionRule(plan.jump).follows:
         _refuse_path(stated, plan)
 
 
@@ -161,7 +161,7 @@ def _refuse_path(stated: Evolution, plan: March) -> None:
             f"jump = '{plan.jump}' follows equilibria at the ends of steps, which the scheme {plan.scheme.name} does "
             f"not have; take {ImplicitEuler.name}"
         )
-    if plan.jump is Jump.DYNAMIC and not inert:
+    if plan.jump is SelectionRule.DYNAMIC and not inert:
         raise ProblemError(
             "jump = 'dynamic' lets the body move by its inertia, but it has no density; give one, such as "
             "Material.lame(..., density=rho), or take jump = 'arc-length'"

@@ -14,14 +14,14 @@ from hemivar.evolution.march_state import MOTION, RATES, MarchState
 from hemivar.evolution.state import Kinematics, LastStep, TimeState
 from hemivar.evolution.step_laws import initial_memory
 from hemivar.evolution.stepper import TimeStepper
-from hemivar.evolution.steps import Stepping
+from hemivar.evolution.steps import StepSizeController
 
 __all__ = ["misfit"]
 
 _AT_CONTACT = ("local", "multiplier", "rate")
 
 
-def misfit(state: MarchState, advance: TimeStepper, stepping: Stepping, columns: Sequence[str]) -> str:
+def misfit(state: MarchState, advance: TimeStepper, stepping: StepSizeController, columns: Sequence[str]) -> str:
     """What is wrong with a state that was read: shapes, numbers that are not finite, times and counters.
 
     Parameters
@@ -41,7 +41,9 @@ def misfit(state: MarchState, advance: TimeStepper, stepping: Stepping, columns:
     return next(_wrong(state, advance, stepping, columns), "")
 
 
-def _wrong(state: MarchState, advance: TimeStepper, stepping: Stepping, columns: Sequence[str]) -> Iterator[str]:
+def _wrong(
+    state: MarchState, advance: TimeStepper, stepping: StepSizeController, columns: Sequence[str]
+) -> Iterator[str]:
     yield from _moment(state.moment, advance, "")
     moment = state.moment
     if moment.heat is not None and advance.beside is not None:

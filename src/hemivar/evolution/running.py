@@ -13,36 +13,36 @@ from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.consistent import begun, longest_without_swing, ramped, settled, sunk_by_a_jump, yields_at_once
-from hemivar.evolution.descent import resistance_against
-from hemivar.evolution.discrete import Acting, DiscreteEvolution
+from hemivar.evolution.descent import regularising_viscosity
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.energy_barrier import crosses_energy_barrier
 from hemivar.evolution.evolution_problem import Mass
-from hemivar.evolution.happenings import OnEvent
 from hemivar.evolution.history import Frame, History, Row
 from hemivar.evolution.identity import identity
+from hemivar.evolution.impulses import apply_impulse
 from hemivar.evolution.initial import initial_moment
-from hemivar.evolution.jumps import Jump
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.kinks import kinks_in_time
+from hemivar.evolution.march_events import OnEvent
 from hemivar.evolution.march_state import Checkpoint, MarchState
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.measures import contact_forces
 from hemivar.evolution.plan import March
 from hemivar.evolution.resuming import misfit
-from hemivar.evolution.ridge import crosses_ridge
 from hemivar.evolution.save import Frames, large_deformation, probed
 from hemivar.evolution.schemes import Scheme
-from hemivar.evolution.setting_out_anew import set_out_anew
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_error import step_error
 from hemivar.evolution.stepper import StepResult, TimeStepper
-from hemivar.evolution.steps import Pace
+from hemivar.evolution.steps import StepSizeState
 from hemivar.evolution.thermal_stepper import stepper_of
 from hemivar.evolution.time_error import TimeBound, bound_in_time
 from hemivar.mechanics.statement import Contact
 from hemivar.solvers import Controls, Solver, Status
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["Run", "Stepped", "Tools"]
+__all__ = ["Backend", "Integration", "StepEvent"]
 
 #: How near an event is found, as a part of the step in which it happens, and evaluations for it at most.
 _NEAR = 1e-6
@@ -71,7 +71,7 @@ _MOVED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Stepped:
+class StepEvent:
     """A step of a march that was taken, for whoever watches.
 
     Attributes
@@ -100,7 +100,7 @@ class Stepped:
 
 
 @dataclass(frozen=True)
-class Tools:
+class Backend:
     """What a march works with: the parts that an engine on many processes has of its own.
 
     Attributes
@@ -141,16 +141,16 @@ class _Tried:
     """
 
     taken: StepResult
-    pace: Pace
+    pace: StepSizeState
     errors: tuple[float, float]
-    following: Pace
+    following: StepSizeState
     unsolved: float = 0.0
 
 
-class Run:
+class Integration:
     """A march that is going on."""
 
-    def __init__(self, discrete: DiscreteEvolution, plan: March, workspace: Workspace | None, tools: Tools) -> None:
+    def __init__(self, discrete: DiscreteEvolution, plan: March, workspace: Workspace | None, tools: Backend) -> None:
         self.discrete, self.plan = discrete, plan
         self.start = discrete.evolution.start
         span = plan.until - self.start
@@ -243,7 +243,11 @@ class Run:
         if isinstance(tried, Status):
             return None, (tried.value,), True
         self.pace, self.errors = tried.pace, tried.errors
-        if self.plan.jump is Jump.STOP and not self.advance.stages.resists and self.margins.margin(tried.taken) <= 0.0:
+        if (
+            self.plan.jump is SelectionRule.STOP
+            and not self.advance.stages.resists
+            and self.margins.margin(tried.taken) <= 0.0
+        ):
             where = f"at t = {tried.taken.moment.time:g} a step may have several solutions"
             self.tell(f"{where}; the march stops before it, as asked")
             return None, ("margin lost",), True
@@ -259,7 +263,7 @@ class Run:
         if begin.time not in self.ends and begin.index:
             return begin
         length, _ = _fitted(self.pace.step, begin.time, goal)
-        begin = set_out_anew(self.advance, self._settled(begin, length), length)
+        begin = apply_impulse(self.advance, self._settled(begin, length), length)
         return replace(begin, history=None) if self.plan.scheme.multistep else begin
 
     def _tried(self, begin: TimeState, goal: float) -> _Tried | Status:
@@ -267,7 +271,7 @@ class Run:
         rejected: _Tried | None = None  # solved, but not as exact as was asked for
         while True:
             length, reached = _fitted(self.pace.step, self.moment.time, goal)
-            taken = self.advance.take(begin, length, reached, Jump(self.plan.jump))
+            taken = self.advance.take(begin, length, reached, SelectionRule(self.plan.jump))
             if taken.status is Status.CONVERGED:
                 stands, tried = self._judged(taken)
                 if stands:
@@ -296,7 +300,7 @@ class Run:
         stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
         return stands, _Tried(taken, self.pace, errors, following)
 
-    def _shorter(self, status: Status, length: float) -> Pace | None:
+    def _shorter(self, status: Status, length: float) -> StepSizeState | None:
         """What to try in place of a step that could not be solved."""
         if status in _OUTSIDE or status is Status.NOT_CARRIED:  # by what acts at its end, however short it is
             return None
@@ -361,9 +365,9 @@ class Run:
         taken = self._yielded(moment, step, data.before(moment.time), data.after(moment.time))
         return moment if taken is None else taken.moment
 
-    def _yielded(self, moment: TimeState, step: float, start: Acting, now: Acting) -> StepResult | None:
+    def _yielded(self, moment: TimeState, step: float, start: ExternalData, now: ExternalData) -> StepResult | None:
         """The equilibrium with what acts now; None, and no further step, if it is not found."""
-        taken = settled(self.advance, moment, step, Jump(self.plan.jump), start, now)
+        taken = settled(self.advance, moment, step, SelectionRule(self.plan.jump), start, now)
         if taken.status is not Status.CONVERGED:
             self.unsettled = taken
             if taken.status is not Status.INTERRUPTED:
@@ -372,7 +376,7 @@ class Run:
                     f"not be found: {taken.remedy}"
                 )
             return None
-        if bool(taken.leaps) if Jump(self.plan.jump).follows else crosses_ridge(self.advance, taken):
+        if bool(taken.leaps) if SelectionRule(self.plan.jump).follows else crosses_energy_barrier(self.advance, taken):
             taken = taken if taken.leaps else self._booked(taken)
             self._tell_of_jump(taken, self.margins.margin(taken))
         if taken.leaps or taken.moment.ledger.jumps == moment.ledger.jumps:
@@ -384,15 +388,17 @@ class Run:
         """Whether the next step is the first or the second after a stop or a kink."""
         return any(row.time in self.ends for row in self.rows[-2:])
 
-    def accept(self, taken: StepResult, happened: tuple[str, ...]) -> Stepped:
+    def accept(self, taken: StepResult, happened: tuple[str, ...]) -> StepEvent:
         """Book a step."""
         margin = self.margins.margin(taken)
-        jumped = bool(taken.leaps) if Jump(self.plan.jump).follows else crosses_ridge(self.advance, taken)
+        jumped = (
+            bool(taken.leaps) if SelectionRule(self.plan.jump).follows else crosses_energy_barrier(self.advance, taken)
+        )
         if jumped and not taken.leaps:
             taken = self._booked(taken)
         if jumped:
             self._tell_of_jump(taken, margin)
-        if self.plan.jump is Jump.VISCOUS and not self.advance.stages.resists:
+        if self.plan.jump is SelectionRule.VISCOUS and not self.advance.stages.resists:
             self._tell_of_lag(taken)
         if not taken.before.index or taken.before.time in self.stops:
             longest = longest_without_swing(self.advance, taken)
@@ -419,7 +425,7 @@ class Run:
         self.told = True
         frame = self.frames.offer(self.discrete, self.moment, last=last or bool(happened))
         done = (self.moment.time - self.start) / (self.plan.until - self.start)
-        return Stepped(self.rows[-1], frame, self.moment, done, happened, earlier)
+        return StepEvent(self.rows[-1], frame, self.moment, done, happened, earlier)
 
     def _tell_of_jump(self, taken: StepResult, margin: float) -> None:
         """Say that the body jumped from one equilibrium to another."""
@@ -438,10 +444,10 @@ class Run:
 
     def _tell_of_lag(self, taken: StepResult) -> None:
         """Say that a body lags behind what acts on it, for it is resisted as many steps long as the resistance says."""
-        excess = max(self.advance.stages.excess(stage) for stage in taken.stages)
-        if excess < 0.0 or any(message.startswith(_LAGS) for message in self.messages):
+        convexity_defect = max(self.advance.stages.convexity_defect(stage) for stage in taken.stages)
+        if convexity_defect < 0.0 or any(message.startswith(_LAGS) for message in self.messages):
             return
-        steps = resistance_against(excess)
+        steps = regularising_viscosity(convexity_defect)
         lag = steps * taken.step
         if steps > _FEW and lag > _LATE * (self.plan.until - self.start):
             self.tell(
@@ -523,7 +529,7 @@ class Run:
         for _ in range(_TRIALS):
             if high.step - low <= _NEAR * taken.step:
                 break
-            middle = self.advance.take(taken.before, 0.5 * (low + high.step), jump=Jump(self.plan.jump))
+            middle = self.advance.take(taken.before, 0.5 * (low + high.step), jump=SelectionRule(self.plan.jump))
             if middle.status is not Status.CONVERGED:
                 break
             if risen(middle):

@@ -36,8 +36,8 @@ __all__ = [
     "MoreauJean",
     "Newmark",
     "RateFormula",
-    "Rule",
     "Scheme",
+    "StageRule",
 ]
 
 
@@ -101,7 +101,7 @@ class RateFormula:
 
 
 @dataclass(frozen=True)
-class Rule:
+class StageRule:
     """One stage of a step.
 
     Attributes
@@ -176,7 +176,7 @@ class Scheme(ABC):
         return False
 
     @abstractmethod
-    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         """The stages of a step of a given length, in their order.
 
         Parameters
@@ -186,7 +186,7 @@ class Scheme(ABC):
             Length of the step before it; None if it begins anew. Schemes of one step do not ask.
         """
 
-    def massless_rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def massless_rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         """The same of a body without mass, whose velocity at the end of a step no step needs: it is only told."""
         return self.rules(step, last)
 
@@ -212,10 +212,10 @@ class ImplicitEuler(Scheme):
     ends_at_equilibrium: ClassVar[bool] = True
     supports_time_bound: ClassVar[bool] = True
 
-    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         rate = RateFormula(1.0 / step)
         acceleration = RateFormula(1.0 / step**2, -1.0 / step)
-        return (Rule(1.0, rate, acceleration, 1.0, rate, acceleration),)
+        return (StageRule(1.0, rate, acceleration, 1.0, rate, acceleration),)
 
 
 @dataclass(frozen=True)
@@ -242,14 +242,14 @@ class Midpoint(Scheme):
     def averages_laws(self) -> bool:
         return self.conserving
 
-    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         rate = RateFormula(2.0 / step)
         acceleration = RateFormula(4.0 / step**2, -2.0 / step)
         velocity = RateFormula(2.0 / step, -1.0)
         end = RateFormula(2.0 / step**2, -2.0 / step)
-        return (Rule(0.5, rate, acceleration, 2.0, velocity, end, conserving=self.conserving),)
+        return (StageRule(0.5, rate, acceleration, 2.0, velocity, end, conserving=self.conserving),)
 
-    def massless_rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def massless_rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         # 2 (u_{n+1} - u_n)/tau - v would hand on for ever what v is off, as it is at the start, where nobody states it.
         # Extrapolated from the middle instead, by the mean of the slope since the beginning and of the last one, it is
         # exact where the velocity is a straight line, and what v and w are off is forgotten in two steps.
@@ -285,9 +285,9 @@ class Newmark(Scheme):
                 f"Newmark(beta={beta:g}, gamma={gamma:g}) is not stable; take gamma >= 1/2 and beta >= gamma/2"
             )
 
-    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         velocity, acceleration = _newmark(self.beta, self.gamma, step)
-        return (Rule(1.0, velocity, acceleration, 1.0, velocity, acceleration),)
+        return (StageRule(1.0, velocity, acceleration, 1.0, velocity, acceleration),)
 
 
 @dataclass(frozen=True)
@@ -311,7 +311,7 @@ class GeneralizedAlpha(Scheme):
         if not 0.0 <= number(self.rho, "rho of GeneralizedAlpha") <= 1.0:
             raise ProblemError(f"GeneralizedAlpha(rho={self.rho:g}): rho must lie in [0, 1]")
 
-    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         rho = self.rho
         am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
         gamma = 0.5 - am + af
@@ -320,7 +320,7 @@ class GeneralizedAlpha(Scheme):
         rate = RateFormula(v.difference, (1.0 - af) * v.velocity + af, (1.0 - af) * v.acceleration)
         whole = (1.0 - am) / (1.0 - af)
         acceleration = RateFormula(whole * w.difference, (1.0 - am) * w.velocity, (1.0 - am) * w.acceleration + am)
-        return (Rule(1.0 - af, rate, acceleration, 1.0 / (1.0 - af), v, w),)
+        return (StageRule(1.0 - af, rate, acceleration, 1.0 / (1.0 - af), v, w),)
 
 
 @dataclass(frozen=True)
@@ -330,7 +330,7 @@ class SDIRK2(Scheme):
     name: ClassVar[str] = "sdirk2"
     takes_mass: ClassVar[bool] = False
 
-    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         gamma = 1.0 - 1.0 / math.sqrt(2.0)
         nothing = RateFormula(0.0)
         first = RateFormula(1.0 / (gamma * step))
@@ -339,8 +339,8 @@ class SDIRK2(Scheme):
         span = (1.0 - gamma) * step  # from one stage to the other
         slope = RateFormula(second.difference / span, (second.velocity - 1.0) / span)
         return (
-            Rule(gamma, first, nothing, 1.0 / gamma, first, nothing, 1.0 - gamma),
-            Rule(1.0, second, nothing, 1.0, second, slope, gamma),
+            StageRule(gamma, first, nothing, 1.0 / gamma, first, nothing, 1.0 - gamma),
+            StageRule(1.0, second, nothing, 1.0, second, slope, gamma),
         )
 
 
@@ -357,14 +357,14 @@ class BDF2(Scheme):
     name: ClassVar[str] = "bdf2"
     multistep: ClassVar[bool] = True
 
-    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         if last is None or step > (1.0 + math.sqrt(2.0)) * last:
             return ImplicitEuler().rules(step)
         ratio = step / last
         a, kept = (1.0 + 2.0 * ratio) / ((1.0 + ratio) * step), -ratio / (1.0 + ratio)
         rate = RateFormula(a, mean_velocity=kept)
         acceleration = RateFormula(a**2, -a, mean_velocity=a * kept, mean_acceleration=kept)
-        return (Rule(1.0, rate, acceleration, 1.0, rate, acceleration),)
+        return (StageRule(1.0, rate, acceleration, 1.0, rate, acceleration),)
 
 
 @dataclass(frozen=True)
@@ -402,10 +402,10 @@ class MoreauJean(Scheme):
                 f"1/2 <= theta <= 1/(1 + restitution) = {1.0 / (1.0 + restitution):.3g}"
             )
 
-    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
         span = self.theta * step
         return (
-            Rule(
+            StageRule(
                 self.theta,
                 RateFormula(1.0 / span),
                 RateFormula(1.0 / span**2, -1.0 / span),

@@ -11,8 +11,8 @@ from scipy.linalg import blas
 from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
-from hemivar.evolution.schemes import Rule
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices
+from hemivar.evolution.schemes import StageRule
 from hemivar.evolution.state import Kinematics, Rates, TimeState
 from hemivar.evolution.step_laws import StepLaw
 from hemivar.evolution.step_operator import StepOperator
@@ -24,10 +24,10 @@ __all__ = [
     "Stage",
     "StageState",
     "allowed",
-    "expected_multiplier",
+    "extrapolated_multiplier",
     "forces",
-    "left_over",
     "momentum",
+    "out_of_balance_force",
     "posed_stage",
     "rounding_size",
     "stage_state",
@@ -79,7 +79,7 @@ class Stage:
     held: bool = False
 
     @property
-    def rule(self) -> Rule:
+    def rule(self) -> StageRule:
         """What the scheme says of it."""
         return self.operator.rule
 
@@ -174,12 +174,12 @@ def momentum(discrete: DiscreteEvolution, body: Kinematics) -> Array:
 
 def posed_stage(
     discrete: DiscreteEvolution,
-    bodies: Bodies,
+    bodies: StepMatrices,
     before: TimeState,
     operator: StepOperator,
-    at: Acting,
-    end: Acting,
-    start: Acting,
+    at: ExternalData,
+    end: ExternalData,
+    start: ExternalData,
     step_law: StepLaw,
 ) -> Stage:
     """The static problem of a stage.
@@ -227,7 +227,7 @@ def posed_stage(
     contact = operator.base.contact
     from_place = offset + origin
     if contact.count:
-        from_place -= contact.traced(place[:n])
+        from_place -= contact.trace_of(place[:n])
     force = force[:n] if force.size > n else force
     alone = discrete.vectors.alone and not before.multiplier.any()
     if alone and _only_rounding(discrete, force, at.load[:n], place[:n], body.velocity[:n]):
@@ -270,7 +270,7 @@ def _left_of(
     return force
 
 
-def expected_multiplier(before: TimeState, span: float) -> Array:
+def extrapolated_multiplier(before: TimeState, span: float) -> Array:
     """The multiplier (m, c) a while after a state, if it goes on to change as it did."""
     known = before.history
     if known is None or span > _LONGER * known.step:
@@ -278,7 +278,9 @@ def expected_multiplier(before: TimeState, span: float) -> Array:
     return before.multiplier + (span / known.step) * known.multiplier
 
 
-def left_over(discrete: DiscreteEvolution, stage: Stage, reached: StageState, enough: float) -> ForceResidual:
+def out_of_balance_force(
+    discrete: DiscreteEvolution, stage: Stage, reached: StageState, enough: float
+) -> ForceResidual:
     """What the forces of a displacement that was reached leave of the load, at a stage at which no support moves.
 
     Parameters
@@ -336,7 +338,7 @@ def _summed(discrete: DiscreteEvolution, stage: Stage, reached: Kinematics) -> S
     return [(factor, sums, x if x.size == n else x[:n]) for factor, sums, x in parts]
 
 
-def allowed(local: Kinematics, rule: Rule, step: float) -> Array:
+def allowed(local: Kinematics, rule: StageRule, step: float) -> Array:
     """Penetration (m,) at the stage with which the velocity at the end is the one that the law of impact allows."""
     assert rule.restitution is not None
     theta = rule.at

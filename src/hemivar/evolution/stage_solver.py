@@ -14,11 +14,11 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError
 from hemivar.evolution.descent import TIGHT, downhill, slowed
-from hemivar.evolution.discrete import Bodies, DiscreteEvolution
-from hemivar.evolution.expectation import expected_contact
+from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
 from hemivar.evolution.jump_paths import JumpPaths
-from hemivar.evolution.jumps import Jump, Leap
-from hemivar.evolution.stage import Stage, StageState, expected_multiplier, left_over, stage_state
+from hemivar.evolution.jumps import DissipatedJump, SelectionRule
+from hemivar.evolution.prediction import predicted_contact
+from hemivar.evolution.stage import Stage, StageState, extrapolated_multiplier, out_of_balance_force, stage_state
 from hemivar.laws import VectorLaw
 from hemivar.solvers import (
     Controls,
@@ -67,7 +67,7 @@ class StageSolution:
 
     solution: Solution
     resistance: float = 0.0
-    leaps: tuple[Leap, ...] = ()
+    leaps: tuple[DissipatedJump, ...] = ()
     reached: StageState | None = None
 
 
@@ -85,7 +85,7 @@ class StageSolver:
     """
 
     discrete: DiscreteEvolution
-    bodies: Bodies
+    bodies: StepMatrices
     solver: Solver | None
     controls: Controls
     workspace: Workspace
@@ -105,7 +105,7 @@ class StageSolver:
             return norm(load) + norm(contact.pressed(contact.weights[:, None] * lam))
         return float(self.discrete.vectors.norms(load, contact.force(lam)).sum())
 
-    def excess(self, stage: Stage) -> float:
+    def convexity_defect(self, stage: Stage) -> float:
         """``c - 1`` of a stage: how much stiffer the body must be to leave one solution; negative if it is.
 
         Bounds that depend on the solution are taken as they are before the step.
@@ -143,7 +143,7 @@ class StageSolver:
             and problem.offset.size <= _DENSE
         )
 
-    def solution(self, stage: Stage, initial: Solution | None, jump: Jump) -> StageSolution:
+    def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule) -> StageSolution:
         """The solution of a stage.
 
         Parameters
@@ -155,11 +155,11 @@ class StageSolver:
             Which solution is taken where there may be several.
         """
         controls = self._controls(stage)
-        if jump.follows and not self.resists and (excess := self.excess(stage)) >= 0.0:
+        if jump.follows and not self.resists and (convexity_defect := self.convexity_defect(stage)) >= 0.0:
             _refuse_without_energy(stage.problem, jump)
             self._condense(stage.problem)
             paths = JumpPaths(self.discrete, self.bodies, self.workspace, self._transient)
-            followed = paths.follow(stage, excess, jump, self.solver, controls)
+            followed = paths.follow(stage, convexity_defect, jump, self.solver, controls)
             return StageSolution(followed.solution, leaps=followed.leaps)
         found = self._sought(stage, initial, jump, controls)
         if found.solution.status in _UNSETTLED and controls.rtol > 0.0:
@@ -182,10 +182,10 @@ class StageSolver:
         if self.condenses(problem):
             self.workspace.condensed(problem, many=True)
 
-    def _sought(self, stage: Stage, initial: Solution | None, jump: Jump, controls: Controls) -> StageSolution:
+    def _sought(self, stage: Stage, initial: Solution | None, jump: SelectionRule, controls: Controls) -> StageSolution:
         """The solution of a stage to a tolerance."""
-        problem, excess = stage.problem, self.excess(stage)
-        if excess < 0.0:
+        problem, convexity_defect = stage.problem, self.convexity_defect(stage)
+        if convexity_defect < 0.0:
             at_rest = _at_rest(problem) if self.discrete.vectors.alone else None
             near = self._nearby(stage, initial, controls) if at_rest is None else StageSolution(at_rest)
             if near is not None:
@@ -197,13 +197,13 @@ class StageSolver:
             return StageSolution(solve(problem, method, controls, initial=start, workspace=self.workspace))
         start = _start(stage, initial)
         self._condense(problem)
-        if jump is Jump.GLOBAL and not self.resists:
+        if jump is SelectionRule.GLOBAL and not self.resists:
             _refuse_without_energy(problem, jump)
             found = find_solutions(problem, workspace=self.workspace)
             if found.solutions:
                 return StageSolution(min(found.solutions, key=lambda solution: solution.energy))
-        slow = slowed(self.bodies, problem, excess)
-        if jump is Jump.VISCOUS and not self.resists:
+        slow = slowed(self.bodies, problem, convexity_defect)
+        if jump is SelectionRule.VISCOUS and not self.resists:
             if slow.contact is not None:
                 raise MethodError(
                     "jump = 'viscous' takes a viscosity of the body, and the supports alone do not hold this one; take "
@@ -223,7 +223,7 @@ class StageSolver:
             or method.refuse(stage.problem) is not None
         ):
             return start, method
-        expected = expected_contact(stage, set_up(stage.problem, self.workspace))
+        expected = predicted_contact(stage, set_up(stage.problem, self.workspace))
         return (start, method) if expected is None else (expected, replace(method, settled=True))
 
     def _nearby(self, stage: Stage, initial: Solution | None, controls: Controls) -> StageSolution | None:
@@ -235,7 +235,7 @@ class StageSolver:
         if initial is None:
             span = stage.rule.at * stage.step
             r = base.local.displacement + span * base.local.velocity - stage.origin
-            lam = expected_multiplier(base, span)
+            lam = extrapolated_multiplier(base, span)
         else:
             r, lam = initial.local, initial.multiplier
         enough = controls.atol / _ROUNDING
@@ -243,7 +243,7 @@ class StageSolver:
         def left(unknowns: Array) -> ForceResidual:
             nonlocal reached
             reached = stage_state(self.discrete, stage, unknowns)
-            return left_over(self.discrete, stage, reached, enough)
+            return out_of_balance_force(self.discrete, stage, reached, enough)
 
         found = active_set_newton(system, r, lam, controls, stage.operator.newton, left if stage.held else None)
         if found is None:
@@ -256,7 +256,7 @@ def _start(stage: Stage, initial: Solution | None) -> Array:
     return np.zeros(stage.problem.unknowns) if initial is None else initial.unknowns
 
 
-def _refuse_without_energy(problem: DiscreteProblem, jump: Jump) -> None:
+def _refuse_without_energy(problem: DiscreteProblem, jump: SelectionRule) -> None:
     """Refuse choices among equilibria by their energy, or along paths of its minimisers, where there is none.
 
     Raises

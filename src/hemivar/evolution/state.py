@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.evolution.energy_balance import EnergyBalance
 
 if TYPE_CHECKING:
-    from hemivar.evolution.heat_book import Warmth
+    from hemivar.evolution.heat_balance import ThermalState
 
 __all__ = ["Kinematics", "LastStep", "Rates", "TimeState"]
 
 
 @dataclass(frozen=True, eq=False)
-class Kinematics(Portable):
+class Kinematics(PickleMixin):
     """A displacement with its rate and its acceleration; arrays of one shape.
 
     Attributes
@@ -40,7 +40,7 @@ class Kinematics(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class Rates(Portable):
+class Rates(PickleMixin):
     """Mean rates of a displacement and of its velocity over a step; arrays of one shape.
 
     Attributes
@@ -53,7 +53,7 @@ class Rates(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class LastStep(Portable):
+class LastStep(PickleMixin):
     """What the last step did, which the next one goes on from.
 
     Attributes
@@ -77,7 +77,7 @@ class LastStep(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class TimeState(Portable):
+class TimeState(PickleMixin):
     """All that the future of an evolution depends on.  A step is a function from one state to the next.
 
     Attributes
@@ -111,7 +111,7 @@ class TimeState(Portable):
     branches: tuple[Array, ...] = ()
     memory: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     ledger: EnergyBalance = field(default_factory=EnergyBalance)
-    heat: Warmth | None = None
+    heat: ThermalState | None = None
     history: LastStep | None = None
 
     @property

@@ -10,13 +10,13 @@ import numpy as np
 from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.operators import Operator
-from hemivar.evolution.discrete import Acting, DiscreteEvolution
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.energy_balance import EnergyBalance
-from hemivar.evolution.jumps import Leap
-from hemivar.evolution.schemes import Rule
+from hemivar.evolution.jumps import DissipatedJump
+from hemivar.evolution.schemes import StageRule
 from hemivar.evolution.stage import Stage, StageState, momentum, stiffness_force
 from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
-from hemivar.evolution.step_laws import BlockLaw, StepLaw
+from hemivar.evolution.step_laws import BoundaryLaw, StepLaw
 from hemivar.evolution.step_operator import decay, gain
 from hemivar.laws.memory import LocalStep
 from hemivar.linear.vectors import Vectors
@@ -53,7 +53,7 @@ class SolvedStage:
     local: Kinematics
     own: Array
     resistance: float = 0.0
-    leaps: tuple[Leap, ...] = ()
+    leaps: tuple[DissipatedJump, ...] = ()
 
     @property
     def body(self) -> Kinematics:
@@ -101,8 +101,8 @@ def _known(discrete: DiscreteEvolution, body: Kinematics) -> Kinematics:
 
 
 def end_of_step(
-    discrete: DiscreteEvolution, before: TimeState, solved: list[SolvedStage], step: float, time: float, end: Acting,
-    multistep: bool,
+    discrete: DiscreteEvolution, before: TimeState, solved: list[SolvedStage], step: float, time: float,
+    end: ExternalData, multistep: bool,
 ) -> TimeState:  # fmt: skip
     """The state at the end of a step, with its balance of energy.
 
@@ -268,7 +268,7 @@ def _work_of(discrete: DiscreteEvolution, one: SolvedStage, du: Array, dr: Array
         moved = sum(force.factor * float(force.vector[n:] @ du[n:]) for force in forces.values())
         moved -= float(stage.load[n:] @ du[n:])
     if lam.size and not stage.still:
-        moved -= float((pressed * (discrete.problem.contact.traced(du[:n]) - dr)).sum())
+        moved -= float((pressed * (discrete.problem.contact.trace_of(du[:n]) - dr)).sum())
     if one.own is not lam:
         damping = float(weights[:, 0] @ ((lam - one.own) * dr)[:, 0])
     return _StepWork(
@@ -283,7 +283,7 @@ def _work_of(discrete: DiscreteEvolution, one: SolvedStage, du: Array, dr: Array
 
 
 def _memory_loss(
-    discrete: DiscreteEvolution, before: TimeState, found: TimeState, block: BlockLaw, own: Array, rule: Rule,
+    discrete: DiscreteEvolution, before: TimeState, found: TimeState, block: BoundaryLaw, own: Array, rule: StageRule,
     step: float,
 ) -> float:  # fmt: skip
     """What the memory of a boundary dissipates in a step."""
@@ -305,7 +305,7 @@ def _since(place: Array, before: TimeState, index: IntArray) -> Array:
     return here
 
 
-def _whole(block: BlockLaw, rule: Rule, step: float) -> LocalStep:
+def _whole(block: BoundaryLaw, rule: StageRule, step: float) -> LocalStep:
     """The whole step as contact points see it whose law holds at a stage within it, along a straight line."""
     if rule.at == 1.0:
         return block.local

@@ -9,16 +9,16 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import Acting, DiscreteEvolution
-from hemivar.evolution.schemes import Rule, Scheme
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.schemes import Scheme, StageRule
 from hemivar.evolution.state import TimeState
 from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential, separable
 from hemivar.laws.memory import LocalStep, Memory, MemoryChain, friction_in_increments, in_increments, law_of_step
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
-from hemivar.mechanics.instants import told_of
+from hemivar.mechanics.instants import error_context
 
-__all__ = ["BlockLaw", "StageLaws", "StepLaw", "seen_place", "stage_law"]
+__all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "seen_place", "stage_law"]
 
 #: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
 _TOUCHES = 1e-12
@@ -27,7 +27,7 @@ States = Mapping[str, Mapping[str, Array]]
 
 
 @dataclass(frozen=True, eq=False)
-class BlockLaw:
+class BoundaryLaw:
     """What the contact points of one boundary obey in a stage.
 
     Attributes
@@ -74,7 +74,7 @@ class StepLaw:
     """
 
     law: ContactLaw
-    blocks: tuple[BlockLaw, ...] = field(default_factory=tuple)
+    blocks: tuple[BoundaryLaw, ...] = field(default_factory=tuple)
     storing: ContactLaw | None = None
 
     @property
@@ -90,7 +90,7 @@ class StepLaw:
 
 @dataclass(frozen=True, eq=False)
 class _Foundation:
-    """What a boundary is given at its contact points, whatever they remember; see :class:`BlockLaw`."""
+    """What a boundary is given at its contact points, whatever they remember; see :class:`BoundaryLaw`."""
 
     stated: ContactLaw
     damped: Superpotential | None
@@ -124,14 +124,14 @@ class StageLaws:
             self._plain = stated, StepLaw(ContactLaw(stated.normal, friction_in_increments(stated.friction, rate)))
         return self._plain[1]
 
-    def of(self, name: str, index: IntArray, acting: Acting, rate: float) -> _Foundation:
+    def of(self, name: str, index: IntArray, acting: ExternalData, rate: float) -> _Foundation:
         """Those of a boundary under the laws that act and a factor of the displacement in the rate."""
         found, stated, damping = self._known.get(name), acting.law, acting.damping.get(name)
         if found is None or found.stated is not stated or found.damped is not damping or found.rate != rate:
             memory = _memory(self._discrete, name, index)
             base = stated.take(index)
             given = base if memory.of_slip else in_increments(base, rate)
-            with told_of(f"damping of contact '{name}'", damping):
+            with error_context(f"damping of contact '{name}'", damping):
                 damper = None if damping is None else damping.at(_places(self._discrete, index))
             found = self._known[name] = _Foundation(stated, damping, rate, memory, damper, base, given)
         return found
@@ -155,9 +155,9 @@ class StageLaws:
 
 def stage_law(
     discrete: DiscreteEvolution,
-    acting: Acting,
+    acting: ExternalData,
     before: TimeState,
-    rule: Rule,
+    rule: StageRule,
     step: float,
     guess: Array,
     guess_multiplier: Array,
@@ -202,7 +202,7 @@ def stage_law(
         state = before.memory.get(name, {})
         undamped = foundations.law(name, found, state, local)
         law = undamped if damping is None else law_of_step(base, memory, state, local, damping)
-        blocks.append(BlockLaw(name, index, base, memory, given, damping, local, law, undamped))
+        blocks.append(BoundaryLaw(name, index, base, memory, given, damping, local, law, undamped))
     if not blocks:  # no contact points of this process
         return StepLaw(stated)
     return StepLaw(foundations.joined([(block.law, block.index.size) for block in blocks]), tuple(blocks))

@@ -8,8 +8,8 @@ import numpy as np
 
 from hemivar.basics.recent import Recent
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.evolution.discrete import Bodies, DiscreteEvolution
-from hemivar.evolution.schemes import RateFormula, Rule, Scheme
+from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
+from hemivar.evolution.schemes import RateFormula, Scheme, StageRule
 from hemivar.evolution.step_laws import StageLaws
 from hemivar.solvers.active_set_newton import NewtonCache
 
@@ -31,7 +31,7 @@ def gain(time: float, span: float, rate: float) -> float:
     return float(-np.expm1(-span / time)) * time * rate
 
 
-def body_factors(discrete: DiscreteEvolution, rule: Rule, step: float) -> tuple[float, ...]:
+def body_factors(discrete: DiscreteEvolution, rule: StageRule, step: float) -> tuple[float, ...]:
     """What viscosity, mass and every branch are multiplied with in the stiffness of a stage."""
     gains = (gain(time, rule.at * step, rule.reach / step) for time, _ in discrete.branches)
     return rule.rate.difference, rule.acceleration.difference, *gains
@@ -65,7 +65,7 @@ class StepOperator:
         Constants c of laws by their weak convexity.
     """
 
-    rule: Rule
+    rule: StageRule
     step: float
     base: DiscreteProblem
     decays: tuple[float, ...]
@@ -77,7 +77,7 @@ class StepOperator:
     constants: Recent[tuple[bytes, ...], float] = field(default_factory=lambda: Recent(_LAWS), repr=False)
 
 
-def step_operator(discrete: DiscreteEvolution, bodies: Bodies, rule: Rule, step: float) -> StepOperator:
+def step_operator(discrete: DiscreteEvolution, bodies: StepMatrices, rule: StageRule, step: float) -> StepOperator:
     """What the stages of all steps of one length share."""
     factors = body_factors(discrete, rule, step)
     _, inert, *gains = factors
@@ -110,13 +110,13 @@ class StepOperators:
     """
 
     discrete: DiscreteEvolution
-    bodies: Bodies
+    bodies: StepMatrices
     scheme: Scheme
     _made: Recent[tuple[float, float | None], tuple[StepOperator, ...]] = field(
         default_factory=lambda: Recent(_KEPT), repr=False
     )
 
-    def rules(self, step: float, last: float | None) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None) -> tuple[StageRule, ...]:
         """The stages of a step of a length after one of length ``last``."""
         scheme = self.scheme
         return (scheme.massless_rules if self.discrete.mass is None else scheme.rules)(step, last)

@@ -11,8 +11,8 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.evolution.balance import allowed_work, rounding_of
 from hemivar.evolution.data_in_time import DataInTime, StatedData
-from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
-from hemivar.evolution.jumps import Jump, Leap
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices
+from hemivar.evolution.jumps import DissipatedJump, SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
 from hemivar.evolution.stage import Stage, posed_stage, stage_state
 from hemivar.evolution.stage_solver import StageSolver
@@ -57,7 +57,7 @@ class StepResult:
     step: float
     solutions: tuple[Solution, ...]
     stages: tuple[Stage, ...]
-    leaps: tuple[Leap, ...] = ()
+    leaps: tuple[DissipatedJump, ...] = ()
     heat: StepResult | None = None
     advice: str = ""
 
@@ -120,7 +120,7 @@ class TimeStepper:
         stops : mapping of float to float, optional
             Times at which what acts may jump, and how near to them it is looked at.
         """
-        bodies = Bodies(discrete)
+        bodies = StepMatrices(discrete)
         method = method_of(discrete) if solver is None else solver
         return cls(
             discrete,
@@ -153,7 +153,7 @@ class TimeStepper:
         return {}
 
     def take(
-        self, before: TimeState, step: float, end_time: float | None = None, jump: Jump = Jump.LOCAL
+        self, before: TimeState, step: float, end_time: float | None = None, jump: SelectionRule = SelectionRule.LOCAL
     ) -> StepResult:
         """One step; the state before it stays as it is.
 
@@ -170,7 +170,12 @@ class TimeStepper:
         return self.take_under(self.data, before, step, end, jump)
 
     def take_under(
-        self, data: DataInTime, before: TimeState, step: float, end_time: float, jump: Jump = Jump.LOCAL
+        self,
+        data: DataInTime,
+        before: TimeState,
+        step: float,
+        end_time: float,
+        jump: SelectionRule = SelectionRule.LOCAL,
     ) -> StepResult:
         """One step under other data than those of the evolution; see :meth:`take`."""
         before = with_products(self.discrete, before)
@@ -192,7 +197,9 @@ class TimeStepper:
         taken = self._ended(before, solved, step, end_time, end)
         return self._balanced(taken, solved)
 
-    def _ended(self, before: TimeState, solved: list[SolvedStage], step: float, time: float, end: Acting) -> StepResult:
+    def _ended(
+        self, before: TimeState, solved: list[SolvedStage], step: float, time: float, end: ExternalData
+    ) -> StepResult:
         state = end_of_step(self.discrete, before, solved, step, time, end, self.scheme.multistep)
         leaps = tuple(leap for one in solved for leap in one.leaps)
         return StepResult(
@@ -225,11 +232,16 @@ class TimeStepper:
 
     def _along(self, before: TimeState, rate: Array) -> TimeState:
         """A state at which gaps begin to change at the rate (m, c) that they have in the whole step."""
-        traced = self.discrete.problem.contact.traced(before.body.velocity[: self.discrete.unknowns])
-        return replace(before, local=before.local.at_velocity(traced - rate))
+        trace_of = self.discrete.problem.contact.trace_of(before.body.velocity[: self.discrete.unknowns])
+        return replace(before, local=before.local.at_velocity(trace_of - rate))
 
     def at_once(
-        self, before: TimeState, span: float, start: Acting, now: Acting, jump: Jump = Jump.LOCAL
+        self,
+        before: TimeState,
+        span: float,
+        start: ExternalData,
+        now: ExternalData,
+        jump: SelectionRule = SelectionRule.LOCAL,
     ) -> StepResult:
         """A short step of implicit Euler, after which the time is what it was.
 
@@ -253,7 +265,7 @@ class TimeStepper:
         return self._ended(before, [solved], span, before.time, now)
 
     def stage_laws(self, before: TimeState, step: float) -> list[tuple[tuple[float, ...], ContactLaw]]:
-        """For each stage of a step, not solved: what makes its body, see :meth:`Bodies.body`, and its law.
+        """For each stage of a step, not solved: what makes its body, see :meth:`StepMatrices.body`, and its law.
 
         The state before stands for what the stages would find.
         """
@@ -272,10 +284,10 @@ class TimeStepper:
         stages: StageSolver,
         base: TimeState,
         operator: StepOperator,
-        at: Acting,
-        end: Acting,
-        start: Acting,
-        jump: Jump,
+        at: ExternalData,
+        end: ExternalData,
+        start: ExternalData,
+        jump: SelectionRule,
     ) -> SolvedStage:
         """A stage, its law being that of its own solution."""
         discrete, vectors, rule = self.discrete, self.discrete.vectors, operator.rule

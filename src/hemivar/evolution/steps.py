@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from hemivar.basics.arguments import number
 from hemivar.errors import ProblemError
 
-__all__ = ["AdaptiveStep", "FixedStep", "Pace", "Stepping"]
+__all__ = ["AdaptiveStep", "FixedStep", "StepSizeController", "StepSizeState"]
 
 #: Steps are this many halvings below the first one at most, unless a least step is given.
 _HALVINGS = 20
@@ -20,7 +20,7 @@ _ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
-class Pace:
+class StepSizeState:
     """What a control of steps remembers.
 
     Attributes
@@ -38,22 +38,22 @@ class Pace:
     waiting: int = 0
 
 
-class Stepping(ABC):
-    """How long steps are: a frozen dataclass of options; all it remembers is a :class:`Pace`."""
+class StepSizeController(ABC):
+    """How long steps are: a frozen dataclass of options; all it remembers is a :class:`StepSizeState`."""
 
     #: Whether the error of every step is estimated.
     estimates: bool = False
 
     @abstractmethod
-    def first(self, span: float) -> Pace:
+    def first(self, span: float) -> StepSizeState:
         """The first step of an evolution that lasts ``span``."""
 
     @abstractmethod
-    def after(self, pace: Pace, error: float | None, order: int) -> tuple[bool, Pace]:
+    def after(self, pace: StepSizeState, error: float | None, order: int) -> tuple[bool, StepSizeState]:
         """Whether a step of a relative ``error`` stands, and the next one."""
 
     @abstractmethod
-    def smaller(self, pace: Pace) -> Pace | None:
+    def smaller(self, pace: StepSizeState) -> StepSizeState | None:
         """What to try after a step that failed; None if there is nothing smaller."""
 
     def missed(self, error: float | None) -> bool:
@@ -64,14 +64,14 @@ class Stepping(ABC):
         """Whether relative errors of steps have a sum that is much more than was asked for a step."""
         return False
 
-    def knows(self, pace: Pace) -> bool:
+    def knows(self, pace: StepSizeState) -> bool:
         """Whether a pace that was read from a file may be one of this control."""
         counted = all(isinstance(one, int) and not isinstance(one, bool) for one in (pace.rung, pace.waiting))
         return counted and 0.0 < pace.step < math.inf and pace.waiting >= 0
 
 
 @dataclass(frozen=True)
-class FixedStep(Stepping):
+class FixedStep(StepSizeController):
     """Steps of one length; one that fails is divided, a few times at most.
 
     Parameters
@@ -88,30 +88,30 @@ class FixedStep(Stepping):
         if not 0.0 < number(self.step, "the step", "give a time > 0") < math.inf:
             raise ProblemError(f"the step is {self.step:g}; it must be positive and finite")
 
-    def first(self, span: float) -> Pace:
+    def first(self, span: float) -> StepSizeState:
         if self.step > span * (1.0 + 1e-9):
             raise ProblemError(f"the step is {self.step:g}, longer than the whole evolution, {span:g}; take a smaller")
-        return Pace(self.step)
+        return StepSizeState(self.step)
 
-    def after(self, pace: Pace, error: float | None, order: int) -> tuple[bool, Pace]:
+    def after(self, pace: StepSizeState, error: float | None, order: int) -> tuple[bool, StepSizeState]:
         if pace.rung == 0:
             return True, pace
         if pace.waiting > 1:
-            return True, Pace(pace.step, pace.rung, pace.waiting - 1)
-        return True, Pace(self.step * 2.0 ** (pace.rung + 1), pace.rung + 1, 1 if pace.rung == -1 else 2)
+            return True, StepSizeState(pace.step, pace.rung, pace.waiting - 1)
+        return True, StepSizeState(self.step * 2.0 ** (pace.rung + 1), pace.rung + 1, 1 if pace.rung == -1 else 2)
 
-    def smaller(self, pace: Pace) -> Pace | None:
+    def smaller(self, pace: StepSizeState) -> StepSizeState | None:
         if pace.rung <= -self.halvings:
             return None
-        return Pace(self.step * 2.0 ** (pace.rung - 1), pace.rung - 1, 2)
+        return StepSizeState(self.step * 2.0 ** (pace.rung - 1), pace.rung - 1, 2)
 
-    def knows(self, pace: Pace) -> bool:
+    def knows(self, pace: StepSizeState) -> bool:
         known = super().knows(pace) and -self.halvings <= pace.rung <= 0
         return known and math.isclose(pace.step, self.step * 2.0**pace.rung, rel_tol=1e-9)
 
 
 @dataclass(frozen=True)
-class AdaptiveStep(Stepping):
+class AdaptiveStep(StepSizeController):
     """Steps whose estimated error stays below a tolerance, each the first one times a power of two.
 
     Matrices of a step length that comes again are not factorised again.
@@ -150,11 +150,11 @@ class AdaptiveStep(Stepping):
         if self.least is not None and self.most is not None and self.least > self.most:
             raise ProblemError(f"AdaptiveStep: least = {self.least:g} is larger than most = {self.most:g}")
 
-    def first(self, span: float) -> Pace:
+    def first(self, span: float) -> StepSizeState:
         step = self.first_step if self.first_step is not None else 1e-3 * span
-        return Pace(min(max(step, self.least or step), self.most or math.inf, span))
+        return StepSizeState(min(max(step, self.least or step), self.most or math.inf, span))
 
-    def after(self, pace: Pace, error: float | None, order: int) -> tuple[bool, Pace]:
+    def after(self, pace: StepSizeState, error: float | None, order: int) -> tuple[bool, StepSizeState]:
         assert error is not None
         error /= self.rtol
         if error > 1.0:
@@ -165,11 +165,11 @@ class AdaptiveStep(Stepping):
         fits = self.most is None or grown <= self.most * (1.0 + 1e-9)
         if fits and error < 0.8 * 2.0 ** -(order + 1):
             if pace.waiting:
-                return True, Pace(pace.step, pace.rung, pace.waiting - 1)
-            return True, Pace(grown, pace.rung + 1, 1)
-        return True, Pace(pace.step, pace.rung, min(pace.waiting, 1))
+                return True, StepSizeState(pace.step, pace.rung, pace.waiting - 1)
+            return True, StepSizeState(grown, pace.rung + 1, 1)
+        return True, StepSizeState(pace.step, pace.rung, min(pace.waiting, 1))
 
-    def smaller(self, pace: Pace) -> Pace | None:
+    def smaller(self, pace: StepSizeState) -> StepSizeState | None:
         return self._down(pace, 1)
 
     def missed(self, error: float | None) -> bool:
@@ -178,12 +178,12 @@ class AdaptiveStep(Stepping):
     def adds_up(self, summed: float) -> bool:
         return summed > max(_MUCH, _SEVERAL * self.rtol)
 
-    def knows(self, pace: Pace) -> bool:
+    def knows(self, pace: StepSizeState) -> bool:
         return super().knows(pace) and pace.rung >= -_HALVINGS
 
-    def _down(self, pace: Pace, rungs: int) -> Pace | None:
+    def _down(self, pace: StepSizeState, rungs: int) -> StepSizeState | None:
         for down in range(rungs, 0, -1):
             step = pace.step * 0.5**down
             if (self.least is None or step >= self.least * (1.0 - 1e-9)) and pace.rung - down >= -_HALVINGS:
-                return Pace(step, pace.rung - down, 2)
+                return StepSizeState(step, pace.rung - down, 2)
         return None

@@ -11,12 +11,12 @@ import numpy as np
 from hemivar.basics.anderson import Anderson
 from hemivar.basics.types import Array
 from hemivar.evolution.data_in_time import ChangedData, DataInTime
-from hemivar.evolution.discrete import Acting, DiscreteEvolution
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.discrete_heat import DiscreteHeat
 from hemivar.evolution.energy_balance import EnergyBalance
-from hemivar.evolution.heat_book import HeatBook, Warmth
+from hemivar.evolution.heat_balance import HeatBalance, ThermalState
 from hemivar.evolution.initial import initial_moment
-from hemivar.evolution.jumps import Jump
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Midpoint, Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
@@ -128,10 +128,10 @@ class ThermalStepper(TimeStepper):
 
     def initialise(self, state: TimeState) -> TimeState:
         content = self._content(self.begun)
-        return replace(state, heat=Warmth(self.begun, HeatBook(content, content)))
+        return replace(state, heat=ThermalState(self.begun, HeatBalance(content, content)))
 
     def take(
-        self, before: TimeState, step: float, end_time: float | None = None, jump: Jump = Jump.LOCAL
+        self, before: TimeState, step: float, end_time: float | None = None, jump: SelectionRule = SelectionRule.LOCAL
     ) -> StepResult:
         assert before.heat is not None
         heat, warm = self.heat, before.heat.moment
@@ -164,7 +164,12 @@ class ThermalStepper(TimeStepper):
         return replace(taken, solutions=(*taken.solutions[:-1], worst), advice=_UNMET)
 
     def at_once(
-        self, before: TimeState, span: float, start: Acting, now: Acting, jump: Jump = Jump.LOCAL
+        self,
+        before: TimeState,
+        span: float,
+        start: ExternalData,
+        now: ExternalData,
+        jump: SelectionRule = SelectionRule.LOCAL,
     ) -> StepResult:
         taken = super().at_once(before, span, start, now, jump)
         return replace(
@@ -210,7 +215,7 @@ class ThermalStepper(TimeStepper):
         moment = replace(
             taken.moment,
             ledger=self._split(taken, course, before.time + taken.stages[0].rule.at * step),
-            heat=Warmth(flowed.moment, book, rounds, ratio if math.isfinite(ratio) else 0.0),
+            heat=ThermalState(flowed.moment, book, rounds, ratio if math.isfinite(ratio) else 0.0),
         )
         return replace(taken, moment=moment, heat=flowed)
 
@@ -230,7 +235,7 @@ class ThermalStepper(TimeStepper):
         assert conduction.viscosity is not None
         return float(conduction.viscosity.times(moment.body.displacement).sum())
 
-    def _booked_heat(self, old: HeatBook, taken: StepResult, flowed: StepResult, step: float) -> HeatBook:
+    def _booked_heat(self, old: HeatBalance, taken: StepResult, flowed: StepResult, step: float) -> HeatBalance:
         conduction, stage = self.heat.conduction, flowed.stages[0]
         assert conduction.viscosity is not None
         n = conduction.unknowns
@@ -242,7 +247,7 @@ class ThermalStepper(TimeStepper):
         force = conduction.viscosity.times(rate) + conduction.stiffness.times(place) - stage.load
         contact = conduction.problem.contact
         out = float((contact.weights[:, None] * solution.multiplier).sum()) if contact.count else 0.0
-        return HeatBook(
+        return HeatBalance(
             content=self._content(flowed.moment),
             start=old.start,
             source=old.source + step * float(stage.load.sum()) - given,

@@ -14,7 +14,7 @@ from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
-from hemivar.mechanics.instants import told_of
+from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.obstacles import obstacle_contact
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 
@@ -96,7 +96,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         normal, gap = obstacle_contact(contact.obstacle, contact.normals, points, normal, f"contact '{name}'")
         meets = np.isfinite(gap)
         if not meets.all():
-            with told_of(f"contact '{name}'", contact.normal, contact.friction):
+            with error_context(f"contact '{name}'", contact.normal, contact.friction):
                 law = contact.law.at(points[~meets])
             _check_never_touching(law, name, points[~meets])
             average, normal, points = sp.csr_array(average[meets]), normal[meets], points[meets]
@@ -108,7 +108,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     names = tuple(problem.contact)
     boundary = np.full(len(points), names.index(name))
     found = ContactPoints(local_components(average, frames), weights, points, frames, nodes, facet, boundary, names)
-    with told_of(f"contact '{name}'", contact.normal, contact.friction):
+    with error_context(f"contact '{name}'", contact.normal, contact.friction):
         return BoundaryContact(found, gap, contact.law.at(points), blocked)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.known_keywords import known_keywords
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.types import Array
 from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.bulk import Quadratic
@@ -40,7 +40,7 @@ _SHOWN = 8
 
 @known_keywords
 def discretize(
-    problem: Statement | KnownStatement, *, check_coercivity: bool = True, evolving: bool = False
+    problem: Statement | ManufacturedProblem, *, check_coercivity: bool = True, evolving: bool = False
 ) -> DiscreteProblem:
     """Discretise a contact problem by finite elements; a scalar one by :func:`hemivar.fem.discretize_scalar`.
 
@@ -86,7 +86,7 @@ def discretize(
         positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
         depend on one another, the body is free to move, or something depends on time.
     """
-    given = KnownStatement.of(problem)
+    given = ManufacturedProblem.of(problem)
     if isinstance(given, DiscreteProblem):
         raise ProblemError("this problem is discrete already; solve it, or discretize its statement")
     if isinstance(given, ScalarProblem):

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.assembly import portions, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw
@@ -22,7 +22,7 @@ __all__ = ["EnergyIntegral", "NodalEnergy"]
 
 
 @dataclass(frozen=True, eq=False)
-class NodalEnergy(Portable):
+class NodalEnergy(PickleMixin):
     """``int W(strain(U))`` of nodal values U (nodes, c).
 
     Where W is the same all over a cell and elements are linear, one point of quadrature is exact; else the rule is of
@@ -128,7 +128,7 @@ class NodalEnergy(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class EnergyIntegral(Portable):
+class EnergyIntegral(PickleMixin):
     """The energy of the unknowns u (n,), ``int W(strain(P u + u0))``, with that of a bedding.
 
     Attributes

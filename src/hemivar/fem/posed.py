@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hemivar.basics.arguments import described
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
@@ -12,7 +12,7 @@ from hemivar.mechanics.scalar import Statement
 __all__ = ["Posable", "posed"]
 
 #: What a discrete problem can be made of.
-Posable = DiscreteProblem | Statement | KnownStatement
+Posable = DiscreteProblem | Statement | ManufacturedProblem
 
 
 def posed(problem: Posable, function: str) -> DiscreteProblem:
@@ -29,7 +29,7 @@ def posed(problem: Posable, function: str) -> DiscreteProblem:
     ProblemError
         It is neither.
     """
-    given = KnownStatement.of(problem)
+    given = ManufacturedProblem.of(problem)
     if isinstance(given, DiscreteProblem):
         return given
     if isinstance(given, Statement):

@@ -29,7 +29,7 @@ from hemivar.fem.quadrature import region_masks
 from hemivar.fem.supports import in_words
 from hemivar.laws import ContactLaw, Friction, NoContact
 from hemivar.mechanics.conditions import LARGEST, ScalarData, evaluate_scalar
-from hemivar.mechanics.instants import told_of
+from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Side
 
 __all__ = [
@@ -243,7 +243,7 @@ def contact_of(
             raise ProblemError(f"{where}: {level[np.argmax(np.abs(level))]:g} is beyond the range of numbers")
         sign = 1.0 if contact.side is Side.ABOVE else -1.0
         stated = contact.law
-        with told_of(f"contact '{place.name}'", stated):
+        with error_context(f"contact '{place.name}'", stated):
             law = (ContactLaw(NoContact(), stated) if isinstance(stated, Friction) else ContactLaw(stated)).at(at)
         free = moving[place.nodes]
         energy += _held_energy(place, law, sign, level, prescribed, at, ~free)

@@ -13,9 +13,9 @@ from hemivar.basics.types import Array, Parameter
 from hemivar.files.body_table import check_boundary
 from hemivar.files.memory_table import memory_record, read_memory
 from hemivar.files.mesh_table import file_name
+from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import quantity_record
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
-from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential, VectorLaw
 from hemivar.laws.coupled_registry import COUPLED_LAWS
@@ -26,7 +26,7 @@ from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, Sign
 from hemivar.mechanics.statement import Contact
 from hemivar.mesh import Mesh
 
-__all__ = ["Aside", "contact_record", "read_contacts"]
+__all__ = ["SideFiles", "contact_record", "read_contacts"]
 
 _OBSTACLES = {
     "plane": ("point", "normal"),
@@ -191,7 +191,7 @@ class _Reader:
 # ---- writing ------------------------------------------------------------------------------------------------
 
 
-class Aside:
+class SideFiles:
     """Where tables go that come from no file: beside the problem file if that is wanted, else nowhere.
 
     Parameters
@@ -209,13 +209,15 @@ class Aside:
     def table(self, where: str, name: str, rows: tuple[Array, Array], heads: tuple[str, str]) -> str:
         """Name of the file in which a table without one was put."""
         if self.put is None:
-            raise unsaid(where, "a table of numbers that come from no file", "tables by file: beside=True writes them")
+            raise not_expressible(
+                where, "a table of numbers that come from no file", "tables by file: beside=True writes them"
+            )
         pairs = zip(*(np.asarray(column, dtype=float).tolist() for column in rows), strict=True)
         lines = [f"{first!r},{second!r}\n" for first, second in pairs]
         return self.put(name, f"{heads[0]},{heads[1]}\n{''.join(lines)}")
 
 
-def contact_record(name: str, contact: Contact, aside: Aside) -> dict[str, object]:
+def contact_record(name: str, contact: Contact, aside: SideFiles) -> dict[str, object]:
     """The table [contact.NAME] of a contact."""
     where = f"contact['{name}']"
     record: dict[str, object] = {"normal": _law_record(contact.normal, f"{where}.normal", name, aside, _LAWS)}
@@ -245,7 +247,7 @@ def _law_record(
     law: Superpotential | VectorLaw,
     where: str,
     name: str,
-    aside: Aside,
+    aside: SideFiles,
     laws: Mapping[str, LawEntry],
     bound: object = None,
 ) -> object:
@@ -253,7 +255,7 @@ def _law_record(
     stated = law.stated
     if stated is None or stated["law"] not in laws:
         own = "the laws that 'hemivar laws' lists, tables (table_law) and potentials as text (FormulaLaw)"
-        raise unsaid(where, law, own)
+        raise not_expressible(where, law, own)
     entry = laws[str(stated["law"])]
     record: dict[str, object] = {"law": entry.name}
     for parameter in entry.parameters:
@@ -279,7 +281,7 @@ def _law_record(
     return record if len(record) > 1 else entry.name
 
 
-def _friction_record(friction: Friction, where: str, name: str, aside: Aside) -> object:
+def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles) -> object:
     bound: object
     match friction.bound:
         case CoulombBound(coefficient=coefficient) if friction.profile is NoFriction().profile:
@@ -290,7 +292,7 @@ def _friction_record(friction: Friction, where: str, name: str, aside: Aside) ->
             bound = {"formula": text}
         case PenetrationBound(source=source, file=file):
             if callable(source) or isinstance(source, str):
-                raise unsaid(f"{where}.bound", source, "formulas of s as text, and tables")
+                raise not_expressible(f"{where}.bound", source, "formulas of s as text, and tables")
             heads = (BOUND_COLUMNS[0][0], BOUND_COLUMNS[1][0])
             columns = (np.asarray(source[0], dtype=float), np.asarray(source[1], dtype=float))
             bound = {
@@ -299,7 +301,7 @@ def _friction_record(friction: Friction, where: str, name: str, aside: Aside) ->
                 else file_name(file, aside.folder)
             }
         case StateBound() as other:
-            raise unsaid(f"{where}.bound", other, "numbers, formulas, and bounds by penetration or pressure")
+            raise not_expressible(f"{where}.bound", other, "numbers, formulas, and bounds by penetration or pressure")
         case plain:
             bound = quantity_record(plain, f"{where}.bound")
     return _law_record(friction.profile, where, name, aside, FRICTION_LAWS, bound)
@@ -318,5 +320,5 @@ def _obstacle_record(obstacle: Obstacle, where: str) -> dict[str, object]:
         case SignedDistance(function=Formula(text=text), gradient=None):
             return {"distance": text}
         case SignedDistance(gradient=None):
-            raise unsaid(f"{where}.function", obstacle.function)
-    raise unsaid(where, obstacle, "planes, spheres, cylinders, and signed distances as text, without gradient")
+            raise not_expressible(f"{where}.function", obstacle.function)
+    raise not_expressible(where, obstacle, "planes, spheres, cylinders, and signed distances as text, without gradient")

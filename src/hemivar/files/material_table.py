@@ -9,9 +9,9 @@ import numpy as np
 
 from hemivar.basics.arguments import suggest
 from hemivar.basics.types import Array
+from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import KEYS, TomlTable, array, context, kind, listed
-from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.laws.registry import ParameterForm
 from hemivar.mechanics.composed_material import ByRegion
@@ -231,7 +231,7 @@ def material_record(material: Material, where: str = "material") -> dict[str, ob
             return {
                 "regions": {name: material_record(part, f"{where}['{name}']") for name, part in material.parts.items()}
             }
-    raise unsaid(where, material, "lame, young, tensor and materials by law, by regions if need be")
+    raise not_expressible(where, material, "lame, young, tensor and materials by law, by regions if need be")
 
 
 def _nonlinear_record(material: StoredEnergy, where: str) -> dict[str, object]:

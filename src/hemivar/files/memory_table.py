@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any
 
+from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import quantity_record
 from hemivar.files.toml import TomlTable, context, kind, listed
-from hemivar.files.unsaid import unsaid
 from hemivar.laws import memory
 
 __all__ = ["memory_kinds", "memory_record", "read_memory"]
@@ -64,7 +64,7 @@ def memory_record(memories: Sequence[Any], where: str) -> list[object]:
     kinds, record = memory_kinds(), list[object]()
     for number, stated in enumerate(memories):
         if kinds.get(getattr(stated, "name", "")) is not type(stated):
-            raise unsaid(f"{where}[{number}]", stated, f"memories of the kinds {', '.join(kinds)}")
+            raise not_expressible(f"{where}[{number}]", stated, f"memories of the kinds {', '.join(kinds)}")
         one: dict[str, object] = {"kind": stated.name}
         for part in fields(stated):
             value = getattr(stated, part.name)

@@ -18,19 +18,19 @@ from pathlib import Path
 from typing import cast
 
 from hemivar.basics import disk
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
 from hemivar.files.body_table import loads_record, read_bedding, read_loads, read_supports, supports_record
 from hemivar.files.changes import Change, changed
-from hemivar.files.contact_table import Aside, _Reader, contact_record, read_contacts
+from hemivar.files.contact_table import SideFiles, _Reader, contact_record, read_contacts
 from hemivar.files.material_table import material_record, read_material
 from hemivar.files.mesh_table import StatedMesh, mesh_record, read_mesh_table
+from hemivar.files.not_expressible import difference, not_expressible
 from hemivar.files.scalar_tables import SCALAR_KEYS, read_scalar, scalar_record
 from hemivar.files.thermal_table import HEAT_KEYS, heat_record, read_heat
 from hemivar.files.time_table import OutputSettings, TimeSettings, output_record, read_output, read_time, time_record
 from hemivar.files.toml import KEYS, TomlTable, context, printable, text_of
-from hemivar.files.unsaid import difference, unsaid
 from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mechanics.thermal import Heat
@@ -316,7 +316,7 @@ def _solver(table: TomlTable) -> SolverSettings:
 
 
 def write_problem(
-    problem: Statement | KnownStatement | ProblemFile,
+    problem: Statement | ManufacturedProblem | ProblemFile,
     path: str | Path,
     *,
     method: str | Solver | None = None,
@@ -356,7 +356,7 @@ def write_problem(
         If a file cannot be written, or a file beside it would take the place of another one.
     """
     path = disk.path_of(path)
-    given = KnownStatement.of(problem)
+    given = ManufacturedProblem.of(problem)
     stated = given if isinstance(given, ProblemFile) else ProblemFile(cast("Statement", given))
     settings = _settings(stated.solver, method, controls)
     with contextlib.ExitStack() as undone:
@@ -385,14 +385,16 @@ def _settings(given: SolverSettings, method: str | Solver | None, controls: Cont
     """The settings with a method and limits in place of their own."""
     name = given.method if method is None else method if isinstance(method, str) else method.name
     if name is not None and name not in METHODS:
-        raise unsaid("method", name, f"one of {', '.join(METHODS)}")
+        raise not_expressible("method", name, f"one of {', '.join(METHODS)}")
     if isinstance(method, Solver) and METHODS[method.name] != method:
-        raise unsaid("method", f"'{method.name}' with options of its own", "methods with their standard options")
+        raise not_expressible(
+            "method", f"'{method.name}' with options of its own", "methods with their standard options"
+        )
     if controls is None:
         return SolverSettings(name, given.rtol, given.max_steps, given.max_time)
     for option in ("atol", "callback"):
         if getattr(controls, option) != getattr(Controls(), option):
-            raise unsaid(f"controls.{option}", getattr(controls, option), "rtol, max_steps and max_time")
+            raise not_expressible(f"controls.{option}", getattr(controls, option), "rtol, max_steps and max_time")
     return SolverSettings(
         name, controls.rtol, controls.max_steps, None if controls.max_time == math.inf else controls.max_time
     )
@@ -407,9 +409,9 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
     if recipe is None:
         if files is None:
             can = "rectangles, boxes and mesh files, scaled and then refined: beside=True writes the mesh as a file"
-            raise unsaid("mesh", "made of arrays, or changed after it was made", can)
+            raise not_expressible("mesh", "made of arrays, or changed after it was made", can)
         recipe = MeshRecipe(files.put("mesh.msh", msh_text(problem.mesh)))
-    aside = Aside(folder, None if files is None else files.table)
+    aside = SideFiles(folder, None if files is None else files.table)
     data: dict[str, object] = {"title": problem.title} if problem.title else {}
     if isinstance(problem, ScalarProblem):
         data = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.files.unsaid import unsaid
+from hemivar.files.not_expressible import not_expressible
 from hemivar.formula import Formula, FormulaArray
 
 __all__ = ["entries_record", "quantity_record"]
@@ -15,7 +15,7 @@ def entries_record(value: object, where: str) -> list[object]:
     if isinstance(value, FormulaArray):
         return [quantity_record(entry, where) for entry in value.entries]
     if callable(value):
-        raise unsaid(where, value)
+        raise not_expressible(where, value)
     return np.asarray(value, dtype=float).ravel().tolist()
 
 
@@ -24,8 +24,8 @@ def quantity_record(value: object, where: str) -> object:
     if isinstance(value, Formula):
         return value.text
     if callable(value):
-        raise unsaid(where, value)
+        raise not_expressible(where, value)
     numbers = np.asarray(value, dtype=float)
     if numbers.size != 1:
-        raise unsaid(where, f"given as {numbers.size} numbers, one for each contact point")
+        raise not_expressible(where, f"given as {numbers.size} numbers, one for each contact point")
     return float(numbers.ravel()[0])

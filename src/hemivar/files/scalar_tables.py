@@ -14,10 +14,10 @@ import numpy as np
 
 from hemivar.basics.arguments import suggest
 from hemivar.files.body_table import check_boundary
-from hemivar.files.contact_table import Aside, _friction_record, _law_record, _Reader
+from hemivar.files.contact_table import SideFiles, _friction_record, _law_record, _Reader
+from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import TomlTable, array, context, kind
-from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.laws import Friction, Superpotential
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
@@ -172,7 +172,7 @@ def _read_area(top: TomlTable, mesh: Mesh, reader: _Reader) -> ScalarContact | d
 # ---- writing ----------------------------------------------------------------------------------------------
 
 
-def scalar_record(problem: ScalarProblem, aside: Aside) -> dict[str, object]:
+def scalar_record(problem: ScalarProblem, aside: SideFiles) -> dict[str, object]:
     """The tables of a scalar problem but for title, mesh and solver."""
     name = _COEFFICIENTS[problem.kind]
     material: dict[str, object]
@@ -185,7 +185,9 @@ def scalar_record(problem: ScalarProblem, aside: Aside) -> dict[str, object]:
         value = getattr(problem, key)
         if isinstance(value, Mapping):
             if not isinstance(problem.coefficient, Mapping) or set(value) != set(problem.coefficient):
-                raise unsaid(key, "given by regions", f"{key} by the regions that the {name} is given by, or for all")
+                raise not_expressible(
+                    key, "given by regions", f"{key} by the regions that the {name} is given by, or for all"
+                )
             for region, one in value.items():
                 material["regions"][region][key] = quantity_record(one, f"{key} of '{region}'")  # type: ignore[index]
         elif value is not None:
@@ -209,7 +211,7 @@ def scalar_record(problem: ScalarProblem, aside: Aside) -> dict[str, object]:
 
 def _coefficient_record(value: object, where: str) -> object:
     if isinstance(value, GradientEnergy):
-        raise unsaid(where, f"a {type(value).__name__}", "a number, a formula or a tensor")
+        raise not_expressible(where, f"a {type(value).__name__}", "a number, a formula or a tensor")
     if isinstance(value, Formula | float) or (not callable(value) and np.ndim(value) == 0):  # type: ignore[arg-type]
         return quantity_record(value, where)
     entries = entries_record(value, where)
@@ -217,7 +219,7 @@ def _coefficient_record(value: object, where: str) -> object:
     return [entries[k * size : (k + 1) * size] for k in range(size)]
 
 
-def _contact_record(name: str, contact: ScalarContact, where: str, aside: Aside) -> dict[str, object]:
+def _contact_record(name: str, contact: ScalarContact, where: str, aside: SideFiles) -> dict[str, object]:
     record: dict[str, object] = {}
     if isinstance(contact.law, Friction):
         record["friction"] = _friction_record(contact.law, f"{where}.law", name, aside)

@@ -81,7 +81,7 @@ def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
     """
     problem = discrete.problem
     if discrete.evolution.problem.time_dependent & {"gap", "supports"}:
-        offset = discrete.acting(frame.time).offset
+        offset = discrete.data_at(frame.time).offset
         problem = problem.with_(offset=offset)
     states = moving_states(discrete, frame)
     return Snapshot(
@@ -117,7 +117,7 @@ def moving_states(discrete: DiscreteEvolution, frame: Frame) -> ContactStates:
         slow = max(slow, _NOISE * far / passed)
     moves = np.linalg.norm(frame.rate[:, 1:], axis=1) > slow
     timed = "law" in discrete.evolution.problem.time_dependent
-    law, contact = discrete.acting(frame.time).law if timed else discrete.problem.law, discrete.problem.contact
+    law, contact = discrete.data_at(frame.time).law if timed else discrete.problem.law, discrete.problem.contact
     seen, past_peak = frame.local.copy(), np.zeros(len(frame.local), dtype=bool)
     for name, index in discrete.blocks:
         known = {what: values[index] for what, values in frame.memory.items()}

@@ -9,10 +9,10 @@ import numpy as np
 
 from hemivar.basics.arguments import suggest
 from hemivar.files.body_table import check_boundary
-from hemivar.files.contact_table import Aside, _law_record, _Reader
+from hemivar.files.contact_table import SideFiles, _law_record, _Reader
+from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import TomlTable, array, context, kind
-from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.laws.registry import NORMAL_LAWS
 from hemivar.mechanics.statement import ContactProblem
@@ -102,7 +102,7 @@ def _read_contact(table: TomlTable, reader: _Reader) -> HeatContact:
         return HeatContact(**found)
 
 
-def heat_record(heat: Heat, aside: Aside) -> dict[str, object]:
+def heat_record(heat: Heat, aside: SideFiles) -> dict[str, object]:
     """The table [heat]."""
     record: dict[str, object] = {}
     for key in _BY_REGION:
@@ -133,14 +133,14 @@ def _said(value: object, where: str) -> object:
     return [entries[k * size : (k + 1) * size] for k in range(size)]
 
 
-def _contact_record(name: str, contact: HeatContact, aside: Aside) -> dict[str, object]:
+def _contact_record(name: str, contact: HeatContact, aside: SideFiles) -> dict[str, object]:
     where = f"heat.contact['{name}']"
     record: dict[str, object] = {}
     if isinstance(contact.conductance, Touching):
         said = contact.conductance
         record["conductance"] = {key: getattr(said, key) for key in _TOUCHING}
     elif callable(contact.conductance):
-        raise unsaid(f"{where}.conductance", contact.conductance, "a number, or HeatContact.touching(...)")
+        raise not_expressible(f"{where}.conductance", contact.conductance, "a number, or HeatContact.touching(...)")
     elif contact.conductance:
         record["conductance"] = contact.conductance
     if callable(contact.temperature) or contact.temperature != 0.0:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from hemivar.evolution.jumps import Jump
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import TomlTable, kind
 from hemivar.mechanics.conditions import ScalarData, VectorData
@@ -42,7 +42,7 @@ SCHEMES: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
     }
 )
 #: What may happen where the margin is lost with nothing viscous.
-JUMPS = tuple(jump.value for jump in Jump)
+JUMPS = tuple(jump.value for jump in SelectionRule)
 #: What the state at the beginning is called: of a body, and of scalar problems.
 INITIAL: Mapping[ScalarKind | None, tuple[str, ...]] = MappingProxyType(
     {

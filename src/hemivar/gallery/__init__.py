@@ -2,7 +2,7 @@
 
 Every function returns one value that may be given wherever a problem or an evolution is asked for (``hv.solve``,
 ``hv.discretize``, ``hv.march``, ...): a statement, for bars a discrete problem, or, where the solution is known, a
-:class:`~hemivar.basics.known_statement.KnownStatement` that holds it beside its ``statement``.
+:class:`~hemivar.basics.known_statement.ManufacturedProblem` that holds it beside its ``statement``.
 """
 
 from hemivar.gallery.evolution_examples import SCREWED_ARCH_DATA, ScrewedArchData, screwed_arch, viscoelastic_beam

@@ -9,11 +9,11 @@ from types import MappingProxyType
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw, PiecewiseQuadratic, Softening, Superpotential, SurveyLaw
+from hemivar.laws import ContactLaw, PiecewiseQuadratic, Softening, Superpotential, ThresholdCompliance
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Prescribed
 from hemivar.mesh import rectangle
 
@@ -30,7 +30,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class KnownProblem(KnownStatement):
+class KnownProblem(ManufacturedProblem):
     """A problem with its exact solution; it may be given wherever a problem is asked for.
 
     Attributes
@@ -77,7 +77,7 @@ def elastic_bar(
     ----------
     law : Superpotential, optional
         Normal law at the end; by default ``Softening(2, 0.1, 0.5)``, for which r = 0.3.
-        A convex variant: ``SurveyLaw(q, p)``, with ``r = max(kappa r0 - q, 0)/(kappa + p)``.
+        A convex variant: ``ThresholdCompliance(q, p)``, with ``r = max(kappa r0 - q, 0)/(kappa + p)``.
     elements : int
         Number of linear elements.
     rigidity, length, load : float
@@ -178,7 +178,7 @@ def weighted_block(
 
     Parameters
     ----------
-    law : SurveyLaw, optional
+    law : ThresholdCompliance, optional
         Constant parameters; q = 0.3, p = 2 by default.
     n : int
         Cells along each side.
@@ -200,9 +200,9 @@ def weighted_block(
     ProblemError
         The law is another one, or varies.
     """
-    law = SurveyLaw(0.3, 2.0) if law is None else law
-    if not isinstance(law, SurveyLaw) or callable(law.q_max) or callable(law.p_const):
-        raise ProblemError("weighted_block has a closed form for SurveyLaw with constant parameters only")
+    law = ThresholdCompliance(0.3, 2.0) if law is None else law
+    if not isinstance(law, ThresholdCompliance) or callable(law.q_max) or callable(law.p_const):
+        raise ProblemError("weighted_block has a closed form for ThresholdCompliance with constant parameters only")
     lam, mu = lame
     modulus = lam + 2.0 * mu
     kappa = modulus / height

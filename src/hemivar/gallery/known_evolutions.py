@@ -13,7 +13,7 @@ from math import atan, exp, log, pi, sqrt
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution
@@ -56,7 +56,7 @@ AT_ONCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class KnownEvolution(KnownStatement):
+class KnownEvolution(ManufacturedProblem):
     """An evolution with a closed form; it may be given wherever an evolution is asked for.
 
     Attributes

@@ -9,7 +9,7 @@ from math import log
 import numpy as np
 from scipy.optimize import brentq
 
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
@@ -21,7 +21,7 @@ __all__ = ["KnownScalarProblem", "antiplane_friction", "membrane_obstacle", "mem
 
 
 @dataclass(frozen=True, eq=False)
-class KnownScalarProblem(KnownStatement):
+class KnownScalarProblem(ManufacturedProblem):
     """A scalar problem with its exact solution; it may be given wherever a problem is asked for.
 
     Attributes

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from hemivar.errors import ProblemError
-from hemivar.laws import Friction, Logarithmic, SurveyLaw, Tresca
+from hemivar.laws import Friction, Logarithmic, ThresholdCompliance, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import box, rectangle
 
@@ -104,7 +104,7 @@ def survey(
     return ContactProblem(
         mesh=rectangle((1.0, 1.0), n, pattern=pattern),
         material=Material.lame(4.0, 4.0),
-        contact={"bottom": Contact(SurveyLaw(data.q_max, data.p_const), Tresca(data.friction_bound))},
+        contact={"bottom": Contact(ThresholdCompliance(data.q_max, data.p_const), Tresca(data.friction_bound))},
         supports={"left": Clamped()},
         body_force=data.body_force,
         title=title,
@@ -142,7 +142,7 @@ def survey_cube(
     return ContactProblem(
         mesh=box((1.0, 1.0, 1.0), n),
         material=Material.lame(4.0, 4.0),
-        contact={"bottom": Contact(SurveyLaw(data.q_max, data.p_const), law)},
+        contact={"bottom": Contact(ThresholdCompliance(data.q_max, data.p_const), law)},
         supports={"left": Clamped()},
         body_force=(along, lateral, down),
         title=f"{title}, on a cube",

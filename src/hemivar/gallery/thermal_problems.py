@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.types import Array
 from hemivar.evolution import Evolution
 from hemivar.laws import Compliance, Logarithmic
@@ -17,7 +17,7 @@ __all__ = ["WarmBody", "thermoviscoelastic"]
 
 
 @dataclass(frozen=True, eq=False)
-class WarmBody(KnownStatement):
+class WarmBody(ManufacturedProblem):
     """A body in time with its heat; it may be given wherever an evolution is asked for.
 
     Attributes

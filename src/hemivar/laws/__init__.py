@@ -58,7 +58,7 @@ from hemivar.laws.normal import (
     SawTooth,
     Signorini,
     Softening,
-    SurveyLaw,
+    ThresholdCompliance,
 )
 from hemivar.laws.own import FormulaLaw, FunctionLaw, read_law_table, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
@@ -109,7 +109,7 @@ __all__ = [
     "StateBound",
     "StaticKinetic",
     "Superpotential",
-    "SurveyLaw",
+    "ThresholdCompliance",
     "TrapezoidalCohesion",
     "Tresca",
     "VectorLaw",

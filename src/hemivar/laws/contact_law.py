@@ -48,7 +48,7 @@ class ContactLaw(VectorLaw):
             raise ProblemError("the normal law and the friction law are swapped; give the normal law first")
         if not isinstance(self.normal, Superpotential):
             raise ProblemError(
-                f"the normal law must be a superpotential such as SurveyLaw, not {described(self.normal)}"
+                f"the normal law must be a superpotential such as ThresholdCompliance, not {described(self.normal)}"
             )
         if not isinstance(self.friction, Friction):
             raise ProblemError(
@@ -350,7 +350,7 @@ class ContactLaw(VectorLaw):
             out[:, 1:] = np.maximum(downhill(self.tangential, a[:, 1], size, old), 0.0)[:, None] * heading
         return out
 
-    def snapped(self, r: Array, near: float) -> Array:
+    def snap_to_kinks(self, r: Array, near: float) -> Array:
         out = r.copy()
         knot = self.normal.kink_within(r[:, 0], near)
         out[:, 0] = np.where(np.isfinite(knot), knot, r[:, 0])

@@ -19,7 +19,7 @@ from hemivar.basics.types import Array
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.friction import Friction
 from hemivar.laws.friction.bounds import StateBound
-from hemivar.laws.separate import OnGraph, RadialLaw, SeparateLaw
+from hemivar.laws.separate import GraphPosition, RadialLaw, SeparateLaw
 
 __all__ = ["DependentLaw"]
 
@@ -65,7 +65,7 @@ class DependentLaw:
         of = RadialLaw.of(one, stiffness) if components == 3 else SeparateLaw.of(one, stiffness, components)
         return None if normal is None or of is None else cls(law, bound, normal, of)
 
-    def onto(self, p: Array, r: Array) -> OnGraph:
+    def onto(self, p: Array, r: Array) -> GraphPosition:
         """As :meth:`SeparateLaw.onto`, at the very places of the graphs where laws are straight."""
         first = self.normal.onto(p[:, :1], r[:, :1], exact=True)
         penetration, pressure, held = first.place[:, 0], first.multiplier[:, 0], first.held[:, 0]
@@ -84,7 +84,7 @@ class DependentLaw:
                 diagonal = np.arange(p.shape[1])
                 curvature[:, diagonal, diagonal] = on.curvature
             curvature[:, 1:, 0] = part * rate[:, None]
-        return OnGraph(on.place, on.held, on.multiplier, curvature, on.moved, pushed)
+        return GraphPosition(on.place, on.held, on.multiplier, curvature, on.moved, pushed)
 
     @property
     def domain(self) -> tuple[Array, Array]:

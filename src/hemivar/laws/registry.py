@@ -34,7 +34,7 @@ from hemivar.laws.normal import (
     SawTooth,
     Signorini,
     Softening,
-    SurveyLaw,
+    ThresholdCompliance,
 )
 from hemivar.laws.own import FormulaLaw, read_law_table
 from hemivar.laws.superpotential import Superpotential
@@ -224,7 +224,7 @@ _NORMAL = (
     LawEntry(
         "survey",
         LawKind.NORMAL,
-        SurveyLaw,
+        ThresholdCompliance,
         "rigid up to the pressure q_max, beyond it linearly compliant with stiffness p_const",
         "j(r) = 0 for r < 0, q_max r + p_const r^2/2 for r >= 0",
         (

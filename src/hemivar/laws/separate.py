@@ -17,11 +17,11 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["OnGraph", "RadialLaw", "SeparateLaw"]
+__all__ = ["GraphPosition", "RadialLaw", "SeparateLaw"]
 
 
 @dataclass(frozen=True, eq=False)
-class OnGraph:
+class GraphPosition:
     """Pairs on the graphs of the laws; arrays (m, c).
 
     Attributes
@@ -203,7 +203,7 @@ class SeparateLaw:
         found[:, [one.column for one in self.curved]] = False
         return found.ravel()
 
-    def onto(self, p: Array, r: Array, exact: bool = False) -> OnGraph:
+    def onto(self, p: Array, r: Array, exact: bool = False) -> GraphPosition:
         """Where the law is to be linearised next: the kink that p lies at, else r on the piece that p lies on.
 
         Parameters
@@ -228,7 +228,7 @@ class SeparateLaw:
         for one in self.curved:
             moved |= self._bend(one, state, held, p, place, lam, slope)
         shape = self.shape
-        return OnGraph(place.reshape(shape), held.reshape(shape), lam.reshape(shape), slope.reshape(shape), moved)
+        return GraphPosition(place.reshape(shape), held.reshape(shape), lam.reshape(shape), slope.reshape(shape), moved)
 
     def _bend(
         self, one: _Curved, state: IntArray, held: BoolArray, p: Array, place: Array, lam: Array, slope: Array
@@ -332,7 +332,7 @@ class RadialLaw:
         """As :meth:`SeparateLaw.times`."""
         return replace(self, lengths=self.lengths.times(factor))
 
-    def onto(self, p: Array, r: Array, exact: bool = False) -> OnGraph:
+    def onto(self, p: Array, r: Array, exact: bool = False) -> GraphPosition:
         """As :meth:`SeparateLaw.onto`."""
         pull, size = _lengths(p), _lengths(r)
         on = self.lengths.onto(pull, size, exact)
@@ -359,7 +359,7 @@ class RadialLaw:
         block = ((bend - across)[:, None] * heading)[:, :, None] * heading[:, None, :]
         block[:, [0, 1], [0, 1]] += across[:, None]
         curvature[:, 1:, 1:] = block
-        return OnGraph(place, held, lam, curvature, moved)
+        return GraphPosition(place, held, lam, curvature, moved)
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         """Distance (m, 1) of each pair to the graph, as :meth:`hemivar.laws.ContactLaw.graph_distance`."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import minimisers
 from hemivar.laws.description import LawDescription, describe
@@ -54,7 +54,7 @@ class Interval:
         return self.distance(x) <= tolerance
 
 
-class Superpotential(Portable, ABC):
+class Superpotential(PickleMixin, ABC):
     """A scalar law j, one for each contact point.
 
     Pieces are numbered 0..K: piece ``i`` lies between knot ``i - 1`` and knot ``i`` (the first and the last one

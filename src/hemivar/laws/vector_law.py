@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.superpotential import Interval
 
@@ -36,7 +36,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True, eq=False)
-class Sides(Portable):
+class Sides(PickleMixin):
     """Directions of contact points in which a law is looked at, and its derivatives to both sides along them.
 
     Attributes
@@ -80,7 +80,7 @@ class Near(Protocol):
         ...
 
 
-class VectorLaw(Portable, ABC):
+class VectorLaw(PickleMixin, ABC):
     """A law j(r) at every contact point; what solvers and certificates ask of it.
 
     Local displacements ``r`` have shape ``(m, c)``: column 0 is the penetration r_nu, the others, if there are any, the
@@ -293,7 +293,7 @@ class VectorLaw(Portable, ABC):
         """The local minimiser of the problem of :meth:`local_argmin` that is reached from ``r (m, c)`` downhill."""
 
     @abstractmethod
-    def snapped(self, r: Array, near: float) -> Array:
+    def snap_to_kinks(self, r: Array, near: float) -> Array:
         """``r (m, c)`` with the parts that miss a kink by no more than ``near`` put on it."""
 
     @abstractmethod

@@ -22,9 +22,9 @@ from hemivar.linear.definite import positive_pivots
 from hemivar.linear.kernels import kernels
 
 __all__ = [
+    "CondensedLoad",
     "Factorisation",
     "MumpsFactorisation",
-    "Reduced",
     "SuperLUFactorisation",
     "abandoned_work",
     "factorise",
@@ -44,7 +44,7 @@ _abandoned: list[threading.Thread] = []
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
+class CondensedLoad:
     """A load f (n,), taken over to the kept unknowns.
 
     Attributes
@@ -74,11 +74,11 @@ class Factorisation(Protocol):
         """``K_II^-1 rhs_I`` at the unknowns I, 0 at the kept ones; ``rhs (n,)``, its kept entries are ignored."""
         ...
 
-    def reduce(self, load: Array) -> Reduced:
+    def reduce(self, load: Array) -> CondensedLoad:
         """A load f (n,), taken over to the kept unknowns."""
         ...
 
-    def extend(self, reduced: Reduced, kept: Array) -> Array:
+    def extend(self, reduced: CondensedLoad, kept: Array) -> Array:
         """The unknowns (n,) in equilibrium with a load, kept ones y (k,) given: ``K_II^-1 (f_I - K_IC y)`` at the
         unknowns I, y at the kept ones."""
         ...
@@ -147,7 +147,7 @@ class SuperLUFactorisation:
         if self._halves is not None:
             self._factor = None
 
-    def _halved(self, factor: spla.SuperLU, first: int) -> _Halves | None:
+    def _halved(self, factor: spla.SuperLU, first: int) -> _TriangularFactors | None:
         """Both sweeps by themselves, if the factors are those of a symmetric elimination, the kept unknowns last."""
         n = self._order.size
         columns = factor.perm_c
@@ -163,7 +163,7 @@ class SuperLUFactorisation:
         starts = np.concatenate([full.indptr[:first], end + np.arange(n - first + 1, dtype=full.indptr.dtype)])
         order = self._order[np.argsort(columns)]
         place = np.searchsorted(self._kept, order[first:])
-        return _Halves.of(sp.csc_array((data, rows, starts), shape=(n, n)), pivots, order, place)
+        return _TriangularFactors.of(sp.csc_array((data, rows, starts), shape=(n, n)), pivots, order, place)
 
     @staticmethod
     def _trailing_product(factor: spla.SuperLU, count: int) -> Array | None:
@@ -217,14 +217,14 @@ class SuperLUFactorisation:
             first[self._kept] = 0.0
         return first
 
-    def reduce(self, load: Array) -> Reduced:
+    def reduce(self, load: Array) -> CondensedLoad:
         if self._halves is not None:
             return self._halves.forward(load)
         free = self._solve(load)  # with the shift, the kept unknowns move as well
         force = np.asarray(self._shifted @ free[self._kept])
-        return Reduced(load, force, float(load @ free - force @ free[self._kept]))
+        return CondensedLoad(load, force, float(load @ free - force @ free[self._kept]))
 
-    def extend(self, reduced: Reduced, kept: Array) -> Array:
+    def extend(self, reduced: CondensedLoad, kept: Array) -> Array:
         if self._halves is not None and reduced.inner is not None:
             return self._halves.backward(reduced, kept)
         rhs = np.array(reduced.load, dtype=float)
@@ -251,7 +251,7 @@ class _Triangle:
 
 
 @dataclass(frozen=True, eq=False)
-class _Halves:
+class _TriangularFactors:
     """``K = L D L'`` with ``L = [[L_I, 0], [L_CI, 1]]``, the kept unknowns last.
 
     Attributes
@@ -278,7 +278,7 @@ class _Halves:
     behind: IntArray
 
     @classmethod
-    def of(cls, lower: sp.csc_array, pivots: Array, order: IntArray, place: IntArray) -> _Halves:
+    def of(cls, lower: sp.csc_array, pivots: Array, order: IntArray, place: IntArray) -> _TriangularFactors:
         """From L by columns."""
         n, rows = order.size, sp.csr_array(lower)
         upper = _Triangle(
@@ -290,7 +290,7 @@ class _Halves:
         behind[order] = np.arange(n)[::-1]
         return cls(_Triangle(rows.indptr, rows.indices, rows.data), upper, pivots, order, place, behind)
 
-    def forward(self, load: Array) -> Reduced:
+    def forward(self, load: Array) -> CondensedLoad:
         """``L^-1`` of a load (n,)."""
         swept = load.take(self.order)
         self.lower.sweep(swept)
@@ -298,9 +298,9 @@ class _Halves:
         inner, force = swept[:first], np.empty(self.place.size)
         force[self.place] = swept[first:]
         scaled = inner / self.pivots
-        return Reduced(load, force, float(inner @ scaled), scaled)
+        return CondensedLoad(load, force, float(inner @ scaled), scaled)
 
-    def backward(self, reduced: Reduced, kept: Array) -> Array:
+    def backward(self, reduced: CondensedLoad, kept: Array) -> Array:
         """``L'^-1`` of what the other sweep has left, values of the kept unknowns (k,) given."""
         assert reduced.inner is not None
         x = np.concatenate([reduced.inner, kept.take(self.place)])[::-1].copy()
@@ -363,11 +363,11 @@ class MumpsFactorisation:
         out[self._kept] = 0.0
         return out
 
-    def reduce(self, load: Array) -> Reduced:
+    def reduce(self, load: Array) -> CondensedLoad:
         interior = self.solve_interior(load)
-        return Reduced(load, (load - self._matrix @ interior)[self._kept], float(load @ interior))
+        return CondensedLoad(load, (load - self._matrix @ interior)[self._kept], float(load @ interior))
 
-    def extend(self, reduced: Reduced, kept: Array) -> Array:
+    def extend(self, reduced: CondensedLoad, kept: Array) -> Array:
         out = np.zeros(reduced.load.shape)
         out[self._kept] = kept
         return out + self.solve_interior(reduced.load - self._matrix @ out)

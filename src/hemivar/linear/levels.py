@@ -138,7 +138,7 @@ class _Level:
         return sp.csr_array(both - lost - lost.T + reach.T @ (added @ reach))
 
 
-class _Changed:
+class _TruncatedLevel:
     """A level with some of its contact unknowns held, and a matrix added between the others."""
 
     def __init__(self, level: _Level) -> None:
@@ -146,7 +146,7 @@ class _Changed:
         self.matrix = level.matrix
         self.held = np.zeros(level.contact.size, dtype=bool)
         self.added = np.zeros(level.coupling.keys.size)
-        self.patch: _Patch | None = None
+        self.patch: _PointSmoother | None = None
 
     def change(self, held: BoolArray, added: Array) -> bool:
         """Make the rows of the held contact unknowns those of the identity, and add to the others; whether that is
@@ -204,14 +204,14 @@ class _Points:
         self.first = np.searchsorted(level.rows, np.arange(level.contact.size + 1))
 
 
-class _Patch:
+class _PointSmoother:
     """The contact unknowns of a level by themselves, smoothed point by point.
 
     Friction that has hardly begun to slip is very stiff across the direction of slip, which lies anywhere between the
     unknowns of the point: one at a time they would hardly move.
     """
 
-    def __init__(self, changed: _Changed, points: _Points) -> None:
+    def __init__(self, changed: _TruncatedLevel, points: _Points) -> None:
         level, values = changed.level, changed.matrix.data[changed.level.entries]
         shape = (level.contact.size, level.matrix.shape[0])
         self.rows = sp.csr_array((values, level.columns, points.first), shape=shape)
@@ -379,7 +379,7 @@ class Truncated:
     def __init__(self, levels: Levels, top: int, vanishing: bool = False) -> None:
         self._levels, self.top = levels, top
         self._least = 0.0 if vanishing else _MOSTLY
-        self._changed = [_Changed(level) for level in levels.levels]
+        self._changed = [_TruncatedLevel(level) for level in levels.levels]
         self._coarse: Array | None = None
 
     def matrix(self, k: int) -> sp.csr_array:
@@ -410,7 +410,7 @@ class Truncated:
             level, changed = levels.levels[k], self._changed[k]
             new = changed.change(out, values)
             stiff = values[level.coupling.diagonal] > _STIFF * level.diagonal[level.contact]
-            changed.patch = _Patch(changed, levels.blocks(k)) if k == top and stiff.any() else None
+            changed.patch = _PointSmoother(changed, levels.blocks(k)) if k == top and stiff.any() else None
             if k > levels.algebraic:
                 reach, below = levels.reach[k], levels.levels[k - 1].coupling
                 out = np.asarray(reach @ (out | stiff).astype(float) > self._least * levels.whole[k])

@@ -10,7 +10,7 @@ from typing import Literal, TypeVar, cast, overload
 import numpy as np
 
 from hemivar.basics.arrays import real_array
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.instants import at_time, depends_on_time
@@ -47,7 +47,7 @@ class Roller:
 
 
 @dataclass(frozen=True)
-class Fixed(Portable):
+class Fixed(PickleMixin):
     """Prescribed single Cartesian components of the displacement; ``None`` leaves a component free.
 
     Attributes
@@ -71,7 +71,7 @@ class Fixed(Portable):
 
 
 @dataclass(frozen=True)
-class Prescribed(Portable):
+class Prescribed(PickleMixin):
     """Prescribed displacement ``u = value``.
 
     Attributes
@@ -88,7 +88,7 @@ class Prescribed(Portable):
 
 
 @dataclass(frozen=True)
-class Pressure(Portable):
+class Pressure(PickleMixin):
     """Traction ``-value nu``: a positive pressure pushes into the body.
 
     Attributes

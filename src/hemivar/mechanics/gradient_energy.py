@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from hemivar.basics.arguments import number
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST
@@ -61,7 +61,7 @@ class FluxDensity(Protocol):
         ...
 
 
-class GradientEnergy(Portable, ABC):
+class GradientEnergy(PickleMixin, ABC):
     """An isotropic stored energy W of a gradient g, in the place of the coefficient A of a :class:`ScalarProblem`.
 
     ``W = F(|g|)`` with a flux ``F'(|g|) g/|g|`` that grows with |g|: derivatives of the flux lie between

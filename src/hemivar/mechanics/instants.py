@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TypeVar, cast
 
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula, FormulaArray
@@ -24,10 +24,10 @@ __all__ = [
     "Instant",
     "at_time",
     "depends_on_time",
+    "error_context",
     "law_at_time",
     "law_depends_on_time",
     "refuse_time",
-    "told_of",
 ]
 
 Quantity = TypeVar("Quantity")
@@ -49,7 +49,7 @@ def depends_on_time(value: object) -> bool:
 
 
 @dataclass(frozen=True)
-class Instant(Portable):
+class Instant(PickleMixin):
     """A quantity that depends on time, at one time: a function of points, shape (k, d).
 
     Attributes
@@ -128,7 +128,7 @@ def _instants(law: object) -> Iterator[Instant]:
 
 
 @contextmanager
-def told_of(where: str, *laws: object) -> Iterator[None]:
+def error_context(where: str, *laws: object) -> Iterator[None]:
     """Where laws are evaluated at contact points: a complaint says where and, if they change, at what time.
 
     Raises

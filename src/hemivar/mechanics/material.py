@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hemivar.basics.first_use import IMPORTS
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray
 from hemivar.mechanics.material_words import BoundsBy, PlaneState, StrainMeasure
 from hemivar.mechanics.moduli import Branch, Moduli, Number, Viscosity
@@ -22,7 +22,7 @@ __all__ = ["Material", "no_matrices"]
 
 
 @dataclass(frozen=True, eq=False)
-class Material(Portable):
+class Material(PickleMixin):
     """An elastic material of small strains, linear or with a stored energy.
 
     Make one by :meth:`lame`, :meth:`young`, :meth:`tensor` or :meth:`by_region`, and one that is not linear by

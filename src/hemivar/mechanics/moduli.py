@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from hemivar.basics.arrays import real_array
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
@@ -37,7 +37,7 @@ def isotropic_matrices(lam: Array, mu: Array, dim: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Moduli(Portable):
+class Moduli(PickleMixin):
     """A positive semidefinite matrix between strain, or its rate, and stress.
 
     Attributes
@@ -187,7 +187,7 @@ def _pair(values: Sequence[object], name: str, names: tuple[str, str]) -> tuple[
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Branch(Portable):
+class Branch(PickleMixin):
     """A spring and a dashpot in series beside the elastic body: a term of a Prony series.
 
     Its stress ``h`` follows ``h' + h / time = A_i eps'``, A_i the elasticity of its spring, so that it answers a

@@ -14,7 +14,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, check_finite, evaluate_scalar, evaluate_vector
@@ -40,7 +40,7 @@ class Normals(StrEnum):
     """The body's: the gap is measured along its outward normal; where that misses the obstacle there is no contact."""
 
 
-class Obstacle(Portable, ABC):
+class Obstacle(PickleMixin, ABC):
     """A rigid obstacle, given by its signed distance: positive outside, zero on the surface, negative inside."""
 
     @property

@@ -18,8 +18,8 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import described
-from hemivar.basics.display import Displayed
-from hemivar.basics.portable import Portable
+from hemivar.basics.display import ReprMixin
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.laws import Friction, NoContact, Superpotential
@@ -74,7 +74,7 @@ class Side(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarContact(Portable):
+class ScalarContact(PickleMixin):
     """What a foundation does to the one component, along a boundary or over an area.
 
     Attributes
@@ -141,7 +141,7 @@ class ScalarContact(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarProblem(Portable, Displayed):
+class ScalarProblem(PickleMixin, ReprMixin):
     """A membrane, antiplane shear or heat: one component over a mesh, with laws at boundaries and over areas.
 
     Attributes

@@ -12,9 +12,9 @@ from typing import get_args
 import numpy as np
 
 from hemivar.basics.arguments import described, number, suggest
-from hemivar.basics.display import Displayed
+from hemivar.basics.display import ReprMixin
 from hemivar.basics.known_keywords import known_fields
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential, VectorLaw
 from hemivar.laws.memory import Memory
@@ -57,7 +57,7 @@ class Quadrature(StrEnum):
 
 @known_fields
 @dataclass(frozen=True, eq=False)
-class Contact(Portable):
+class Contact(PickleMixin):
     """What the foundation does along one contact boundary.
 
     Attributes
@@ -192,7 +192,7 @@ class Contact(Portable):
 
 @known_fields
 @dataclass(frozen=True, eq=False)
-class ContactProblem(Portable, Displayed):
+class ContactProblem(PickleMixin, ReprMixin):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Loads, prescribed displacements, gaps and the parameters of laws may depend on time: as functions of place and time,

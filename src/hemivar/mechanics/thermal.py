@@ -15,7 +15,7 @@ import numpy as np
 
 from hemivar.basics.arguments import described, number, suggest
 from hemivar.basics.arrays import real_array
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import NoContact, PiecewiseQuadratic, Superpotential
@@ -33,7 +33,7 @@ Conductance = float | Callable[[Array, Array], object]
 
 
 @dataclass(frozen=True, eq=False)
-class HeatContact(Portable):
+class HeatContact(PickleMixin):
     """The exchange of heat along one boundary, with a foundation or with the surroundings.
 
     Attributes
@@ -137,7 +137,7 @@ class HeatContact(Portable):
 
 
 @dataclass(frozen=True)
-class Touching(Portable):
+class Touching(PickleMixin):
     """A conductance that is there where the body is pressed on: ``closed + per_pressure p^exponent`` for p > 0.
 
     Attributes
@@ -163,7 +163,7 @@ class Touching(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class Heat(Portable):
+class Heat(PickleMixin):
     """Heat in a body of an evolution, coupled with its motion in every step.
 
     Attributes

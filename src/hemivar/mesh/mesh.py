@@ -14,7 +14,7 @@ from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.memory import mesh_bytes, refined_cells, require
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.checks import (
@@ -35,7 +35,7 @@ __all__ = ["Mesh"]
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh(Portable):
+class Mesh(PickleMixin):
     """A conforming mesh of triangles (2D) or tetrahedra (3D).
 
     Attributes

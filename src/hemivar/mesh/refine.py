@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.checks import index_array
@@ -26,7 +26,7 @@ _ROUNDING, _COVERED = 1e-12, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Refinement(Portable):
+class Refinement(PickleMixin):
     """How a mesh stems from a coarser one, whose cells were cut at midpoints of edges: all of them, or some.
 
     Attributes

@@ -78,7 +78,7 @@ def html_of(value: object) -> str:
 
 
 def picture_of(value: object) -> Figure:
-    """The picture of a value that :class:`~hemivar.basics.display.Displayed` has.
+    """The picture of a value that :class:`~hemivar.basics.display.ReprMixin` has.
 
     Raises
     ------

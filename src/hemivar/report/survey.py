@@ -36,8 +36,8 @@ from hemivar.workflows.survey_runs import (
     EXPECTED_FRICTION,
     FIGURE_CELLS,
     SURVEY_METHODS,
-    Advanced,
     MeshRuns,
+    SurveyEvent,
     SurveyOptions,
     SurveyRuns,
     survey,
@@ -136,7 +136,7 @@ class SurveyReport:
 
     def __call__(self, event: Event) -> None:
         """Write what an event brings."""
-        if not isinstance(event, Advanced):
+        if not isinstance(event, SurveyEvent):
             return
         self.runs = event.runs
         if event.part in CAPTIONS:

@@ -22,7 +22,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.residual import LoadScale, Residual
 from hemivar.laws import ContactLaw, separable
 from hemivar.laws.dependent import DependentLaw
-from hemivar.laws.separate import OnGraph, RadialLaw, SeparateLaw
+from hemivar.laws.separate import GraphPosition, RadialLaw, SeparateLaw
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
@@ -65,12 +65,12 @@ class _GeneralGraph:
     stiffness: Array  # the same, (m, d)
     compliance: Array  # (m, 2)
 
-    def onto(self, p: Array, r: Array) -> OnGraph:
+    def onto(self, p: Array, r: Array) -> GraphPosition:
         place = self.law.place_on_piece(self.pair, p, r)
         line = self.law.linearise(place)
         held = ~np.repeat(line.smooth, [1, r.shape[1] - 1], axis=1)
         lam = np.where(held, p - self.stiffness * place, line.gradient)
-        return OnGraph(place, held, lam, line.hessian, moved=True)
+        return GraphPosition(place, held, lam, line.hessian, moved=True)
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         return self.law.graph_distance(r, lam, self.compliance)[:, None]
@@ -172,7 +172,7 @@ def active_set_newton(
             return None
         iterated = time.perf_counter()
         unknowns = system.unknowns(r)
-        place = system.problem.contact.traced(unknowns) - system.problem.offset
+        place = system.problem.contact.trace_of(unknowns) - system.problem.offset
         residual = _residual(system, unknowns, place, of_law, graphs, load, controls, out_of_balance)
         if residual.below(controls.atol, controls.rtol):
             solution = Solution(

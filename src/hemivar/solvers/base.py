@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
 from hemivar.basics.types import Array
-from hemivar.coercivity.recession import Growth
+from hemivar.coercivity.recession import RecessionFunction
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.solvers.controls import Budget
@@ -26,7 +26,7 @@ class PosedSystem(PointSystem, Protocol):
         """The problem."""
         ...
 
-    def free_growth(self) -> list[Growth]:
+    def free_growth(self) -> list[RecessionFunction]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
         ...
 

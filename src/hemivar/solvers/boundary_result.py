@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError
@@ -117,7 +117,7 @@ class ContactValues:
 
 
 @dataclass(frozen=True, eq=False)
-class BoundaryResult(ContactValues, Portable):
+class BoundaryResult(ContactValues, PickleMixin):
     """Displacements and forces at the m contact points of one boundary.
 
     Attributes

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import VectorLaw
 
@@ -92,7 +92,7 @@ for _number, _kind in enumerate(KINDS):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactStates(Portable):
+class ContactStates(PickleMixin):
     """The states of m contact points.
 
     Attributes

@@ -16,7 +16,7 @@ from hemivar.solvers.status import STOPPED, Status
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body
 from hemivar.systems.body_on_levels import BodyProblem, set_up
-from hemivar.systems.contact_moves import snapped
+from hemivar.systems.contact_moves import snap_to_kinks
 from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEquation
 from hemivar.systems.workspace import Workspace
 
@@ -141,7 +141,7 @@ class NonsmoothMultigrid(TruncatedNewton):
             equation.release()
 
     def _bottom(self, system: Body, equation: NewtonEquation, x: Array) -> Array | None:
-        x = system.moved(x, snapped(system, system.local(x)))
+        x = system.moved(x, snap_to_kinks(system, system.local(x)))
         for _ in range(_CORRECTED):
             at = LinearisedPoint.of(system, x, system.local(x), system.out_of_balance(x))
             found = equation.solve(at, self.accuracy)

@@ -19,7 +19,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import separable
 from hemivar.laws.dependent import DependentLaw
-from hemivar.laws.separate import OnGraph
+from hemivar.laws.separate import GraphPosition
 from hemivar.laws.vector_law import spread
 from hemivar.solvers.active_set_newton import SEMISMOOTH
 from hemivar.solvers.base import Solver, State
@@ -260,7 +260,7 @@ class _Point:
     force: Array
     r: Array
     lam: Array
-    on: OnGraph
+    on: GraphPosition
     off: float
     same: bool = False
     cycles: int = 0

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hemivar.basics.display import Displayed
+from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.handed_on import above
 from hemivar.basics.pandas_frame import data_frame
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, Record
 from hemivar.basics.units import Units
 from hemivar.discrete.contact import ContactPoints
@@ -46,7 +46,7 @@ __all__ = ["Solution"]
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(ContactValues, Portable, Displayed):
+class Solution(ContactValues, PickleMixin, ReprMixin):
     """Displacement and multiplier of a discrete problem, with how they were obtained.
 
     Attributes

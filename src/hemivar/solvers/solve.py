@@ -15,7 +15,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
-from hemivar.coercivity.recession import Verdict, decide
+from hemivar.coercivity.recession import Coercivity, decide
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
@@ -341,7 +341,7 @@ def _check_held(system: PosedSystem) -> None:
     law = system.law
     if system.problem.held or law.state_dependent or any((alpha > 0.0).any() for alpha in law.weak_convexity):
         return
-    if any(decide(growth).verdict is Verdict.FALLS for growth in system.free_growth()):
+    if any(decide(growth).verdict is Coercivity.FALLS for growth in system.free_growth()):
         raise ProblemError(
             "the energy has no lower bound: the load pushes the body along a rigid motion that neither supports"
             " nor foundation resist strongly enough; add a support, lower the load, or take a law that holds it"
@@ -360,10 +360,10 @@ def _check_coercive(system: CondensedProblem) -> None:
     if not (least < 0.0).any():
         return
     weights = system.weights[:, None]
-    stiffest = float(np.abs(system.matrix).max())
+    lambda_max = float(np.abs(system.matrix).max())
     softened = system.matrix + np.diag((weights * np.where(np.isfinite(least), least, 0.0)).ravel())
     values, vectors = la.eigh(softened[np.ix_(system.free, system.free)], subset_by_index=[0, 0])
-    if values[0] >= -1e-12 * stiffest:
+    if values[0] >= -1e-12 * lambda_max:
         return
     for sign in (1.0, -1.0):
         v = np.zeros(m * d)

@@ -12,7 +12,7 @@ from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, OutOfTime
 from hemivar.solvers.line_search import LineEnd, SearchLine, energy_scale
 from hemivar.solvers.status import Status
-from hemivar.systems.contact_moves import Search, best_component, diagonal_step, majorant, snapped
+from hemivar.systems.contact_moves import Search, best_component, diagonal_step, majorant, snap_to_kinks
 from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEquation
 
@@ -101,7 +101,7 @@ class TruncatedNewton(Solver):
     def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:
         force, known = system.out_of_balance(start.r), start.memory
         equation = system.newton_equation(known.equation if isinstance(known, NewtonMemory) else None)
-        memory = NewtonMemory(system.stiffest, force, equation, self.starts_settled and known is None)
+        memory = NewtonMemory(system.lambda_max, force, equation, self.starts_settled and known is None)
         energy = system.energy(start.r, force=force)
         found = system.residual(start.r, start.lam, force)
         return replace(start, evaluations=self._evaluations(1, 0), energy=energy, residual=found, memory=memory)
@@ -109,12 +109,12 @@ class TruncatedNewton(Solver):
     def step(self, system: ContactSystem, state: State, budget: Budget) -> State:
         memory: NewtonMemory = state.memory
         energy, factor, r = float(state.energy or 0.0), memory.factor, system.local(state.r)
-        r = snapped(system, r) if memory.settled else r
+        r = snap_to_kinks(system, r) if memory.settled else r
         pull, value, evaluations = system.at_contact(memory.force), None, state.evaluations
         for _ in range(0 if memory.settled else self.sweeps):
             move = diagonal_step(system, r, pull, factor, self.search, value)
             evaluations, factor = evaluations + self._evaluations(move.tries, 0), move.factor
-            if move.endless:
+            if move.unbounded:
                 return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
             if move.gain < 0.0 or not np.isfinite(energy):
                 r, pull, value, energy = move.r, move.force, move.value, energy + move.gain
@@ -122,10 +122,12 @@ class TruncatedNewton(Solver):
         if not np.isfinite(energy):
             energy = system.energy(x)
         force = memory.force - system.multiply_contact(x - state.r)
-        found, endless, cycles = self._newton(system, memory.equation, LinearisedPoint.of(system, x, r, force), budget)
+        found, unbounded, cycles = self._newton(
+            system, memory.equation, LinearisedPoint.of(system, x, r, force), budget
+        )
         evaluations += self._evaluations(found.tries, cycles)
         x, force, energy = found.x, found.force, energy + found.gain
-        if endless:
+        if unbounded:
             return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
         if state.energy is not None and energy >= state.energy - _ROUNDED * abs(state.energy):
             x, force, more = self._polish(system, memory.equation, x, force)
@@ -175,7 +177,7 @@ class TruncatedNewton(Solver):
         best, lowest, cycles = (x, force), 0.9 * now.total, 0
         r = system.local(x)
         here = LinearisedPoint.of(system, x, r, force)
-        for start in (np.where(system.active, r, system.fixed), snapped(system, r)):
+        for start in (np.where(system.active, r, system.fixed), snap_to_kinks(system, r)):
             first = system.moved(x, start)
             at = LinearisedPoint.of(system, first, system.local(first), system.out_of_balance(first))
             found = equation.solve(at, self.accuracy)
@@ -204,7 +206,7 @@ class TruncatedNewton(Solver):
             new, gained = best_component(system, r, pull)
         else:
             move = diagonal_step(system, r, pull, memory.factor, self.search)
-            new, gained = move.r, 0.0 if move.endless else move.gain
+            new, gained = move.r, 0.0 if move.unbounded else move.gain
         x = system.moved(state.r, new)
         if gained >= threshold:
             x, gained = self._leave_saddle(system, state)
@@ -250,7 +252,7 @@ def lower_energy(system: ContactSystem, x: Array, steps: int) -> Array:
     factor, r, pull = majorant(system), system.local(x), system.at_contact(system.out_of_balance(x))
     for _ in range(steps):
         move = diagonal_step(system, r, pull, factor)
-        if move.endless:
+        if move.unbounded:
             break
         r, pull, factor = move.r, move.force, move.factor
     return system.moved(x, r)

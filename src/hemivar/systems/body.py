@@ -113,9 +113,9 @@ class Body(Equilibrium, ABC):
         return self.elastic.diagonal
 
     @property
-    def stiffest(self) -> float:
-        """See :attr:`ContactStiffness.stiffest`."""
-        return self.elastic.stiffest
+    def lambda_max(self) -> float:
+        """See :attr:`ContactStiffness.lambda_max`."""
+        return self.elastic.lambda_max
 
     def multiply(self, x: Array) -> Array:
         """``K x``, (n,)."""

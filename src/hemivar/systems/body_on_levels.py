@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.coercivity.free_motion import free_growth
-from hemivar.coercivity.recession import Growth, growth_along
+from hemivar.coercivity.recession import RecessionFunction, growth_along
 from hemivar.discrete.contact import contact_unknowns
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
@@ -155,7 +155,7 @@ class BodyProblem(Body):
             K, diagonal = problem.stiffness, problem.linear.diagonal
             refuse_indefinite(below_zero(K, quotient(K, direction, diagonal), diagonal))
 
-    def free_growth(self) -> list[Growth]:
+    def free_growth(self) -> list[RecessionFunction]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves.
 
         A large problem without a mesh does not tell its motions.

@@ -12,10 +12,10 @@ import scipy.linalg as la
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.coercivity.free_motion import free_growth
-from hemivar.coercivity.recession import Growth, growth_along
+from hemivar.coercivity.recession import RecessionFunction, growth_along
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, load_scale, residuals
 from hemivar.errors import ProblemError
@@ -25,7 +25,7 @@ from hemivar.linear.factor_memory import check_memory, shortage
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.contact_system import Equilibrium
 from hemivar.systems.dense_newton import DenseNewton
-from hemivar.systems.elimination import Elimination, Recovery
+from hemivar.systems.elimination import Recovery, SchurComplement
 from hemivar.systems.newton_equation import NewtonEquation
 
 __all__ = ["CondensedProblem", "condense"]
@@ -37,7 +37,7 @@ ROUNDED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class CondensedProblem(Equilibrium, Portable):
+class CondensedProblem(Equilibrium, PickleMixin):
     """Energy of the contact unknowns alone: ``1/2 r'A r - g'r + sum_j w_j j(r_j) + constant``.
 
     ``r (m, d)`` are the local displacements (penetration and slip).  All other unknowns have been eliminated, so
@@ -102,7 +102,7 @@ class CondensedProblem(Equilibrium, Portable):
         return np.flatnonzero(self.active.ravel())
 
     @property
-    def body(self) -> Elimination:
+    def body(self) -> SchurComplement:
         """What the condensation has made of stiffness and trace alone."""
         return self._recovery.body
 
@@ -112,9 +112,9 @@ class CondensedProblem(Equilibrium, Portable):
         return self.body.diagonal
 
     @property
-    def stiffest(self) -> float:
+    def lambda_max(self) -> float:
         """Largest eigenvalue of the matrix scaled by its diagonal."""
-        return self.body.stiffest
+        return self.body.lambda_max
 
     @property
     def vectors(self) -> Vectors:
@@ -160,7 +160,7 @@ class CondensedProblem(Equilibrium, Portable):
         values, vectors = la.eigh(scaled)
         return np.asarray((scale[:, None] * vectors[:, values < 1e-11]).T)
 
-    def free_growth(self) -> list[Growth]:
+    def free_growth(self) -> list[RecessionFunction]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
         if self.body.free_unknowns is not None:
             return free_growth(self.problem, self.problem.model.free_motions)
@@ -428,12 +428,12 @@ def condense(problem: Posable, many: bool = False) -> CondensedProblem:
     contact = problem.contact_points * problem.contact.components
     check_memory(problem.unknowns, problem.contact.components, contact, many)
     try:
-        return _under(Elimination.of(problem, many), problem, began)
+        return _under(SchurComplement.of(problem, many), problem, began)
     except MemoryError:
         raise shortage(problem.unknowns, problem.contact.trace.nnz) from None
 
 
-def _under(body: Elimination, problem: DiscreteProblem, began: float) -> CondensedProblem:
+def _under(body: SchurComplement, problem: DiscreteProblem, began: float) -> CondensedProblem:
     """The condensation of a body under the load and the gap of a problem."""
     recovery, rest_energy = body.under(problem)
     constant = problem.constant - rest_energy - 0.5 * float(recovery.shift @ recovery.reduced.force)

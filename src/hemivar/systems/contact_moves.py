@@ -15,8 +15,8 @@ from hemivar.linear.vectors import Vectors
 
 __all__ = [
     "ContactBody",
+    "ContactStep",
     "ElasticBody",
-    "Move",
     "Search",
     "best_component",
     "diagonal_step",
@@ -24,7 +24,7 @@ __all__ = [
     "majorant",
     "moving_curvature",
     "smooth_components",
-    "snapped",
+    "snap_to_kinks",
 ]
 
 #: How often the diagonal body is made stiffer, and by how much, before a step is given up.
@@ -86,7 +86,7 @@ class ContactBody(ElasticBody, Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Move:
+class ContactStep:
     """A step of the local displacements.
 
     Attributes
@@ -103,7 +103,7 @@ class Move:
         j(r) where it leads.
     force : array (m, d)
         Elastic force there.
-    endless : bool
+    unbounded : bool
         Whether the energy of a point falls without end; ``r`` is where it began then.
     """
 
@@ -113,7 +113,7 @@ class Move:
     factor: float
     value: Array
     force: Array
-    endless: bool = False
+    unbounded: bool = False
 
 
 def gain(body: ContactBody, step: Array, bent: Array, force: Array, change: Array) -> float:
@@ -150,7 +150,7 @@ def diagonal_step(
     factor: float,
     search: Search = Search.GLOBAL,
     value: Array | None = None,
-) -> Move:
+) -> ContactStep:
     """All points minimise their diagonal problem at once; it is stiffened until the energy falls.
 
     Parameters
@@ -177,16 +177,16 @@ def diagonal_step(
             target = body.law.downhill(pair, pull, r)
         new = np.where(body.active, target, body.fixed)
         if vectors.largest(float(not np.isfinite(new).all()))[0]:
-            return Move(r, 0.0, attempt, factor, value, force, endless=True)
+            return ContactStep(r, 0.0, attempt, factor, value, force, unbounded=True)
         there = body.law.value(new)
         bent = body.couple(new - r)
         if not feasible:
-            return Move(new, 0.0, attempt, factor, there, force - bent)
+            return ContactStep(new, 0.0, attempt, factor, there, force - bent)
         (gained,) = vectors.total(gain(body, new - r, bent, force, there - value)).tolist()
         if gained <= 0.0:
-            return Move(new, gained, attempt, factor, there, force - bent)
+            return ContactStep(new, gained, attempt, factor, there, force - bent)
         factor *= _STIFFER
-    return Move(r, 0.0, attempt, first, value, force)  # what is left to gain is below the rounding
+    return ContactStep(r, 0.0, attempt, first, value, force)  # what is left to gain is below the rounding
 
 
 def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, float]:
@@ -223,8 +223,8 @@ def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, fl
 def _best_point(body: ContactBody, r: Array, force: Array) -> tuple[Array, float]:
     """The best move of one point in the diagonal body that is stiffer than its block, all other points being held."""
     law, scale = body.law, 1.0 / np.sqrt(body.diagonal)
-    stiffest = np.linalg.eigvalsh(scale[:, :, None] * body.blocks * scale[:, None, :])[:, -1:]
-    a = body.diagonal * np.maximum(stiffest, 1e-12)
+    lambda_max = np.linalg.eigvalsh(scale[:, :, None] * body.blocks * scale[:, None, :])[:, -1:]
+    a = body.diagonal * np.maximum(lambda_max, 1e-12)
     pair = np.stack([a[:, 0], a[:, -1]], axis=1) / body.weights[:, None]
     target = law.local_argmin(pair, (a * r + force) / body.weights[:, None])
     target = np.where(body.active & np.isfinite(target).all(axis=1, keepdims=True), target, r)
@@ -249,7 +249,7 @@ def moving_curvature(body: ContactBody, line: Linearisation, moving: BoolArray) 
     return np.asarray(body.weights[:, None, None] * line.hessian * (moving[:, :, None] & moving[:, None, :]))
 
 
-def snapped(body: ContactBody, r: Array) -> Array:
+def snap_to_kinks(body: ContactBody, r: Array) -> Array:
     """``r`` with the components that miss a kink by rounding put on it."""
     near = _MISSED * float(body.vectors.largest(np.abs(r).max(initial=0.0))[0])
-    return np.where(body.active, body.law.snapped(r, near), body.fixed)
+    return np.where(body.active, body.law.snap_to_kinks(r, near), body.fixed)

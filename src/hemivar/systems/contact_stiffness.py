@@ -72,7 +72,7 @@ class ContactStiffness(ABC):
         return np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0))
 
     @cached_property
-    def stiffest(self) -> float:
+    def lambda_max(self) -> float:
         """Largest eigenvalue of the contact block scaled by its diagonal."""
         return majorant(self)
 

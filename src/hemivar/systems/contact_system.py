@@ -142,7 +142,7 @@ class ContactSystem(PointSystem, ContactBody, Protocol):
     """A linear body with its foundation, as Newton's method sees it."""
 
     @property
-    def stiffest(self) -> float:
+    def lambda_max(self) -> float:
         """Largest eigenvalue of the contact block scaled by its diagonal."""
         ...
 

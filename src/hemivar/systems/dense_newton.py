@@ -10,7 +10,7 @@ import scipy.linalg as la
 from scipy.linalg import blas, lapack
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws.separate import OnGraph
+from hemivar.laws.separate import GraphPosition
 from hemivar.systems.contact_moves import ContactBody
 from hemivar.systems.newton_equation import Accuracy, Correction, GraphPoint, LinearisedPoint
 
@@ -45,8 +45,8 @@ class DenseFactor:
     ) -> Array | None:
         """``H^-1 right`` (k,) on the components ``index``, with second derivatives of the laws (m, d) or (m, d, d).
 
-        None where H is not positive definite.  With ``pushed (m, d)`` of :class:`OnGraph` the matrix is not symmetric;
-        then None where it is singular.
+        None where H is not positive definite.  With ``pushed (m, d)`` of :class:`GraphPosition` the matrix is not
+        symmetric; then None where it is singular.
         """
         key = index.tobytes() + curvature.tobytes() + (b"" if pushed is None else pushed.tobytes())
         known, factors = self._known
@@ -71,7 +71,7 @@ class DenseFactor:
         half = blas.dtrsv(factor, right, lower=1)  # half of what a solve for many takes
         return np.asarray(blas.dtrsv(factor, half, lower=1, trans=1, overwrite_x=1))
 
-    def direction(self, body: DenseBody, on: OnGraph, free: BoolArray, balance: Array) -> Array | None:
+    def direction(self, body: DenseBody, on: GraphPosition, free: BoolArray, balance: Array) -> Array | None:
         """The change (m, d) from ``on.place`` that solves Newton's equation there; None where it has no solution.
 
         Parameters

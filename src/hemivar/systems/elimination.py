@@ -17,12 +17,12 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
 from hemivar.linear.definite import below_zero, indefinite, quotient, refuse_indefinite
-from hemivar.linear.factorisation import Factorisation, Reduced, factorise
+from hemivar.linear.factorisation import CondensedLoad, Factorisation, factorise
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.contact_moves import majorant
 from hemivar.systems.free_unknowns import free_unknowns, refuse_unseen
 
-__all__ = ["Elimination", "Recovery"]
+__all__ = ["Recovery", "SchurComplement"]
 
 #: Components up to which an eigenvalue is sought among all.
 _FEW = 40
@@ -31,7 +31,7 @@ _RAISED = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Elimination:
+class SchurComplement:
     """What the condensation makes of stiffness and trace alone, whatever the load, the gap and the law.
 
     Attributes
@@ -71,7 +71,7 @@ class Elimination:
     vectors: Vectors = field(default=WHOLE, init=False)
 
     @staticmethod
-    def of(problem: DiscreteProblem, many: bool = False) -> Elimination:
+    def of(problem: DiscreteProblem, many: bool = False) -> SchurComplement:
         """Factorise the body of a problem and reduce it to its local displacements; ``many`` if many loads follow.
 
         Raises
@@ -112,7 +112,7 @@ class Elimination:
             block = local.T @ S @ local
             matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
         compliance, weights = contact_compliance(problem), problem.contact.weights
-        return Elimination(factor, kept, matrix, active, compliance, weights, spread, drift, known, K)
+        return SchurComplement(factor, kept, matrix, active, compliance, weights, spread, drift, known, K)
 
     @cached_property
     def sizes(self) -> Array:
@@ -185,7 +185,7 @@ class Elimination:
         return np.asarray(self.matrix @ step.ravel()).reshape(step.shape)
 
     @cached_property
-    def stiffest(self) -> float:
+    def lambda_max(self) -> float:
         """Largest eigenvalue of the matrix scaled by its diagonal."""
         return majorant(self)
 
@@ -248,10 +248,10 @@ class Recovery:
         Where the load moves what no contact point sees.
     """
 
-    body: Elimination
+    body: SchurComplement
     problem: DiscreteProblem
     offset: Array
-    reduced: Reduced
+    reduced: CondensedLoad
     shift: Array
 
     def __call__(self, r: Array) -> Array:
@@ -264,7 +264,7 @@ class Recovery:
         """The same for a change of the local displacements, without load and shift."""
         body = self.body
         n, k = self.problem.unknowns, body.kept.size
-        nothing = Reduced(np.zeros(n), np.zeros(k), 0.0, np.zeros(n - k))
+        nothing = CondensedLoad(np.zeros(n), np.zeros(k), 0.0, np.zeros(n - k))
         return body.factor.extend(nothing, body.spread @ change.ravel())
 
 

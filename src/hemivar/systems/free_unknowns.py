@@ -21,7 +21,7 @@ def free_unknowns(problem: DiscreteProblem) -> Array | None:
     (springs may have been added), and nothing is known.
     """
     field = problem.field
-    if field is None or not field.knows_motions:
+    if field is None or not field.kernel_known:
         return None
     motions = problem.model.free_motions
     unknowns = np.asarray((field.lift @ motions.motions).toarray())

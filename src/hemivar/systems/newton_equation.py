@@ -8,7 +8,7 @@ from typing import Protocol
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
-from hemivar.laws.separate import OnGraph
+from hemivar.laws.separate import GraphPosition
 from hemivar.laws.vector_law import Linearisation, Near
 from hemivar.systems.contact_moves import ContactBody, smooth_components
 
@@ -120,7 +120,7 @@ class GraphPoint:
 
     x: Array
     force: Array
-    on: OnGraph
+    on: GraphPosition
     free: BoolArray
 
 

@@ -14,7 +14,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.coercivity.free_motion import free_growth
-from hemivar.coercivity.recession import Growth
+from hemivar.coercivity.recession import RecessionFunction
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import selects
 from hemivar.discrete.potential import Potential
@@ -131,7 +131,7 @@ class NonlinearBody(Equilibrium):
 
     def local(self, x: Array) -> Array:
         """Local displacements (m, d)."""
-        return self.problem.contact.traced(x) - self.problem.offset
+        return self.problem.contact.trace_of(x) - self.problem.offset
 
     def magnitude(self, x: Array) -> float:
         """Largest displacement or gap of the contact points."""
@@ -185,10 +185,10 @@ class NonlinearBody(Equilibrium):
         """The same body under another load, gap or law."""
         return NonlinearBody(problem, self.workspace)
 
-    def free_growth(self) -> list[Growth]:
+    def free_growth(self) -> list[RecessionFunction]:
         """Growth of the energy along the motions that deform nothing, where mesh and supports tell them."""
         field = self.problem.field
-        if field is None or not field.knows_motions:
+        if field is None or not field.kernel_known:
             return []
         return free_growth(self.problem, self.problem.model.free_motions)
 

@@ -17,54 +17,64 @@ from hemivar.workflows.certification import CertifyOptions, certify
 from hemivar.workflows.comparison import Attempt, CompareOptions, Comparison, Condensed, compare, energy_norm_difference
 from hemivar.workflows.diagnosis import Diagnosis, Part, diagnose
 from hemivar.workflows.equilibria import path, solutions
-from hemivar.workflows.events import Begun, Certified, Chosen, Event, Found, Notice, Phase, Warned, Work
+from hemivar.workflows.events import (
+    CertificateEvent,
+    Event,
+    FoundEvent,
+    MethodEvent,
+    Notice,
+    Phase,
+    StartEvent,
+    WarningEvent,
+    Work,
+)
 from hemivar.workflows.law_study import LawStudy, study_law
-from hemivar.workflows.marching import MarchSettings, Ready, Taken, evolution_of, march, plan_of
+from hemivar.workflows.marching import MarchSettings, ProgressEvent, ReadyEvent, evolution_of, march, plan_of
 from hemivar.workflows.solving import RunOptions, RunResult, run
 from hemivar.workflows.study import Study, StudyLevel, StudyOptions, study, studying
-from hemivar.workflows.survey_runs import Advanced, SurveyOptions, SurveyRuns, survey
-from hemivar.workflows.sweep import Sweep, SweepAxis, SweepOptions, Swept, read_axis, sweep, sweeping
+from hemivar.workflows.survey_runs import SurveyEvent, SurveyOptions, SurveyRuns, survey
+from hemivar.workflows.sweep import Sweep, SweepAxis, SweepEvent, SweepOptions, read_axis, sweep, sweeping
 
 __all__ = [
     "AdaptOptions",
     "AdaptResult",
-    "Advanced",
     "Attempt",
-    "Begun",
-    "Certified",
+    "CertificateEvent",
     "CertifyOptions",
-    "Chosen",
     "CompareOptions",
     "Comparison",
     "Condensed",
     "Diagnosis",
     "Event",
-    "Found",
+    "FoundEvent",
     "LawStudy",
     "MarchSettings",
+    "MethodEvent",
     "Notice",
     "Part",
     "PathOptions",
     "PathProgress",
     "Phase",
     "Progress",
-    "Ready",
+    "ProgressEvent",
+    "ReadyEvent",
     "Refined",
     "RunOptions",
     "RunResult",
     "SearchProgress",
     "SolutionsOptions",
+    "StartEvent",
     "Study",
     "StudyLevel",
     "StudyOptions",
+    "SurveyEvent",
     "SurveyOptions",
     "SurveyRuns",
     "Sweep",
     "SweepAxis",
+    "SweepEvent",
     "SweepOptions",
-    "Swept",
-    "Taken",
-    "Warned",
+    "WarningEvent",
     "Work",
     "adapt",
     "certify",

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 from hemivar.adapt import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
 from hemivar.basics.arguments import expect
 from hemivar.basics.display import brief
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.certificates import Certificate
 from hemivar.certificates.continuous.exact_certificate import statement_of
 from hemivar.errors import HemivarError
 from hemivar.mechanics import ContactProblem
 from hemivar.solvers import Controls, Solver
-from hemivar.workflows.events import Certified, Notice, Work
+from hemivar.workflows.events import CertificateEvent, Notice, Work
 from hemivar.workflows.solving import certificate_of
 
 __all__ = ["AdaptOptions", "AdaptResult", "Refined", "adapt"]
@@ -93,10 +93,10 @@ class AdaptResult:
         return self.adaptive.ended is AdaptiveEnd.INTERRUPTED or self.complaint == "interrupted"
 
 
-def adapt(problem: ContactProblem | KnownStatement, options: AdaptOptions | None = None) -> Work[AdaptResult]:
+def adapt(problem: ContactProblem | ManufacturedProblem, options: AdaptOptions | None = None) -> Work[AdaptResult]:
     """Solve a problem on meshes that adapt to it, and certify the last solution.
 
-    Yields :class:`Refined` for every mesh, and :class:`Certified`; it ends after a mesh if it is sent True.  An
+    Yields :class:`Refined` for every mesh, and :class:`CertificateEvent`; it ends after a mesh if it is sent True.  An
     interruption ends it with the meshes that were finished; one more leaves the certificate out.
 
     Parameters
@@ -124,7 +124,7 @@ def adapt(problem: ContactProblem | KnownStatement, options: AdaptOptions | None
         certificate = certificate_of(found.solution, options.controls.rtol, options.controls.max_time)
         if certificate is not None:
             certificate = replace(certificate, exact=statement_of(found.distance))
-            yield Certified(certificate)
+            yield CertificateEvent(certificate)
     except MemoryError:
         complaint = "not enough memory"
     except HemivarError as error:

@@ -10,7 +10,7 @@ from hemivar.certificates import certify as certificate_of_pair
 from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, Solver
 from hemivar.systems.workspace import Workspace
-from hemivar.workflows.events import Certified, Found, Work
+from hemivar.workflows.events import CertificateEvent, FoundEvent, Work
 from hemivar.workflows.solving import STATIONARY, solved
 
 __all__ = ["CertifyOptions", "certify"]
@@ -46,7 +46,7 @@ def certify(
 ) -> Work[Certificate]:
     """Certify a pair, or what a solve finds if none is given.
 
-    Yields the events of the solve, :class:`Found`, and :class:`Certified`.
+    Yields the events of the solve, :class:`FoundEvent`, and :class:`CertificateEvent`.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def certify(
         solution = yield from solved([problem], options.solver, options.controls, workspace)
         if workspace.condenses(problem):
             workspace.forget()  # factors of the solve make room for those of the certificate
-        yield Found(solution)
+        yield FoundEvent(solution)
         unknowns, multiplier = solution.unknowns, solution.multiplier
     certificate = certificate_of_pair(
         problem,
@@ -84,5 +84,5 @@ def certify(
         workspace=workspace,
         exact=options.exact,
     )
-    yield Certified(certificate)
+    yield CertificateEvent(certificate)
     return certificate

@@ -6,7 +6,7 @@ from hemivar.branches import Path, PathOptions, SolutionSet, SolutionsOptions, f
 from hemivar.fem import LoadLine
 from hemivar.fem.posed import Posable, posed
 from hemivar.mechanics import Statement
-from hemivar.workflows.events import Found, Warned, Work
+from hemivar.workflows.events import FoundEvent, WarningEvent, Work
 
 __all__ = ["path", "solutions"]
 
@@ -14,8 +14,8 @@ __all__ = ["path", "solutions"]
 def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work[SolutionSet]:
     """All solutions that can be found.
 
-    Yields :class:`Warned`, every start, and when the search is over :class:`Found` for every solution, by their
-    energy.  An interruption ends the search with what was found.
+    Yields :class:`WarningEvent`, every start, and when the search is over :class:`FoundEvent` for every solution, by
+    their energy.  An interruption ends the search with what was found.
 
     Parameters
     ----------
@@ -35,17 +35,17 @@ def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work
     options = SolutionsOptions() if options is None else options
     problem = posed(problem, "solutions")
     for warning in problem.notes:
-        yield Warned(warning)
+        yield WarningEvent(warning)
     found = yield from finding(problem, options)
     for solution in found:
-        yield Found(solution)
+        yield FoundEvent(solution)
     return found
 
 
 def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
     """The equilibria while all loads grow, with the prescribed displacements if a statement is given.
 
-    Yields :class:`Warned`, and every point.  An interruption ends the path where it is.
+    Yields :class:`WarningEvent`, and every point.  An interruption ends the path where it is.
 
     Parameters
     ----------
@@ -65,5 +65,5 @@ def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
     options = PathOptions() if options is None else options
     line = LoadLine.of(problem) if isinstance(problem, Statement) else LoadLine(posed(problem, "path"))
     for warning in line.loaded.notes:
-        yield Warned(warning)
+        yield WarningEvent(warning)
     return (yield from following(line.loaded, options, unloaded=line.unloaded))

@@ -11,7 +11,17 @@ from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.solvers import Progress, Solution, Solver
 
-__all__ = ["Begun", "Certified", "Chosen", "Event", "Found", "Notice", "Phase", "Warned", "Work"]
+__all__ = [
+    "CertificateEvent",
+    "Event",
+    "FoundEvent",
+    "MethodEvent",
+    "Notice",
+    "Phase",
+    "StartEvent",
+    "WarningEvent",
+    "Work",
+]
 
 
 class Notice:
@@ -20,7 +30,7 @@ class Notice:
 
 
 @dataclass(frozen=True, eq=False)
-class Warned(Notice):
+class WarningEvent(Notice):
     """Something that the numbers do not show by themselves, in a sentence.
 
     Attributes
@@ -52,7 +62,7 @@ class Phase(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen(Notice):
+class MethodEvent(Notice):
     """The method; the reason is empty if it was given.
 
     Attributes
@@ -67,7 +77,7 @@ class Chosen(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Begun(Notice):
+class StartEvent(Notice):
     """The solve of a problem begins, the ``number``-th (from 0) of ``count`` on meshes from coarse to fine.
 
     Attributes
@@ -85,7 +95,7 @@ class Begun(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Found(Notice):
+class FoundEvent(Notice):
     """A solution, or the best iterate of a solve that did not converge.
 
     Attributes
@@ -97,7 +107,7 @@ class Found(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Certified(Notice):
+class CertificateEvent(Notice):
     """What is known about the solution.
 
     Attributes

@@ -18,27 +18,27 @@ from hemivar.evolution import (
     FixedStep,
     History,
     ImplicitEuler,
-    Jump,
     March,
     Save,
     Scheme,
-    Stepped,
-    Stepping,
+    SelectionRule,
+    StepEvent,
+    StepSizeController,
     marching,
 )
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
-from hemivar.evolution.march import Tools, refuse_plan
+from hemivar.evolution.march import Backend, refuse_plan
 from hemivar.solvers import Controls, Solver
-from hemivar.workflows.events import Notice, Warned, Work
+from hemivar.workflows.events import Notice, WarningEvent, Work
 
 if TYPE_CHECKING:
     from hemivar.files.problem_file import ProblemFile
 
-__all__ = ["MarchSettings", "Ready", "Taken", "evolution_of", "march", "plan_of"]
+__all__ = ["MarchSettings", "ProgressEvent", "ReadyEvent", "evolution_of", "march", "plan_of"]
 
 
 @dataclass(frozen=True, eq=False)
-class Ready(Notice):
+class ReadyEvent(Notice):
     """The evolution is discretised, and the first step begins.
 
     Attributes
@@ -50,7 +50,7 @@ class Ready(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Taken(Notice):
+class ProgressEvent(Notice):
     """A step was taken.
 
     Attributes
@@ -62,7 +62,7 @@ class Taken(Notice):
         Seconds that the rest will take if it goes on like this; nan after the first step of a march that goes on.
     """
 
-    stepped: Stepped
+    stepped: StepEvent
     spent: float
     left: float
 
@@ -94,7 +94,7 @@ class MarchSettings:
     rtol: float | None = None
     every: float | None = None
     scheme: Scheme | None = None
-    jump: Jump | None = None
+    jump: SelectionRule | None = None
     checkpoint: Path | None = None
     minutes: float | None = None
     resume: bool = False
@@ -175,7 +175,7 @@ def plan_of(stated: ProblemFile, settings: MarchSettings) -> March:
         probes = dict(output.probes)
     jump = settings.jump
     if jump is None:
-        jump = Jump.LOCAL if time is None or time.jump is None else Jump(time.jump)
+        jump = SelectionRule.LOCAL if time is None or time.jump is None else SelectionRule(time.jump)
     return March(
         until=until,
         scheme=_scheme(stated, settings),
@@ -200,7 +200,7 @@ def _scheme(stated: ProblemFile, settings: MarchSettings) -> Scheme:
     return replace(SCHEMES[given.name], **given.parameters)  # type: ignore[type-var]
 
 
-def _stepping(stated: ProblemFile, settings: MarchSettings) -> Stepping | None:
+def _stepping(stated: ProblemFile, settings: MarchSettings) -> StepSizeController | None:
     given = None if stated.time is None else stated.time.step
     if settings.rtol is not None:
         return AdaptiveStep(settings.rtol, first_step=settings.step)
@@ -211,11 +211,11 @@ def _stepping(stated: ProblemFile, settings: MarchSettings) -> Stepping | None:
     return AdaptiveStep(given.rtol, first_step=given.first, least=given.min, most=given.max)
 
 
-def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Tools | None = None) -> Work[History]:
+def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Backend | None = None) -> Work[History]:
     """Compute an evolution, with the tools of another engine if some are given.
 
-    Yields :class:`Warned` for what its problem warns of, :class:`Ready`, and :class:`Taken` after every step; ends
-    after a step if it is sent True or interrupted there.
+    Yields :class:`WarningEvent` for what its problem warns of, :class:`ReadyEvent`, and :class:`ProgressEvent` after
+    every step; ends after a step if it is sent True or interrupted there.
 
     Parameters
     ----------
@@ -238,8 +238,8 @@ def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Tools | 
     refuse_plan(evolution if isinstance(evolution, Evolution) else evolution.evolution, plan)
     discrete = discretize_evolution(evolution) if isinstance(evolution, Evolution) else evolution
     for warning in discrete.problem.notes:
-        yield Warned(warning)
-    yield Ready(discrete)
+        yield WarningEvent(warning)
+    yield ReadyEvent(discrete)
     work = marching(discrete, plan, tools=tools)
     began = clock.perf_counter()
     first: tuple[float, float] | None = None
@@ -252,7 +252,7 @@ def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Tools | 
             gone = stepped.done - first[1]
             left = (spent - first[0]) * (1.0 - stepped.done) / gone if gone > 0.0 else math.nan
             try:
-                told = yield Taken(stepped, spent, left)
+                told = yield ProgressEvent(stepped, spent, left)
             except KeyboardInterrupt:
                 told = True
             stepped = work.send(told)

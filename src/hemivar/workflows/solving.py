@@ -16,7 +16,7 @@ from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, Solution, Solver, Status, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
 from hemivar.systems.workspace import Workspace
-from hemivar.workflows.events import Begun, Certified, Chosen, Found, Warned, Work
+from hemivar.workflows.events import CertificateEvent, FoundEvent, MethodEvent, StartEvent, WarningEvent, Work
 
 __all__ = ["STATIONARY", "RunOptions", "RunResult", "certificate_of", "run", "solved"]
 
@@ -73,9 +73,9 @@ class RunResult:
 def run(problem: Posable, options: RunOptions | None = None, workspace: Workspace | None = None) -> Work[RunResult]:
     """Solve a problem, with a certificate.
 
-    Yields :class:`Warned`, :class:`Chosen`, for every mesh :class:`Begun` and its steps, then :class:`Found` and
-    :class:`Certified`.  An interruption ends the solve with the best iterate, which is certified; one more leaves the
-    certificate out.
+    Yields :class:`WarningEvent`, :class:`MethodEvent`, for every mesh :class:`StartEvent` and its steps, then
+    :class:`FoundEvent` and :class:`CertificateEvent`.  An interruption ends the solve with the best iterate, which is
+    certified; one more leaves the certificate out.
 
     Parameters
     ----------
@@ -99,17 +99,17 @@ def run(problem: Posable, options: RunOptions | None = None, workspace: Workspac
     known = Workspace.given(workspace)
     problems = [posed(given, "run") for given in (*options.coarser, problem)]
     for warning in problems[-1].notes:
-        yield Warned(warning)
+        yield WarningEvent(warning)
     solution = yield from solved(problems, options.solver, options.controls, known)
     complaint, interrupted, certificate = "", solution.status is Status.INTERRUPTED, None
     try:
         if workspace is None and known.condenses(problems[-1]):
             known.forget()
-        yield Found(solution)
+        yield FoundEvent(solution)
         controls = options.controls
         certificate = certificate_of(solution, controls.rtol, controls.max_time, known, options.exact)
         if certificate is not None:
-            yield Certified(certificate)
+            yield CertificateEvent(certificate)
     except MemoryError:
         complaint = "not enough memory"
     except HemivarError as error:
@@ -127,11 +127,11 @@ def solved(
     The workspace is for the last: what the others cost is given back before the next.
     """
     chosen, reason = choose(problems[-1]) if solver is None else (solver, "")
-    yield Chosen(chosen, reason)
+    yield MethodEvent(chosen, reason)
     solution: Solution | None = None
     for number, problem in enumerate(problems):
         try:
-            yield Begun(problem, number, len(problems))
+            yield StartEvent(problem, number, len(problems))
             guess = None if solution is None else transfer_solution(solution, problem)
             kept = workspace if problem is problems[-1] else None
             solution = yield from solving(problem, suited(chosen, problem), controls, initial=guess, workspace=kept)

@@ -16,11 +16,11 @@ import numpy as np
 
 from hemivar.basics.arguments import described, expect, whole_number
 from hemivar.basics.content import content
-from hemivar.basics.display import Displayed, brief
+from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
-from hemivar.basics.known_statement import KnownStatement
+from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.continuous import exact_distance
@@ -41,7 +41,7 @@ from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status, method_named, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
 from hemivar.systems import Workspace
-from hemivar.workflows.events import Begun, Chosen, Notice, Phase, Warned, Work
+from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
 from hemivar.workflows.survey_runs import observed_order
 
 __all__ = ["QUANTITIES", "Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
@@ -148,7 +148,7 @@ class StudyLevel(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Study(Displayed):
+class Study(ReprMixin):
     """What :func:`study` found.
 
     Attributes
@@ -242,14 +242,15 @@ class Study(Displayed):
         return np.arange(count) < (count if self.reference == "exact solution" else max(count - 2, 0))
 
 
-def studying(problem: Statement | KnownStatement | str | Path, options: StudyOptions | None = None) -> Work[Study]:
+def studying(problem: Statement | ManufacturedProblem | str | Path, options: StudyOptions | None = None) -> Work[Study]:
     """Solve a problem on meshes that are halved, each from the solution on the one before, and measure the errors.
 
-    Yields :class:`Warned`, :class:`Chosen`, for every mesh :class:`Phase`, :class:`Begun`, the steps of the solve and
-    :class:`StudyLevel`; of a mesh that was kept or that another process solves, :class:`Phase` and :class:`StudyLevel`.
-    An interruption ends the work; where the finest mesh is the reference, it is the finest then reached.  Every mesh is
-    solved by one thread, so that the numbers depend neither on the number of processes nor on what was kept.
-    Where a problem has several solutions, that on each mesh is the one that its coarser neighbour leads to.
+    Yields :class:`WarningEvent`, :class:`MethodEvent`, for every mesh :class:`Phase`, :class:`StartEvent`, the steps
+    of the solve and :class:`StudyLevel`; of a mesh that was kept or that another process solves, :class:`Phase` and
+    :class:`StudyLevel`. An interruption ends the work; where the finest mesh is the reference, it is the finest
+    then reached. Every mesh is solved by one thread, so that the numbers depend neither on the number of processes
+    nor on what was kept. Where a problem has several solutions, that on each mesh is the one that its coarser
+    neighbour leads to.
 
     Parameters
     ----------
@@ -268,7 +269,7 @@ def studying(problem: Statement | KnownStatement | str | Path, options: StudyOpt
         record is that of another study.
     """
     options = StudyOptions() if options is None else options
-    stated = read_problem_file(problem).problem if isinstance(problem, str | Path) else KnownStatement.of(problem)
+    stated = read_problem_file(problem).problem if isinstance(problem, str | Path) else ManufacturedProblem.of(problem)
     if not isinstance(stated, Statement):
         raise ProblemError(
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
@@ -320,7 +321,7 @@ def study_digest(problem: Statement, options: StudyOptions) -> str:
 
 @known_keywords
 def study(
-    problem: Statement | KnownStatement | str | Path,
+    problem: Statement | ManufacturedProblem | str | Path,
     refine: int = 4,
     *,
     exact: KnownField | Sequence[str] | None = None,
@@ -385,7 +386,7 @@ def _levels(
         if mine == 0:
             yield from _opening(discrete, options)
         yield Phase(_named(mesh, discrete), mine, count)
-        yield Begun(discrete, mine, count)
+        yield StartEvent(discrete, mine, count)
         last = yield from _solving(discrete, last, options)
         if last.status in _NO_LEVEL:
             return last.status is Status.INTERRUPTED
@@ -398,9 +399,9 @@ def _levels(
 def _opening(discrete: DiscreteProblem, options: StudyOptions) -> Work[None]:
     """What is told before the first mesh."""
     for warning in discrete.notes:
-        yield Warned(warning)
+        yield WarningEvent(warning)
     if options.solver is not None:
-        yield Chosen(options.solver, "")
+        yield MethodEvent(options.solver, "")
 
 
 def _named(mesh: Mesh, discrete: DiscreteProblem) -> str:

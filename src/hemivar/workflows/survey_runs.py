@@ -32,8 +32,8 @@ __all__ = [
     "FIGURE_CELLS",
     "MOST_CELLS",
     "SURVEY_METHODS",
-    "Advanced",
     "MeshRuns",
+    "SurveyEvent",
     "SurveyOptions",
     "SurveyRuns",
     "observed_order",
@@ -166,7 +166,7 @@ class SurveyRuns:
 
 
 @dataclass(frozen=True, eq=False)
-class Advanced(Notice):
+class SurveyEvent(Notice):
     """A part is done: "figure1" ... "figure4", "friction", "mesh", "errors" or "bounds"; with all found so far.
 
     Attributes
@@ -190,7 +190,7 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
     starts at h = 1/2 from zero and on every finer mesh from its own coarser solution, on the problem condensed onto the
     contact boundary.
 
-    Yields :class:`Phase`, the steps of all solves, and :class:`Advanced`. An interruption ends the work with what
+    Yields :class:`Phase`, the steps of all solves, and :class:`SurveyEvent`. An interruption ends the work with what
     there is.
 
     Parameters
@@ -213,28 +213,28 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
             stage += 1
             solutions = yield from _figure(key, controls)
             runs = replace(runs, figures={**runs.figures, key: solutions})
-            yield Advanced(key, runs)
+            yield SurveyEvent(key, runs)
             if key == "figure3":
                 runs = replace(runs, friction=(yield from _friction(solutions[DEFAULT], max_n, controls)))
-                yield Advanced("friction", runs)
+                yield SurveyEvent("friction", runs)
         for n in _halved(max_n):
             yield Phase(f"Table 1 and Figure 5: h = 1/{n}", stage, count)
             stage += 1
             level = yield from _level(n, (*SURVEY_METHODS.values(), DEFAULT), runs, controls)
             runs = replace(runs, meshes=(*runs.meshes, level))
-            yield Advanced("mesh", runs)
+            yield SurveyEvent("mesh", runs)
         yield Phase(f"Figure 5: references at h = 1/{2 * max_n}", stage, count)
         finest = yield from _level(2 * max_n, tuple(SURVEY_METHODS.values()), runs, controls)
         yield Phase("Figure 5: errors", stage + 1, count)
         runs = replace(runs, errors=_errors(runs.meshes, finest), meshes=(*runs.meshes, finest))
-        yield Advanced("errors", runs)
+        yield SurveyEvent("errors", runs)
         if runs.options.bounds:
             constants = None
             for number, level in enumerate(runs.meshes[:-1]):
                 yield Phase(f"Figure 5: distance to the exact solution, h = 1/{level.n}", stage + 2 + number, count)
                 constants = constants or guaranteed_trace_bounds(level.problem)
                 runs = _bounded(runs, level, constants)
-            yield Advanced("bounds", runs)
+            yield SurveyEvent("bounds", runs)
     except KeyboardInterrupt:
         return replace(runs, interrupted=True)
     return runs

@@ -16,7 +16,7 @@ import numpy as np
 from hemivar.basics.arguments import described, expect, whole_number
 from hemivar.basics.content import content
 from hemivar.basics.disk import noting_files_read, read_bytes
-from hemivar.basics.display import Displayed
+from hemivar.basics.display import ReprMixin
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.processes import results
@@ -34,7 +34,7 @@ from hemivar.solvers import Controls
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import Notice, Phase, Work
 
-__all__ = ["Sweep", "SweepAxis", "SweepOptions", "Swept", "read_axis", "sweep", "sweep_digest", "sweeping"]
+__all__ = ["Sweep", "SweepAxis", "SweepEvent", "SweepOptions", "read_axis", "sweep", "sweep_digest", "sweeping"]
 
 #: Points of a sweep.
 _MOST_POINTS = 1_000_000
@@ -154,7 +154,7 @@ class SweepOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Swept(Notice):
+class SweepEvent(Notice):
     """A point is done.
 
     Attributes
@@ -166,7 +166,7 @@ class Swept(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep(Displayed):
+class Sweep(ReprMixin):
     """What :func:`sweep` found.
 
     Attributes
@@ -292,7 +292,7 @@ def sweeping(
     nor on what was kept of earlier work.  A point at which the problem cannot be stated or solved has failed, with a
     note.
 
-    Yields :class:`Phase` and :class:`Swept` for every point.  An interruption ends the work with what is done.
+    Yields :class:`Phase` and :class:`SweepEvent` for every point.  An interruption ends the work with what is done.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ def sweeping(
                 done[point.place] = point
                 named = ", ".join(f"{k} = {v}" for k, v in zip(keys, _values(given, point.place), strict=True))
                 yield Phase(f"{named}: {_outcome(point)}", len(done) - 1, len(places))
-                if (yield Swept(point)):
+                if (yield SweepEvent(point)):
                     interrupted = len(done) < len(places)
                     break
     except KeyboardInterrupt:

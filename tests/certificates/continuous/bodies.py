@@ -9,13 +9,13 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.gallery.survey_problems import survey, survey_cube
-from hemivar.laws import Compliance, SurveyLaw, Tresca
+from hemivar.laws import Compliance, ThresholdCompliance, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Pressure, Roller
 from hemivar.mesh import box, rectangle
 from hemivar.mesh.mesh import Mesh
 from tests import bodies
 
-FOUNDATION = Contact(SurveyLaw(0.3, 2.0), Tresca(0.2))
+FOUNDATION = Contact(ThresholdCompliance(0.3, 2.0), Tresca(0.2))
 
 
 def shaken(mesh: Mesh, seed: int = 1, by: float = 0.15) -> Mesh:

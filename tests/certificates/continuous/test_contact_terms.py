@@ -23,13 +23,13 @@ from hemivar.laws import (
     SlipWeakening,
     Softening,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
 )
 from hemivar.mechanics import Contact, ContactProblem, Plane
 
 LAWS: dict[str, tuple[Superpotential, Friction]] = {
-    "survey": (SurveyLaw(0.3, 2.0), Tresca(0.4)),
+    "survey": (ThresholdCompliance(0.3, 2.0), Tresca(0.4)),
     "softening": (Softening(4.0, 0.05, 1.5), SlipWeakening(0.8, rate=2.0)),
     "rigid": (Signorini(), Logarithmic(0.5)),
     "springs": (Compliance(3.0), Tresca(0.2)),
@@ -112,7 +112,8 @@ def test_penetrations_that_the_law_forbids_are_told() -> None:
 
 def test_gaps_of_obstacles() -> None:
     problem = replace(
-        survey("5.1", 4), contact={"bottom": Contact(SurveyLaw(0.3, 2.0), obstacle=Plane((0.0, -0.1), (0.1, 1.0)))}
+        survey("5.1", 4),
+        contact={"bottom": Contact(ThresholdCompliance(0.3, 2.0), obstacle=Plane((0.0, -0.1), (0.1, 1.0)))},
     )
     traces = contact_traces(body_data(problem, np.zeros(problem.mesh.points.shape)))
     assert traces is not None

@@ -11,7 +11,7 @@ from hemivar.certificates.continuous.admissible_stress import admissible_stress
 from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.facet_table import facet_vertices
 from hemivar.certificates.continuous.patches import PatchKind
-from hemivar.certificates.continuous.sweeps import Sweeper
+from hemivar.certificates.continuous.sweeps import PatchSmoother
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule
@@ -181,7 +181,7 @@ def test_quadratic_stresses_balance_at_every_place(name: str) -> None:
     """Constant loads: ``div s = -f0`` on all pieces, and one traction on both sides of every facet inside."""
     problem = replace(BODIES[name](), order=2)
     stress = admissible_stress(body_data(problem, solve(problem).displacement))
-    sweeper = Sweeper(stress)
+    sweeper = PatchSmoother(stress)
     sweeper.sweep(PatchKind.VERTEX)
     for found in (stress, sweeper.stress):
         table = found.data.table

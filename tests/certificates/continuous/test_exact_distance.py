@@ -24,7 +24,7 @@ from hemivar.laws import (
     Signorini,
     Softening,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
 )
 from hemivar.laws.friction import ABSOLUTE_VALUE
@@ -122,7 +122,7 @@ def random_problem(seed: int) -> ContactProblem:
     else:
         root = rng.normal(size=(3, 3))
         material = Material.tensor(6.0 * np.eye(3) + root @ root.T)
-    laws: list[Superpotential] = [SurveyLaw(0.3, 2.0), Softening(4.0, 0.05, 0.5), Signorini()]
+    laws: list[Superpotential] = [ThresholdCompliance(0.3, 2.0), Softening(4.0, 0.05, 0.5), Signorini()]
     frictions: list[Friction] = [Tresca(0.2), Logarithmic(0.3)]
     return ContactProblem(
         mesh=mesh,
@@ -197,7 +197,7 @@ def test_units_and_rotation_change_nothing() -> None:
         mesh=problem.mesh.scaled(length),
         material=Material.lame(4.0 * force, 4.0 * force),
         body_force=(-0.8 * force / length, -0.8 * force / length),
-        contact={"bottom": Contact(SurveyLaw(0.3 * force, 2.0 * force / length), Tresca(0.5 * force))},
+        contact={"bottom": Contact(ThresholdCompliance(0.3 * force, 2.0 * force / length), Tresca(0.5 * force))},
     )
     assert judged(other)[0].distance == pytest.approx(found.distance * np.sqrt(force) * length, rel=1e-7)
 
@@ -220,7 +220,7 @@ def test_estimates_and_missing_bounds_say_so() -> None:
     pressed = u - 0.1 * problem.mesh.points[:, :1] * [0.0, 1.0]
     assert exact_distance(soft, pressed, proved).distance == np.inf
     coulomb = replace(
-        problem, contact={"bottom": Contact(SurveyLaw(0.3, 2.0), Friction(CoulombBound(0.3), ABSOLUTE_VALUE))}
+        problem, contact={"bottom": Contact(ThresholdCompliance(0.3, 2.0), Friction(CoulombBound(0.3), ABSOLUTE_VALUE))}
     )
     refused = exact_distance(coulomb, u, proved)
     assert refused.distance == np.inf
@@ -274,8 +274,14 @@ def test_trace_bounds_of_the_square() -> None:
             {"material": Material.young(lambda x: np.where(np.abs(x[:, 0] - 0.3) < 1e-4, 0.01, 9.0), 0.0)},
             "the material is a function of the place",
         ),
-        ({"contact": {"bottom": Contact(SurveyLaw(0.3, 2.0), gap=lambda x: 0.01 * x[:, 0] ** 2)}}, "gap of contact"),
-        ({"contact": {"bottom": Contact(SurveyLaw(0.3, 2.0), obstacle=Sphere((0.5, -9.0), 9.0))}}, "gap of contact"),
+        (
+            {"contact": {"bottom": Contact(ThresholdCompliance(0.3, 2.0), gap=lambda x: 0.01 * x[:, 0] ** 2)}},
+            "gap of contact",
+        ),
+        (
+            {"contact": {"bottom": Contact(ThresholdCompliance(0.3, 2.0), obstacle=Sphere((0.5, -9.0), 9.0))}},
+            "gap of contact",
+        ),
     ],
 )
 def test_what_the_mesh_does_not_represent_makes_it_an_estimate(changes: dict[str, object], reason: str) -> None:

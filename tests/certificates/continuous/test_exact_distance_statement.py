@@ -70,7 +70,9 @@ def test_where_there_is_none(solution: hv.Solution, workspace: hv.systems.Worksp
     changed = "not those of the stated problem"
     assert changed in why(problem.with_(load=1.01 * problem.load), u)
     assert changed in why(problem.with_(offset=problem.offset + 1e-3), u)
-    stiffer = hv.discretize(replace(survey("5.1", 4), contact={"bottom": hv.Contact(hv.laws.SurveyLaw(0.3, 2.1))}))
+    stiffer = hv.discretize(
+        replace(survey("5.1", 4), contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.1))})
+    )
     assert changed in why(problem.with_(law=stiffer.law), u)
     scalar = hv.solve(antiplane_friction(4).problem)
     assert "scalar problem" in why(scalar.problem, scalar.unknowns)

@@ -41,7 +41,7 @@ def round_plate(n: int) -> hv.Mesh:
 
 
 def on_mesh(mesh: hv.Mesh) -> hv.ContactProblem:
-    foundation = hv.Contact(hv.laws.SurveyLaw(0.3, 2.0))
+    foundation = hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.0))
     force = (0.0, -1.0, -0.5)[: mesh.dim]
     return bodies.body(mesh, foundation, body_force=force)
 
@@ -120,10 +120,12 @@ def test_a_curved_boundary_makes_an_estimate() -> None:
 @pytest.mark.parametrize(
     ("contact", "named"),
     [
-        (hv.Contact(hv.laws.SurveyLaw(lambda x: 0.3 + x[:, 0], 2.0)), "q_max"),
-        (hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(lambda x: 0.1 + x[:, 0])), "bound"),
+        (hv.Contact(hv.laws.ThresholdCompliance(lambda x: 0.3 + x[:, 0], 2.0)), "q_max"),
+        (hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(lambda x: 0.1 + x[:, 0])), "bound"),
         (
-            hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.SlipWeakening(0.1, 1.0, lambda x: 0.7 + 0.0 * x[:, 0], 1.0)),
+            hv.Contact(
+                hv.laws.ThresholdCompliance(0.3, 2.0), hv.SlipWeakening(0.1, 1.0, lambda x: 0.7 + 0.0 * x[:, 0], 1.0)
+            ),
             "kinetic",
         ),
     ],
@@ -150,7 +152,7 @@ def test_laws_that_vary_along_the_boundary_make_an_estimate(contact: hv.Contact,
 def test_friction_that_is_sampled_makes_an_estimate(bound: Any, proved: bool, beside: bool) -> None:
     """Also where it stands beside another law, and in the law that is taken at the solution."""
     problem = survey("5.1", 3)
-    contact = {"bottom": hv.Contact(hv.laws.SurveyLaw(0.3, 2.0), hv.Tresca(hv.laws.PenetrationBound(bound)))}
+    contact = {"bottom": hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(hv.laws.PenetrationBound(bound)))}
     if beside:
         contact = {"right": hv.Contact(hv.Compliance(1.0)), **contact}
         problem = replace(problem, tractions={"top": (0.0, -0.1)})
@@ -166,7 +168,9 @@ def test_friction_that_is_sampled_makes_an_estimate(bound: Any, proved: bool, be
 
 def test_parameters_of_contact_points_are_refused() -> None:
     problem = survey("5.1", 3)
-    problem = replace(problem, contact={"bottom": hv.Contact(hv.laws.SurveyLaw(np.linspace(0.1, 0.3, 4), 2.0))})
+    problem = replace(
+        problem, contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(np.linspace(0.1, 0.3, 4), 2.0))}
+    )
     u = hv.solve(problem).displacement
     with pytest.raises(ProblemError, match=r"parameter q_max given at 4 contact points.*a number, or a function of x"):
         exact_distance(problem, u, PROVED)

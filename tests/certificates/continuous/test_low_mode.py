@@ -13,7 +13,7 @@ from hemivar.certificates.continuous.exact_distance import exact_distance
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
 from hemivar.certificates.continuous.vertex_moments import shared_forces
-from hemivar.laws import Logarithmic, Softening, SurveyLaw
+from hemivar.laws import Logarithmic, Softening, ThresholdCompliance
 from hemivar.mechanics import Contact, ContactProblem
 from hemivar.solvers import solve
 from tests import bodies
@@ -21,7 +21,7 @@ from tests.certificates.continuous.test_exact_distance import error_of
 
 
 def softened(alpha: float, normal: bool = False) -> ContactProblem:
-    law = Contact(Softening(4.0, 0.1, alpha)) if normal else Contact(SurveyLaw(0.3, 2.0), Logarithmic(alpha))
+    law = Contact(Softening(4.0, 0.1, alpha)) if normal else Contact(ThresholdCompliance(0.3, 2.0), Logarithmic(alpha))
     return bodies.square(law, 6, "cross", body_force=(-0.8, -0.8))
 
 

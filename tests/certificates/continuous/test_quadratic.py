@@ -14,7 +14,7 @@ from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import contact_traces
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
 from hemivar.certificates.continuous.patches import PatchKind
-from hemivar.certificates.continuous.sweeps import ContactPrice, Sweeper
+from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
 from hemivar.certificates.continuous.trace_bounds import discrete_trace_bounds, guaranteed_trace_bounds
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.discretize import discretize
@@ -26,7 +26,7 @@ from hemivar.laws import (
     Signorini,
     SlipWeakening,
     Softening,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
 )
 from hemivar.mechanics import Contact, ContactProblem, Material, Plane
@@ -228,10 +228,10 @@ def test_an_oblique_plane_asks_for_a_change_along_its_normal() -> None:
     assert change @ np.array([-normal[1], normal[0]]) == pytest.approx(0.0, abs=1e-15)
 
 
-@pytest.mark.parametrize("law", [SurveyLaw(0.3, 2.0), Softening(4.0, 0.05, 1.5),
+@pytest.mark.parametrize("law", [ThresholdCompliance(0.3, 2.0), Softening(4.0, 0.05, 1.5),
                                  PiecewiseQuadratic(np.array([-0.1, 0.02, 0.07]), np.array([0.0, 2.0, -1.0, 3.0]),
                                                     np.array([0.1, 0.2, 0.3]))])  # fmt: skip
-def test_rules_resolve_kinks_along_quadratic_traces(law: SurveyLaw) -> None:
+def test_rules_resolve_kinks_along_quadratic_traces(law: ThresholdCompliance) -> None:
     """The integral of j' along the boundary by a rule with 20 000 points."""
     problem = replace(survey("5.1", 3), order=2, contact={"bottom": Contact(law)})
     u = 0.2 * np.random.default_rng(2).normal(size=problem.mesh.nodes(2).shape)
@@ -280,9 +280,9 @@ def test_data_of_another_displacement() -> None:
 def test_sweeps_near_the_contact_alone_keep_the_rest() -> None:
     problem = replace(survey("5.1", 5), order=2)
     stress = admissible_stress(body_data(problem, solve(problem).displacement))
-    sweeper = Sweeper(stress)
+    sweeper = PatchSmoother(stress)
     touched = np.flatnonzero(stress.data.contact >= 0)
-    price = ContactPrice(touched, -stress.tractions.moments[touched], 0.2)
+    price = ContactPenalty(touched, -stress.tractions.moments[touched], 0.2)
     sweeper.sweep(V, price, only_contact=True)
     changed = np.abs(sweeper.stress.tractions.moments - stress.tractions.moments).max(axis=(1, 2)) > 0.0
     table = stress.data.table

@@ -93,11 +93,11 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         r"a load of the problem depends on time; .*at_time\(0.0\)",
     ),
     "a law that depends on time": (
-        lambda: bound(foundation(hv.laws.SurveyLaw(lambda x, t: 0.1 + t + 0.0 * x[:, 0]))),
+        lambda: bound(foundation(hv.laws.ThresholdCompliance(lambda x, t: 0.1 + t + 0.0 * x[:, 0]))),
         "a law of the problem depends on time",
     ),
     "damping": (
-        lambda: bound(foundation(hv.laws.SurveyLaw(0.3, 2.0), damping=hv.Compliance(2.0))),
+        lambda: bound(foundation(hv.laws.ThresholdCompliance(0.3, 2.0), damping=hv.Compliance(2.0))),
         "contact 'bottom' has damping",
     ),
     "a load that is not finite": (
@@ -113,11 +113,11 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "body_force: .* must return shape",
     ),
     "a gap that is not finite": (
-        lambda: bound(foundation(hv.laws.SurveyLaw(0.3), gap=lambda x: np.nan * x[:, 0])),
+        lambda: bound(foundation(hv.laws.ThresholdCompliance(0.3), gap=lambda x: np.nan * x[:, 0])),
         "gap of contact 'bottom'.* nan",
     ),
     "law parameters for each node": (
-        lambda: bound(foundation(hv.laws.SurveyLaw(np.linspace(0.1, 0.3, 4), 2.0))),
+        lambda: bound(foundation(hv.laws.ThresholdCompliance(np.linspace(0.1, 0.3, 4), 2.0))),
         "parameter q_max given at 4 contact points; .*: give a number, or a function of x",
     ),
     # constants of the body
@@ -202,7 +202,7 @@ LESSENED: dict[str, tuple[Callable[[], Any], str, str]] = {
         "softens too much for the body",
     ),
     "friction that weakens too much": (
-        lambda: judged(foundation(hv.laws.SurveyLaw(0.3, 2.0), hv.SlipWeakening(1.0, 1.0, 0.0, 500.0))),
+        lambda: judged(foundation(hv.laws.ThresholdCompliance(0.3, 2.0), hv.SlipWeakening(1.0, 1.0, 0.0, 500.0))),
         "none",
         "softens too much",
     ),
@@ -222,7 +222,7 @@ LESSENED: dict[str, tuple[Callable[[], Any], str, str]] = {
         "depends on the pressure",
     ),
     "a law that varies along the boundary": (
-        lambda: judged(foundation(hv.laws.SurveyLaw(lambda x: 0.1 + x[:, 0], 2.0))),
+        lambda: judged(foundation(hv.laws.ThresholdCompliance(lambda x: 0.1 + x[:, 0], 2.0))),
         "estimate",
         "varies along the boundary (q_max)",
     ),
@@ -237,12 +237,14 @@ LESSENED: dict[str, tuple[Callable[[], Any], str, str]] = {
         "varies within cells",
     ),
     "a curved foundation": (
-        lambda: judged(foundation(hv.laws.SurveyLaw(0.3, 2.0), obstacle=hv.mechanics.Sphere((0.5, -9.0), 9.0))),
+        lambda: judged(
+            foundation(hv.laws.ThresholdCompliance(0.3, 2.0), obstacle=hv.mechanics.Sphere((0.5, -9.0), 9.0))
+        ),
         "estimate",
         "the gap of",
     ),
     "a gap that is a function": (
-        lambda: judged(foundation(hv.laws.SurveyLaw(0.3, 2.0), gap=lambda x: 0.01 * x[:, 0] ** 2)),
+        lambda: judged(foundation(hv.laws.ThresholdCompliance(0.3, 2.0), gap=lambda x: 0.01 * x[:, 0] ** 2)),
         "estimate",
         "the gap of",
     ),

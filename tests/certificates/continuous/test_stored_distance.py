@@ -19,7 +19,16 @@ from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.elements import barycentric_gradients
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.gallery import survey
-from hemivar.laws import Compliance, Friction, Logarithmic, Signorini, Softening, Superpotential, SurveyLaw, Tresca
+from hemivar.laws import (
+    Compliance,
+    Friction,
+    Logarithmic,
+    Signorini,
+    Softening,
+    Superpotential,
+    ThresholdCompliance,
+    Tresca,
+)
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.material_words import BoundsBy
@@ -254,7 +263,7 @@ def random_problem(seed: int) -> tuple[ContactProblem, Material]:
             [
                 Compliance(rng.uniform(1.0, 20.0)),
                 Softening(rng.uniform(2.0, 10.0), 0.03, rng.uniform(0.1, 1.0)),
-                SurveyLaw(0.1, 10.0),
+                ThresholdCompliance(0.1, 10.0),
                 Signorini(),
             ],
             dtype=object,

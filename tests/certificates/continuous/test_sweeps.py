@@ -14,7 +14,7 @@ from hemivar.certificates.continuous.contact_traces import contact_traces
 from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.patches import Batch, PatchKind, coloured, patch_batches, rigid_modes
 from hemivar.certificates.continuous.rings import ring_batches
-from hemivar.certificates.continuous.sweeps import ContactPrice, Sweeper
+from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
 from hemivar.gallery.survey_problems import survey
 from hemivar.mechanics import Clamped, ContactProblem, Material
 from hemivar.mesh import rectangle
@@ -36,7 +36,7 @@ def first_stress(name: str) -> AdmissibleStress:
 def test_sweeps_keep_equilibrium_and_lower_the_misfit(name: str) -> None:
     stress = first_stress(name)
     data = stress.data
-    sweeper = Sweeper(stress)
+    sweeper = PatchSmoother(stress)
     before, first = _energy(stress), stress.misfit.sum()
     for kind in (*KINDS, PatchKind.VERTEX):
         sweeper.sweep(kind)
@@ -72,7 +72,7 @@ def test_flat_cells_lose_no_balance(name: str, thin: float, many: int, monkeypat
     stress = admissible_stress(body_data(problem, u))
     assert imbalance(stress, 1, order=1) < 1e-14
     for general in (False, True):
-        sweeper, before = Sweeper(stress, general), _energy(stress)
+        sweeper, before = PatchSmoother(stress, general), _energy(stress)
         for _ in range(2):
             sweeper.sweep(PatchKind.VERTEX if problem.mesh.dim == 2 else PatchKind.EDGE)
             after = _energy(sweeper.stress)
@@ -88,7 +88,7 @@ def test_contact_tractions_are_freed_at_a_price(name: str) -> None:
     traces = contact_traces(stress.data)
     assert traces is not None
     wanted = traces.allowed(traces.forces(stress.tractions.moments))
-    price = ContactPrice(traces.facets, traces.moments(wanted), 0.5)
+    price = ContactPenalty(traces.facets, traces.moments(wanted), 0.5)
 
     def cost(of: AdmissibleStress) -> float:
         linear = traces.forces(
@@ -97,7 +97,7 @@ def test_contact_tractions_are_freed_at_a_price(name: str) -> None:
         along, across = traces.square(traces.forces(of.tractions.moments) - linear)
         return _energy(of) + 0.5 * float(along.sum() + across.sum())
 
-    sweeper = Sweeper(stress)
+    sweeper = PatchSmoother(stress)
     before = cost(stress)
     for kind in KINDS:
         sweeper.sweep(kind, price)
@@ -115,8 +115,8 @@ def test_contact_tractions_settle_last() -> None:
     stress = admissible_stress(body_data(problem, solve(problem).displacement))
     traces = contact_traces(stress.data)
     assert traces is not None
-    price = ContactPrice(traces.facets, traces.moments(traces.allowed(traces.forces(stress.tractions.moments))), 0.5)
-    sweeper = Sweeper(stress)
+    price = ContactPenalty(traces.facets, traces.moments(traces.allowed(traces.forces(stress.tractions.moments))), 0.5)
+    sweeper = PatchSmoother(stress)
     sweeper.sweep(PatchKind.VERTEX, price)
     swept = sweeper.stress.tractions.moments
     sweeper.sweep(PatchKind.VERTEX, price, only_contact=True)
@@ -138,7 +138,7 @@ def test_a_patch_of_the_whole_body_finds_the_least_misfit(dim: int, order: int) 
     problem = ContactProblem(mesh, Material.lame(3.0, 2.0), tractions={"all": (0.0,) * dim}, order=order)
     u = np.random.default_rng(3).normal(size=mesh.nodes(order).shape)
     stress = admissible_stress(body_data(problem, u))
-    sweeper = Sweeper(stress)
+    sweeper = PatchSmoother(stress)
     sweeper.sweep(PatchKind.VERTEX)
     least = _least_misfit(stress)
     for _ in range(60):
@@ -267,7 +267,7 @@ def test_a_stress_without_free_facets_stays() -> None:
     mesh = rectangle((1.0, 1.0), 1, pattern="right")
     problem = ContactProblem(mesh, Material.lame(1.0, 1.0), supports={"left": Clamped()})
     stress = admissible_stress(body_data(problem, np.zeros(mesh.points.shape)))
-    sweeper = Sweeper(stress)
+    sweeper = PatchSmoother(stress)
     sweeper.sweep(PatchKind.VERTEX)
     assert sweeper.stress.misfit.sum() == pytest.approx(0.0, abs=1e-28)
 
@@ -283,10 +283,10 @@ def test_rings_and_rows_give_what_patches_of_any_shape_give(
     traces = contact_traces(stress.data)
     price = None
     if traces is not None:
-        price = ContactPrice(
+        price = ContactPenalty(
             traces.facets, traces.moments(traces.allowed(traces.forces(stress.tractions.moments))), 0.5
         )
-    quick, general = Sweeper(stress), Sweeper(stress, general=True)
+    quick, general = PatchSmoother(stress), PatchSmoother(stress, general=True)
     for kind in (PatchKind.FACET, PatchKind.VERTEX if stress.data.table.dim == 2 else PatchKind.EDGE):
         for contact in (price, None):
             for sweeper in (quick, general):

@@ -11,7 +11,7 @@ from hemivar.certificates.continuous.admissible_stress import admissible_stress
 from hemivar.certificates.continuous.body_data import BodyData, body_data
 from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.patches import PatchKind, coloured, patch_batches
-from hemivar.certificates.continuous.sweeps import Sweeper
+from hemivar.certificates.continuous.sweeps import PatchSmoother
 from hemivar.certificates.continuous.vertex_rings import VertexRings
 from hemivar.mechanics import Clamped, ContactProblem
 from hemivar.mesh import rectangle
@@ -70,7 +70,7 @@ def test_rings_are_the_patches_of_all_vertices_inside(mesh: Mesh) -> None:
 def test_closed_form_gives_what_patches_of_any_shape_give(mesh: Mesh, stretch: float) -> None:
     """Twice, so that the second sweep starts from what the first has left; on stretched meshes by the misfit."""
     stress = admissible_stress(pulled(mesh, stretch))
-    quick, general = Sweeper(stress), Sweeper(stress, general=True)
+    quick, general = PatchSmoother(stress), PatchSmoother(stress, general=True)
     for _ in range(2):
         for sweeper in (quick, general):
             sweeper.sweep(PatchKind.VERTEX)
@@ -110,7 +110,7 @@ def test_bodies_of_other_units_have_the_same_stress() -> None:
     other = admissible_stress(body_data(problem, data.displacement))
     moments = []
     for stress in (base, other):
-        sweeper = Sweeper(stress)
+        sweeper = PatchSmoother(stress)
         sweeper.sweep(PatchKind.VERTEX)
         moments.append(sweeper.stress.tractions.moments)
     assert moments[1] == pytest.approx(moments[0], abs=1e-11 * np.abs(moments[0]).max())

@@ -10,7 +10,7 @@ from hemivar.laws import (
     NoContact,
     Signorini,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     Tresca,
 )
 from hemivar.laws.testing import check_law
@@ -20,8 +20,8 @@ from ..catalogue import LAWS, REACH
 __all__ = ["FRICTION", "NORMAL", "conforms"]
 
 NORMAL: dict[str, Superpotential] = {name: law for name, law in LAWS.items() if name not in REACH} | {
-    "survey": SurveyLaw(0.3, 2.0),
-    "survey, two points": SurveyLaw(np.array([0.3, 0.7]), 2.0),
+    "survey": ThresholdCompliance(0.3, 2.0),
+    "survey, two points": ThresholdCompliance(np.array([0.3, 0.7]), 2.0),
     "signorini": Signorini(),
     "bilateral": Bilateral(),
     "none": NoContact(),

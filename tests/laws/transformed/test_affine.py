@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.laws import Adhesive, Softening, SurveyLaw, affine, table_law
+from hemivar.laws import Adhesive, Softening, ThresholdCompliance, affine, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.stacked import stack
 
@@ -51,7 +51,7 @@ def test_tables_stay_tables_and_forces_that_vanish_stay_zero() -> None:
 
 
 def test_two_affine_arguments_are_one() -> None:
-    for law in (SurveyLaw(0.3, 2.0), NORMAL["logarithm"]):
+    for law in (ThresholdCompliance(0.3, 2.0), NORMAL["logarithm"]):
         twice, once = affine(affine(law, 2.0, 0.5), 3.0, -0.25), affine(law, 6.0, 0.0)
         r = np.linspace(-1.0, 1.0, 33)
         np.testing.assert_allclose(twice.derivative(r), once.derivative(r), rtol=1e-13)
@@ -83,7 +83,7 @@ def test_the_unit_of_length_does_not_matter(unit: float) -> None:
 
 
 def test_of_stacked_laws_each_part_is_moved() -> None:
-    both = stack([(SurveyLaw(0.3, 2.0), 2), (NORMAL["logarithm"], 3)])
+    both = stack([(ThresholdCompliance(0.3, 2.0), 2), (NORMAL["logarithm"], 3)])
     theta, c = np.linspace(1.0, 2.0, 5), np.linspace(-0.2, 0.2, 5)
     moved = affine(both, theta, c)
     r = np.linspace(-0.5, 0.5, 5)
@@ -96,4 +96,4 @@ def test_of_stacked_laws_each_part_is_moved() -> None:
 )
 def test_wrong_numbers_are_refused(theta: float, c: float, words: str) -> None:
     with pytest.raises(ProblemError, match=words):
-        affine(SurveyLaw(0.3), theta, c)
+        affine(ThresholdCompliance(0.3), theta, c)

@@ -19,7 +19,7 @@ from hemivar.laws import (
     SlipWeakening,
     Softening,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     affine,
     averaged,
     bonded,
@@ -115,7 +115,7 @@ def test_a_worn_surface_on_a_foundation_that_creeps() -> None:
 
 STACKED = stack([(Softening(2.0, 0.1, 0.5), 2), (Compliance(3.0, 2.0), 2), (Softening(1.0, 0.3, 0.2), 1)])
 MIXED = StackedLaw(
-    (SurveyLaw(0.3, 2.0), Compliance(3.0, 2.0)), (np.array([0, 2, 3]), np.array([1, 4])), name="mixed"
+    (ThresholdCompliance(0.3, 2.0), Compliance(3.0, 2.0)), (np.array([0, 2, 3]), np.array([1, 4])), name="mixed"
 )  # fmt: skip
 
 
@@ -192,7 +192,7 @@ def test_tables_that_are_scaled_stay_tables() -> None:
     base = table_of(affine(Softening(2.0, 0.1, 0.5), 1.0, 0.03))
     assert base is not None
     r, factors = np.linspace(-0.2, 0.6, 5), np.array([0.5, 1.0, 2.0, 3.0, 0.0])
-    for law in (base.scaled(factors), base.scaled(2.0), SurveyLaw(0.3, 2.0).table.scaled(factors)):
+    for law in (base.scaled(factors), base.scaled(2.0), ThresholdCompliance(0.3, 2.0).table.scaled(factors)):
         again = table_of(law)
         assert again is not None
         np.testing.assert_allclose(again.derivative(r), law.derivative(r), rtol=1e-14, atol=1e-15)

@@ -19,7 +19,7 @@ from hemivar.laws import (
     Signorini,
     Softening,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     affine,
     bonded,
     envelope,
@@ -72,15 +72,15 @@ def test_bonds_conform(numbers: tuple[float, float, float]) -> None:
 
 
 def test_bonds_of_points_in_different_states_conform() -> None:
-    conforms(bonded(SurveyLaw(0.3, 2.0), 50.0, 0.05, 0.2, np.array([1.0, 0.5, 0.0, 0.02]), 0.1))
+    conforms(bonded(ThresholdCompliance(0.3, 2.0), 50.0, 0.05, 0.2, np.array([1.0, 0.5, 0.0, 0.02]), 0.1))
 
 
 @pytest.mark.parametrize("c", [0.5, -0.5, 0.0])
 @pytest.mark.parametrize(
-    "damping", [PiecewiseQuadratic([0.0], [4.0, 4.0], [0.0]), Compliance(3.0, 2.0), SurveyLaw(0.2, 1.0)]
+    "damping", [PiecewiseQuadratic([0.0], [4.0, 4.0], [0.0]), Compliance(3.0, 2.0), ThresholdCompliance(0.2, 1.0)]
 )
 def test_dampers_that_cannot_pull_conform(c: float, damping: Superpotential) -> None:
-    for law in (SurveyLaw(0.3, 2.0), Compliance(5.0, 2.5), NORMAL["finite"]):
+    for law in (ThresholdCompliance(0.3, 2.0), Compliance(5.0, 2.5), NORMAL["finite"]):
         made = pushing(law, affine(damping, 3.0, c))
         check_law(made, reach=1.0)
         r = np.linspace(1e-6, 0.19, 50)

@@ -19,7 +19,7 @@ from hemivar.laws import (
     SlipWeakening,
     Softening,
     Superpotential,
-    SurveyLaw,
+    ThresholdCompliance,
     affine,
     plus,
 )
@@ -94,7 +94,7 @@ def test_laws_that_are_nothing_are_left_out() -> None:
     law = Compliance(5.0, 2.5)
     assert plus(law, NoContact()) is law
     assert plus(NoContact(), law, NoContact()) is law
-    assert isinstance(plus(NoContact(), SurveyLaw(0.3)), PiecewiseQuadratic | SurveyLaw)
+    assert isinstance(plus(NoContact(), ThresholdCompliance(0.3)), PiecewiseQuadratic | ThresholdCompliance)
 
 
 def test_the_domain_is_what_all_terms_allow() -> None:
@@ -111,7 +111,8 @@ def test_sums_of_points_with_different_knots() -> None:
     conforms(law)
     conforms(plus(NORMAL["logarithmic"], affine(NORMAL["softening"], 1.0, shift)))
     both = plus(
-        stack([(SurveyLaw(0.3, 2.0), 2), (FormulaLaw("log(1 + r)", even=True), 2)]), affine(Compliance(3.0), 1.0, shift)
+        stack([(ThresholdCompliance(0.3, 2.0), 2), (FormulaLaw("log(1 + r)", even=True), 2)]),
+        affine(Compliance(3.0), 1.0, shift),
     )
     r = np.array([0.1, -0.5, 0.4, -4.9])
     np.testing.assert_allclose(both.derivative(r), [0.5 + 0.3, -0.0, 1.0 / 1.4 + 0.6, -1.0 / 5.9 + 0.3], atol=1e-12)

@@ -37,7 +37,7 @@ from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.one_sided import one_sided_constants
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
 from hemivar.certificates.continuous.patches import PatchKind
-from hemivar.certificates.continuous.sweeps import ContactPrice, Sweeper
+from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.mechanics.statement import ContactProblem
@@ -207,7 +207,7 @@ def improved_stress(
     stress = _first_stress(data, traces, constants)
     if not sweeps:
         return stress
-    sweeper = Sweeper(stress)
+    sweeper = PatchSmoother(stress)
     del stress  # what has been computed of it is large, and of no use any more
     if traces is not None and data.order == 2:
         for _ in range(_NEAR):
@@ -238,7 +238,7 @@ def _weakly_convex(traces: ContactTraces) -> bool:
     return all(bool(np.isfinite(alpha).all()) for alpha in traces.law.weak_convexity)
 
 
-def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> ContactPrice | None:
+def _price(sweeper: PatchSmoother, traces: ContactTraces, constants: TraceBounds) -> ContactPenalty | None:
     """The price ``max(1, eta / rho) / Lambda``: with it a sum of squares falls where ``eta + rho`` does."""
     if not 0.0 < constants.both < np.inf:
         return None
@@ -254,7 +254,7 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
     rho = np.sqrt(sum(part.sum() for part in traces.square(forces - wanted)) / constants.both)
     ratio = min(max(1.0, eta / rho), _DEAREST) if rho > 0.0 else _DEAREST
     price = float(ratio / constants.both)
-    return ContactPrice(traces.facets, traces.moments(wanted), price, mass, sweeper.moments[traces.facets])
+    return ContactPenalty(traces.facets, traces.moments(wanted), price, mass, sweeper.moments[traces.facets])
 
 
 def _multiplier(

@@ -35,7 +35,7 @@ from hemivar.certificates.continuous.rings import Rings, ring_batches
 from hemivar.certificates.continuous.split_element import facet_mass
 from hemivar.certificates.continuous.vertex_rings import VertexRings
 
-__all__ = ["ContactPrice", "Sweeper"]
+__all__ = ["ContactPenalty", "PatchSmoother"]
 
 #: How often balance is asked of a change again, and what it may lack of it to be made.
 _AGAIN, _BALANCED = 2, 1e-13
@@ -46,7 +46,7 @@ _ENTRIES = {2: 1 << 20, 3: 1 << 22}
 
 
 @dataclass(frozen=True, eq=False)
-class ContactPrice:
+class ContactPenalty:
     """What tractions of contact facets pay: ``price |xi - zeta|^2`` on each, or less where zeta follows xi.
 
     Attributes
@@ -76,7 +76,7 @@ class ContactPrice:
         return np.asarray(order[np.searchsorted(self.facets, facets, sorter=order)])
 
 
-class Sweeper:
+class PatchSmoother:
     """Improves a stress by sweeps over patches.
 
     Parameters
@@ -114,7 +114,7 @@ class Sweeper:
         """``int (s - C eps) : C^-1 (s - C eps)`` over the body, for the mean of C on each cell."""
         return float(self._start.element.energy_of(self._difference, self.data.reference_compliance).sum())
 
-    def sweep(self, kind: PatchKind, contact: ContactPrice | None = None, only_contact: bool = False) -> None:
+    def sweep(self, kind: PatchKind, contact: ContactPenalty | None = None, only_contact: bool = False) -> None:
         """Improve all patches of a kind once.
 
         Parameters
@@ -170,7 +170,7 @@ class Sweeper:
         self,
         batches: Sequence[Batch | Rings],
         rings: RingSweeps | None,
-        contact: ContactPrice | None,
+        contact: ContactPenalty | None,
         only_contact: bool,
     ) -> None:
         """Improve patches that share no cell within a batch, one batch after the other."""
@@ -203,7 +203,7 @@ class Sweeper:
         partly = np.asarray((self.data.unknown != np.eye(self.data.table.dim)).any(axis=(1, 2)))
         return np.asarray(partly & (self.data.contact < 0)) if contact else partly
 
-    def _improve(self, batch: Batch, partly: BoolArray, contact: ContactPrice | None) -> None:
+    def _improve(self, batch: Batch, partly: BoolArray, contact: ContactPenalty | None) -> None:
         """Improve patches that share no cell."""
         table, element = self.data.table, self._start.element
         dim = table.dim
@@ -265,7 +265,7 @@ class Sweeper:
         on_cells = on_cells.reshape(len(flat), -1, dim) @ table.inverse[flat].transpose(0, 2, 1)
         self._difference[flat] += on_cells.reshape(len(flat), -1) @ element.summing.T
 
-    def _prices(self, facets: IntArray, contact: ContactPrice) -> list[tuple[IntArray, IntArray, Array, Array]]:
+    def _prices(self, facets: IntArray, contact: ContactPenalty) -> list[tuple[IntArray, IntArray, Array, Array]]:
         """Contact facets of patches, by patch and place, with the matrices and half the slopes of their price."""
         data, dim = self.data, self.data.table.dim
         patch, place = np.nonzero(data.contact[facets] >= 0)
@@ -287,7 +287,7 @@ class Sweeper:
         slope = np.einsum("fpq,fq->fp", whole, off) + np.einsum("fpq,fq->fp", matrix, moved)
         return [(patch, place, matrix, slope)]
 
-    def _charge(self, batch: Batch, contact: ContactPrice, H: Array, b: Array) -> None:
+    def _charge(self, batch: Batch, contact: ContactPenalty, H: Array, b: Array) -> None:
         """Add the price of contact tractions to the misfit of patches, in place."""
         block = self._start.element.block
         for patch, place, matrix, slope in self._prices(batch.facets, contact):

@@ -143,7 +143,7 @@ class BodyOnRanks(Body):
         """The body under a load (n,), with offsets (m, d) and a law of its contact points; all ranks call this."""
         load = np.where(self.held, 0.0, load)
         found = replace(self, load=load, offset=offset, law=law, below=None, constant=0.0)
-        _ = found.load_scale, found.stiffest  # found by all ranks together, so that each may look at it alone
+        _ = found.load_scale, found.lambda_max  # found by all ranks together, so that each may look at it alone
         return found
 
     def stiffened(self, matrix: PETSc.Mat, supported: bool) -> Self:

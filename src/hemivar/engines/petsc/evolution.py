@@ -24,7 +24,7 @@ from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.stiffness import applied
 from hemivar.errors import MethodError
 from hemivar.evolution import Evolution, Mass
-from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution, dampings
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices, dampings
 from hemivar.fem.assembly import load_vector, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, relaxing, viscous
 from hemivar.fem.dynamics import moved_components
@@ -237,7 +237,7 @@ class EvolutionOnRanks(DiscreteEvolution):
         along = np.einsum("ncd,nd->nc", self.frame.directions, rest.reshape(self.frame.free.shape))
         return np.concatenate([self.frame.reduced(along)[: self.unknowns], prescribed])
 
-    def acting(self, time: float) -> Acting:
+    def data_at(self, time: float) -> ExternalData:
         ranks, stated = self.ranks, self.evolution.body
 
         def forces() -> Array:
@@ -250,7 +250,9 @@ class EvolutionOnRanks(DiscreteEvolution):
         load = self.frame.reduced(nodes.summed(nodes.along(ranks.agree(forces).reshape(nodes.free.shape))))
         if not stated.time_dependent & {"supports", "gap", "law"}:
             prescribed, loading = self._prescribed(self.body.prescribed), self.problem.loading
-            return Acting(load, prescribed, loading.offset, separable(loading.law, "a march in time"), dampings(stated))
+            return ExternalData(
+                load, prescribed, loading.offset, separable(loading.law, "a march in time"), dampings(stated)
+            )
 
         def conditions() -> tuple[Array, ContactLaw, Array]:
             nodal = nodal_conditions(_present(self.state(self.skin).body.at_time(time)))
@@ -260,14 +262,14 @@ class EvolutionOnRanks(DiscreteEvolution):
             return offset, separable(law, "a march in time"), nodal.supports.value[: self.body.owned.size]
 
         offset, law, prescribed = ranks.agree(conditions)
-        return Acting(load, self._prescribed(prescribed), offset, law, dampings(stated.at_time(time)))
+        return ExternalData(load, self._prescribed(prescribed), offset, law, dampings(stated.at_time(time)))
 
     def _prescribed(self, values: Array) -> Array:
         """What supports prescribe (N, d), where they may move their nodes."""
         return np.asarray(values[self.body.owned].ravel()[self.moved])
 
 
-class BodiesOnRanks(Bodies):
+class StepMatricesOnRanks(StepMatrices):
     """Bodies of stages over ranks: that of the start with another stiffness, which is combined of its matrices.
 
     Matrices on coarser meshes are products of the finest one with the prolongations.

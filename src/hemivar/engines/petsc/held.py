@@ -10,7 +10,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.coercivity.foothold import geometric_slack
 from hemivar.coercivity.free_motion import describe, refuse
-from hemivar.coercivity.recession import Growth, decide, growth_along
+from hemivar.coercivity.recession import RecessionFunction, decide, growth_along
 from hemivar.coercivity.rigid_modes import admitted, rigid_basis
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.pieces import Piece
@@ -90,7 +90,7 @@ def check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> None:
     if ranks.rank == 0:
         parts = list(zip(*everywhere, strict=True))
         rows, up, down, cones, rates = (np.concatenate(part) for part in parts[:5])
-        hold = decide(Growth(own.work, own.load, rows, up, down, cones, rates, max(parts[5])))
+        hold = decide(RecessionFunction(own.work, own.load, rows, up, down, cones, rates, max(parts[5])))
     hold = ranks.mpi.bcast(hold, root=0)
     motion = "" if hold.direction is None else describe(admissible @ hold.direction)
     try:

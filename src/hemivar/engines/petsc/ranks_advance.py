@@ -14,12 +14,12 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.engines.petsc.certificate import _margin
-from hemivar.engines.petsc.evolution import BodiesOnRanks, BulkOnRanks, EvolutionOnRanks
+from hemivar.engines.petsc.evolution import BulkOnRanks, EvolutionOnRanks, StepMatricesOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.solve import Saved, solve_distributed
-from hemivar.evolution import Jump, Scheme
+from hemivar.evolution import Scheme, SelectionRule
 from hemivar.evolution.data_in_time import StatedData
-from hemivar.evolution.descent import CREEPS, TIGHT, Looks, bottom_of_pieces, resistance_against
+from hemivar.evolution.descent import MAX_FLOW_STEPS, TIGHT, Backoff, minimiser_on_pieces, regularising_viscosity
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.stage import Stage
@@ -46,7 +46,7 @@ def stepper_on_ranks(
 ) -> TimeStepper:
     """What takes steps whose stages are solved over ranks; see :meth:`hemivar.evolution.stepper.TimeStepper.of`."""
     assert isinstance(discrete, EvolutionOnRanks)
-    bodies = BodiesOnRanks(discrete)
+    bodies = StepMatricesOnRanks(discrete)
     stages = StageSolverOnRanks(discrete, bodies, solver, controls, Workspace.given(workspace), alarm=alarm)
     return TimeStepper(discrete, scheme, stages, StepOperators(discrete, bodies, scheme), StatedData(discrete, stops))
 
@@ -62,7 +62,7 @@ class StageSolverOnRanks(StageSolver):
     """
 
     discrete: EvolutionOnRanks
-    bodies: BodiesOnRanks
+    bodies: StepMatricesOnRanks
     alarm: Alarm = field(kw_only=True)
 
     def constant(self, stage: Stage, law: VectorLaw) -> float:
@@ -86,7 +86,7 @@ class StageSolverOnRanks(StageSolver):
 
         return stage.operator.constants.once(tuple(ranks.mpi.allgather(own)), found)
 
-    def excess(self, stage: Stage) -> float:
+    def convexity_defect(self, stage: Stage) -> float:
         if self.depends(stage.problem):
             return -1.0
         return self.constant(stage, stage.problem.law) - 1.0
@@ -96,14 +96,14 @@ class StageSolverOnRanks(StageSolver):
         own = bool(problem.contact_points) and problem.law.state_dependent
         return bool(self.discrete.ranks.largest(float(own))[0])
 
-    def solution(self, stage: Stage, initial: Solution | None, jump: Jump) -> StageSolution:
+    def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule) -> StageSolution:
         problem, controls = stage.problem, self._controls(stage)
         body = _body_of(problem)
         start = body.start(None if initial is None else initial.unknowns)
-        excess = self.excess(stage)
-        if not 0.0 <= excess < math.inf:
+        convexity_defect = self.convexity_defect(stage)
+        if not 0.0 <= convexity_defect < math.inf:
             return StageSolution(self._solved(problem, body, start, controls))
-        return StageSolution(self._downhill(problem, body, resistance_against(excess), start, controls))
+        return StageSolution(self._downhill(problem, body, regularising_viscosity(convexity_defect), start, controls))
 
     def _solved(self, problem: DiscreteProblem, body: BodyOnRanks, start: Array, controls: Controls) -> Solution:
         saved = Saved(State(start, body.multiplier(start)), ())
@@ -121,8 +121,8 @@ class StageSolverOnRanks(StageSolver):
         ranks, law = self.discrete.ranks, body.law
         tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
         slow = self.bodies.slow(body, resistance)
-        looks = Looks()
-        for _ in range(CREEPS):
+        looks = Backoff()
+        for _ in range(MAX_FLOW_STEPS):
             before, here = body.local(u), body.load + resistance * body.multiply(u)
             solution = self._solved(problem, slow.under(here, body.offset, law), u, tight)
             u = solution.unknowns
@@ -153,7 +153,7 @@ class StageSolverOnRanks(StageSolver):
         """The bottom of the pieces on which a place lies, if laws that soften leave the body stable there."""
         inner = self.solver.inner if isinstance(self.solver, FixedPoint) else self.solver
         method = inner if isinstance(inner, NonsmoothMultigrid) else NonsmoothMultigrid()
-        found = bottom_of_pieces(method, body, u, controls)
+        found = minimiser_on_pieces(method, body, u, controls)
         if found is None:
             return None
         x, multiplier, off = found
@@ -170,9 +170,9 @@ class MarginsOnRanks(Margins):
     """Margins that all ranks find together."""
 
     def _of(self, stage: Stage, solution: Solution) -> float:
-        excess, stages = self.advance.stages.excess(stage), self.advance.stages
+        convexity_defect, stages = self.advance.stages.convexity_defect(stage), self.advance.stages
         assert isinstance(stages, StageSolverOnRanks)
-        return math.nan if stages.depends(stage.problem) else -excess
+        return math.nan if stages.depends(stage.problem) else -convexity_defect
 
     def largest_step(self, taken: StepResult) -> float:
         """inf where the laws are convex, nan elsewhere."""

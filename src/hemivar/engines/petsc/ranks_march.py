@@ -18,10 +18,10 @@ from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.ranks_advance import MarginsOnRanks, stepper_on_ranks
 from hemivar.errors import MethodError
-from hemivar.evolution import Checkpoint, Evolution, History, Jump, March, Stepped
+from hemivar.evolution import Checkpoint, Evolution, History, March, SelectionRule, StepEvent
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.identity import identity
-from hemivar.evolution.march import Tools, marching, refuse_plan
+from hemivar.evolution.march import Backend, marching, refuse_plan
 from hemivar.evolution.save import PROBED, nearest_cell, probe_outside, probe_point
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.time_error import TimeBound
@@ -44,7 +44,7 @@ class MarchOnRanks:
 
     discrete: EvolutionOnRanks
     plan: March
-    tools: Tools
+    tools: Backend
 
 
 def prepare_march(
@@ -68,7 +68,7 @@ def prepare_march(
         plan = replace(plan, checkpoint=CheckpointOnRanks(plan.checkpoint.file, plan.checkpoint.minutes, ranks=ranks))
 
     advance = partial(stepper_on_ranks, alarm=alarm)
-    return MarchOnRanks(discrete, plan, Tools(advance, MarginsOnRanks, _no_bound, _identity, _probed))
+    return MarchOnRanks(discrete, plan, Backend(advance, MarginsOnRanks, _no_bound, _identity, _probed))
 
 
 def march_on_ranks(
@@ -78,7 +78,7 @@ def march_on_ranks(
     plan: March,
     *,
     alarm: Alarm | None = None,
-    watch: Callable[[Stepped], bool | None] | None = None,
+    watch: Callable[[StepEvent], bool | None] | None = None,
 ) -> History:
     """Compute an evolution over ranks, which all call this; scheme, ledger, steps and table are those of one process.
 
@@ -127,7 +127,7 @@ def _refuse(plan: March) -> None:
         raise MethodError(
             f"the engine 'petsc' steps by multigrid, not by {inner.name}; leave the solver out, or --engine"
         )
-    if plan.jump not in (Jump.LOCAL, Jump.STOP):
+    if plan.jump not in (SelectionRule.LOCAL, SelectionRule.STOP):
         raise MethodError(
             f"the engine 'petsc' knows no jump = '{plan.jump}'; take 'local' or 'stop', or leave --engine out"
         )

@@ -174,8 +174,8 @@ class JoinedLaw(CoupledLaw):
     def rubs(self) -> BoolArray:
         return self._whether(lambda law, i: law.rubs)
 
-    def snapped(self, r: Array, near: float) -> Array:
-        return self._gather(lambda law, i: law.snapped(r[i], near))
+    def snap_to_kinks(self, r: Array, near: float) -> Array:
+        return self._gather(lambda law, i: law.snap_to_kinks(r[i], near))
 
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         return self._gather(lambda law, i: law.fitted(r[i], lam[i], tau[i]))

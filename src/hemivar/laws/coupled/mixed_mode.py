@@ -409,7 +409,7 @@ class MixedMode(CoupledLaw):
 
     # ---- where a pair lies ------------------------------------------------------------------------------
 
-    def snapped(self, r: Array, near: float) -> Array:
+    def snap_to_kinks(self, r: Array, near: float) -> Array:
         out = r.copy()
         knot = self.compression.kink_within(r[:, 0], near)
         out[:, 0] = np.where(np.isfinite(knot), knot, r[:, 0])

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import number
 from hemivar.basics.arrays import real_array
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
@@ -27,7 +27,7 @@ from hemivar.laws.parameters import evaluate
 __all__ = ["CoulombBound", "PenetrationBound", "StackedBound", "StateBound", "stack_bounds"]
 
 
-class StateBound(Portable, ABC):
+class StateBound(PickleMixin, ABC):
     """A friction bound h_tau(penetration, pressure) >= 0 at every contact point."""
 
     @abstractmethod

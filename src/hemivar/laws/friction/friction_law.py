@@ -10,7 +10,7 @@ from weakref import WeakSet
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.consistency import check_own
@@ -30,7 +30,7 @@ _MOST_ROWS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Friction(Portable):
+class Friction(PickleMixin):
     """Friction h_tau j_tau(|u_tau|).
 
     Parameters

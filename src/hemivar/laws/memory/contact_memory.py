@@ -18,7 +18,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
@@ -34,7 +34,7 @@ Energy = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class LocalStep(Portable):
+class LocalStep(PickleMixin):
     """A time step, or the stage of one, as the contact points see it.
 
     In the step the rate is ``v = rate (r - before) + drift``; of the slip, whose increment is d, ``rate d + drift``.
@@ -89,7 +89,7 @@ class LocalStep(Portable):
         return np.asarray(self.guess_multiplier[:, 0]) if known else np.zeros(len(self.before))  # type: ignore[index]
 
 
-class Memory(Portable, ABC):
+class Memory(PickleMixin, ABC):
     """What contact points remember; a frozen object whose dataclass fields are parameters.
 
     A parameter is a number, one for each contact point, or a function of x, which :meth:`at` evaluates.

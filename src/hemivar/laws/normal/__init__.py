@@ -1,7 +1,14 @@
 """Normal laws by name: monotone ones, and foundations that break."""
 
 from hemivar.laws.normal.breaking import Adhesive, Capped, Layered, SawTooth, Softening
-from hemivar.laws.normal.monotone import Bilateral, Compliance, FinitePenetration, NoContact, Signorini, SurveyLaw
+from hemivar.laws.normal.monotone import (
+    Bilateral,
+    Compliance,
+    FinitePenetration,
+    NoContact,
+    Signorini,
+    ThresholdCompliance,
+)
 
 __all__ = [
     "Adhesive",
@@ -14,5 +21,5 @@ __all__ = [
     "SawTooth",
     "Signorini",
     "Softening",
-    "SurveyLaw",
+    "ThresholdCompliance",
 ]

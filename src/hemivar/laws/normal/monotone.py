@@ -13,7 +13,7 @@ from hemivar.laws.named import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval
 
-__all__ = ["Bilateral", "Compliance", "FinitePenetration", "NoContact", "Signorini", "SurveyLaw"]
+__all__ = ["Bilateral", "Compliance", "FinitePenetration", "NoContact", "Signorini", "ThresholdCompliance"]
 
 #: One knot at zero without a jump, and two pieces without a slope.
 _ZERO = np.zeros((1, 1))
@@ -21,7 +21,7 @@ _FLAT = np.zeros((1, 2))
 
 
 @dataclass(frozen=True, eq=False)
-class SurveyLaw(NamedLaw):
+class ThresholdCompliance(NamedLaw):
     """The survey's normal law: j(r) = 0 for r < 0, p_const/2 r^2 + q_max r for r >= 0 (section 5.1).
 
     Rigid up to the pressure ``q_max``, beyond it linearly compliant with stiffness ``p_const``.

@@ -10,7 +10,7 @@ import numpy as np
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.scaled import ScaledLaw
@@ -24,7 +24,7 @@ _FAR = (1.0, 3.0, 10.0, 100.0, 1e4, 1e6)
 
 
 @dataclass(frozen=True)
-class LawPiece(Portable):
+class LawPiece(PickleMixin):
     """Value, derivative and curvature on one piece, and what the derivative is off by."""
 
     value: ArrayFunction

@@ -61,7 +61,7 @@ class LawOfOne(TransformedLaw):
 
 def check_law(law: object) -> None:
     """Refuse what is no law of one variable."""
-    expect(law, Superpotential, "the law", "pass a law such as SurveyLaw(...) or FormulaLaw(...)")  # type: ignore[type-abstract]
+    expect(law, Superpotential, "the law", "pass a law such as ThresholdCompliance(...) or FormulaLaw(...)")  # type: ignore[type-abstract]
 
 
 def numbers(value: Array | float, what: str, *, above: float = -np.inf, least: float = -np.inf) -> Array:

@@ -10,12 +10,12 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.initial import accelerated
-from hemivar.evolution.setting_out import Kinked, Moving, setting_out, speeds_jump
+from hemivar.evolution.prescribed_rates import Kinked, Moving, prescribed_rates, velocity_discontinuity
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.linear.krylov import conjugate_gradients
 
-__all__ = ["set_out_anew"]
+__all__ = ["apply_impulse"]
 
 #: Part of the velocities that is no blow, but rounding.
 _ROUNDED = 1e-9
@@ -25,7 +25,7 @@ _LEFT, _STEPS = 1e-11, 500
 _MISSED = 1e-6
 
 
-def set_out_anew(advance: TimeStepper, moment: TimeState, step: float) -> TimeState:
+def apply_impulse(advance: TimeStepper, moment: TimeState, step: float) -> TimeState:
     """The moment with the rates that supports and gaps have from then on, if the speed of one jumps there.
 
     Where a load jumps as well, or alone, it has the accelerations that follow, if the scheme hands them on.
@@ -51,7 +51,9 @@ def set_out_anew(advance: TimeStepper, moment: TimeState, step: float) -> TimeSt
     discrete = advance.discrete
     if discrete.mass is None or advance.scheme.is_displacement_based(step):
         return moment
-    found = _at_the_start(advance, moment, step) if not moment.index else speeds_jump(advance, moment.time, step)
+    found = (
+        _at_the_start(advance, moment, step) if not moment.index else velocity_discontinuity(advance, moment.time, step)
+    )
     if found is None:
         return _pushed_anew(advance, moment, step)
     (supports, gaps), (held, opened) = found
@@ -59,11 +61,11 @@ def set_out_anew(advance: TimeStepper, moment: TimeState, step: float) -> TimeSt
     acting = advance.data_from(moment).after(moment.time)
     change = np.zeros_like(moment.body.velocity)
     change[n:] = np.where(held, supports.velocity - moment.body.velocity[n:], 0.0)
-    glued = _glued(advance) & opened
-    want = np.where(glued, gaps.velocity - contact.traced(moment.body.velocity[:n]), 0.0)
-    change[:n] = _struck(advance, -discrete.mass.times(change)[:n], want, glued)
+    glued = _bilateral(advance) & opened
+    want = np.where(glued, gaps.velocity - contact.trace_of(moment.body.velocity[:n]), 0.0)
+    change[:n] = _impulse_response(advance, -discrete.mass.times(change)[:n], want, glued)
     velocity = moment.body.velocity + change
-    rate = np.where(opened, contact.traced(velocity[:n]) - gaps.velocity, moment.local.velocity)
+    rate = np.where(opened, contact.trace_of(velocity[:n]) - gaps.velocity, moment.local.velocity)
     missed, fast, carried = discrete.vectors.largest(
         *(float(np.abs(part).max(initial=0.0)) for part in (rate[glued], velocity, gaps.velocity))
     ).tolist()
@@ -89,23 +91,23 @@ def _pushed_anew(advance: TimeStepper, moment: TimeState, step: float) -> TimeSt
     """The moment with the accelerations of the load after it, if the load jumps there; velocities stay."""
     if not (moment.index and advance.data.jumps_at(moment.time) and advance.scheme.uses_initial_acceleration(step)):
         return moment
-    moving = setting_out(advance, moment.time, step)
+    moving = prescribed_rates(advance, moment.time, step)
     return accelerated(advance, moment, advance.data_from(moment).after(moment.time), moving, step)
 
 
 def _at_the_start(advance: TimeStepper, moment: TimeState, step: float) -> tuple[Moving, Kinked] | None:
     """What supports and gaps do from the start on, if a foundation holds the body which moves at another rate."""
     fast = max(float(np.abs(speed).max(initial=0.0)) for speed in (moment.body.velocity, moment.local.velocity))
-    off = float(np.abs(moment.local.velocity[_glued(advance)]).max(initial=0.0))
+    off = float(np.abs(moment.local.velocity[_bilateral(advance)]).max(initial=0.0))
     fast, off = advance.discrete.vectors.largest(fast, off).tolist()
     if off <= _ROUNDED * fast:
         return None
-    supports, gaps = setting_out(advance, moment.time, step)
+    supports, gaps = prescribed_rates(advance, moment.time, step)
     nothing = np.zeros(supports.displacement.shape, dtype=bool)  # supports have their rates already
     return (supports, gaps), (nothing, np.ones(gaps.displacement.shape, dtype=bool))
 
 
-def _glued(advance: TimeStepper) -> BoolArray:
+def _bilateral(advance: TimeStepper) -> BoolArray:
     """Which contact components (m, c) have a mass, a foundation that holds them both ways, and no support."""
     discrete = advance.discrete
     contact, ends = discrete.problem.contact, discrete.problem.law.penetrations
@@ -117,7 +119,7 @@ def _glued(advance: TimeStepper) -> BoolArray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Yielding:
+class _DelassusOperator:
     """Rates (m c,) that impulses (m c,) make of contact components which are glued, both with the roots of weights."""
 
     advance: TimeStepper
@@ -127,10 +129,10 @@ class _Yielding:
     def __matmul__(self, impulse: Array) -> Array:
         problem = self.advance.discrete.problem
         pushed = _by_mass(self.advance, problem.contact_force(impulse.reshape(self.glued.shape) / self.roots))
-        return np.asarray((np.where(self.glued, problem.contact.traced(pushed), 0.0) * self.roots).ravel())
+        return np.asarray((np.where(self.glued, problem.contact.trace_of(pushed), 0.0) * self.roots).ravel())
 
 
-def _struck(advance: TimeStepper, blow: Array, want: Array, glued: BoolArray) -> Array:
+def _impulse_response(advance: TimeStepper, blow: Array, want: Array, glued: BoolArray) -> Array:
     """What an impulse on the unknowns (n,) changes of their velocity, where glued contact components (m, c) change
     theirs as they want."""
     discrete = advance.discrete
@@ -142,9 +144,9 @@ def _struck(advance: TimeStepper, blow: Array, want: Array, glued: BoolArray) ->
     if not holds:
         return found
     roots = np.sqrt(problem.contact.weights)[:, None]
-    missing = (np.where(glued, want - problem.contact.traced(found), 0.0) * roots).ravel()
+    missing = (np.where(glued, want - problem.contact.trace_of(found), 0.0) * roots).ravel()
     least = _LEFT * float(vectors.norms(missing)[0])
-    yielding = _Yielding(advance, glued, roots)
+    yielding = _DelassusOperator(advance, glued, roots)
     pushes = conjugate_gradients(yielding, np.ones_like(missing), missing, np.copy, least, _STEPS, vectors=vectors)
     return found + _by_mass(advance, problem.contact_force(pushes.solution.reshape(glued.shape) / roots))
 

@@ -11,8 +11,8 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, Newmark, march, stage_solver
-from hemivar.evolution.expectation import expected_contact
 from hemivar.evolution.history import History
+from hemivar.evolution.prediction import predicted_contact
 from hemivar.evolution.stage import Stage
 from hemivar.systems.body import Body
 from hemivar.systems.contact_moves import smooth_components
@@ -41,7 +41,7 @@ class Told:
     stages: list[tuple[Stage, Body, Array | None]] = field(default_factory=list)
 
     def __call__(self, stage: Stage, body: Body) -> Array | None:
-        self.stages.append((stage, body, expected_contact(stage, body)))
+        self.stages.append((stage, body, predicted_contact(stage, body)))
         return self.stages[-1][2]
 
 
@@ -63,7 +63,7 @@ def ends(told: Told, history: History) -> list[Array]:
 @pytest.fixture
 def told(monkeypatch: pytest.MonkeyPatch) -> Told:
     found = Told()
-    monkeypatch.setattr(stage_solver, "expected_contact", found)
+    monkeypatch.setattr(stage_solver, "predicted_contact", found)
     return found
 
 
@@ -96,7 +96,7 @@ def test_most_points_that_change_their_piece_are_foreseen_and_fewer_equations_so
     assert changed >= 20
     assert wrong < 0.5 * changed
 
-    monkeypatch.setattr(stage_solver, "expected_contact", lambda stage, body: None)
+    monkeypatch.setattr(stage_solver, "predicted_contact", lambda stage, body: None)
     alone = marched(survey(32), 24)
     spared = [sum(row.solver_steps for row in one.rows) for one in (history, alone)]
     assert spared[0] < spared[1]
@@ -107,11 +107,11 @@ def test_most_points_that_change_their_piece_are_foreseen_and_fewer_equations_so
 def test_what_was_expected_wrongly_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     # As if every point went far the other way.
     def contrary(stage: Stage, body: Body) -> Array | None:
-        start = expected_contact(stage, body)
+        start = predicted_contact(stage, body)
         return None if start is None else body.moved(0.0 * start, body.fixed - 0.1 - body.local(start))
 
     usual = marched(survey(16), 10)
-    monkeypatch.setattr(stage_solver, "expected_contact", contrary)
+    monkeypatch.setattr(stage_solver, "predicted_contact", contrary)
     other = marched(survey(16), 10)
     assert all(row.residual <= 5e-10 for row in other.rows[1:])
     size = np.abs(usual.moment.body.displacement).max()

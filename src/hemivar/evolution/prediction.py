@@ -9,10 +9,10 @@ from hemivar.evolution.stage import Stage
 from hemivar.laws import separable
 from hemivar.systems.body import Body
 
-__all__ = ["expected_contact"]
+__all__ = ["predicted_contact"]
 
 
-def expected_contact(stage: Stage, body: Body) -> Array | None:
+def predicted_contact(stage: Stage, body: Body) -> Array | None:
     """Unknowns (n,) of a stage with its contact points where they will be if the body keeps its acceleration.
 
     There they settle on the pieces and at the kinks of their laws, each by itself; all other unknowns stay at the

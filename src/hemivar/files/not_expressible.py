@@ -12,10 +12,10 @@ from hemivar.errors import ProblemError
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.mesh import Mesh
 
-__all__ = ["difference", "unsaid"]
+__all__ = ["difference", "not_expressible"]
 
 
-def unsaid(
+def not_expressible(
     where: str, value: object, can: str = "numbers, and formulas as text (hemivar.formula.Formula)"
 ) -> ProblemError:
     """The error that says that a problem file cannot hold a value, and what it holds there."""

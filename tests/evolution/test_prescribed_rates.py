@@ -18,8 +18,8 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import Checkpoint, Evolution, March, Scheme, march, marching
 from hemivar.evolution.discrete import discretize_evolution
-from hemivar.evolution.setting_out import speeds_jump
-from hemivar.evolution.setting_out_anew import set_out_anew
+from hemivar.evolution.impulses import apply_impulse
+from hemivar.evolution.prescribed_rates import velocity_discontinuity
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.thermal_stepper import ThermalStepper, stepper_of
 from hemivar.formula import Formula
@@ -55,18 +55,18 @@ def exact() -> tuple[Array, Array, float]:
     discrete = discretize_evolution(dragged())
     assert discrete.mass is not None
     assert discrete.viscosity is not None
-    n, held = discrete.unknowns, discrete.acting(0.0).prescribed.size
+    n, held = discrete.unknowns, discrete.data_at(0.0).prescribed.size
     K, C, M = discrete.stiffness, discrete.viscosity, discrete.mass
     ((_, B),) = discrete.branches
     inverse, contact = np.linalg.inv(M.inner.toarray()), discrete.problem.contact
 
     def speed(t: float) -> Array:
         """Of the top just after a time."""
-        return (discrete.acting(t + 1e-7).prescribed - discrete.acting(t).prescribed) / 1e-7
+        return (discrete.data_at(t + 1e-7).prescribed - discrete.data_at(t).prescribed) / 1e-7
 
     def rate(t: float, y: Array, top: Array, sinks: Array) -> Array:
         u, v, h = y[:n], y[n : 2 * n], y[2 * n : -1]
-        acting = discrete.acting(t)
+        acting = discrete.data_at(t)
         x, w = np.concatenate([u, acting.prescribed]), np.concatenate([v, top])
         r = (contact.trace @ u).reshape(acting.offset.shape) - acting.offset
         push = np.zeros_like(r)
@@ -79,7 +79,7 @@ def exact() -> tuple[Array, Array, float]:
     ends, work = (0.0, TOP, SINKS, DOWN, END), 0.0
     y, before = np.zeros(2 * n + n + held + 1), speed(0.0)
     for start, end in pairwise(ends):
-        top, sinks = speed(start), (discrete.acting(end).offset - discrete.acting(start).offset) / (end - start)
+        top, sinks = speed(start), (discrete.data_at(end).offset - discrete.data_at(start).offset) / (end - start)
         change = np.concatenate([np.zeros(n), top - before])
         change[:n] = -inverse @ M.times(change)[:n]
         old = np.concatenate([y[n : 2 * n], before])
@@ -126,7 +126,7 @@ def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
     contact, n = discrete.problem.contact, discrete.unknowns
     assert discrete.mass is not None
     advance = stepper_of(discrete, hv.evolution.Newmark(), None, Controls())
-    after = set_out_anew(advance, moment, 0.02)
+    after = apply_impulse(advance, moment, 0.02)
     if name == "heat" and until != TOP:
         assert after is moment
         return
@@ -134,7 +134,7 @@ def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
     blow = discrete.mass.times(body.velocity - moment.body.velocity)[:n]
     assert np.abs(blow).max() < 1e-12
     assert body.displacement is moment.body.displacement
-    load = discrete.acting(until).load
+    load = discrete.data_at(until).load
     if isinstance(advance, ThermalStepper):
         assert moment.heat is not None
         load = load + advance.heat.load(advance.heat.temperature(moment.heat.moment.body.displacement))
@@ -238,7 +238,7 @@ def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme,
 
 
 def test_an_impulse_that_is_not_found_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hemivar.evolution.setting_out_anew._STEPS", 1)
+    monkeypatch.setattr("hemivar.evolution.impulses._STEPS", 1)
     with pytest.raises(hv.errors.ProblemError, match=r"t = 0 the impulse of the foundation .* could not be found"):
         march(shaken(), END, step=0.05, scheme=hv.evolution.Newmark())
 
@@ -285,7 +285,7 @@ def test_paths_that_jump_themselves_are_left_alone() -> None:
             supports={"top": hv.Fixed(x=Formula(path), y=0.0)},
         )
         discrete = discretize_evolution(Evolution(problem, inertia=True))
-        found = speeds_jump(TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls()), at, 0.01)
+        found = velocity_discontinuity(TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls()), at, 0.01)
         return found is not None
 
     assert kinks("0.1*abs(t - 0.5)", 0.5)

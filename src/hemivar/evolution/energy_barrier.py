@@ -9,7 +9,7 @@ from hemivar.evolution.stage import Stage
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.solvers import Solution
 
-__all__ = ["crosses_ridge"]
+__all__ = ["crosses_energy_barrier"]
 
 #: Parts of the way of a step in which the energy is looked at.
 _PARTS = 32
@@ -17,7 +17,7 @@ _PARTS = 32
 _ROUNDED, _AT_END = 1e-13, 1e-9
 
 
-def crosses_ridge(advance: TimeStepper, taken: StepResult) -> bool:
+def crosses_energy_barrier(advance: TimeStepper, taken: StepResult) -> bool:
     """Whether a body without viscosity and mass left its equilibrium at once in a step.
 
     While an equilibrium is stable and the body follows it, the energy of the step is convex along the way; between two
@@ -32,7 +32,7 @@ def crosses_ridge(advance: TimeStepper, taken: StepResult) -> bool:
         return False
     stages = zip(taken.stages, taken.solutions, strict=True)
     return any(
-        advance.stages.excess(stage) >= 0.0 and _bends(_energies(advance, stage, solution))
+        advance.stages.convexity_defect(stage) >= 0.0 and _bends(_energies(advance, stage, solution))
         for stage, solution in stages
     )
 

@@ -10,7 +10,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.evolution.state import Kinematics
 from hemivar.evolution.stepper import TimeStepper
 
-__all__ = ["Kinked", "setting_out", "speeds_jump"]
+__all__ = ["Kinked", "prescribed_rates", "velocity_discontinuity"]
 
 #: Part of the next step over which paths are looked at.
 _NEAR = 1e-2
@@ -29,7 +29,7 @@ Moving = tuple[Kinematics, Kinematics]
 Kinked = tuple[BoolArray, BoolArray]
 
 
-def setting_out(advance: TimeStepper, time: float, step: float | None) -> Moving:
+def prescribed_rates(advance: TimeStepper, time: float, step: float | None) -> Moving:
     """Motion of the prescribed displacements (k,) and of the offsets of the contact points (m, c) from a time on.
 
     Rates are none where a path jumps, and of a body without mass, which needs none.
@@ -48,7 +48,7 @@ def setting_out(advance: TimeStepper, time: float, step: float | None) -> Moving
     return prescribed, offset
 
 
-def speeds_jump(advance: TimeStepper, time: float, step: float) -> tuple[Moving, Kinked] | None:
+def velocity_discontinuity(advance: TimeStepper, time: float, step: float) -> tuple[Moving, Kinked] | None:
     """Motion of supports and gaps after a time at which the speed of one jumps, and which of them have a rate at both
     sides; None if none jumps.
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 
-from hemivar.basics.portable import Portable
+from hemivar.basics.portable import PickleMixin
 from hemivar.evolution.state import TimeState
 
-__all__ = ["HeatBook", "Warmth"]
+__all__ = ["HeatBalance", "ThermalState"]
 
 
 @dataclass(frozen=True)
-class HeatBook:
+class HeatBalance:
     """Heat in the body, and what came into it up to a moment.
 
     ``content = content at the start + source + supports + contact + friction + deformation + gap``.
@@ -45,7 +45,7 @@ class HeatBook:
     deformation: float = 0.0
     gap: float = 0.0
 
-    def closed(self) -> HeatBook:
+    def closed(self) -> HeatBalance:
         """The book with its gap computed from all else."""
         came = self.source + self.supports + self.contact + self.friction + self.deformation
         return replace(self, gap=self.content - self.start - came)
@@ -56,7 +56,7 @@ class HeatBook:
 
 
 @dataclass(frozen=True, eq=False)
-class Warmth(Portable):
+class ThermalState(PickleMixin):
     """The heat of a body at one time.
 
     Attributes
@@ -71,6 +71,6 @@ class Warmth(Portable):
     """
 
     moment: TimeState
-    book: HeatBook
+    book: HeatBalance
     rounds: int = 0
     contraction: float = 0.0
