@@ -152,6 +152,10 @@ class Hardening:
     def hessian(self, u: Array) -> sp.csr_array:
         return sp.csr_array(np.diag(1.0 + 3.0 * u**2))
 
+    @property
+    def row_sums(self) -> Array:
+        return np.ones(2)
+
 
 def test_a_step_of_newton_is_a_quadratic_bulk() -> None:
     """A problem may have any bulk; its linearisations are solved by hand, and by the solver."""

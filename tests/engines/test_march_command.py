@@ -154,6 +154,17 @@ def test_table_and_frames_are_those_of_the_serial_command(name: str, ranks: int,
     assert np.abs(film.frame(5).displacement).max() == pytest.approx(np.abs(wanted_film.frame(5).displacement).max())
 
 
+def test_a_step_that_the_balance_of_energy_has_to_allow_on_one_rank(folder: Path) -> None:
+    """On one rank the balance of each step is measured by the rounding of its body, whose matrix is in PETSc."""
+    file = Path(__file__).parents[2] / "examples" / "problems" / "stick_slip.toml"
+    assert main(["march", str(file), "-q", "--until", "0.6", "--table", "serial.csv"]) == 0
+    done = _march(1, file, "--until", "0.6", "--table", "ranks.csv")
+    assert done.returncode == 0, done.stderr
+    ours, theirs = (read_history_table(folder / name) for name in ("ranks.csv", "serial.csv"))
+    for column in ("elastic", "kinetic", "friction"):
+        np.testing.assert_allclose(ours[column], theirs[column], rtol=0.0, atol=1e-6 * np.abs(theirs[column]).max())
+
+
 def test_the_states_change(folder: Path) -> None:
     """What the comparison is there for: points that are open, stick and slip, on two boundaries."""
     (folder / "p.toml").write_text(FILES["dynamic, generalised-alpha"])

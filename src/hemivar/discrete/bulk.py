@@ -51,6 +51,11 @@ class Bulk(Protocol):
         """Its second derivative (n, n), symmetric."""
         ...
 
+    @property
+    def row_sums(self) -> Array:
+        """Sums (n,) of the absolute entries of the rows of a second derivative, by which rounding is measured."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Quadratic(PickleMixin):

@@ -125,9 +125,14 @@ class Potential(PickleMixin):
         """Diagonal of the stiffness at u = 0, shape (n,)."""
         return self.at_rest.diagonal
 
+    @property
+    def row_sums(self) -> Array:
+        """Sums of the absolute entries of the rows of the stiffness at u = 0, shape (n,)."""
+        return self.at_rest.row_sums
+
     def rounding_scale(self, u: Array, load: Array) -> float:
         """Norm of the sizes of what is added up in ``f - W'(u)``, entry by entry, by the stiffness at u = 0."""
-        return norm(self.at_rest.row_sums * np.abs(u) + np.abs(load) + np.abs(self.initial_forces))
+        return norm(self.row_sums * np.abs(u) + np.abs(load) + np.abs(self.initial_forces))
 
 
 @dataclass(frozen=True, eq=False)

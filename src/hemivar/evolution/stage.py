@@ -321,7 +321,7 @@ def _summed(discrete: DiscreteEvolution, stage: Stage, reached: Kinematics) -> S
     """What forces of a displacement are added up from: factors, sums of rows of matrices, and vectors (n,)."""
     before, rule, n = stage.before.body, stage.operator.rule, stage.problem.load.size
     last = stage.before.rates[0]
-    sums = stage.problem.linear.row_sums
+    sums = stage.problem.bulk.row_sums
     parts = [(1.0, sums, reached.displacement), (1.0, sums, before.displacement)]
     formulas = [(discrete.mass, rule.acceleration), (discrete.viscosity, rule.rate)]
     for operator, formula in formulas:

@@ -189,6 +189,11 @@ class BulkOnRanks:
         """Refused: the matrix is in PETSc."""
         raise MethodError("the stiffness of a body over ranks is in PETSc; multiply by it")
 
+    @property
+    def row_sums(self) -> Array:
+        """Sums of the absolute entries of the rows of the stiffness, (n,) of this rank."""
+        return self.body.row_sums
+
 
 @dataclass(frozen=True, eq=False)
 class EvolutionOnRanks(DiscreteEvolution):
