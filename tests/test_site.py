@@ -86,7 +86,8 @@ def test_pages_ask_no_other_host() -> None:
 
 
 @pytest.mark.parametrize(
-    ("page", "least"), [("theory", 110), ("certificates", 90), ("bounds", 140), ("evolution-theory", 45), ("laws", 35)]
+    ("page", "least"),
+    [("theory", 110), ("certificates-theory", 90), ("bounds-theory", 140), ("evolution-theory", 45), ("laws", 35)],
 )
 def test_formulas_are_set_as_formulas(page: str, least: int) -> None:
     text = (SITE / f"{page}.html").read_text(encoding="utf-8")

@@ -55,7 +55,7 @@ def certify_on_ranks(solution: DistributedSolution, tolerance: float = 1e-8, ala
     only, uniqueness and a bound are not claimed.  ``method`` says which it was.
 
     The bound of the distance to the exact discrete solution is ``|f - K u - B'W lam'|_{K^-1} / margin`` with ``lam'``
-    in ``dj(r)`` (docs/certificates.md), its norm found by conjugate gradients to 1e-4 of itself, rounding included.
+    in ``dj(r)`` (docs/certificates-theory.md).  Conjugate gradients find its norm to 1e-4 of itself, rounding included.
 
     Numbers that are left out are nan, "not known"; the margin without a mesh that holds the body, or with a derivative
     that jumps down, is -inf, and the bound without a positive margin inf.
