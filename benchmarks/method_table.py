@@ -2,7 +2,7 @@
 
     python benchmarks/method_table.py                          print the table as Markdown
     python benchmarks/method_table.py --json methods.json      and write every single run
-    python benchmarks/method_table.py --docs docs/methods.md   put it between the markers of that page
+    python benchmarks/method_table.py --docs docs/methods-compared.md   put it between the markers of that page
     python benchmarks/method_table.py --check                  exit with 1 if a method says "converged" and is wrong
 
 Every normal law is put under every friction law, on the survey's square (cross mesh, clamped at x = 0) and, without
