@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import re
+import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).resolve().parent
+MESH = DOCS.parent / "examples" / "meshes" / "bracket.msh"
 PAGES = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer", "tutorial-failure", "nonlinear")
 _PART = re.compile(
     r"^```python\n(?P<code>.*?)^```$|^!\[[^\]]*\]\(images/(?P<name>tutorial-[\w-]+\.png)\)$", re.M | re.S
@@ -53,7 +55,9 @@ def draw(page: str, folder: Path) -> None:
     space: dict[str, Any] = {"__name__": "__main__"}
     with contextlib.ExitStack() as stack:
         stack.enter_context(mpl.rc_context({"axes.formatter.limits": (-3, 4)}))
-        stack.enter_context(contextlib.chdir(stack.enter_context(tempfile.TemporaryDirectory())))
+        place = stack.enter_context(tempfile.TemporaryDirectory())
+        shutil.copy(MESH, place)  # as the page tells its reader to
+        stack.enter_context(contextlib.chdir(place))
         stack.enter_context(contextlib.redirect_stdout(None))
         for found in _PART.finditer(_text(page)):
             if found["name"] is None:

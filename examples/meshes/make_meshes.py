@@ -61,5 +61,39 @@ def half_disc(path: Path) -> None:
     gmsh.finalize()
 
 
+def bracket(path: Path) -> None:
+    """An angle bracket in mm with a bolt hole and a fillet: boundaries wall, seat, bolt and fillet, region steel."""
+    import gmsh
+
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("bracket")
+    geo = gmsh.model.geo
+
+    def point(x: float, y: float, size: float) -> int:
+        return geo.addPoint(x, y, 0.0, size)
+
+    corners = [(0.0, 0.0), (80.0, 0.0), (80.0, 12.0), (20.0, 12.0), (12.0, 20.0), (12.0, 100.0), (0.0, 100.0)]
+    sizes = [2.0, 5.0, 5.0, 1.0, 1.0, 3.0, 3.0]
+    points = [point(x, y, size) for (x, y), size in zip(corners, sizes, strict=True)]
+    lines = [geo.addLine(points[k], points[k + 1]) for k in (0, 1, 2)]
+    fillet = geo.addCircleArc(points[3], point(20.0, 20.0, 1.0), points[4])
+    lines += [fillet, geo.addLine(points[4], points[5]), geo.addLine(points[5], points[6])]
+    wall = geo.addLine(points[6], points[0])
+    middle = point(6.0, 80.0, 1.0)
+    around = [point(6.0 + 3.0 * x, 80.0 + 3.0 * y, 1.0) for x, y in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))]
+    hole = [geo.addCircleArc(around[k], middle, around[(k + 1) % 4]) for k in range(4)]
+    surface = geo.addPlaneSurface([geo.addCurveLoop([*lines, wall]), geo.addCurveLoop(hole)])
+    geo.synchronize()
+    for name, curves in (("wall", [wall]), ("seat", [lines[2]]), ("bolt", hole), ("fillet", [fillet])):
+        gmsh.model.addPhysicalGroup(1, curves, name=name)
+    gmsh.model.addPhysicalGroup(2, [surface], name="steel")
+    gmsh.model.mesh.generate(2)
+    gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+    gmsh.write(str(path))
+    gmsh.finalize()
+
+
 if __name__ == "__main__":
     half_disc(Path(__file__).parent / "half_disc.msh")
+    bracket(Path(__file__).parent / "bracket.msh")
