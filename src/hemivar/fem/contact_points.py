@@ -13,7 +13,7 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
-from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
+from hemivar.mechanics.conditions import LARGEST, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.obstacles import obstacle_contact
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -41,6 +41,8 @@ class BoundaryContact:
     points : ContactPoints
         With the trace of nodal displacements (nodes * d,).
     gap : array, shape (m,)
+    belt : array, shape (m, d)
+        Displacement of the foundation, of which the tangential part counts.
     law : VectorLaw
     blocked : bool array, shape (m, d)
         Rows that supports or another boundary make dependent on a row before.
@@ -48,12 +50,15 @@ class BoundaryContact:
 
     points: ContactPoints
     gap: Array
+    belt: Array
     law: VectorLaw
     blocked: BoolArray
 
     def take(self, index: IntArray) -> BoundaryContact:
         """The contact points of the given numbers."""
-        return BoundaryContact(self.points.take(index), self.gap[index], self.law.take(index), self.blocked[index])
+        return BoundaryContact(
+            self.points.take(index), self.gap[index], self.belt[index], self.law.take(index), self.blocked[index]
+        )
 
 
 def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> BoundaryContact:
@@ -101,6 +106,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
             _check_never_touching(law, name, points[~meets])
             average, normal, points = sp.csr_array(average[meets]), normal[meets], points[meets]
             weights, gap, nodes, facet = weights[meets], gap[meets], nodes[meets], facet[meets]
+    belt = evaluate_vector(contact.belt, points, f"belt of contact '{name}'")
     frames = _frames(normal)
     blocked = np.zeros((len(points), dim), dtype=bool)
     if problem.quadrature is Quadrature.NODAL:
@@ -109,7 +115,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     boundary = np.full(len(points), names.index(name))
     found = ContactPoints(local_components(average, frames), weights, points, frames, nodes, facet, boundary, names)
     with error_context(f"contact '{name}'", contact.normal, contact.friction):
-        return BoundaryContact(found, gap, contact.law.at(points), blocked)
+        return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
 
 
 def shares(order: int, dim: int) -> Array:
@@ -217,7 +223,7 @@ def join(
     -------
     contact : ContactPoints
     offset : array, shape (m, d)
-        Gap less what supports prescribe, and the slip that they prescribe.
+        Gap and way of the belt, less what supports prescribe.
     law : VectorLaw
         At these points.
     energy : float
@@ -231,6 +237,11 @@ def join(
     full = sp.csr_array(sp.vstack([group.points.trace for group in groups]))
     offset = np.zeros((full.shape[0] // dim, dim))
     offset[:, 0] = np.concatenate([group.gap for group in groups])
+    for group, rows in zip(
+        groups, np.split(offset, np.cumsum([group.points.count for group in groups])[:-1]), strict=True
+    ):
+        assert group.points.frames is not None
+        rows[:, 1:] = np.einsum("ktd,kd->kt", group.points.frames[:, 1:], group.belt)
     offset -= (full @ prescribed).reshape(-1, dim)
     offset[blocked] = 0.0
 

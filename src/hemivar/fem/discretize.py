@@ -28,6 +28,7 @@ from hemivar.fem.locking import locking_warning
 from hemivar.fem.mass import body_blocks, mass_blocks, per_volume, resists
 from hemivar.fem.scalar_energy import discretize_scalar
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
+from hemivar.mechanics.instants import depends_on_time
 from hemivar.mechanics.obstacles import refuse_inside
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -179,7 +180,8 @@ def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
     ------
     ProblemError
     """
-    words = {"load": "a load", "supports": "a support", "gap": "a gap", "law": "a law"}
+    gap = "a gap" if any(depends_on_time(one.gap) for one in problem.contact.values()) else "a belt"
+    words = {"load": "a load", "supports": "a support", "gap": gap, "law": "a law"}
     depends = [word for part, word in words.items() if part in problem.time_dependent]
     if depends:
         raise ProblemError(

@@ -14,7 +14,7 @@ from hemivar.files.body_table import check_boundary
 from hemivar.files.memory_table import memory_record, read_memory
 from hemivar.files.mesh_table import file_name
 from hemivar.files.not_expressible import not_expressible
-from hemivar.files.quantities import quantity_record
+from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential, VectorLaw
@@ -65,6 +65,7 @@ class _Reader:
         assert isinstance(normal, Superpotential | VectorLaw)
         assert isinstance(friction, Friction)
         gap = one.quantity("gap", one.data.get("gap", 0.0), self.dim, timed=True)
+        belt = one.vector("belt", one.data["belt"], self.dim, timed=True) if "belt" in one else 0.0
         obstacle = self.obstacle(one) if "obstacle" in one else None
         normals = None
         if obstacle is None and "normals" in one:
@@ -77,7 +78,7 @@ class _Reader:
         assert damping is None or isinstance(damping, Superpotential)
         memory = read_memory(one, self.dim)
         with context(f"{one.where('normal')}:"):
-            return Contact(normal, friction, gap, obstacle, normals, damping, memory)
+            return Contact(normal, friction, gap, obstacle, normals, damping, memory, belt)
 
     def obstacle(self, table: TomlTable) -> Obstacle:
         """A rigid obstacle: a table with one of plane, sphere, cylinder and distance."""
@@ -229,6 +230,8 @@ def contact_record(name: str, contact: Contact, aside: SideFiles) -> dict[str, o
             record["normals"] = Normals.BODY.value
     elif callable(contact.gap) or contact.gap != 0.0:
         record["gap"] = quantity_record(contact.gap, f"{where}.gap")
+    if callable(contact.belt) or np.any(contact.belt):
+        record["belt"] = entries_record(contact.belt, f"{where}.belt")
     if contact.damping is not None:
         record["damping"] = _law_record(contact.damping, f"{where}.damping", name, aside, NORMAL_LAWS)
     if contact.memory:

@@ -42,7 +42,7 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "material": (*_MATERIAL, "regions"),
         "material.regions.*": _MATERIAL,
         "loads": ("body", "traction", "pressure", "bedding"),
-        "contact.*": ("normal", "friction", "gap", "obstacle", "normals", "damping", "memory"),
+        "contact.*": ("normal", "friction", "gap", "belt", "obstacle", "normals", "damping", "memory"),
         "time": ("until", "step", "scheme", "inertia", "initial", "jump", "stops"),
         "output": ("every", "fields", "animation", "table", "checkpoint", "probes"),
         "solver": ("method", "rtol", "max_steps", "max_time"),

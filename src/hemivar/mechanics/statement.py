@@ -78,6 +78,10 @@ class Contact(PickleMixin):
     normals : Normals or None
         Contact normals of the obstacle (``"obstacle"``, the default with an obstacle) or of the body (``"body"``, the
         default, and all there is, without one).
+    belt : vector, shape (d,), or callable
+        Displacement of the foundation along its surface, from which the slip is counted; its part along the normal does
+        not count. A belt that runs with the velocity v is ``lambda x, t: v * t``; it may vary over the boundary, as on
+        a turning disc.
     damping : Superpotential or None
         Law of the rate of the penetration, ``r_nu'``, whose pressure adds to that of the normal law; what does not
         depend on time refuses it.
@@ -99,11 +103,16 @@ class Contact(PickleMixin):
     normals: Normals | None = None
     damping: Superpotential | None = None
     memory: tuple[Memory, ...] = ()
+    belt: VectorData | float = 0.0
 
     def __post_init__(self) -> None:
         _ = self.law
         self._check_evolving()
         object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False, most=LARGEST))
+        belt = plain_data(self.belt, "belt", most=LARGEST)
+        if isinstance(belt, float) and belt != 0.0:
+            raise ProblemError(f"belt = {belt:g} has no direction; give a vector, such as belt=({belt:g}, 0.0)")
+        object.__setattr__(self, "belt", belt)
         self._check_obstacle()
 
     def _check_evolving(self) -> None:
@@ -168,9 +177,10 @@ class Contact(PickleMixin):
 
     @property
     def time_dependent(self) -> frozenset[str]:
-        """What depends on time: "gap", "law", or both."""
+        """What depends on time: "gap" (of which the way of a belt is a part), "law", or both."""
         laws = any(law_depends_on_time(law) for law in (self.normal, self.friction, self.damping))
-        return frozenset((["gap"] if depends_on_time(self.gap) else []) + (["law"] if laws else []))
+        moves = depends_on_time(self.gap) or depends_on_time(self.belt)
+        return frozenset((["gap"] if moves else []) + (["law"] if laws else []))
 
     def at_time(self, t: float) -> Contact:
         """The contact at a time; itself if it does not depend on time."""
@@ -182,6 +192,7 @@ class Contact(PickleMixin):
             friction=law_at_time(self.friction, t),
             gap=at_time(self.gap, t),
             damping=law_at_time(self.damping, t),
+            belt=at_time(self.belt, t),
         )
 
     @property

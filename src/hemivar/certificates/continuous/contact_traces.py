@@ -18,7 +18,7 @@ from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.laws import ContactLaw, separable
-from hemivar.mechanics.conditions import evaluate_scalar
+from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
 from hemivar.mechanics.obstacles import obstacle_contact
 
 __all__ = ["EXACT", "ContactTraces", "contact_traces", "local_traces", "radial_parts"]
@@ -260,6 +260,8 @@ def local_traces(data: BodyData, name: str, facets: IntArray, barycentric: Array
     frames = _frames(normals.reshape(-1, dim)).reshape(*places.shape, dim)
     local = np.einsum("fqci,fqi->fqc", frames, moved)
     local[..., 0] -= gap.reshape(local.shape[:2])
+    belt = evaluate_vector(contact.belt, flat, f"belt of contact '{name}'").reshape(places.shape)
+    local[..., 1:] -= np.einsum("fqci,fqi->fqc", frames[..., 1:, :], belt)
     return local, frames, places
 
 

@@ -104,6 +104,8 @@ def inexact_data(data: BodyData) -> list[str]:
     for name, contact in problem.contact.items():
         if callable(contact.gap) or not isinstance(contact.obstacle, Plane | None):
             found.append(f"the gap of contact '{name}' varies, and is seen by a rule of integration")
+        if callable(contact.belt):
+            found.append(f"the belt of contact '{name}' varies, and is seen by a rule of integration")
     return found
 
 
