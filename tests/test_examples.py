@@ -439,10 +439,15 @@ def test_every_problem_file_solves_with_the_command(tmp_path: Path) -> None:
 # ---- documentation -----------------------------------------------------------------------------------------
 
 DOCS = sorted((EXAMPLES.parent / "docs").glob("*.md"))
+README, PAPER = EXAMPLES.parent / "README.md", EXAMPLES.parent / "paper" / "paper.md"
 PAGES = [*DOCS, *(EXAMPLES.parent / name for name in ("CHANGELOG.md", "CONTRIBUTING.md", "README.md"))]
 
 
-@pytest.mark.parametrize("page", DOCS, ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "page",
+    [*DOCS, README, PAPER],
+    ids=lambda path: path.name if path.parent.name == "docs" else str(path.relative_to(EXAMPLES.parent)),
+)
 def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks marked ``python`` run one after the other; ``py`` needs other software (test_other_software)."""
     monkeypatch.chdir(tmp_path)
