@@ -45,7 +45,7 @@ print(f"the foundation pushes up with {solution.normal_force:.6f}")
 # %%
 # Look
 # ----
-# The forces of the foundation on the body are drawn mirrored, inside the foundation.
+# Arrows show the force of the foundation on the body, per area, and end where it acts.
 
 solution.plot()
 

@@ -18,7 +18,7 @@ from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, von_mises
 from hemivar.gallery import beam, membrane_obstacle, survey, survey_cube
-from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Signorini, Tresca
+from hemivar.laws import Adhesive, Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Signorini, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem
 from hemivar.mesh import rectangle
 from hemivar.report import Arrows, BodyColour, plot_contact, plot_errors, plot_history, plot_solution, save
@@ -61,7 +61,7 @@ def test_solution_names_its_data(plane: Solution) -> None:
         "= 10",
         "contact, stick (3)",
         "contact, slip (13)",
-        "newton: converged",
+        "force per area on the body",
     ):
         assert expected in words
 
@@ -80,11 +80,19 @@ def test_solution_with_curved_boundary(curved: Solution, arrows: Arrows, scale: 
     quivers = axes.findobj(Quiver)
     assert len(quivers) == {Arrows.FORCE: 1, Arrows.COMPONENTS: 2, Arrows.NONE: 0}[arrows]
     for quiver in quivers:
-        np.testing.assert_allclose(quiver.get_offsets(), places, atol=1e-12)
+        drawn = np.column_stack([quiver.U, quiver.V]) / quiver.scale
+        off = [np.linalg.norm(quiver.XY + part * drawn - places, axis=1) for part in (0.0, 1.0)]
+        assert np.minimum(*off).max() < 0.013 * np.linalg.norm(np.ptp(problem_points(curved), axis=0))
     shown = sum(np.linalg.norm(np.column_stack([q.U, q.V]), axis=1) ** 2 for q in quivers)
     if quivers:
         np.testing.assert_allclose(shown, np.linalg.norm(curved.multiplier, axis=1) ** 2, atol=1e-12)
     save(figure, tmp_path / "figure.png", dpi=40)
+
+
+def problem_points(solution: Solution) -> np.ndarray:
+    """Vertices at rest."""
+    assert solution.problem.field is not None
+    return solution.problem.field.mesh.points
 
 
 def moved(solution: Solution, scale: float) -> np.ndarray:
@@ -156,13 +164,30 @@ def test_each_boundary_has_its_panels(plane: Solution, names: tuple[str, str]) -
         np.testing.assert_array_equal(panel.lines[1].get_ydata(), solution.pressure[side][np.argsort(where)])
 
 
-def test_forces_are_mirrored(plane: Solution) -> None:
-    """Arrows point out of the body: along the normal as the pressure, along the tangent as the traction."""
+def test_forces_are_those_on_the_body_and_act_where_they_end(plane: Solution) -> None:
+    """Of the foundation below, pressure points upwards; the arrow lies in the foundation and ends at its point."""
     from matplotlib.quiver import Quiver
 
     (quiver,) = plot_solution(plane).axes[0].findobj(Quiver)
-    assert np.allclose(quiver.V, -plane.pressure)
-    assert np.allclose(quiver.U, plane.friction[:, 0])
+    force = np.stack([quiver.U, quiver.V], axis=1)
+    assert np.allclose(force, np.stack([plane.friction[:, 0], plane.pressure], axis=1))
+    places = DeformedBody.of(plane, 1.0).contact_places
+    short = force / np.linalg.norm(force, axis=1, keepdims=True) * 0.012 * np.sqrt(2.0)  # of the mark
+    np.testing.assert_allclose(quiver.XY + force / quiver.scale + short, places, atol=1e-12)
+
+
+def test_a_force_that_pulls_begins_where_it_acts() -> None:
+    from matplotlib.quiver import Quiver
+
+    glue = Adhesive(stiffness=10.0, strength=1.0, softening=1.0, compression=10.0)
+    body = replace(survey("5.1", 4), contact={"bottom": Contact(glue)}, body_force=(0.0, 0.1))
+    solution = solve(discretize(body))
+    (quiver,) = plot_solution(solution).axes[0].findobj(Quiver)
+    pulled = solution.pressure < 0.0
+    assert pulled.any()
+    places = DeformedBody.of(solution, 1.0).contact_places
+    assert np.linalg.norm(quiver.XY - places, axis=1)[pulled] == pytest.approx(0.012 * np.sqrt(2.0))
+    assert (quiver.XY[pulled, 1] < places[pulled, 1]).all()  # into the foundation
 
 
 def test_many_cells_are_coloured_instead_of_lined(tmp_path: Path) -> None:
@@ -331,7 +356,12 @@ def test_marks_and_arrows_do_not_pile_up() -> None:
         assert 2 < len(quiver.U) <= most
         assert len(quiver.U) > 30 or apart.mean() > 0.2
         drawn = DeformedBody.of(solution, 1.0).contact_places
-        index = [int(np.argmin(np.linalg.norm(drawn - place, axis=1))) for place in quiver.XY]
+        force = np.stack([quiver.U, quiver.V], axis=1)
+        beside = 0.012 * np.hypot(2.0, height) * force / np.linalg.norm(force, axis=1, keepdims=True)  # of the marks
+        ends = np.stack([quiver.XY - beside, quiver.XY + force / quiver.scale + beside])
+        away = np.linalg.norm(drawn - ends[:, :, None], axis=3).min(axis=0)
+        assert away.min(axis=1).max() < 1e-9  # each ends, or begins, at a point
+        index = away.argmin(axis=1)
         assert solution.problem.contact.points is not None
         at_rest = np.diff(np.sort(solution.problem.contact.points[index, 0]))
         np.testing.assert_allclose(at_rest, at_rest[0])  # even on the body

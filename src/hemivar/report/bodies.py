@@ -40,9 +40,9 @@ def plot_solution(
     """The deformed body on its foundation, with contact states and contact forces.
 
     The deformed mesh (from 5000 cells on: the outline and the von Mises stress of the cells), the outline of the
-    body at rest (dashed), the foundation (hatched) and the contact nodes by state. The forces of the foundation on
-    the body are mirrored with respect to the contact boundary, as in the survey's Figures 1 to 4: they are drawn
-    inside the foundation. A 3D body is drawn by its surface, coloured by the von Mises stress, without forces.
+    body at rest (dashed), the foundation (hatched) and the contact nodes by state. Arrows show the force of the
+    foundation on the body, per area: where it pushes they end at the contact node, where it pulls they begin there.
+    A 3D body is drawn by its surface, coloured by the von Mises stress, without forces.
     Of a scalar problem the unknown is drawn in colours over the mesh, hatched where an area is in contact.
     A line below the picture tells residual, uniqueness, margin and distance.
 

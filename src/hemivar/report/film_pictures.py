@@ -36,6 +36,8 @@ _MOST_HATCHES = 2000
 _FARTHEST = 1e9
 #: The longest arrow, of the diameter of the body.
 _ARROW = 0.16
+#: Room between an arrow and the mark of its contact point, of the diameter of the body.
+_BESIDE_MARK = 0.012
 #: Part of the vertices that the scale of colours holds in every frame: the rest are corners.
 _BRIGHT = 0.98
 
@@ -246,10 +248,13 @@ class PlanePicture(FilmPicture):
                 low, high = np.minimum(low, place.min(axis=0)), np.maximum(high, place.max(axis=0))
         if self.strongest > 0.0:
             longest = self.length / self.strongest
-            tails_low = self.places + self.factor * self.travel.low - longest * self.push.high
-            tails_high = self.places + self.factor * self.travel.high - longest * self.push.low
-            low = np.minimum(low, tails_low.min(axis=0) - 0.2 * pad)
-            high = np.maximum(high, tails_high.max(axis=0) + 0.2 * pad)
+            for force in (self.push.low, self.push.high, -self.push.low, -self.push.high):
+                across = np.einsum("pd,pd->p", force, self.normal)
+                reach = longest * (force + (np.abs(across) - across)[:, None] * self.normal)  # into the foundation
+                for place in (self.travel.low, self.travel.high):
+                    ends = self.places + self.factor * place + reach
+                    low = np.minimum(low, ends.min(axis=0) - 0.5 * pad)
+                    high = np.maximum(high, ends.max(axis=0) + 0.5 * pad)
         return low, high
 
     def show(self, frame: FilmFrame) -> None:
@@ -273,10 +278,16 @@ class PlanePicture(FilmPicture):
             self._ground(frame)
         step = max(1, len(places) // _MOST_ARROWS)
         if self.strongest > 0.0 and len(places):
+            # in the foundation: arrows that push end at the body, those that pull begin there
+            scale = self.strongest / self.length
+            pulls = np.einsum("pd,pd->p", frame.force, self.normal) > 0.0
+            sizes = np.linalg.norm(frame.force, axis=1, keepdims=True)
+            way = np.divide(frame.force, sizes, out=np.zeros_like(frame.force), where=sizes > 0.0)
+            beside = _BESIDE_MARK * self.size * way
+            tails = places + np.where(pulls[:, None], beside, -frame.force / scale - beside)
             self.arrows = self.ax.quiver(
-                *places[::step].T, *frame.force[::step].T, angles="xy", scale_units="xy",
-                scale=self.strongest / self.length, color=RED, width=0.0028, headwidth=3.6, headlength=4.6,
-                headaxislength=4.2, zorder=5, pivot="tip", minlength=0.5,
+                *tails[::step].T, *frame.force[::step].T, angles="xy", scale_units="xy", scale=scale, color=RED,
+                width=0.0028, headwidth=3.6, headlength=4.6, headaxislength=4.2, zorder=5, minlength=0.5,
             )  # fmt: skip
         self.label.set_text(self.time(frame))
 

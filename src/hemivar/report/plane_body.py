@@ -33,13 +33,15 @@ _BELOW = 36.0
 _FEW, _SMALL, _BESIDE = 5, 0.06, (1.7, 1.3)
 #: Least distance along the boundary, relative to the body, at which two marks, or two arrows, are told apart.
 _APART, _ARROWS_APART = 0.018, 0.022
+#: Room between an arrow and the mark of its contact point, relative to the body.
+_BESIDE_MARK = 0.012
 
 
 class Arrows(StrEnum):
     """What the arrows at the contact nodes show."""
 
     FORCE = "force"
-    """The force of the foundation on the body."""
+    """The force of the foundation on the body, per area."""
     COMPONENTS = "components"
     """Pressure and friction apart."""
     NONE = "none"
@@ -189,18 +191,19 @@ class PlaneBody:
             self.handles.append(state_mark(kind, label))
 
     def _forces(self, ax: Axes, arrows: Arrows) -> float:
-        """Mirrored forces: the part along the normal is turned round, so that arrows lie in the foundation.
+        """Forces on the body, drawn in the foundation: arrows that push end where they act, others begin there.
 
         Returns the length of the longest arrow.
         """
-        along = self.body.solution.friction_vectors
-        outward = along - self.body.solution.tractions
+        solution = self.body.solution
+        along = solution.friction_vectors
+        across = solution.tractions - along
         places = self.body.contact_places
         shown = self._apart(_ARROWS_APART)
         sets = (
-            [("force", outward + along, RED)]
+            [("force per area on the body", across + along, RED)]
             if arrows is Arrows.FORCE
-            else [("pressure", outward, RED), ("friction", along, GREEN)]
+            else [("pressure", across, RED), ("friction on the body", along, GREEN)]
         )
         largest = max(float(np.linalg.norm(vectors, axis=1).max()) for _, vectors, _ in sets)
         if largest == 0.0:
@@ -208,13 +211,19 @@ class PlaneBody:
         reference = round_number(largest)
         length = 0.16 * self.size
         for row, (name, vectors, colour) in enumerate(sets):
+            drawn = vectors[shown] * (length / largest)
+            pushes = (solution.pressure > 0.0) & (np.einsum("md,md->m", across, vectors) > 0.0)
+            sizes = np.linalg.norm(drawn, axis=1, keepdims=True)
+            beside = _BESIDE_MARK * self.size * np.divide(drawn, sizes, out=np.zeros_like(drawn), where=sizes > 0.0)
+            tails = places[shown] + np.where(pushes[shown, None], -drawn - beside, beside)
             quiver = ax.quiver(
-                *places[shown].T, *vectors[shown].T, angles="xy", scale_units="xy", scale=largest / length,
+                *tails.T, *vectors[shown].T, angles="xy", scale_units="xy", scale=largest / length,
                 color=colour, width=0.0028, headwidth=3.6, headlength=4.6, headaxislength=4.2, zorder=5 + 0.1 * row,
             )  # fmt: skip
             quiver.set_in_layout(False)
-            self.keys.append((quiver, f"{name} = {reference:g} (mirrored)", reference, reference * length / largest))
-            ax.update_datalim(places[shown] + vectors[shown] * (length / largest))
+            said = f"{name}: {reference:g} {self.units[1]}".rstrip()
+            self.keys.append((quiver, said, reference, reference * length / largest))
+            ax.update_datalim(np.vstack([tails, tails + drawn]))
         ax.autoscale_view()
         return length
 
@@ -255,9 +264,7 @@ class PlaneBody:
             self.handles.append(
                 Patch(facecolor="#f0f0f0", edgecolor="#8a8a8a", hatch="//////", linewidth=0.0, label="foundation")
             )
-        solution = self.body.solution
         lines = [line for line in (note, *law_captions(self.problem)) if line]
-        lines += [f"{self.problem.unknowns} unknowns", f"{solution.method}: {solution.status.value}"]
         fig = figure_of(ax)
         box = ax.legend(
             handles=self.handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, handlelength=1.6

@@ -374,8 +374,8 @@ _INTRODUCTION = (
     "Section 5.3 of <em>A survey of numerical methods for hemivariational inequalities with applications to Contact "
     'Mechanics</em> (<a href="https://arxiv.org/abs/2103.14518">arXiv 2103.14518</a>): unit square, clamped at '
     "x = 0, foundation at y = 0, linear elements on squares cut into four triangles, contact laws at the nodes. "
-    "Forces are mirrored with respect to the contact boundary, as in the survey. Its test law is convex, so the "
-    "solution is unique and all methods must agree."
+    "Arrows show the force on the body; the survey mirrors them at the contact boundary. Its test law is convex, so "
+    "the solution is unique and all methods must agree."
 )
 _DIFFERENCE = (
     "Difference: distance to the default method in the energy norm, relative. Direct optimization by Powell's method "
