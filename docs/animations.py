@@ -25,7 +25,7 @@ FILMS: dict[str, tuple[str, ...]] = {
 def make(name: str, folder: Path) -> int:
     """March an example and write its film into a folder; returns the exit code of the command."""
     problem = ROOT / "examples" / "problems" / f"{name}.toml"
-    arguments = ["animate", str(problem), "-o", str(folder / f"{name}.gif"), "--dpi", "72", "--quiet"]
+    arguments = ["animate", str(problem), "-o", str(folder / f"{name}.gif"), "--dpi", "100", "--quiet"]
     return main([*arguments, *FILMS[name]])
 
 

@@ -6,6 +6,7 @@ Everything a page needs is in the folder that is built: MathJax with its fonts, 
 from __future__ import annotations
 
 import os
+import re
 import runpy
 import sys
 import tomllib
@@ -155,7 +156,7 @@ def _drawn(app: Any) -> None:
 
 def _shown(app: Any, page: str, source: list[str]) -> None:
     if page in tutorial_figures.PAGES and os.environ.get("HEMIVAR_GALLERY") is None:
-        source[0] = source[0].replace("](images/tutorial-", "](drawn/tutorial-")
+        source[0] = re.sub(r"\]\(images/(tutorial|figure)-", r"](drawn/\1-", source[0])
 
 
 def setup(app: Any) -> None:

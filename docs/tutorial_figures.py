@@ -1,6 +1,6 @@
-"""Figures of the tutorials: ``python docs/tutorial_figures.py`` draws docs/images/tutorial-*.png anew from their code.
+"""Figures of the tutorials: ``python docs/tutorial_figures.py [PAGE ...]`` draws them anew from the code of the pages.
 
-An image ``![...](images/tutorial-*.png)`` of a tutorial shows what its code so far has put into ``figure``.  The site
+An image ``![...](images/tutorial-*.png)`` (or ``figure-*.png``) of a page shows what its code so far has put into ``figure``.  The site
 draws them when it is built; the files in docs/images are for readers of the pages as they are.
 """
 
@@ -9,15 +9,16 @@ from __future__ import annotations
 import contextlib
 import re
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).resolve().parent
 MESH = DOCS.parent / "examples" / "meshes" / "bracket.msh"
-PAGES = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer", "tutorial-failure", "nonlinear")
+PAGES = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer", "tutorial-failure", "nonlinear", "figures")
 _PART = re.compile(
-    r"^```python\n(?P<code>.*?)^```$|^!\[[^\]]*\]\(images/(?P<name>tutorial-[\w-]+\.png)\)$", re.M | re.S
+    r"^```python\n(?P<code>.*?)^```$|^!\[[^\]]*\]\(images/(?P<name>(?:tutorial|figure)-[\w-]+\.png)\)$", re.M | re.S
 )
 
 
@@ -74,5 +75,5 @@ def _text(page: str) -> str:
 
 
 if __name__ == "__main__":
-    for one in PAGES:
+    for one in sys.argv[1:] or PAGES:
         draw(one, DOCS / "images")

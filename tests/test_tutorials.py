@@ -23,7 +23,8 @@ def test_every_image_of_a_tutorial_is_drawn_by_its_code_and_described() -> None:
         assert len(images) >= 3
         assert all(len(words.split()) > 5 for words, _ in images)
         told |= set(FIGURES["names"](page))
-    assert told == {path.name for path in IMAGES.glob("tutorial-*.png")}
+    drawn = (path for kind in ("tutorial", "figure") for path in IMAGES.glob(f"{kind}-*.png"))
+    assert told == {path.name for path in drawn}
 
 
 @pytest.mark.slow

@@ -57,13 +57,32 @@ def test_error_against_unknowns(found: AdaptiveSolution, tmp_path: Path) -> None
 
 def test_meshes_from_coarse_to_fine(found: AdaptiveSolution) -> None:
     figure = plot_meshes(found, unit="mm")
-    titles = [axes.get_title() for axes in figure.axes]
+    *panels, enlarged, bar = figure.axes
+    titles = [axes.get_title() for axes in panels]
     assert titles[0].startswith(f"{found.levels[0].unknowns} unknowns")
-    assert titles[-1].startswith(f"{found.levels[-1].unknowns} unknowns\nerror about")
-    assert figure.axes[0].get_ylabel() == "y (mm)"
-    (edges,) = (patch.get_path() for patch in figure.axes[-1].patches if not patch.get_fill())
+    assert titles[-1].startswith(f"{found.levels[-1].unknowns} unknowns\nestimate")
+    assert panels[0].get_ylabel() == "y (mm)"
+    (edges,) = (patch.get_path() for patch in panels[-1].patches if not patch.get_fill())
     mesh = found.solution.problem.field.mesh  # type: ignore[union-attr]
     np.testing.assert_array_equal(edges.vertices.reshape(-1, 2, 2), mesh.points[mesh.edges])
+    assert bar.get_xlabel() == "part of a cell in the square of the bound"
+    colours = panels[-1].collections[0].get_array()
+    indicator = found.levels[-1].indicator
+    np.testing.assert_allclose(colours, indicator / indicator.sum())
+    assert np.ptp(enlarged.get_xlim()) < 0.5  # of the unit square
+    assert "times larger" in enlarged.get_title()
+
+
+def test_solves_beside_are_compared_over_unknowns_and_time(found: AdaptiveSolution) -> None:
+    few = replace(found, levels=found.levels[:2])
+    figure = plot_adaptive(found, beside={"few": few}, title="both")
+    left, right = figure.axes
+    assert (left.get_xlabel(), right.get_xlabel()) == ("unknowns", "time (s)")
+    assert labels(figure)[:2] == ["adaptive", "few"]
+    for ax, name in ((left, "unknowns"), (right, "seconds")):
+        for line, one in zip(ax.lines, (found, few), strict=False):
+            np.testing.assert_allclose(line.get_xdata(), [getattr(level, name) for level in one.levels])
+            np.testing.assert_allclose(line.get_ydata(), [level.relative for level in one.levels])
 
 
 def test_figures_tell_how_far_the_last_solution_is(found: AdaptiveSolution) -> None:

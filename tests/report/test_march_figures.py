@@ -44,7 +44,7 @@ def test_every_figure_is_drawn_and_labelled(kind: str, history: History, tmp_pat
 def test_the_ledger_stacks_to_what_was_put_in(history: History) -> None:
     """The upper edge of the highest area is the line of the work, up to the gap."""
     upper = plot_march(history).axes[0]
-    put_in = next(line for line in upper.lines if line.get_label() == "put in").get_ydata()
+    put_in = next(line for line in upper.lines if line.get_label() == "external work").get_ydata()
     top = np.full(len(history.times), -np.inf)
     for area in upper.collections:
         vertices = area.get_paths()[0].vertices
@@ -61,7 +61,7 @@ def test_the_ledger_of_a_warm_body_closes() -> None:
     warm = march(Evolution(problem, heat=heat), 1.0, step=0.25)
     table = history_columns(warm)
     upper, lower = plot_march(table).axes
-    put_in = next(line for line in upper.lines if line.get_label() == "put in").get_ydata()
+    put_in = next(line for line in upper.lines if line.get_label() == "external work").get_ydata()
     assert table["thermal"][-1] > 1e-5
     assert np.asarray(put_in) == pytest.approx(table["thermal"], rel=1e-12)
     assert np.asarray(lower.lines[0].get_ydata()).max() < 1e-9
@@ -74,7 +74,7 @@ def test_what_was_stored_at_first_was_put_in(history: History) -> None:
     table = {name: np.array(values) for name, values in history_columns(history).items()}
     table["kinetic"] = table["kinetic"] + 5.0
     upper, lower = plot_march(table).axes[:2]
-    put_in = next(line for line in upper.lines if line.get_label() == "put in").get_ydata()
+    put_in = next(line for line in upper.lines if line.get_label() == "external work").get_ydata()
     assert np.asarray(put_in) == pytest.approx(5.0 + table["work"] + table["moved"])
     assert np.max(lower.lines[0].get_ydata()) < 1e-12
 

@@ -144,8 +144,12 @@ def path(
         tuple[float, float], typer.Option(metavar="LOW HIGH", help="Range of the factor of all loads.")
     ] = (0.0, 1.0),
     quantity: Annotated[
-        str, typer.Option(metavar="NAME", help="What is drawn over the load: max-penetration, normal-force, ...")
-    ] = "max-penetration",
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="What is drawn over the load: max-penetration, normal-force, ...; by default what changes most.",
+        ),
+    ] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the path.")] = None,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
     max_points: Annotated[int, typer.Option(metavar="N", min=2, max=MOST_STEPS, help="Limit of points.")] = 2000,
@@ -156,12 +160,12 @@ def path(
 
     Exit code 0 if the path reaches an end of the range.
     """
-    from hemivar.report.path_diagrams import QUANTITIES, path_record, plot_path
+    from hemivar.report.path_diagrams import QUANTITIES, fitting_quantity, path_record, plot_path
 
     for factor in load_factor:
         if not abs(factor) <= _LARGEST_FACTOR:
             raise ProblemError(f"--load-factor is {factor:g}; its size must be at most {_LARGEST_FACTOR:g}")
-    if quantity not in QUANTITIES:
+    if quantity is not None and quantity not in QUANTITIES:
         raise ProblemError(f"quantity '{quantity}' is not known{suggest(quantity, list(QUANTITIES))}")
     session = Session(problem, {"--json": json, "--plot": plot}, max_time=max_time, given=given)
     writer = session.writer
@@ -174,6 +178,7 @@ def path(
     with StageView(console()) as view:
         found = result_of(follow(session.stated.problem, options), view)
     _print_path(found)
+    quantity = fitting_quantity(found) if quantity is None else quantity
     record = path_record(found, quantity)
     for point in record["points"]:
         point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None

@@ -58,7 +58,7 @@ def _margin(ax: Axes, certificate: Certificate) -> None:
     ax.set_xlim(0.0, end)
     ax.set_ylim(-0.6, 0.6)
     margin = "not computed, for lack of time" if left_out else f"{certificate.margin:.3g}"
-    said = f"margin {margin}{' (sampled)' if sampled and not left_out else ''}"
+    said = ("c = 0, " if used == 0.0 else "") + f"margin {margin}{' (sampled)' if sampled and not left_out else ''}"
     right = shown < 0.62 * end or left_out
     ax.annotate(
         said, (max(shown, 1.0) if right else 1.0, 0.0), xytext=(5 if right else -5, 0), textcoords="offset points",

@@ -16,10 +16,9 @@ from hemivar.laws import ContactLaw
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.report.certificate_line import FOOT, certificate_line, with_notes, write_foot
 from hemivar.report.contact_maps import contact_maps
-from hemivar.report.deformed import round_number
 from hemivar.report.picture import new_figure
 from hemivar.report.scalar_map import area_maps, over_area
-from hemivar.report.style import GREEN, MARKERS, RED, STYLE, drawing, in_rows, state_mark, with_unit
+from hemivar.report.style import BLUE, GREEN, MARKERS, PURPLE, RED, STYLE, drawing, in_rows, state_mark, with_unit
 from hemivar.solvers import ContactStates, Solution
 
 if TYPE_CHECKING:
@@ -38,13 +37,14 @@ def plot_contact(
     stress_unit: str = "",
     certificate: Certificate | None = None,
 ) -> Figure:
-    """Pressure, friction (with its bound), penetration and slip along the contact boundary.
+    """Pressure, friction (with its bound), penetration and slip along the contact boundary, each in a panel.
 
-    One column of panels for each contact boundary; the coordinate is x or y along straight boundaries parallel to an
-    axis, the arc length otherwise, and the number of the contact point for problems made of arrays. Marks tell the
-    contact state. In 3D each boundary is projected along its mean normal: colours show the pressure, the magnitude of
-    the friction and the penetration; the fourth panel shows the states, with arrows for the slip in the tangent plane.
-    Of a contact over an area, force and penetration are drawn as maps.
+    Slip is left out where the body is away from its foundation.  Several contact boundaries have a column each; the
+    coordinate is x or y along straight boundaries parallel to an axis, the arc length otherwise, and the number of the
+    contact point for problems made of arrays. Marks tell the contact state. In 3D each boundary is projected along its
+    mean normal: colours show the pressure, the magnitude of the friction and the penetration; the fourth panel shows
+    the states, with arrows for the slip in the tangent plane. Of a contact over an area, force and penetration are
+    drawn as maps.
 
     Parameters
     ----------
@@ -86,49 +86,50 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     except ProblemError:
         everything = np.arange(problem.contact_points)
         parts = [("", everything, everything.astype(float), "contact point")]
-    fig = new_figure((max(6.3, 3.4 * len(parts)), 5.0), layout="constrained")
-    panels = fig.subplots(2, len(parts), sharex="col", squeeze=False)
-    bound = _rest_bound(problem)
     local, states = solution.local, solution.states
-    forces = np.column_stack([solution.pressure, solution.friction])
-    factor = _slip_factor(local)
-    drawn = local * np.array([1.0] + [factor] * (problem.contact.components - 1))
+    slips = local[:, 1:].copy()
+    slips[~states.closed] = np.nan  # where a body is away from its foundation nothing slips
+    quantities: list[tuple[str, Array, str]] = [
+        ("pressure", solution.pressure[:, None], RED),
+        ("friction on the body", solution.friction, GREEN),
+        ("penetration", local[:, :1], BLUE),
+        ("slip", slips, PURPLE),
+    ]
+    if not solution.friction.any():  # no friction: what slips freely is left out, too
+        quantities = quantities[::2]
+    beside = len(parts) == 1 and len(quantities) == 4
+    high = 1.0 + (1.05 if beside else 1.5) * len(quantities)
+    fig = new_figure((max(6.3, 3.4 * len(parts)), high), layout="constrained")
+    shape = (2, 2) if beside else (len(quantities), len(parts))
+    panels = fig.subplots(*shape, sharex="col", squeeze=False)
+    panels = panels.reshape(4, 1) if beside else panels
+    bound = _rest_bound(problem)
     for column, (name, index, where, label) in enumerate(parts):
         order = np.argsort(where, kind="stable")
         index, where = index[order], where[order]
-        upper, lower = panels[:, column]
         size = float(np.clip(30.0 / math.sqrt(len(index)), 1.2, 4.0))
-        curves = [(upper, forces, "pressure", "friction"), (lower, drawn, "penetration", "slip")]
-        for panel, values, normal_name, tangential_name in curves:
+        for row, (quantity, values, colour) in enumerate(quantities):
+            panel = panels[row, column]
             panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
-            _curve(panel, where, values[index, 0], states.take(index), size, RED, "-", normal_name)
-            for k in range(1, problem.contact.components):
-                which = tangential_name if problem.contact.components == 2 else f"{tangential_name} {k}"
-                _curve(panel, where, values[index, k], states.take(index), size, GREEN, (0, (5, 1.5)), which)
-        if bound is not None and np.isfinite(bound[index]).all():
-            for sign in (1.0, -1.0):
-                upper.plot(where, sign * bound[index], color=GREEN, lw=0.8, ls=":", zorder=1)
-        lower.set_xlabel(with_unit(label, unit if label != "contact point" else ""))
-        if len(parts) > 1:
-            upper.set_title(name)
-        for panel in (upper, lower):
+            for k in range(values.shape[1]):
+                which = quantity if values.shape[1] == 1 else f"{quantity} {k + 1}"
+                dash: LineStyleType = "-" if k == 0 else (0, (5, 1.5))
+                _curve(panel, where, values[index, k], states.take(index), size, colour, dash, which)
+            if quantity.startswith("friction") and bound is not None and np.isfinite(bound[index]).all():
+                for sign in (1.0, -1.0):
+                    panel.plot(where, sign * bound[index], color=colour, lw=0.8, ls=":", zorder=1)
+            if column == 0:
+                panel.set_ylabel(with_unit(quantity, stress_unit if row < len(quantities) // 2 else unit))
+            if row == len(quantities) - 1 or (beside and row == 2):
+                panel.set_xlabel(with_unit(label, unit if label != "contact point" else ""))
             panel.spines[["top", "right"]].set_visible(False)
             panel.margins(x=0.02)
-    panels[0, 0].set_ylabel(with_unit("force per area", stress_unit))
-    panels[1, 0].set_ylabel(with_unit("displacement", unit))
-    handles = [
-        Line2D([], [], color=RED, label="pressure; penetration"),
-        Line2D(
-            [],
-            [],
-            color=GREEN,
-            ls=(0, (5, 1.5)),
-            label="friction; slip" if factor == 1.0 else f"friction; slip times {factor:g}",
-        ),
-    ]
+            panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+        if len(parts) > 1:
+            panels[0, column].set_title(name)
+    handles = [state_mark(kind, kind.label) for kind in states.present]
     if bound is not None:
-        handles.append(Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
-    handles += [state_mark(kind, kind.label) for kind in states.present]
+        handles.insert(0, Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
     above = 0.5 + (72.0 * FOOT / STYLE["legend.fontsize"] if with_notes() else 0.0)  # the line at the foot, in letters
     fig.legend(
         handles=handles, loc="outside lower center", borderaxespad=above, ncols=in_rows(len(handles)),
@@ -153,14 +154,6 @@ def _curve(
     panel.plot(where, values, color=colour, ls=dash, lw=1.1, label=label, zorder=2)
     for kind, here in states.present.items():
         panel.plot(where[here], values[here], ls="", ms=size, mew=0.5, zorder=3, **MARKERS[kind])
-
-
-def _slip_factor(local: Array) -> float:
-    """A factor by which the slip is seen beside the penetration; 1 where it is seen as it is, or is rounding only."""
-    across, along = np.abs(local[:, 0]).max(initial=0.0), np.abs(local[:, 1:]).max(initial=0.0)
-    if not 1e-9 * across < along < 0.1 * across:
-        return 1.0
-    return round_number(float(0.5 * across / along))
 
 
 def _rest_bound(problem: DiscreteProblem) -> Array | None:

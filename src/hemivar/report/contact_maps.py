@@ -65,9 +65,11 @@ def _maps(
         at_corners = boundary.at_nodes(values, np.nan)[place]
         known = np.isfinite(at_corners)
         seen = known.any(axis=1)
-        shown = np.where(known, at_corners, 0.0)[seen].sum(axis=1) / known[seen].sum(axis=1)
+        mean = np.where(known, at_corners, 0.0)[seen].sum(axis=1) / known[seen].sum(axis=1)
+        shown = np.where(known[seen], at_corners[seen], mean[:, None])  # clamped corners are as their facets
+        apart = flat[corners[seen]].reshape(-1, 2)
         colours = panel.tripcolor(
-            *flat.T, corners[seen], facecolors=shown, cmap="cividis", antialiased=False,
+            *apart.T, np.arange(len(apart)).reshape(-1, 3), shown.ravel(), shading="gouraud", cmap="cividis",
             rasterized=len(corners) > MANY_FACETS,
         )  # fmt: skip
         if not shown.any():  # around 0 a scale would show negative values of a magnitude, and differences of nothing

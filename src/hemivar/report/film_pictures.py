@@ -18,7 +18,7 @@ from hemivar.files.film import Film, FilmFrame
 from hemivar.mesh import Mesh
 from hemivar.report.deformed import round_number
 from hemivar.report.picture import new_figure
-from hemivar.report.style import DASHES, GREY, MANY_CELLS, MARKERS, RED, in_rows, state_mark, with_unit
+from hemivar.report.style import BLUE, DASHES, GREY, MANY_CELLS, MARKERS, RED, in_rows, state_mark, with_unit
 from hemivar.solvers.contact_states import KINDS
 
 if TYPE_CHECKING:
@@ -129,6 +129,23 @@ class FilmPicture(ABC):
         text = f"t = {frame.time:.{self._digits}f} {self.units[1]}".rstrip()
         return text if self.factor == 1.0 else f"{text}     displacement times {self.factor:g}"
 
+    def _clock(self, left: float, bottom: float, width: float) -> None:
+        """A line that fills with the time, at this place of the figure."""
+        with IMPORTS:
+            from matplotlib.lines import Line2D
+
+        self._from, self._width, self._now = left, width, Line2D([left, left], [bottom, bottom], color=BLUE, lw=2.5)
+        for line in (Line2D([left, left + width], [bottom, bottom], color="#d0d0d0", lw=2.5), self._now):
+            line.set_solid_capstyle("butt")
+            self.fig.add_artist(line)
+
+    def _tell(self, frame: FilmFrame) -> None:
+        """Write the time, and fill the line."""
+        self.label.set_text(self.time(frame))
+        begin, end = float(self.film.times[0]), float(self.film.times[-1])
+        part = (frame.time - begin) / (end - begin) if end > begin else 1.0
+        self._now.set_xdata([self._from, self._from + part * self._width])
+
     def _bar(self, mappable: ScalarMappable, place: tuple[float, float, float, float]) -> None:
         """The scale of the colours, that of all frames."""
         mappable.set_clim(0.0, self.brightest or 1.0)
@@ -214,7 +231,8 @@ class PlanePicture(FilmPicture):
         ax.set_ylabel(with_unit("y", units[0]))
         ax.spines[["top", "right"]].set_visible(False)
         self.arrows: Quiver | None = None
-        self.label = self.fig.text(0.12, (0.36 + foot) / tall, "", fontsize=9, family="monospace")
+        self.label = self.fig.text(0.12, (0.42 + foot) / tall, "", fontsize=9, family="monospace")
+        self._clock(0.12, (0.33 + foot) / tall, 0.85 - bar)
         self.foundation = LineCollection([], colors="#3a3a3a", linewidths=1.0, zorder=1)
         self.hatch = LineCollection([], colors="#8a8a8a", linewidths=0.6, zorder=0.9)
         for collection in (self.foundation, self.hatch):
@@ -289,7 +307,7 @@ class PlanePicture(FilmPicture):
                 *tails[::step].T, *frame.force[::step].T, angles="xy", scale_units="xy", scale=scale, color=RED,
                 width=0.0028, headwidth=3.6, headlength=4.6, headaxislength=4.2, zorder=5, minlength=0.5,
             )  # fmt: skip
-        self.label.set_text(self.time(frame))
+        self._tell(frame)
 
     def _ground(self, frame: FilmFrame) -> None:
         """Draw the foundation: one line as far as the body goes where its boundary is straight, else piece by piece."""
@@ -375,7 +393,8 @@ class SolidPicture(FilmPicture):
                 )
         self.ax.set_box_aspect(extent, zoom=1.5 if slender < 0.4 else 1.2)
         self.ax.grid(False)
-        self.label = self.fig.text(0.03, 0.09 / tall, "", fontsize=9, family="monospace")
+        self.label = self.fig.text(0.03, 0.14 / tall, "", fontsize=9, family="monospace")
+        self._clock(0.03, 0.06 / tall, 0.4)
 
     def _view(self, places: Array) -> tuple[float, float]:
         """Elevation and azimuth from which the contact points are seen."""
@@ -395,7 +414,7 @@ class SolidPicture(FilmPicture):
         places = frame.places + self.factor * frame.moved
         for kind, mark in self.marks.items():
             mark.set_data_3d(*places[frame.states.numbers == KINDS.index(kind)].T)
-        self.label.set_text(self.time(frame))
+        self._tell(frame)
 
 
 def _normals(film: Film, outline: list[IntArray], places: Array) -> tuple[Array, Array]:

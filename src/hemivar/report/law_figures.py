@@ -24,17 +24,25 @@ from hemivar.laws import (
 )
 from hemivar.laws.description import LawDescription
 from hemivar.report.picture import new_figure
-from hemivar.report.style import BLUE, GREY, RED, drawing
+from hemivar.report.style import BLUE, GREY, RED, drawing, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["law_captions", "plot_law", "plot_laws"]
+__all__ = ["draw_graph", "law_captions", "plot_law", "plot_laws"]
 
 
-def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None, title: str | None = None) -> Figure:
-    """Graph of the Clarke subdifferential and potential of a law, with its constants below.
+def plot_law(
+    law: Superpotential,
+    *,
+    point: int = 0,
+    reach: float | None = None,
+    title: str | None = None,
+    unit: str = "",
+    stress_unit: str = "",
+) -> Figure:
+    """Graph of the Clarke subdifferential and potential of a law; the title names it and its weak convexity alpha.
 
     Jumps of the derivative are vertical lines: upward ones, where the law holds, in the colour of the graph;
     downward ones, where it gives way, dashed in another. A hatched area lies beyond the end of the domain.
@@ -48,27 +56,30 @@ def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None,
     reach : float, optional
         Half width of the picture; 1.6 times the largest knot by default.
     title : str, optional
+    unit, stress_unit : str
+        Units of length and stress for the labels.
 
     Raises
     ------
     ProblemError
         If ``reach`` is not a positive number.
     """
-
     one = law.take(np.array([point]))
     told = one.describe()
     reach = _reach(told, reach)
     with drawing():
-        fig = new_figure((6.3, 3.1 + 0.16 * len(told.lines)), layout="constrained")
+        fig = new_figure((6.3, 3.1), layout="constrained")
         graph, potential = fig.subplots(1, 2)
-        _draw_graph(graph, one, told, reach)
+        draw_graph(graph, one, told, reach)
         for r in _pieces(told, reach):
             potential.plot(r, one.value(r), color=BLUE, lw=1.5)
         _finish(potential, reach, told.domain)
-        graph.set_ylabel(r"subdifferential $\partial j(r)$")
-        potential.set_ylabel(r"potential $j(r)$")
-        fig.suptitle(title if title is not None else told.name)
-        fig.supxlabel("\n".join(line.replace("$", r"\$") for line in told.lines), fontsize=7.5, x=0.02, ha="left")
+        graph.set_ylabel(with_unit(r"subdifferential $\partial j(r)$", stress_unit))
+        potential.set_ylabel(with_unit(r"potential $j(r)$", f"{stress_unit} {unit}" if unit and stress_unit else ""))
+        for panel in (graph, potential):
+            panel.set_xlabel(with_unit("penetration or slip r", unit))
+        alpha = "convex" if told.alpha == 0.0 else rf"$\alpha$ = {told.alpha:.4g}"
+        fig.suptitle(title if title is not None else f"{told.name} law, {alpha}", fontsize=10.0)
     return fig
 
 
@@ -96,7 +107,7 @@ def plot_laws(laws: Mapping[str, Superpotential], *, columns: int = 4) -> Figure
         for panel, (name, law) in zip(panels, laws.items(), strict=False):
             one = law.take(np.array([0]))
             told = one.describe()
-            _draw_graph(panel, one, told, _reach(told, None))
+            draw_graph(panel, one, told, _reach(told, None))
             panel.set_title(name, fontsize=9.0)
             panel.set_xlabel("")
             panel.tick_params(labelsize=6.5)
@@ -122,8 +133,8 @@ def _pieces(told: LawDescription, reach: float) -> Iterator[Array]:
         yield _inside(start, end)
 
 
-def _draw_graph(panel: Axes, law: Superpotential, told: LawDescription, reach: float) -> None:
-    """The subdifferential of a law."""
+def draw_graph(panel: Axes, law: Superpotential, told: LawDescription, reach: float) -> None:
+    """The subdifferential of a law, of one point, up to a half width."""
     low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
     highest = 0.0
     for r in _pieces(told, reach):
@@ -161,7 +172,7 @@ def _finish(panel: Axes, reach: float, domain: tuple[float, float]) -> None:
         if abs(end) < reach:
             a, b = sorted((end, side * reach))
             panel.axvspan(a, b, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.4, lw=0.0)
-    panel.set_xlabel("r (penetration or slip)")
+    panel.set_xlabel("penetration or slip r")
     panel.spines[["top", "right"]].set_visible(False)
 
 

@@ -59,7 +59,7 @@ def plot_march(
 ) -> Figure:
     """A figure of an evolution over time.
 
-    ``"ledger"``: stored energies and losses stacked, with the energy that was put in as a line, and below what is left
+    ``"ledger"``: stored energies and losses stacked, with the external work as a line, and below the error
     of the balance. ``"forces"``: resultants of pressure and friction, and the measure of contact. ``"loop"``: the
     second of two columns over the first; by default the normal force over the last component of the first probe, or
     over the largest penetration. ``"steps"``: lengths of steps, residuals and margins. ``"columns"``: each in a panel.
@@ -141,19 +141,19 @@ def _ledger(table: Mapping[str, Array], columns: Sequence[str], units: Units) ->
                 upper.fill_between(time, start, start + part, label=label, **style)
                 label = "_nolegend_"
             start += part
-    upper.plot(time, given, color="black", lw=1.4, label="put in")
+    upper.plot(time, given, color="black", lw=1.4, label="external work")
     upper.axhline(0.0, color=GREY, lw=0.6)
     upper.set_ylabel(with_unit("energy", units.energy))
     handles, labels = upper.get_legend_handles_labels()
     upper.legend(
         handles[::-1], labels[::-1], loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0,
-        title="plain: stored\ndotted: lost", title_fontsize=8, alignment="left",
+        title="energy, stored\nor lost (dotted)", title_fontsize=8, alignment="left",
     )  # fmt: skip
     gap = np.abs(given - stored - sum((table[name] for name, _, _ in _LOST), np.zeros(len(time))))
     part = gap / largest if largest > 0.0 else gap
     lower.semilogy(time, np.maximum(part, 1e-17), color=GREY, lw=1.0)
     lower.set_ylim(1e-17, max(1e-6, 10.0 * float(part.max())))
-    lower.set_ylabel("gap, relative")
+    lower.set_ylabel("relative\nbalance error")
     lower.set_xlabel(with_unit("time", units.time))
     fig.align_ylabels()
     return fig

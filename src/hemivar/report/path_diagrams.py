@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["QUANTITIES", "PathQuantity", "path_record", "plot_path"]
+__all__ = ["QUANTITIES", "PathQuantity", "fitting_quantity", "path_record", "plot_path"]
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,20 @@ QUANTITIES: Mapping[str, PathQuantity] = MappingProxyType(
 )
 
 
+#: What is drawn unless asked for otherwise: that of them which changes most along the path.
+_DISPLACEMENTS = ("max-penetration", "max-opening", "max-slip")
+
+
+def fitting_quantity(path: Path) -> str:
+    """The largest penetration, opening or slip, whichever changes most along a path: glue opens, friction slips."""
+    values = {name: _along(path, QUANTITIES[name]) for name in _DISPLACEMENTS}
+    return max(values, key=lambda name: float(np.ptp(np.maximum(values[name], 0.0))) if len(path) else 0.0)
+
+
+def _along(path: Path, chosen: PathQuantity) -> Array:
+    return chosen.evaluate(path.problem.contact.weights, path.local, path.multiplier)
+
+
 def _quantity(name: str) -> PathQuantity:
     if name not in QUANTITIES:
         raise ProblemError(f"quantity '{name}' is not known; the quantities are {', '.join(QUANTITIES)}")
@@ -73,7 +87,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
     none does; ``interpolated`` that the place after a jump is none of a solution.
     """
     chosen = _quantity(quantity)
-    value = chosen.evaluate(path.problem.contact.weights, path.local, path.multiplier)
+    value = _along(path, chosen)
     stable = np.append(path.stable, path.stable[-1:])
     points = [
         {
@@ -117,7 +131,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
 def plot_path(
     path: Path,
     *,
-    quantity: str = "max-penetration",
+    quantity: str | None = None,
     title: str | None = None,
     unit: str = "",
     ax: Axes | None = None,
@@ -126,20 +140,20 @@ def plot_path(
 
     Stable equilibria are drawn solid, unstable ones dashed; folds are dots, and arrows show where the body jumps when
     the load is prescribed.  They are left out for resultants, and where there are many, those of single contact points.
-    A line marks the limit load.
+    A line marks the limit load, or the first instability where the path goes on to higher loads.
 
     Parameters
     ----------
     path : Path
     quantity : str
-        A name in :data:`QUANTITIES`.
+        A name in :data:`QUANTITIES`; by default the largest penetration, opening or slip, whichever changes most.
     title, unit : str, optional
         Title, and unit of the quantity.
     ax : matplotlib axes, optional
         Where to draw; a new figure by default.
     """
-    chosen = _quantity(quantity)
-    x = chosen.evaluate(path.problem.contact.weights, path.local, path.multiplier)
+    chosen = _quantity(fitting_quantity(path) if quantity is None else quantity)
+    x = _along(path, chosen)
     t = path.load_factor
     with drawing():
         fig, ax = axes_on(ax, (5.6, 3.6))
@@ -151,12 +165,14 @@ def plot_path(
                     ends = np.append(run, run[-1] + 1)
                     ax.plot(x[ends], t[ends], label=label, color=colour, linestyle=style)
                     label = "_nolegend_"
-        if path.limit_load is not None:
-            limit = path.limit_load
-            ax.axhline(limit, color=GREY, linewidth=0.6, zorder=0)
+        for load, name in ((path.limit_load, "limit load"), (path.first_instability, "first instability")):
+            if load is None or (name != "limit load" and path.limit_load is not None):
+                continue
+            ax.axhline(load, color=GREY, linewidth=0.6, zorder=0)
             ax.annotate(
-                f"limit load {limit:.4g}", (1.0, limit), (-3.0, 3.0), xycoords=("axes fraction", "data"),
-                textcoords="offset points", ha="right", va="bottom", color="black", fontsize="small",
+                f"{name} {load:.4g}", (1.0, load), (-3.0, 3.0), xycoords=("axes fraction", "data"),
+                textcoords="offset points", ha="right", va="bottom", color="black", fontsize="small", zorder=5,
+                bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
             )  # fmt: skip
         index = [fold.index for fold in path.main_folds]
         if index:
@@ -165,6 +181,8 @@ def plot_path(
             _draw_jumps(ax, path, chosen, x)
         ax.set_xlabel(with_unit(chosen.label, unit))
         ax.set_ylabel("load factor")
+        ax.locator_params(axis="x", nbins=6)
+        ax.ticklabel_format(scilimits=(-3, 4), useMathText=True)
         ax.margins(0.04)
         ax.spines[["top", "right"]].set_visible(False)
         if title:

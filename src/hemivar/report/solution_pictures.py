@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
+from hemivar.basics.types import Array
 from hemivar.branches import SolutionSet
 from hemivar.errors import ProblemError
+from hemivar.laws import ContactLaw, Superpotential
 from hemivar.report.bodies import plot_solution
 from hemivar.report.body_colour import BodyColour
-from hemivar.report.certificate_line import write_foot
+from hemivar.report.certificate_line import FOOT, with_notes, write_foot
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.deformed import DeformedBody
+from hemivar.report.law_figures import draw_graph
 from hemivar.report.picture import new_figure
 from hemivar.report.saving import png
-from hemivar.report.style import drawing
+from hemivar.report.style import MARKERS, STYLE, drawing, in_rows, state_mark, with_unit
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
@@ -26,6 +32,8 @@ __all__ = ["MOST_PICTURES", "common_scale", "plot_solutions"]
 #: Solutions that are drawn, those of least energy, and how many stand side by side.
 MOST_PICTURES = 12
 _BESIDE = 3
+#: Up to so many the law is drawn below each.
+_MOST_LAWS = 6
 
 
 def plot_solutions(
@@ -37,6 +45,9 @@ def plot_solutions(
     colour: BodyColour | Literal["stress", "displacement", "none"] | None = None,
 ) -> Figure:
     """The solutions side by side by their energy, up to twelve, with one scale of the displacement for all.
+
+    Below up to six of them the law in which they differ most, with the contact points of each on it; not where contact
+    points have different laws.
 
     Parameters
     ----------
@@ -56,25 +67,99 @@ def plot_solutions(
     if not len(found):
         raise ProblemError("no solution was found that could be drawn; search from more starts")
     shown, scale = found[:MOST_PICTURES], common_scale(found)
+    curve = _LawCurve.of(found) if len(shown) <= _MOST_LAWS else None
     columns = min(len(shown), _BESIDE)
     rows = -(-len(shown) // columns)
+    high, low = 2.7, 0.0 if curve is None else 1.5
+    kinds = {kind: None for one in shown for kind in one.states.present}
     with drawing():
-        fig = new_figure((max(2.6 * columns, 3.4), 2.7 * rows + 0.4), layout="constrained")
-        panels = fig.subplots(rows, columns, squeeze=False).ravel()
-        for number, (panel, solution) in enumerate(zip(panels, shown, strict=False), start=1):
+        fig = new_figure((max(2.6 * columns, 3.4), (high + low) * rows + 0.7), layout="constrained")
+        ratios = [part for _ in range(rows) for part in (high, low) if part]
+        panels = fig.subplots(len(ratios), columns, squeeze=False, height_ratios=ratios)
+        bodies, graphs = panels[:: len(ratios) // rows].ravel(), panels[1::2].ravel() if low else np.array([])
+        for number, (panel, solution) in enumerate(zip(bodies, shown, strict=False), start=1):
             _draw(panel, solution, scale, unit, stress_unit, colour)
             kind = "" if solution.kind is None else f", {solution.kind}"
             panel.set_title(f"{number}{kind}\nenergy {solution.energy:.6g}", fontsize=8.0)
-        for panel in panels[len(shown) :]:
+        if curve is not None:
+            for graph, solution in zip(graphs, shown, strict=False):
+                curve.draw(graph, solution, unit, stress_unit)
+        for panel in (*bodies[len(shown) :], *graphs[len(shown) :]):
             panel.set_axis_off()
         if title:
             fig.suptitle(title, fontsize=10.0)
+        above = 0.5 + (72.0 * FOOT / STYLE["legend.fontsize"] if with_notes() else 0.0)
+        if kinds:
+            fig.legend(
+                handles=[state_mark(kind, kind.label) for kind in kinds], loc="outside lower center",
+                borderaxespad=above, ncols=in_rows(len(kinds)), columnspacing=1.4,
+            )  # fmt: skip
         many = f"{len(found)} solutions" if len(found) > 1 else "one solution"
         worst = max(solution.residual.relative for solution in found)
         least = "" if len(shown) == len(found) else f", {len(shown)} of least energy shown"
         others = "no others exist" if found.exhaustive else "there may be others"
-        write_foot(fig, f"{many}{least}; {others}; residuals at most {worst:.1e}")
+        times = "" if scale == 1.0 else f"; displacement times {scale:g}"
+        write_foot(fig, f"{many}{least}; {others}; residuals at most {worst:.1e}{times}")
     return fig
+
+
+@dataclass(frozen=True)
+class _LawCurve:
+    """The law in which several solutions differ most, and where each of them is on it.
+
+    Attributes
+    ----------
+    law : Superpotential
+        Of one point.
+    component : int
+        0 for the normal law, 1 for friction over the size of the slip.
+    most : float
+        Up to where it is drawn.
+    least : float
+    """
+
+    law: Superpotential
+    component: int
+    least: float
+    most: float
+
+    @classmethod
+    def of(cls, found: SolutionSet) -> _LawCurve | None:
+        """None where contact points have different laws, or laws of several components at once."""
+        problem = found[0].problem
+        law = problem.law
+        if not isinstance(law, ContactLaw) or law.state_dependent or problem.contact_points == 0:
+            return None
+        parts = law.scalar_laws(problem.contact.components)
+        places = [np.array([_place(one, k) for one in found]) for k in range(len(parts))]
+        component = int(np.argmax([float(np.ptp(place, axis=0).max(initial=0.0)) for place in places]))
+        least, most = float(places[component].min()), float(places[component].max())
+        room = 0.12 * (most - least) or 1.0
+        least, most = min(least, 0.0) - room, max(most, 0.0) + room
+        part = parts[component]
+        samples = [part.derivative(np.full(problem.contact_points, r)) for r in np.linspace(least, most, 23)]
+        if any(np.ptp(value) > 1e-9 * np.abs(value).max(initial=0.0) for value in samples):
+            return None
+        return cls(part.take(np.array([0])), component, least, most)
+
+    def draw(self, panel: Axes, solution: Solution, unit: str, stress_unit: str) -> None:
+        """The graph of the law, and the contact points of a solution on it by their states."""
+        draw_graph(panel, self.law, self.law.describe(), max(-self.least, self.most))
+        force = solution.pressure if self.component == 0 else np.linalg.norm(solution.friction, axis=1)
+        place = _place(solution, self.component)
+        for kind, here in solution.states.present.items():
+            panel.plot(place[here], force[here], ls="", ms=4.0, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
+        names = (("penetration", "pressure"), ("slip", "friction"))[self.component]
+        panel.set_xlabel(with_unit(names[0], unit))
+        panel.set_ylabel(with_unit(names[1], stress_unit))
+        panel.set_xlim(self.least, self.most)
+        panel.locator_params(nbins=4)
+        panel.tick_params(labelsize=7.0)
+
+
+def _place(solution: Solution, component: int) -> Array:
+    """Penetrations, or sizes of the slip, (m,)."""
+    return solution.penetration if component == 0 else np.linalg.norm(solution.slip, axis=1)
 
 
 def common_scale(found: SolutionSet) -> float:

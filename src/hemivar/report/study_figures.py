@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,14 +72,13 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
             ax = fig.add_subplot()
         else:
             fig = figure_of(ax)
-        highest = max(curves, key=lambda name: float(np.nanmax(curves[name])))
         for number, (name, values) in enumerate(curves.items()):
             colour, order = SERIES[number], study.orders[name]
             text = _CURVES[name] + ("" if math.isnan(order) else f", order {order:.2f}")
             ax.plot(sizes, values, color=colour, marker=_MARKS[number], ms=5.0, label=text)
             shared = np.logical_not(study.trusted)
             ax.plot(sizes[shared], values[shared], ls="", color=colour, marker=_MARKS[number], ms=5.0, mfc="white")
-            _triangle(ax, sizes, values, order, colour, above=name == highest and len(curves) > 1)
+        _triangles(ax, sizes, curves, study.orders)
         drawn = list(curves.values())
         if np.isfinite(study.bounds).any() and study.norms["energy"] > 0.0:
             bounds = np.where(np.isfinite(study.bounds), study.bounds, np.nan) / study.norms["energy"]
@@ -104,7 +103,7 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
         legend = ax.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), frameon=True, framealpha=0.9, edgecolor="none")
         # room for the legend above the curves
         low, high = ax.get_ylim()
-        ax.set_ylim(low, high * (high / low) ** (0.09 * len(legend.get_texts())))
+        ax.set_ylim(low, high * (high / low) ** (0.125 * len(legend.get_texts())))
         if title:
             ax.set_title(title)
     return fig
@@ -115,14 +114,57 @@ def _decimal(value: float) -> str:
     return f"{value:g}" if 1e-3 <= value <= 1e3 else rf"$10^{{{round(math.log10(value))}}}$"
 
 
-def _triangle(ax: Axes, sizes: Array, values: Array, order: float, colour: str, *, above: bool) -> None:
-    """A triangle of the fitted order beside the finest stretch of a curve that is no end of it."""
-    good = np.flatnonzero(np.isfinite(values))
-    if math.isnan(order) or len(good) < 3 or (slope := round(order, 2)) <= 0.0:
-        return
-    right, left = sizes[good[-3]], sizes[good[-2]]
-    rise = (right / left) ** slope
-    low = 1.6 * values[good[-3]] / rise if above else 0.62 * values[good[-2]]
+def _triangles(ax: Axes, sizes: Array, curves: Mapping[str, Array], orders: Mapping[str, float]) -> None:
+    """Triangles of the fitted orders, each beside its curve where nothing else is; none where there is no such place.
+
+    Taken in turn are the stretches of a curve, the finest but one first, with the triangle below and above it.
+    """
+    finite = np.concatenate([values[np.isfinite(values)] for values in curves.values()])
+    height = max(math.log(float(finite.max() / finite.min())), 1.0)
+    gap, letters = 0.05 * height, 0.09 * height
+    taken: list[Array] = []
+    for number, (name, values) in enumerate(curves.items()):
+        good = np.flatnonzero(np.isfinite(values))
+        order = orders[name]
+        if math.isnan(order) or len(good) < 3 or (slope := round(order, 2)) <= 0.0:
+            continue
+        stretches = sorted(range(len(good) - 1), key=lambda k: abs(k - (len(good) - 3)))
+        for k, above in ((k, above) for k in stretches for above in (False, True)):
+            right, left = np.log(sizes[good[k]]), np.log(sizes[good[k + 1]])
+            high, low = np.log(values[good[k]]), np.log(values[good[k + 1]])
+            rise = slope * (right - left)
+            foot = max(low, high - rise) + gap if above else min(low, high - rise) - gap
+            wide = 0.22 * (right - left)
+            x = np.linspace(left - wide if above else left, right if above else right + wide, 40)
+            ramp = foot + np.clip((x - left) / (right - left), 0.0, 1.0) * rise
+            flat = np.full(len(x), foot + rise + letters if above else foot - letters)
+            band = np.stack([x, ramp, flat] if above else [x, flat, ramp])
+            if not any(_meet(band, one) for one in taken + [_line(sizes, other) for other in curves.values()]):
+                taken.append(band)
+                ends, heights = (math.exp(left), math.exp(right)), (math.exp(foot), math.exp(rise))
+                _triangle(ax, ends, heights, slope, SERIES[number], above=above)
+                break
+
+
+def _line(sizes: Array, values: Array) -> Array:
+    """A curve as a band of no height, in logarithms: places, lower and upper ends, (3, k)."""
+    good = np.flatnonzero(np.isfinite(values))[np.argsort(sizes[np.isfinite(values)])]
+    return np.log(np.stack([sizes[good], values[good], values[good]]))
+
+
+def _meet(one: Array, other: Array) -> bool:
+    """Whether two bands have a point in common."""
+    x = one[0]
+    inside = (x >= other[0, 0]) & (x <= other[0, -1])
+    low, high = (np.interp(x[inside], other[0], part) for part in other[1:])
+    return bool(((one[1][inside] < high) & (low < one[2][inside])).any())
+
+
+def _triangle(
+    ax: Axes, ends: tuple[float, float], heights: tuple[float, float], slope: float, colour: str, *, above: bool
+) -> None:
+    """A triangle of a slope between two sizes, from a height on by a factor."""
+    (left, right), (low, rise) = ends, heights
     flat, upright = (low * rise, left) if above else (low, right)
     ax.plot([left, right, upright, left], [low, low * rise, flat, low], color=colour, lw=0.8)
     for text, place, shift in (
@@ -181,6 +223,9 @@ def _curves(sweep: Sweep, name: str, title: str | None) -> Figure:
     finite = np.isfinite(margin)
     above.axhline(0.0, color="black", lw=0.7)
     above.plot(x[finite], margin[finite], color=BLUE, marker="o", ms=3.2)
+    if not finite.any():
+        above.text(0.5, 0.5, "no margin: $-\\infty$ everywhere", ha="center", va="center", transform=above.transAxes)
+        above.set_yticks([0.0])
     low, high = above.get_ylim()
     if low < 0.0:
         above.axhspan(low, 0.0, color="#f3ead7", lw=0, zorder=0)
@@ -216,9 +261,10 @@ def _failed(sweep: Sweep) -> list[SweepPoint]:
 def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
     import matplotlib
     from matplotlib.colors import BoundaryNorm, ListedColormap, TwoSlopeNorm
+    from matplotlib.lines import Line2D
     from matplotlib.ticker import MaxNLocator
 
-    fig = new_figure((6.3, 2.9), layout="constrained")
+    fig = new_figure((6.3, 3.1), layout="constrained")
     left, right = fig.subplots(1, 2, sharex=True, sharey=True)
     x, y = (_edges(axis) for axis in sweep.axes)
     margin, count = sweep.margin, sweep.count
@@ -244,8 +290,9 @@ def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
     told.ax.set_yticklabels([str(number) for number in numbers[::every]])
     told.ax.minorticks_off()
     middles = [_places(axis) for axis in sweep.axes]
-    _zero(left, middles, margin)
-    _zero(right, middles, margin)
+    if _zero(left, middles, margin) and _zero(right, middles, margin):
+        handle = Line2D([], [], color="black", lw=1.0, ls="--", label="margin zero: one solution where it is positive")
+        fig.legend(handles=[handle], loc="outside lower center")
     for point in sweep.points:
         mark = "x" if point.failed else "" if point.exhaustive else "."
         if mark:
@@ -265,12 +312,13 @@ def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
     return fig
 
 
-def _zero(panel: Axes, middles: Sequence[Array], margin: Array) -> None:
-    """The line at which the margin is zero, where it can be drawn."""
+def _zero(panel: Axes, middles: Sequence[Array], margin: Array) -> bool:
+    """Draw the line at which the margin is zero; returns whether there is one."""
     finite = np.isfinite(margin)
     if min(margin.shape) < 2 or not finite.all() or margin.min() >= 0.0 or margin.max() <= 0.0:
-        return
+        return False
     panel.contour(middles[0], middles[1], margin.T, levels=[0.0], colors="black", linewidths=1.0, linestyles="--")
+    return True
 
 
 def _places(axis: SweepAxis) -> Array:
