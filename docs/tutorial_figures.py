@@ -1,7 +1,7 @@
 """Figures of the tutorials: ``python docs/tutorial_figures.py [PAGE ...]`` draws them anew from the code of the pages.
 
-An image ``![...](images/tutorial-*.png)`` (or ``figure-*.png``) of a page shows what its code so far has put into ``figure``.  The site
-draws them when it is built; the files in docs/images are for readers of the pages as they are.
+An image ``![...](images/tutorial-*.png)`` (or ``figure-*.png``) of a page shows what its code so far has put into
+``figure``.  The site draws them when it is built; the files in docs/images are for readers of the pages as they are.
 """
 
 from __future__ import annotations
