@@ -26,7 +26,7 @@ def test_an_adaptive_solve_prints_and_writes(problem: Path, capsys: pytest.Captu
         ("--csv", "a.csv"), ("--json", "a.json"), ("--vtu", "a.vtu"), ("--plot-error", "e.png"),
         ("--plot-meshes", "m.svg"))}  # fmt: skip
     words = [word for pair in files.items() for word in pair]
-    code, out, err = run(capsys, "solve", problem, "--adaptive", "--rtol", "0.15", *words)
+    code, out, err = run(capsys, "solve", problem, "--adaptive", "0.15", *words)
     assert (code, err) == (0, "")
     assert "adaptive          reached after" in out
     assert "guaranteed up to rounding" in out
@@ -53,7 +53,7 @@ def test_an_adaptive_solve_prints_and_writes(problem: Path, capsys: pytest.Captu
 def test_a_goal(problem: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = problem.parent / "g.json"
     code, out, err = run(
-        capsys, "solve", problem, "--adaptive", "--goal", "contact.bottom.force", "--rtol", "0.1", "--json", file,
+        capsys, "solve", problem, "--adaptive", "0.1", "--goal", "contact.bottom.force", "--json", file,
         "--max-unknowns", "500",
     )  # fmt: skip
     assert (code, err) == (0, "")
@@ -77,7 +77,9 @@ def test_a_goal(problem: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_limits_are_an_end_of_their_own(
     problem: Path, capsys: pytest.CaptureFixture[str], options: list[str], end: str
 ) -> None:
-    code, out, err = run(capsys, "solve", problem, "--adaptive", "--quiet", *options, "--csv", problem.parent / "a.csv")
+    code, out, err = run(
+        capsys, "solve", problem, "--adaptive", "0.01", "--quiet", *options, "--csv", problem.parent / "a.csv"
+    )
     assert code == 1
     assert err.startswith(f"hemivar: not reached: {end} with ")
     assert err.count("\n") == 1
@@ -98,7 +100,7 @@ def test_ctrl_c_leaves_the_meshes_that_were_finished(
         return whole(*args, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr(loop, "exact_distance", interrupted)
-    code, out, _ = run(capsys, "solve", problem, "--adaptive", "--rtol", "0.01", "--csv", problem.parent / "a.csv")
+    code, out, _ = run(capsys, "solve", problem, "--adaptive", "0.01", "--csv", problem.parent / "a.csv")
     assert code == 130
     assert "adaptive          interrupted after 2 meshes" in out
     assert len(list(csv.DictReader((problem.parent / "a.csv").open()))) == 2
@@ -107,17 +109,17 @@ def test_ctrl_c_leaves_the_meshes_that_were_finished(
 def test_what_cannot_be_solved_adaptively_is_refused(problem: Path, capsys: pytest.CaptureFixture[str]) -> None:
     where = problem.parent
     for options, words in (
-        (["--adaptive", "--goal", "contact.botom.force"], ["did you mean 'contact.bottom.force'", "support.left"]),
+        (["--adaptive", "0.1", "--goal", "contact.botom.force"], ["did you mean 'contact.bottom.force'"]),
         (["--goal", "contact.bottom.force"], ["--goal goes with --adaptive"]),
         (["--max-unknowns", "9"], ["--max-unknowns goes with --adaptive"]),
         (["--plot-error", where / "e.png"], ["--plot-error goes with --adaptive"]),
-        (["--adaptive", "--rtol", "2"], ["--rtol is 2", "below 1"]),
-        (["--adaptive", "--max-unknowns", "0"], ["--max-unknowns is 0"]),
-        (["--adaptive", "--max-memory", "-1"], ["--max-memory is -1"]),
-        (["--adaptive", "--warm-start"], ["--adaptive and --warm-start exclude"]),
-        (["--adaptive", "--engine", "petsc"], ["--adaptive and --engine petsc exclude"]),
-        (["--adaptive", "--csv", where / "a.txt"], ["must end in .csv"]),
-        (["--adaptive", "--plot-meshes", where / "a.txt"], ["--plot-meshes", "must end in"]),
+        (["--adaptive", "2"], ["--adaptive is 2", "below 1"]),
+        (["--adaptive", "0.01", "--max-unknowns", "0"], ["--max-unknowns is 0"]),
+        (["--adaptive", "0.01", "--max-memory", "-1"], ["--max-memory is -1"]),
+        (["--adaptive", "0.01", "--warm-start"], ["--adaptive and --warm-start exclude"]),
+        (["--adaptive", "0.01", "--engine", "petsc"], ["--adaptive and --engine petsc exclude"]),
+        (["--adaptive", "0.01", "--csv", where / "a.txt"], ["must end in .csv"]),
+        (["--adaptive", "0.01", "--plot-meshes", where / "a.txt"], ["--plot-meshes", "must end in"]),
     ):  # fmt: skip
         code, _, err = run(capsys, "solve", problem, *options)
         assert code == 2, options
@@ -156,7 +158,7 @@ def test_an_estimate_and_none_say_why(problem: Path, capsys: pytest.CaptureFixtu
     assert "exact solution    about " in out
     assert "an estimate, no bound" in out
     assert "because the gap of contact 'bottom' varies" in out
-    code, out, _ = run(capsys, "solve", varying, "--adaptive", "--rtol", "0.3")
+    code, out, _ = run(capsys, "solve", varying, "--adaptive", "0.3")
     assert code == 0
     assert "adaptive          estimated after" in out
     assert "~" in out

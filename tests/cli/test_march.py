@@ -79,7 +79,7 @@ def test_a_file_with_time_is_marched(folder: Path, capsys: pytest.CaptureFixture
 
 
 def test_options_go_before_the_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = ["--until", "0.5", "--step", "0.1", "--scheme", "implicit-euler", "--every", "0.1", "--out", "new/a"]
+    options = ["--until", "0.5", "--step", "0.1", "--scheme", "implicit-euler", "--every", "0.1", "--output", "new/a"]
     assert main(["march", "timed.toml", *options, "--json", "a.json", "--plot", "a.png", "-q"]) == 0
     assert "5 steps" in capsys.readouterr().out
     assert sorted(p.name for p in (folder / "new").iterdir()) == ["a", "a.ckpt", "a.csv", "a.pvd", "a_contact.pvd"]
@@ -238,7 +238,7 @@ def test_antiplane_friction_in_time_has_frames(folder: Path, capsys: pytest.Capt
         '[supports]\ntop = "0.1*t"\n[contact.bottom]\nfriction = { law = "tresca", bound = 0.05 }\n'
         "[time]\nuntil = 1.0\nstep = 0.5\n"
     )
-    assert main(["march", "sheared.toml", "--out", "a", "-q"]) == 0
+    assert main(["march", "sheared.toml", "--output", "a", "-q"]) == 0
     assert "written           a.csv, a.pvd\n" in capsys.readouterr().out
     assert len(read_film(folder / "a.pvd").times) == 3
     assert not (folder / "a_contact.pvd").exists()

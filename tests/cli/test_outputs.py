@@ -145,7 +145,7 @@ def test_the_mesh_of_a_problem_is_noted(folder: Path) -> None:
         (["solve", "p.toml", "--json", "a\0.json"], ["--json", "null byte"]),
         (["solve", "p.toml", "--json", "a\0/b.json"], ["--json", "null byte"]),
         (["solve", "p.toml", "--json", 300 * "a" + "/b.json"], ["--json", "does not exist"]),
-        (["survey", "--out", 300 * "a"], ["--out", "too long"]),
+        (["survey", "--output", 300 * "a"], ["--output", "too long"]),
         (["solve", "p.toml", "--json", "loop.json"], ["--json", "loop.json", "symbolic links"]),
         (["solve", "p.toml", "--json", "pipe.json"], ["--json", "pipe.json", "it is a pipe"]),
         (["solve", "p.toml", "--plot", "x.png", "--plot-contact", "./x.png"], ["this is --plot already"]),
@@ -153,8 +153,8 @@ def test_the_mesh_of_a_problem_is_noted(folder: Path) -> None:
         (["solve", "a\0b"], ["null byte"]),
         (["solve", "pipe.json"], ["pipe.json", "not a regular file"]),
         (["certify", "p.toml", "--solution", "pipe.json"], ["--solution pipe.json"]),
-        (["survey", "--out", "results"], ["--out", "figure3.csv", "it is a directory"]),
-        (["survey", "--out", "a\0b"], ["--out", "null byte"]),
+        (["survey", "--output", "results"], ["--output", "figure3.csv", "it is a directory"]),
+        (["survey", "--output", "a\0b"], ["--output", "null byte"]),
         (["survey", "--max-n", "2048"], ["--max-n is 2048", "at most 1024"]),
         (["solve", "p.toml", "--rtol", "1e10"], ["--rtol is 1e+10", "at most 0.01"]),
         (["solve", "p.toml", "--rtol", "inf"], ["--rtol is inf"]),
@@ -549,6 +549,6 @@ def test_the_folder_of_the_survey_is_not_one_that_holds_this_one(
 ) -> None:
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    assert main(["survey", "--out", ".."]) == 2
+    assert main(["survey", "--output", ".."]) == 2
     assert "holds the current folder" in capsys.readouterr().err
     assert sorted(file.name for file in tmp_path.iterdir()) == ["here"]

@@ -76,7 +76,7 @@ def manufactured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_study_writes_table_and_figure(tmp_path: Path, manufactured: Path, capsys: pytest.CaptureFixture[str]) -> None:
     problem = manufactured
     names = {suffix: tmp_path / f"out.{suffix}" for suffix in ("csv", "tex", "json", "png")}
-    given = [f"--exact={text}" for text in MANUFACTURED_EXACT]
+    given = [f"--known={text}" for text in MANUFACTURED_EXACT]
     given += ["--csv", str(names["csv"]), "--latex", str(names["tex"]), "--json", str(names["json"])]
     assert cli.main(["study", str(problem), "--refine", "2", "--plot", str(names["png"]), *given]) == 0
     out = capsys.readouterr().out
@@ -108,12 +108,12 @@ def test_study_keeps_and_goes_on(manufactured: Path, capsys: pytest.CaptureFixtu
     assert ": kept" not in capsys.readouterr().out
     (kept,) = manufactured.parent.glob("problem-*.study.jsonl")
     before = kept.read_bytes()
-    assert cli.main([*given, "--exact", MANUFACTURED_EXACT[0], "--exact", MANUFACTURED_EXACT[1]]) == 0
+    assert cli.main([*given, "--known", MANUFACTURED_EXACT[0], "--known", MANUFACTURED_EXACT[1]]) == 0
     out = capsys.readouterr().out
     assert out.count(" unknowns: kept\n") == 2
     assert f"kept              {kept.name}" in out
     assert kept.read_bytes() == before
-    assert cli.main([*given, "--set", "loads.body.0=0.5", "--keep", kept.name]) == 2
+    assert cli.main([*given, "--set", "loads.body.0=0.5", "--checkpoint", kept.name]) == 2
     error = capsys.readouterr().err
     assert f"{kept.name}: the file holds another study, or the problem has changed since" in error
     assert error.count("\n") == 1
@@ -151,13 +151,13 @@ def test_a_full_disk_ends_no_work_whose_file_nobody_asked_for(
     monkeypatch.setattr(disk, full, refused)
     assert cli.main([work[0], str(block), *work[1:]]) == 0
     assert re.search(r"not kept          cannot write .*jsonl: no space left on device", capsys.readouterr().out)
-    assert cli.main([work[0], str(block), *work[1:], "--keep", "a.jsonl"]) == 2
+    assert cli.main([work[0], str(block), *work[1:], "--checkpoint", "a.jsonl"]) == 2
     assert "cannot write a.jsonl: no space left" in capsys.readouterr().err
 
 
 def test_values_beside_the_ranges_hold_at_every_point(block: Path) -> None:
     given = ["sweep", str(block), "--set", "loads.body.1=-0.4", "--set", "contact.bottom.normal.q_max=0.1:0.2:2"]
-    assert cli.main([*given, "--keep", "a.jsonl", "--csv", "a.csv"]) == 0
+    assert cli.main([*given, "--checkpoint", "a.jsonl", "--csv", "a.csv"]) == 0
     rows = list(csv.DictReader(Path("a.csv").read_text().splitlines()))
     for row, q in zip(rows, (0.1, 0.2), strict=True):
         text = block_file(2).replace("q_max = 0.3", f"q_max = {q}").replace("[-0.8, -0.8]", "[-0.8, -0.4]")
@@ -168,7 +168,7 @@ def test_values_beside_the_ranges_hold_at_every_point(block: Path) -> None:
 @pytest.mark.parametrize("way", ["0.5:-0.5:3", "-0.5:0.5:3"])
 def test_a_sweep_with_failed_points_is_told(block: Path, way: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Whichever end of the range makes no sense."""
-    given = ["sweep", str(block), "--set", f"contact.bottom.friction.bound={way}", "--keep", "a.jsonl"]
+    given = ["sweep", str(block), "--set", f"contact.bottom.friction.bound={way}", "--checkpoint", "a.jsonl"]
     assert cli.main(given) == 1
     assert "without result    1 point; the first:" in capsys.readouterr().out
 
@@ -193,7 +193,7 @@ def test_sweeps_are_refused_in_words(
 
 
 def test_errors_relative_to_nothing_are_not_drawn(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    given = ["study", str(block), "--refine", "1", "--exact", "0", "--exact", "0", "--plot", "a.png"]
+    given = ["study", str(block), "--refine", "1", "--known", "0", "--known", "0", "--plot", "a.png"]
     assert cli.main(given) == 2
     assert "relative to the reference, which is zero" in capsys.readouterr().err
 
@@ -269,7 +269,7 @@ def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Si
     command = [sys.executable, "-m", "hemivar", "study", str(block), "--refine", "7", "--jobs", "2"]
     kept = Path("a.jsonl")
     process = subprocess.Popen(
-        [*command, "--keep", "a.jsonl"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [*command, "--checkpoint", "a.jsonl"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         start_new_session=True, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     late = time.monotonic() + 120.0
@@ -289,12 +289,12 @@ def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Si
     while time.monotonic() < late and others_of(process.pid):
         time.sleep(0.05)
     assert not others_of(process.pid)
-    again = [*command, "--keep", "a.jsonl", "--csv", "a.csv"]
+    again = [*command, "--checkpoint", "a.jsonl", "--csv", "a.csv"]
     resumed = subprocess.run(again, capture_output=True, text=True, timeout=300)
     assert resumed.returncode == 0, resumed.stderr
     assert resumed.stdout.count(": kept\n") == len(done) - 1
     assert kept.read_text().splitlines()[: len(done)] == done
-    alone = [*command[:-1], "1", "--keep", "b.jsonl", "--csv", "b.csv"]
+    alone = [*command[:-1], "1", "--checkpoint", "b.jsonl", "--csv", "b.csv"]
     subprocess.run(alone, capture_output=True, timeout=300, check=True)
     assert Path("b.csv").read_bytes() == Path("a.csv").read_bytes()
 
@@ -308,7 +308,7 @@ def others_of(session: int) -> list[int]:
 @pytest.mark.slow
 def test_a_sweep_of_processes_is_interrupted_and_goes_on(block: Path) -> None:
     command = [sys.executable, "-m", "hemivar", "sweep", str(block), "--set", "loads.body.1=-1:0:801", "--jobs", "2"]
-    command += ["--keep", "a.jsonl", "--csv", "a.csv"]
+    command += ["--checkpoint", "a.jsonl", "--csv", "a.csv"]
     kept = Path("a.jsonl")
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,

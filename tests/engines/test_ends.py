@@ -94,7 +94,9 @@ def test_a_killed_launcher_leaves_the_old_files(tmp_path: Path) -> None:
             head = 60 if name == "kept" else None
             assert len(now) > 0
             assert now[:head] == before[name][:head], name
-        done = mpirun(2, "-m", "hemivar", "solve", problem, "--engine", "petsc", "-q", "--restart", files[2])
+        done = mpirun(
+            2, "-m", "hemivar", "solve", problem, "--engine", "petsc", "-q", "--checkpoint", files[2], "--resume"
+        )
         assert done.returncode == 0, done.stderr
 
 

@@ -205,21 +205,22 @@ left = "clamped"
 """
 
 CASES: dict[str, Case] = {
-    **{f"checkpoint: {name}": Case(DAMAGE[name][0], prepare=_damaged(DAMAGE[name][1]), options=("--restart", "{}/kept"))
-       for name in ("truncated", "noise", "nan", "a list")},
-    "checkpoint: missing": Case("cannot read checkpoint", options=("--restart", "{}/nothing")),
-    "checkpoint: folder": Case("it is a directory", options=("--restart", "{}")),
-    "checkpoint: pipe": Case("not a regular file", prepare=_pipe("pipe"), options=("--restart", "{}/pipe")),
+    **{f"checkpoint: {name}": Case(
+        DAMAGE[name][0], prepare=_damaged(DAMAGE[name][1]), options=("--checkpoint", "{}/kept", "--resume")
+       ) for name in ("truncated", "noise", "nan", "a list")},
+    "checkpoint: missing name": Case("--resume needs a checkpoint", options=("--resume",)),
+    "checkpoint: folder": Case("this is a folder", options=("--checkpoint", "{}", "--resume")),
+    "checkpoint: pipe": Case("it is a pipe", prepare=_pipe("pipe"), options=("--checkpoint", "{}/pipe", "--resume")),
     "checkpoint: other law": Case(
         "laws differ", _BASE.replace("bound = 0.5", "bound = 0.6"), _damaged(lambda data: data),
-        ("--restart", "{}/kept"),
+        ("--checkpoint", "{}/kept", "--resume"),
     ),
     "checkpoint: other kind of law": Case(
-        "belongs to another problem", _COULOMB, _damaged(lambda data: data), ("--restart", "{}/kept")
+        "belongs to another problem", _COULOMB, _damaged(lambda data: data), ("--checkpoint", "{}/kept", "--resume")
     ),
     "checkpoint: huge numbers that fit": Case(
         "not converged", prepare=_damaged(_number(1e300, fitting=True)), code=1,
-        options=("--restart", "{}/kept", "--max-steps", "3"),
+        options=("--checkpoint", "{}/kept", "--resume", "--max-steps", "3"),
     ),
     "problem: missing": Case("does not exist", "", lambda folder: (folder / "p.toml").unlink()),
     "problem: pipe": Case(
@@ -270,8 +271,8 @@ CASES: dict[str, Case] = {
     ),
     "output: the problem": Case("problem file", options=("--checkpoint", "{}/p.toml"), kept=("p.toml",)),
     "output: what it goes on from": Case(
-        "was read for this problem", prepare=lambda folder: shutil.copy(folder / "good", folder / "c.json"),
-        options=("--restart", "{}/c.json", "--json", "{}/c.json"), kept=("c.json",),
+        "already", prepare=lambda folder: shutil.copy(folder / "good", folder / "c.json"),
+        options=("--checkpoint", "{}/c.json", "--resume", "--json", "{}/c.json"), kept=("c.json",),
     ),
     "output: one name twice": Case("already", options=("--checkpoint", "{}/r_0.vtu", "--vtu", "{}/r.vtu")),
     "checkpoint: full disk": Case(

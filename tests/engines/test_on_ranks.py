@@ -219,7 +219,9 @@ def test_restart_from_a_checkpoint(tmp_path: Path) -> None:
     reference = json.loads((tmp_path / "whole.json").read_text())
     assert reference["steps"] > 1
     for ranks in (2, 3):
-        done = _solve(ranks, problem, "--restart", kept, "--json", tmp_path / "rest.json", "--rtol", "1e-12")
+        done = _solve(
+            ranks, problem, "--checkpoint", kept, "--resume", "--json", tmp_path / "rest.json", "--rtol", "1e-12"
+        )
         assert done.returncode == 0, done.stderr
         record = _compare(problem, tmp_path / "rest.json")
         assert record["history"][0]["step"] == 0  # type: ignore[index]
@@ -232,7 +234,7 @@ def test_a_checkpoint_of_a_fixed_point(tmp_path: Path) -> None:
     problem, kept = _EXAMPLES / "broken_foundation.toml", tmp_path / "kept"
     begun = _solve(2, problem, "--checkpoint", kept, "--max-steps", "4", "--rtol", "1e-12")
     assert begun.returncode == 1, begun.stderr
-    done = _solve(3, problem, "--restart", kept, "--json", tmp_path / "r.json", "--rtol", "1e-12")
+    done = _solve(3, problem, "--checkpoint", kept, "--resume", "--json", tmp_path / "r.json", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
     assert _compare(problem, tmp_path / "r.json")["steps"] > 4  # type: ignore[operator]
 
@@ -241,11 +243,11 @@ def test_a_checkpoint_of_another_problem_is_refused(tmp_path: Path) -> None:
     kept = tmp_path / "kept"
     assert _solve(2, _written(tmp_path, "weakening"), "--checkpoint", kept).returncode == 0
     for problem in (_EXAMPLES / "survey_5_1.toml", _EXAMPLES / "cube_friction.toml"):
-        done = _solve(2, problem, "--restart", kept)
+        done = _solve(2, problem, "--checkpoint", kept, "--resume")
         assert done.returncode == 2
         assert done.stderr.count("belongs to another problem") == 1
     (tmp_path / "kept").write_bytes((tmp_path / "kept").read_bytes()[:-100])
-    done = _solve(2, tmp_path / "problem.toml", "--restart", kept)
+    done = _solve(2, tmp_path / "problem.toml", "--checkpoint", kept, "--resume")
     assert done.returncode == 2
     assert "damaged" in done.stderr
 

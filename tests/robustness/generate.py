@@ -349,7 +349,7 @@ class _Maker:
                 ["--method", rng.choice([strange_name(rng), *METHODS])], ["--json", "b.json", "--vtu", "b.json"],
                 ["--engine", strange_name(rng)],
                 ["--warm-start"], ["--render", "r.png"], ["--plot-contact", file], ["--checkpoint", file],
-                ["--restart", file], ["--rtol"],
+                ["--checkpoint", file, "--resume"], ["--rtol"],
                 [strange_name(rng)], ["--unknown"], ["--json", "a.json", "--json", "b.json"], ["--vtu", "a.vtu",
                 "--plot", "a_contact.vtu"],
                 ["--help"], ["--rtol", "1e-300"], ["--rtol", "1"], ["--rtol", "1e10"], ["--max-steps", "1"],
@@ -412,15 +412,15 @@ class _Maker:
                     table], ["--json", file]])]  # fmt: skip
             case "study":
                 words = ["study", "problem.toml", "--max-time", "1", *rng.choice(
-                    [["--refine", number], ["--refine", "1", "--exact", rng.choice(["", "x", "t", "1/x", "sqrt(x)"])],
+                    [["--refine", number], ["--refine", "1", "--known", rng.choice(["", "x", "t", "1/x", "sqrt(x)"])],
                      ["--refine", "1", "--coarser", number], ["--refine", "1", "--csv", table],
                      ["--refine", "1", "--latex", file], ["--refine", "1", "--plot", file],
-                     ["--refine", "1", "--keep", file], ["--refine", "1", "--jobs", number]])]  # fmt: skip
+                     ["--refine", "1", "--checkpoint", file], ["--refine", "1", "--jobs", number]])]  # fmt: skip
             case "sweep":
                 ranges = ["1e-9:1e-8:2", f"{number}:1:2", f"1:{number}:2", f"1:2:{number}", "0:1:2:log", "1:2:3:4"]
                 key = rng.choice(["solver.rtol", "contact.bottom.gap", "loads.body.0", strange_name(rng)])
                 words = ["sweep", "problem.toml", "--max-time", "1", "--starts", "1", "--set",
-                         f"{key}={rng.choice(ranges)}", *rng.choice([[], ["--keep", file], ["--csv", table],
+                         f"{key}={rng.choice(ranges)}", *rng.choice([[], ["--checkpoint", file], ["--csv", table],
                          ["--latex", file], ["--plot", file], ["--jobs", number], ["--label", "$x"]])]  # fmt: skip
             case "set":
                 path = rng.choice(
@@ -434,8 +434,8 @@ class _Maker:
             case "survey":
                 words = ["survey", *rng.choice([["--max-n", rng.choice(["0", "7", "-8", "1e9", "9", "x"])],
                 ["--max-time", rng.choice(["0", "-1", "nan"])],
-                                                ["--out", "problem.toml"], ["--out", "nowhere/deep"], ["--max-n",
-                                                "8", "--out", "a\0b"]])]  # fmt: skip
+                                                ["--output", "problem.toml"], ["--output", "nowhere/deep"], ["--max-n",
+                                                "8", "--output", "a\0b"]])]  # fmt: skip
             case "new":
                 words = [
                     "new",

@@ -48,12 +48,12 @@ _WORK: dict[str, tuple[list[str], list[str], str]] = {
     "kept.ckpt": ([*_MARCH, "--until", "0.15"], [*_MARCH, "--resume", "--max-time", "10"], "answer.json"),
     "sweep.jsonl": (
         ["sweep", "problem.toml", "--set", "contact.bottom.normal.q_max=0.1:0.4:3", "--starts", "2"],
-        ["--keep", "sweep.jsonl", "--csv", "answer.csv"],
+        ["--checkpoint", "sweep.jsonl", "--csv", "answer.csv"],
         "answer.csv",
     ),
     "study.jsonl": (
         ["study", "problem.toml", "--refine", "1"],
-        ["--keep", "study.jsonl", "--csv", "answer.csv"],
+        ["--checkpoint", "study.jsonl", "--csv", "answer.csv"],
         "answer.csv",
     ),
 }

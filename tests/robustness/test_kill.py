@@ -46,7 +46,7 @@ COMMANDS: dict[str, tuple[list[str], list[str]]] = {
     "laws": (["laws", "survey", "--plot", "law.svg"], ["law.svg"]),
     "new": (["new", "new.toml", "--force"], ["new.toml"]),
 }  # fmt: skip
-SURVEY = ["survey", "--max-n", "8", "--out", "out", "--max-time", "5"]
+SURVEY = ["survey", "--max-n", "8", "--output", "out", "--max-time", "5"]
 
 _DRIVER = """
 import json, os, resource, signal, sys, time

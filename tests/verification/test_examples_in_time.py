@@ -57,7 +57,7 @@ def test_the_command_marches_it(name: str, tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     step = stated(name).time.step  # type: ignore[union-attr]
     assert isinstance(step, float)
-    options = ["--until", f"{4 * step:g}", "--every", f"{2 * step:g}", "--out", "a", "-q"]
+    options = ["--until", f"{4 * step:g}", "--every", f"{2 * step:g}", "--output", "a", "-q"]
     assert main(["march", str(PROBLEMS / f"{name}.toml"), *options]) == 0
     for times, wanted in (
         (read_history_table("a.csv")["time"], step * np.arange(5)),

@@ -33,7 +33,7 @@ def problem() -> hv.ContactProblem:
 
 @pytest.fixture(scope="module")
 def exact(problem: hv.ContactProblem) -> hv.workflows.Study:
-    return hv.study(problem, 3, exact=MANUFACTURED_EXACT)
+    return hv.study(problem, 3, known=MANUFACTURED_EXACT)
 
 
 def test_orders_of_linear_elements_are_those_of_theory(exact: hv.workflows.Study) -> None:
@@ -52,7 +52,7 @@ def test_orders_of_linear_elements_are_those_of_theory(exact: hv.workflows.Study
 
 
 def test_orders_of_quadratic_elements_are_one_higher(problem: hv.ContactProblem) -> None:
-    found = hv.study(replace(problem, order=2), 2, exact=MANUFACTURED_EXACT)
+    found = hv.study(replace(problem, order=2), 2, known=MANUFACTURED_EXACT)
     assert found.orders["energy"] == pytest.approx(2.0, abs=0.1)
     assert found.orders["displacement"] == pytest.approx(3.0, abs=0.15)
 
@@ -108,7 +108,7 @@ def test_norms_in_closed_form() -> None:
 def test_errors_do_not_depend_on_units(problem: hv.ContactProblem, exact: hv.workflows.Study) -> None:
     from tests.problem_files import MANUFACTURED_MM, MANUFACTURED_MM_EXACT
 
-    other = hv.study(parse_problem(MANUFACTURED_MM), 1, exact=MANUFACTURED_MM_EXACT)
+    other = hv.study(parse_problem(MANUFACTURED_MM), 1, known=MANUFACTURED_MM_EXACT)
     for name in exact.quantities:
         np.testing.assert_allclose(other.relative(name), exact.relative(name)[:2], rtol=1e-6)
 
@@ -172,49 +172,49 @@ def solved(problem: hv.ContactProblem, options: StudyOptions) -> tuple[list[int]
 def test_what_was_interrupted_goes_on_with_the_same_bits(problem: hv.ContactProblem, tmp_path: Path) -> None:
     keep = tmp_path / "a.jsonl"
     whole = hv.study(problem, 3)
-    first = stopped_after(problem, 2, StudyOptions(3, keep=keep))
+    first = stopped_after(problem, 2, StudyOptions(3, checkpoint=keep))
     assert first.interrupted
     lines = keep.read_text().splitlines()
     assert len(lines) == 3
     keep.write_text("\n".join(lines) + "\n" + lines[-1][:50])  # killed while it wrote the next mesh
-    begun, last = solved(problem, StudyOptions(3, keep=keep))
+    begun, last = solved(problem, StudyOptions(3, checkpoint=keep))
     assert begun == [2, 3]
     same_bits(last, whole)
     assert keep.read_text().splitlines()[:3] == lines
-    assert solved(problem, StudyOptions(3, keep=keep))[0] == []
+    assert solved(problem, StudyOptions(3, checkpoint=keep))[0] == []
 
 
 def test_more_meshes_and_an_exact_solution_go_on_from_the_same_file(
     problem: hv.ContactProblem, exact: hv.workflows.Study, tmp_path: Path
 ) -> None:
     keep = tmp_path / "a.jsonl"
-    hv.study(problem, 1, keep=keep)
-    begun, found = solved(problem, StudyOptions(3, MANUFACTURED_EXACT, keep=keep))
+    hv.study(problem, 1, checkpoint=keep)
+    begun, found = solved(problem, StudyOptions(3, MANUFACTURED_EXACT, checkpoint=keep))
     assert begun == [2, 3]
     same_bits(found, exact)
-    fewer = hv.study(problem, 2, exact=MANUFACTURED_EXACT, keep=keep)
+    fewer = hv.study(problem, 2, known=MANUFACTURED_EXACT, checkpoint=keep)
     np.testing.assert_array_equal(fewer.errors("energy"), exact.errors("energy")[:3])
 
 
 def test_the_record_of_other_work_is_refused(problem: hv.ContactProblem, tmp_path: Path) -> None:
     keep = tmp_path / "a.jsonl"
-    hv.study(problem, 1, keep=keep)
-    hv.study(replace(problem, title="another name"), 1, keep=keep)
+    hv.study(problem, 1, checkpoint=keep)
+    hv.study(replace(problem, title="another name"), 1, checkpoint=keep)
     before = keep.read_bytes()
     finer = problem.on(problem.mesh.refined())
     for other, options in (
-        (replace(problem, body_force=(0.0, -1.0)), StudyOptions(1, keep=keep)),
-        (finer, StudyOptions(1, keep=keep)),
-        (problem, StudyOptions(1, controls=hv.Controls(rtol=1e-8), keep=keep)),
-        (problem, StudyOptions(1, solver=hv.solvers.NonsmoothMultigrid(), keep=keep)),
+        (replace(problem, body_force=(0.0, -1.0)), StudyOptions(1, checkpoint=keep)),
+        (finer, StudyOptions(1, checkpoint=keep)),
+        (problem, StudyOptions(1, controls=hv.Controls(rtol=1e-8), checkpoint=keep)),
+        (problem, StudyOptions(1, solver=hv.solvers.NonsmoothMultigrid(), checkpoint=keep)),
     ):
         with pytest.raises(
             FileError, match=r"a\.jsonl: the file holds another study, or the problem has changed since"
         ):
             result_of(studying(other, options))
-    hv.sweep(lambda _: problem, {"none": [0.0]}, keep=tmp_path / "b.jsonl")
+    hv.sweep(lambda _: problem, {"none": [0.0]}, checkpoint=tmp_path / "b.jsonl")
     with pytest.raises(FileError, match="is no record of a study; name another file, or remove it"):
-        hv.study(problem, 1, keep=tmp_path / "b.jsonl")
+        hv.study(problem, 1, checkpoint=tmp_path / "b.jsonl")
     assert keep.read_bytes() == before
 
 
@@ -234,21 +234,21 @@ def checked(part: dict[str, object]) -> str:
 )  # fmt: skip
 def test_a_line_that_was_changed_is_named(problem: hv.ContactProblem, tmp_path: Path, old: str, new: str) -> None:
     keep = tmp_path / "a.jsonl"
-    hv.study(problem, 1, keep=keep)
+    hv.study(problem, 1, checkpoint=keep)
     head, *lines = keep.read_text().splitlines(keepends=True)
     assert old in lines[1]
     keep.write_text(head + lines[0] + lines[1].replace(old, new))
     with pytest.raises(FileError, match="line 3: this is no mesh of a study, or it was changed since; remove the"):
-        hv.study(problem, 1, keep=keep)
+        hv.study(problem, 1, checkpoint=keep)
     swapped = [json.loads(line) | {"number": 1 - number} for number, line in enumerate(lines)]
     keep.write_text(head + "".join(map(checked, swapped)))
     with pytest.raises(ProblemError, match="what is kept of mesh 0 is of"):
-        hv.study(problem, 1, keep=keep)
+        hv.study(problem, 1, checkpoint=keep)
 
 
 def test_what_a_time_limit_ended_is_tried_again(problem: hv.ContactProblem, tmp_path: Path) -> None:
     keep = tmp_path / "a.jsonl"
-    options = StudyOptions(1, controls=hv.Controls(max_time=0.0), keep=keep)
+    options = StudyOptions(1, controls=hv.Controls(max_time=0.0), checkpoint=keep)
     begun, found = solved(problem, options)
     assert not found.converged
     assert keep.read_text().count("\n") == 1
@@ -260,11 +260,11 @@ def test_what_a_time_limit_ended_is_tried_again(problem: hv.ContactProblem, tmp_
 def test_processes_find_the_same_bits(
     problem: hv.ContactProblem, exact: hv.workflows.Study, tmp_path: Path, jobs: int
 ) -> None:
-    same_bits(hv.study(problem, 3, exact=MANUFACTURED_EXACT, jobs=jobs), exact)
+    same_bits(hv.study(problem, 3, known=MANUFACTURED_EXACT, jobs=jobs), exact)
     keep = tmp_path / "a.jsonl"
-    stopped_after(problem, 1, StudyOptions(3, keep=keep, jobs=jobs))
+    stopped_after(problem, 1, StudyOptions(3, checkpoint=keep, jobs=jobs))
     assert keep.read_text().count("\n") == 2
-    same_bits(hv.study(problem, 3, exact=MANUFACTURED_EXACT, jobs=jobs, keep=keep), exact)
+    same_bits(hv.study(problem, 3, known=MANUFACTURED_EXACT, jobs=jobs, checkpoint=keep), exact)
     assert keep.read_text().count("\n") == 5
 
 
@@ -276,11 +276,11 @@ def test_what_makes_no_sense_is_refused(problem: hv.ContactProblem) -> None:
     with pytest.raises(ProblemError, match="calls no function"):
         hv.study(problem, 1, jobs=2, controls=hv.Controls(callback=lambda _: None))
     with pytest.raises(ProblemError, match="has 1 components and the displacement 2"):
-        hv.study(problem, 1, exact=["x"])
+        hv.study(problem, 1, known=["x"])
     with pytest.raises(ProblemError, match="uses t"):
-        hv.study(problem, 1, exact=["t", "0"])
+        hv.study(problem, 1, known=["t", "0"])
     with pytest.raises(ProblemError, match="exact solution: formula"):
-        hv.study(problem, 1, exact=["log(x - 9)", "0"])
+        hv.study(problem, 1, known=["log(x - 9)", "0"])
     with pytest.raises(ProblemError, match="whose mesh can be refined"):
         hv.study(hv.discretize(problem), 1)  # type: ignore[arg-type]
 
@@ -305,7 +305,7 @@ def test_table_and_figure_show_what_was_found(exact: hv.workflows.Study) -> None
 
 
 def test_the_guaranteed_bound_is_a_column_and_no_bound_is_below_its_error() -> None:
-    found = hv.study(square(n=2), 3, certify=True, method="newton")
+    found = hv.study(square(n=2), 3, exact=True, method="newton")
     errors = found.errors("energy")
     assert np.isfinite(found.bounds).all()
     assert (found.bounds[:-1] >= errors[:-1]).all()
@@ -319,7 +319,7 @@ def test_the_guaranteed_bound_is_a_column_and_no_bound_is_below_its_error() -> N
 
 def test_no_bound_says_why() -> None:
     coulomb = {"bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.2))}
-    found = hv.study(replace(square(n=2), contact=coulomb), 1, certify=True)
+    found = hv.study(replace(square(n=2), contact=coulomb), 1, exact=True)
     assert np.isinf(found.bounds).all()
     assert all(level.unbounded for level in found.levels)
     table = study_table(found)

@@ -48,7 +48,7 @@ def stopped_after(count: int, keep: Path) -> hv.workflows.Sweep:
             if len(seen) == count:
                 raise KeyboardInterrupt
 
-    return result_of(sweeping(softening_bar, AXES, SweepOptions(keep=keep)), view)
+    return result_of(sweeping(softening_bar, AXES, SweepOptions(checkpoint=keep)), view)
 
 
 @pytest.fixture(scope="module")
@@ -84,18 +84,18 @@ def test_what_was_interrupted_goes_on_with_the_same_bits(whole: hv.workflows.Swe
     second = stopped_after(3, keep)
     assert len(second.points) == 8
     assert keep.read_text().splitlines()[:6] == lines
-    last = hv.sweep(softening_bar, AXES, keep=keep)
+    last = hv.sweep(softening_bar, AXES, checkpoint=keep)
     assert last.complete
     assert last.points == whole.points
     assert keep.read_text().count("\n") == 17
-    again = hv.sweep(softening_bar, AXES, keep=keep)
+    again = hv.sweep(softening_bar, AXES, checkpoint=keep)
     assert again.points == whole.points
 
 
 def test_only_what_is_not_done_is_computed(tmp_path: Path) -> None:
     keep = tmp_path / "a.jsonl"
     stopped_after(5, keep)
-    computed = [e for e in sweeping(softening_bar, AXES, SweepOptions(keep=keep)) if isinstance(e, SweepEvent)]
+    computed = [e for e in sweeping(softening_bar, AXES, SweepOptions(checkpoint=keep)) if isinstance(e, SweepEvent)]
     assert len(computed) == 16 - 5
 
 
@@ -103,21 +103,21 @@ def test_the_record_of_other_work_is_refused(tmp_path: Path) -> None:
     keep, problem = tmp_path / "a.jsonl", tmp_path / "problem.toml"
     problem.write_text(block_file(2))
     axes = {"contact.bottom.normal.q_max": (0.1, 0.3)}
-    hv.sweep(problem, axes, keep=keep)
-    hv.sweep(problem, axes, keep=keep)
+    hv.sweep(problem, axes, checkpoint=keep)
+    hv.sweep(problem, axes, checkpoint=keep)
     for other in (
-        lambda: hv.sweep(problem, {"contact.bottom.normal.q_max": (0.1, 0.2)}, keep=keep),
-        lambda: hv.sweep(problem, axes, keep=keep, seed=1),
-        lambda: hv.sweep(problem, axes, keep=keep, changes=[Change("loads.body.0", 0.0)]),
+        lambda: hv.sweep(problem, {"contact.bottom.normal.q_max": (0.1, 0.2)}, checkpoint=keep),
+        lambda: hv.sweep(problem, axes, checkpoint=keep, seed=1),
+        lambda: hv.sweep(problem, axes, checkpoint=keep, changes=[Change("loads.body.0", 0.0)]),
     ):
         with pytest.raises(FileError, match="holds another sweep, or the problem has changed"):
             other()
     problem.write_text(block_file(3))
     with pytest.raises(FileError, match="holds another sweep, or the problem has changed"):
-        hv.sweep(problem, axes, keep=keep)
+        hv.sweep(problem, axes, checkpoint=keep)
     keep.write_text("text\n")
     with pytest.raises(FileError, match="is no record of a sweep"):
-        hv.sweep(problem, axes, keep=keep)
+        hv.sweep(problem, axes, checkpoint=keep)
 
 
 def test_a_line_that_was_changed_is_named(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_a_line_that_was_changed_is_named(tmp_path: Path) -> None:
     stopped_after(2, keep)
     keep.write_text(keep.read_text().replace('"margin"', '"mrgin"', 1))
     with pytest.raises(FileError, match="line 2: this is no point"):
-        hv.sweep(softening_bar, AXES, keep=keep)
+        hv.sweep(softening_bar, AXES, checkpoint=keep)
 
 
 def test_points_of_a_file_are_those_of_the_file_that_says_so(tmp_path: Path) -> None:
@@ -244,7 +244,7 @@ def test_a_table_has_a_line_for_each_point(whole: hv.workflows.Sweep, tmp_path: 
 
 @pytest.mark.slow
 def test_processes_find_the_same_bits(whole: hv.workflows.Sweep, tmp_path: Path) -> None:
-    found = hv.sweep(softening_bar, AXES, jobs=2, keep=tmp_path / "a.jsonl")
+    found = hv.sweep(softening_bar, AXES, jobs=2, checkpoint=tmp_path / "a.jsonl")
     assert found.points == whole.points
 
 

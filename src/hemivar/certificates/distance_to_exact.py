@@ -16,8 +16,8 @@ _NONE = "there is no bound: "
 _SOFT = 2.0
 #: What to do about the part that is most of a bound.
 _REMEDIES = {
-    "misfit": "refine the mesh, as --adaptive does where it is needed",
-    "contact": "refine the mesh along the contact boundary, as --adaptive does",
+    "misfit": "refine the mesh, as adaptive refinement does where it is needed",
+    "contact": "refine the mesh along the contact boundary, as adaptive refinement does",
     "oscillation": "refine the mesh where the loads vary, or state smoother loads",
     "algebraic": "solve more accurately, with a smaller rtol of [solver]",
     "correction": "refine the mesh along the contact boundary, or take linear elements",

@@ -66,7 +66,8 @@ class AdaptRun:
     outputs : mapping of option to Path or None
     method : str or None
     asked : mapping
-        ``rtol``, ``goal``, ``max_unknowns``, ``max_time``, ``max_memory`` (GiB), ``max_steps``, ``given`` (of
+        ``adaptive`` (the tolerance), ``rtol``, ``goal``,
+        ``max_unknowns``, ``max_time``, ``max_memory`` (GiB), ``max_steps``, ``given`` (of
         ``--set``), ``colour``; None where not given.
 
     Raises
@@ -81,7 +82,7 @@ class AdaptRun:
         self.colour: str | None = asked.get("colour")
         named = None if method is None else method_named(method)
         self.session = session = Session(
-            path, outputs, None, asked["max_time"], asked["max_steps"], given=asked.get("given")
+            path, outputs, asked["rtol"], asked["max_time"], asked["max_steps"], given=asked.get("given")
         )
         stated = session.stated
         check_drawable(stated, outputs["--plot-contact"], outputs["--render"])
@@ -92,12 +93,13 @@ class AdaptRun:
             raise ProblemError(f"{stated.name}: --adaptive refines meshes of elastic bodies; this is a scalar problem")
         self.problem = stated.problem
         most = asked["max_memory"]
-        given: dict[str, Any] = {name: asked[name] for name in ("rtol", "goal", "max_unknowns", "max_time")}
+        given: dict[str, Any] = {name: asked[name] for name in ("goal", "max_unknowns", "max_time")}
+        given["rtol"] = asked["adaptive"]
         given["max_memory"] = None if most is None else most * _GIB
         given["solver"] = named or session.method
         self.options: AdaptOptions = AdaptOptions(
             **{name: value for name, value in given.items() if value is not None},
-            controls=controls_of(stated, max_steps=asked["max_steps"]),
+            controls=controls_of(stated, asked["rtol"], max_steps=asked["max_steps"]),
         )
 
     def solve(self, quiet: bool) -> int:
@@ -184,9 +186,9 @@ class AdaptRun:
 
 def _check(asked: Mapping[str, Any]) -> None:
     """Refuse options that make no sense, whatever the file says."""
-    rtol = asked["rtol"]
-    if rtol is not None and not 0.0 < rtol < 1.0:
-        raise ProblemError(f"--rtol is {rtol:g}; with --adaptive it must be a positive number below 1")
+    tolerance = asked["adaptive"]
+    if not 0.0 < tolerance < 1.0:
+        raise ProblemError(f"--adaptive is {tolerance:g}; it must be a positive number below 1, such as 0.02")
     for option, value, unit in (
         ("--max-unknowns", asked["max_unknowns"], "whole number"),
         ("--max-memory", asked["max_memory"], "number of GiB"),

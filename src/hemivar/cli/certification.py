@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from hemivar.basics.disk import shown
-from hemivar.cli.options import Exit, Given, MaxTime, ProblemPath, controls_of
+from hemivar.cli.options import Exact, Exit, Given, Json, MaxTime, ProblemPath, Rtol, controls_of
 from hemivar.cli.session import Session
 from hemivar.cli.show import SolveView, print_head
 from hemivar.errors import ProblemError
@@ -18,27 +18,27 @@ __all__ = ["certify"]
 #: Cells up to which the distance to the exact solution is bounded unless that is refused: half a minute.
 _CELLS = {2: 300_000, 3: 60_000}
 
+#: Relative residual up to which a given vector counts as a solution.
+_RTOL = 1e-8
+
 
 def certify(
     problem: ProblemPath,
     solution: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Solution to certify, .json or .vtu (solve first).")
     ] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the certificate.")] = None,
-    rtol: Annotated[
-        float, typer.Option(metavar="X", help="Residual, relative to the load, up to which it is a solution.")
-    ] = 1e-8,
+    json: Json = None,
+    rtol: Rtol = None,
     max_time: MaxTime = None,
-    exact: Annotated[
-        bool | None,
-        typer.Option("--exact/--no-exact", help="Bound the distance to the exact solution (unless the mesh is large)."),
-    ] = None,
+    exact: Exact = None,
     given: Given = None,
 ) -> int:
     """Certify a solution: residuals, uniqueness, guaranteed distances to the discrete and to the exact solution, kind.
 
-    Exit code 0 if the residual is below the tolerance, 1 if not.
+    The distance to the exact solution is left out on large meshes, unless --exact asks for it. Exit code 0 if the
+    residual is below the tolerance, 1 if not.
     """
+    rtol = _RTOL if rtol is None else rtol
     session = Session(problem, {"--json": json}, rtol=rtol, max_time=max_time, solution=_checked(solution), given=given)
     discrete = session.discrete()
     print_head(session.stated, discrete)

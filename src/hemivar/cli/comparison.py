@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hemivar.cli.options import Exit, Given, MaxSteps, ProblemPath, Rtol, controls_of, method_named
+from hemivar.cli.options import Csv, Exit, Given, Json, MaxSteps, MaxTime, ProblemPath, Rtol, controls_of, method_named
 from hemivar.cli.outputs import one_line
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_head, print_table
@@ -28,16 +27,17 @@ _KEYS = ("method", "status", "seconds", "steps", "evaluations", "residual", "ene
 def compare(
     problem: ProblemPath,
     methods: Annotated[str | None, typer.Option(metavar="A,B,...", help="Methods to compare (all).")] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the table.")] = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table.")] = None,
+    json: Json = None,
+    csv: Csv = None,
     rtol: Rtol = None,
-    max_time: Annotated[float | None, typer.Option(metavar="S", help="Limit of each method in seconds (60).")] = None,
+    max_time: MaxTime = None,
     max_steps: MaxSteps = None,
     given: Given = None,
 ) -> int:
     """Solve a contact problem by several methods and compare them in one table.
 
-    The reference is newton, or multigrid where no factorisation fits into the memory. Exit code 0 if it converged,
+    A method ends after 60 s unless --max-time says otherwise. The reference is newton, or multigrid where no
+    factorisation fits into the memory. Exit code 0 if it converged,
     whatever the others did.
     """
     from hemivar.report.tables import Table

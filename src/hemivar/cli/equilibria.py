@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hemivar.basics.arguments import suggest
-from hemivar.cli.options import MOST_STEPS, Colour, Exit, Given, MaxTime, ProblemPath, Rtol, check_colour
+from hemivar.cli.options import (
+    MOST_STEPS,
+    Colour,
+    Exit,
+    Given,
+    Json,
+    MaxSolutions,
+    MaxTime,
+    ProblemPath,
+    Rtol,
+    Seed,
+    Starts,
+    check_colour,
+)
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_head, print_table
 from hemivar.cli.solving import check_drawable
@@ -24,20 +37,19 @@ if TYPE_CHECKING:
 __all__ = ["path", "solutions"]
 
 _LARGEST_FACTOR = 1e100
-_MOST_STARTS = 1_000_000
 _SHOWN = 12
 
 
 def solutions(
     problem: ProblemPath,
-    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the solutions.")] = None,
+    json: Json = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw all side by side, and FILE_1, FILE_2 ... each by itself.")
     ] = None,
     colour: Colour = None,
-    starts: Annotated[int, typer.Option(metavar="N", min=0, max=_MOST_STARTS, help="Random starts of each kind.")] = 40,
-    max_solutions: Annotated[int, typer.Option(metavar="N", min=1, help="Stop after so many.")] = 100,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
+    starts: Starts = 40,
+    max_solutions: MaxSolutions = 100,
+    seed: Seed = 0,
     rtol: Rtol = None,
     max_time: MaxTime = None,
     given: Given = None,
@@ -150,7 +162,7 @@ def path(
             help="What is drawn over the load: max-penetration, normal-force, ...; by default what changes most.",
         ),
     ] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the path.")] = None,
+    json: Json = None,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
     max_points: Annotated[int, typer.Option(metavar="N", min=2, max=MOST_STEPS, help="Limit of points.")] = 2000,
     max_time: MaxTime = None,

@@ -26,14 +26,14 @@ __all__ = ["check_reach", "laws", "print_entry", "print_examples", "values_given
 def laws(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this law only.")] = None,
     given: Annotated[
-        list[str] | None, typer.Option("--set", metavar="P=V", help="Parameter of the law; repeat it for others.")
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter of the law.")
     ] = None,
     file: Annotated[Path | None, typer.Option(metavar="LAW.csv", help="Show a tabulated law.")] = None,
     formula: Annotated[str | None, typer.Option(metavar="TEXT", help="Show the law of this potential of r.")] = None,
     friction: Annotated[
         bool, typer.Option("--friction", help="A friction law: table or formula for r >= 0, or the one of two by NAME.")
     ] = False,
-    reach: Annotated[float | None, typer.Option(metavar="X", help="Draw from -X to X (chosen).")] = None,
+    reach: Annotated[float | None, typer.Option(metavar="X", help="Range of the plot: -X to X (automatic).")] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw graph and potential (.png, .svg or .pdf).")
     ] = None,

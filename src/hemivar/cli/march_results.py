@@ -11,7 +11,7 @@ import typer
 from hemivar.basics.arguments import suggest
 from hemivar.basics.units import Units
 from hemivar.cli.march_run import MarchOptions, MarchRun, write_film
-from hemivar.cli.options import Exit, Quiet
+from hemivar.cli.options import Colour, Exit, Quiet, StepLength, UnitNames, Until
 from hemivar.cli.outputs import Writer, check_outputs
 from hemivar.cli.show import console, print_table
 from hemivar.errors import ProblemError
@@ -24,20 +24,15 @@ if TYPE_CHECKING:
     from hemivar.files.film import Film
 __all__ = ["animate", "history"]
 
-_UnitNames = Annotated[
-    str | None,
-    typer.Option("--units", metavar="T,L,F,S,E", help="Units for the labels: of time, length, force, stress, energy."),
-]
-
 
 def history(
     table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="What 'hemivar march' wrote as --table.")],
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it (.png, .svg or .pdf).")] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the table (.png, .svg or .pdf).")] = None,
     kind: Annotated[
         str | None, typer.Option(metavar="NAME", help="ledger, forces, loop, steps or columns (ledger).")
     ] = None,
     columns: Annotated[str | None, typer.Option(metavar="A,B,...", help="Columns to draw or to list.")] = None,
-    units: _UnitNames = None,
+    units: UnitNames = None,
 ) -> int:
     """List the columns of the table of a march, or draw it."""
     from hemivar.files.history_table import read_history_table
@@ -100,19 +95,17 @@ def _list_columns(found: Mapping[str, Array], names: list[str]) -> None:
 
 def animate(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A list of frames (.pvd), or a problem file.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The film (.gif or .mp4).")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Write the film (.gif or .mp4).")],
     scale: Annotated[
         float | None, typer.Option(metavar="X", help="Factor of the displacement (so that it is visible).")
     ] = None,
     seconds: Annotated[float, typer.Option(metavar="S", help="Length of the film.")] = 6.0,
     frames: Annotated[int, typer.Option(metavar="N", min=1, help="Frames at most.")] = 200,
-    colour: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of the body: none, displacement or speed (by its dimension).")
-    ] = None,
-    units: _UnitNames = None,
+    colour: Colour = None,
+    units: UnitNames = None,
     dpi: Annotated[int, typer.Option(metavar="N", help="Dots per inch; the film is 6.3 inches wide.")] = 100,
-    until: Annotated[float | None, typer.Option(metavar="T", help="End of time, of a problem file.")] = None,
-    step: Annotated[float | None, typer.Option(metavar="T", help="Length of the steps, of a problem file.")] = None,
+    until: Until = None,
+    step: StepLength = None,
     quiet: Quiet = False,
 ) -> int:
     """Make a film of a march: from its frames, or from a problem file, which is marched first."""

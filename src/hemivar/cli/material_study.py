@@ -18,9 +18,9 @@ __all__ = ["materials"]
 def materials(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this material only.")] = None,
     given: Annotated[
-        list[str] | None, typer.Option("--set", metavar="P=V", help="Constant of the material; repeat it for others.")
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set a constant of the material.")
     ] = None,
-    reach: Annotated[float | None, typer.Option(metavar="X", help="Draw strains from -X to X (chosen).")] = None,
+    reach: Annotated[float | None, typer.Option(metavar="X", help="Range of the plot: -X to X (automatic).")] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw stress over strain with its bounds (.png, .svg or .pdf).")
     ] = None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -144,7 +145,7 @@ def named(error: HemivarError, name: str, table: str = "") -> HemivarError:
 def run_on_ranks(
     path: Path,
     outputs: Mapping[str, Path | None],
-    restart: Path | None,
+    resume: bool,
     limits: tuple[float | None, float | None, int | None],
     check: Callable[[], None],
     quiet: bool,
@@ -157,8 +158,8 @@ def run_on_ranks(
     path : Path
     outputs : mapping of option to Path or None
         Of ``--json``, ``--vtu`` and ``--checkpoint``, where the iterate is kept after every step.
-    restart : Path or None
-        A checkpoint to go on from.
+    resume : bool
+        Whether to continue from the checkpoint, if it exists.
     limits : tuple
         Relative tolerance, seconds and steps of the command line.
     check : function
@@ -180,16 +181,17 @@ def run_on_ranks(
         with noting_files_read() as inputs:
             problem = read_on_ranks(path, ranks, given or ())
         body = problem.bodies[-1]
-        ranks.agree(lambda: _keep_off(outputs, [path, *inputs], restart, ranks) if first else None)
+        ranks.agree(lambda: _keep_off(outputs, [path, *inputs], ranks) if first else None)
         if first:
             print_head_on_ranks(problem.stated, body, len(problem.bodies))
             print_step_head()
         say = print_step if first and not quiet else None
         controls = ranks.agree(lambda: controls_of(problem.stated, *limits, say))
-        resume = None if restart is None else read_checkpoint(restart, body)
+        begun = resume and ranks.mpi.bcast(checkpoint is not None and os.path.lexists(checkpoint))
+        state = read_checkpoint(checkpoint, body) if begun and checkpoint is not None else None
         keep = None if checkpoint is None else _Keeper(checkpoint, body)
         alarm = bell.limited(controls.max_time)
-        solution = solve_distributed(body, None, controls, resume=resume, watch=keep, alarm=alarm)
+        solution = solve_distributed(body, None, controls, resume=state, watch=keep, alarm=alarm)
         certificate = certify_on_ranks(solution, alarm=alarm)
         _print_summary(solution, certificate)
         writer = Writer()
@@ -266,16 +268,12 @@ def _try_pieces(vtu: Path | None, ranks: Ranks) -> None:
             raise ProblemError(f"--vtu: {error}; name another file") from error
 
 
-def _keep_off(outputs: Mapping[str, Path | None], inputs: list[Path], restart: Path | None, ranks: Ranks) -> None:
-    """Refuse outputs that would fall on a file that was read, or on one another.
-
-    The checkpoint alone may take the place of the one that the solve goes on from.
-    """
+def _keep_off(outputs: Mapping[str, Path | None], inputs: list[Path], ranks: Ranks) -> None:
+    """Refuse outputs that would fall on a file that was read, or on one another."""
     files = {option: [] if path is None else [path] for option, path in outputs.items()}
     files["--vtu"] += [piece for path in files["--vtu"] for piece in pieces_of(path, ranks.size)]
     check_distinct(files)
-    for option, own in files.items():
-        keep_off({option: own}, [*inputs, *([restart] if restart is not None and option != "--checkpoint" else [])])
+    keep_off(files, inputs)
 
 
 def print_head_on_ranks(stated: ProblemFile, body: BodyOnRanks, levels: int) -> None:

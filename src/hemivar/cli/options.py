@@ -20,15 +20,30 @@ __all__ = [
     "ENGINES",
     "MOST_JOBS",
     "MOST_STEPS",
+    "Checkpoint",
     "Colour",
+    "Csv",
     "EngineName",
+    "Exact",
     "Exit",
     "Given",
+    "Jobs",
+    "Json",
+    "Latex",
+    "MaxSolutions",
     "MaxSteps",
     "MaxTime",
+    "MethodName",
     "ProblemPath",
     "Quiet",
+    "Resume",
     "Rtol",
+    "Seed",
+    "Starts",
+    "StepLength",
+    "Tolerance",
+    "UnitNames",
+    "Until",
     "check_colour",
     "check_engine",
     "check_limits",
@@ -44,21 +59,55 @@ MOST_STEPS = 10**9
 
 ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM.toml", help="The problem file.")]
 Rtol = Annotated[
-    float | None, typer.Option(metavar="X", help="Tolerance of the residual, relative to the load (1e-9).")
+    float | None,
+    typer.Option("--rtol", metavar="X", help="Tolerance of the residual, relative to the load (1e-9, certify 1e-8)."),
 ]
-MaxTime = Annotated[float | None, typer.Option(metavar="S", help="Limit of each stage in seconds (none).")]
-MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps (set by the method).")]
-
-
+Tolerance = Annotated[
+    float | None,
+    typer.Option("--adaptive", metavar="X", help="Adapt the mesh or the time step to this relative error."),
+]
+MaxTime = Annotated[
+    float | None, typer.Option("--max-time", metavar="S", help="Time limit of each stage, method or point, in seconds.")
+]
+MaxSteps = Annotated[
+    int | None, typer.Option("--max-steps", metavar="N", help="Limit of iterations (set by the method).")
+]
+MethodName = Annotated[
+    str | None, typer.Option("--method", metavar="NAME", help="Method, see 'hemivar methods' (by predicted cost).")
+]
+Exact = Annotated[bool | None, typer.Option("--exact/--no-exact", help="Bound the distance to the exact solution.")]
+Checkpoint = Annotated[
+    Path | None, typer.Option("--checkpoint", metavar="FILE", help="Checkpoint file; study and sweep continue from it.")
+]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue from the checkpoint, if it exists.")]
+Jobs = Annotated[
+    int, typer.Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Number of processes that work at once.")
+]
+Json = Annotated[Path | None, typer.Option("--json", metavar="FILE.json", help="Write the results as JSON.")]
+Csv = Annotated[Path | None, typer.Option("--csv", metavar="FILE.csv", help="Write the table as CSV.")]
+Latex = Annotated[Path | None, typer.Option("--latex", metavar="FILE.tex", help="Write the table for LaTeX.")]
+Starts = Annotated[int, typer.Option("--starts", metavar="N", min=0, max=1_000_000, help="Random starts of each kind.")]
+MaxSolutions = Annotated[
+    int, typer.Option("--max-solutions", metavar="N", min=1, help="Stop the search after this many solutions.")
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random starts.")]
+Until = Annotated[float | None, typer.Option("--until", metavar="T", help="End of the time interval.")]
+StepLength = Annotated[
+    float | None, typer.Option("--step", metavar="T", help="Time step; the first one if steps are adapted.")
+]
+UnitNames = Annotated[
+    str | None,
+    typer.Option("--units", metavar="T,L,F,S,E", help="Units for the labels: of time, length, force, stress, energy."),
+]
 Given = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Put a value in place of the file's, as contact.bottom.gap=0.1."),
+    typer.Option("--set", metavar="KEY=VALUE", help="Set a value of the file, as in contact.bottom.gap=0.1."),
 ]
 Colour = Annotated[
     str | None,
-    typer.Option("--colour", metavar="NAME", help="Of the body in pictures: stress (von Mises), displacement or none."),
+    typer.Option("--colour", metavar="NAME", help="Colour of the body: stress, displacement, speed (film) or none."),
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Nothing but the summary.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the summary.")]
 #: Engines by the names of ``--engine``.
 ENGINES = ("scipy", "petsc")
 EngineName = Annotated[

@@ -38,7 +38,6 @@ _SUFFIXES = {
     "--json": (".json",),
     "--csv": (".csv",),
     "--latex": (".tex",),
-    "--keep": (".jsonl",),
     "--fields": (".pvd", ".xdmf"),
     "--table": (".csv", ".parquet"),
     "--animation": (".gif", ".mp4"),
@@ -118,8 +117,8 @@ def kept_file(problem: Path, kind: str, digest: str, outputs: Mapping[str, Path 
         It is one of the other files.
     """
     keep = Path(f"{problem.stem}-{digest[:8]}.{kind}.jsonl")
-    check_distinct(files_of({"--keep": keep, **outputs}), problem)
-    keep_off(files_of({"--keep": keep}), writer.inputs)
+    check_distinct(files_of({"--checkpoint": keep, **outputs}), problem)
+    keep_off(files_of({"--checkpoint": keep}), writer.inputs)
     return keep
 
 
@@ -131,17 +130,17 @@ def tell_kept(keep: Path, unkept: str) -> None:
 def check_folder(path: Path, names: Iterable[str]) -> None:
     """Refuse an output folder that is a file or could not be made, or where one of the files could not be written."""
     if not os.path.exists(path):  # which takes any name, unlike Path.exists
-        _check_parent(path, f"--out {path}")
-        _try(path, "--out", "folder")
+        _check_parent(path, f"--output {path}")
+        _try(path, "--output", "folder")
         return
     if not os.path.isdir(path):
-        raise ProblemError(f"--out {path}: this is a file; name a folder")
+        raise ProblemError(f"--output {path}: this is a file; name a folder")
     if Path.cwd().is_relative_to(os.path.realpath(path)) and not same_file(path, Path.cwd()):
-        raise ProblemError(f"--out {path}: it holds the current folder; name one of its own, such as --out out")
+        raise ProblemError(f"--output {path}: it holds the current folder; name one of its own, such as --output out")
     if not os.access(path, os.W_OK | os.X_OK):
-        raise ProblemError(f"--out {path}: the folder is write-protected; name another one")
+        raise ProblemError(f"--output {path}: the folder is write-protected; name another one")
     for name in names:
-        _try(path / name, "--out", "folder")
+        _try(path / name, "--output", "folder")
 
 
 def _check_file(path: Path, option: str) -> None:

@@ -10,14 +10,22 @@ import typer
 
 from hemivar.cli.options import (
     ENGINES,
+    Checkpoint,
     Colour,
+    Csv,
     EngineName,
+    Exact,
     Exit,
     Given,
+    Json,
     MaxSteps,
     MaxTime,
+    MethodName,
     ProblemPath,
+    Quiet,
+    Resume,
     Rtol,
+    Tolerance,
     check_colour,
     check_engine,
     check_limits,
@@ -38,10 +46,8 @@ __all__ = ["check_drawable", "draw", "solve"]
 
 def solve(
     problem: ProblemPath,
-    method: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Method, see 'hemivar methods' (by predicted cost).")
-    ] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the results.")] = None,
+    method: MethodName = None,
+    json: Json = None,
     vtu: Annotated[Path | None, typer.Option(metavar="FILE.vtu", help="Write the fields, for ParaView.")] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the deformed body (.png, .svg or .pdf).")
@@ -56,24 +62,15 @@ def solve(
     rtol: Rtol = None,
     max_time: MaxTime = None,
     max_steps: MaxSteps = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No line for each step.")] = False,
+    quiet: Quiet = False,
     warm_start: Annotated[
         bool, typer.Option("--warm-start", help="Solve on coarser meshes first, each starting the next.")
     ] = False,
     engine: EngineName = ENGINES[0],
-    checkpoint: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Keep the iterate here after every step (engine petsc).")
-    ] = None,
-    restart: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Go on from a checkpoint (engine petsc).")
-    ] = None,
-    exact: Annotated[
-        bool, typer.Option("--exact", help="Bound the distance to the exact solution, too (see 'hemivar certify').")
-    ] = False,
-    adaptive: Annotated[
-        bool,
-        typer.Option("--adaptive", help="Refine the mesh until the distance to the exact solution is at most --rtol."),
-    ] = False,
+    checkpoint: Checkpoint = None,
+    resume: Resume = False,
+    exact: Exact = None,
+    adaptive: Tolerance = None,
     goal: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Refine for a quantity: contact.bottom.force, support.left.force ..."),
@@ -84,7 +81,7 @@ def solve(
     max_memory: Annotated[
         float | None, typer.Option(metavar="GIB", help="No mesh that needs more (what is free, adaptive).")
     ] = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write a row for each mesh (adaptive).")] = None,
+    csv: Csv = None,
     plot_error: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the error against the unknowns (adaptive).")
     ] = None,
@@ -99,14 +96,20 @@ def solve(
     check_engine(engine)
     check_colour(colour, {"--plot": plot, "--render": render})
     own = {"--csv": csv, "--plot-error": plot_error, "--plot-meshes": plot_meshes}
-    if adaptive:
-        _refuse({"--checkpoint": checkpoint, "--restart": restart}, "petsc")
+    if adaptive is not None:
+        _refuse({"--checkpoint": checkpoint, "--resume": resume or None}, "petsc")
         if warm_start or engine != ENGINES[0]:
             other = "--warm-start" if warm_start else f"--engine {engine}"
             raise ProblemError(f"--adaptive and {other} exclude one another; leave one of the two out")
         from hemivar.cli.adapting import AdaptRun
 
-        asked: dict[str, object] = {"rtol": rtol, "goal": goal, "max_unknowns": max_unknowns, "max_time": max_time}
+        asked: dict[str, object] = {
+            "adaptive": adaptive,
+            "rtol": rtol,
+            "goal": goal,
+            "max_unknowns": max_unknowns,
+            "max_time": max_time,
+        }
         asked |= {"max_memory": max_memory, "max_steps": max_steps, "given": given, "colour": colour}
         run_adaptive = AdaptRun(problem, {"--json": json, "--vtu": vtu, **own, **pictures}, method, asked)
         return run_adaptive.solve(quiet)
@@ -121,9 +124,11 @@ def solve(
             _refuse({"--method": method, "--exact": exact or None, **pictures}, "scipy")
             check_outputs(outputs, problem)
             check_limits(*limits)
+            if resume and checkpoint is None:
+                raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE")
 
-        return run_on_ranks(problem, outputs, restart, limits, check, quiet, given)
-    _refuse({"--checkpoint": checkpoint, "--restart": restart}, "petsc")
+        return run_on_ranks(problem, outputs, resume, limits, check, quiet, given)
+    _refuse({"--checkpoint": checkpoint, "--resume": resume or None}, "petsc")
     named = None if method is None else method_named(method)
     session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits, given=given)
     stated, writer = session.stated, session.writer
@@ -142,7 +147,7 @@ def solve(
     view = SolveView(quiet)
     interrupted, certificate = False, None
     try:
-        found = result_of(run(discrete, RunOptions(named or session.method, controls, coarser, exact)), view)
+        found = result_of(run(discrete, RunOptions(named or session.method, controls, coarser, bool(exact))), view)
         interrupted, certificate = found.interrupted, found.certificate
         if found.complaint and not found.interrupted:
             writer.failed.append(f"the solution could not be certified: {found.complaint}")

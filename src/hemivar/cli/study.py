@@ -10,7 +10,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hemivar.basics.disk import shown
-from hemivar.cli.options import MOST_JOBS, Exit, Given, MaxSteps, MaxTime, ProblemPath, Rtol, method_named
+from hemivar.cli.options import (
+    Checkpoint,
+    Csv,
+    Exact,
+    Exit,
+    Given,
+    Jobs,
+    Json,
+    Latex,
+    MaxSteps,
+    MaxTime,
+    MethodName,
+    ProblemPath,
+    Rtol,
+    method_named,
+)
 from hemivar.cli.outputs import kept_file, one_line, tell_kept
 from hemivar.cli.session import Session, naming_file
 from hemivar.cli.show import StageView, console, print_table
@@ -27,22 +42,17 @@ def study(
     problem: ProblemPath,
     refine: Annotated[int, typer.Option(metavar="N", help="How often the mesh is halved.")] = 3,
     coarser: Annotated[int, typer.Option(metavar="N", min=0, help="Begin so many meshes coarser than the file's.")] = 0,
-    exact: Annotated[
+    known: Annotated[
         list[str] | None,
-        typer.Option(metavar="FORMULA", help="Exact solution of x and y, once for each component (the finest mesh)."),
+        typer.Option(metavar="FORMULA", help="Known solution in x and y, once for each component (the finest mesh)."),
     ] = None,
-    certify: Annotated[
-        bool, typer.Option("--certify", help="Bound the error on each mesh, guaranteed (a column of the table).")
-    ] = False,
-    method: Annotated[str | None, typer.Option(metavar="NAME", help="Method (by predicted cost).")] = None,
-    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Processes that work at once.")] = 1,
-    keep: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.jsonl", help="Where solutions are kept, to go on (own name)."),
-    ] = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table.")] = None,
-    latex: Annotated[Path | None, typer.Option(metavar="FILE.tex", help="Write the table for LaTeX.")] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write errors and orders.")] = None,
+    exact: Exact = None,
+    method: MethodName = None,
+    jobs: Jobs = 1,
+    checkpoint: Checkpoint = None,
+    csv: Csv = None,
+    latex: Latex = None,
+    json: Json = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the errors over h (.png, .svg or .pdf).")
     ] = None,
@@ -61,7 +71,7 @@ def study(
     from hemivar.workflows.study import study_digest
 
     outputs = {"--csv": csv, "--latex": latex, "--json": json, "--plot": plot}
-    session = Session(problem, {**outputs, "--keep": keep}, rtol, max_time, max_steps, given=given)
+    session = Session(problem, {**outputs, "--checkpoint": checkpoint}, rtol, max_time, max_steps, given=given)
     stated, writer = session.stated, session.writer
     solver = session.method if method is None else method_named(method)
     meshes = [*stated.coarser_meshes(), stated.problem.mesh]
@@ -72,10 +82,11 @@ def study(
         )
     first = stated.problem.on(meshes[-1 - coarser])
     options = StudyOptions(
-        refine, exact or None, solver, session.controls, jobs, must_keep=keep is not None, certify=certify
+        refine, known or None, solver, session.controls, jobs, must_keep=checkpoint is not None, exact=bool(exact)
     )
-    keep = kept_file(problem, "study", study_digest(first, options), outputs, writer) if keep is None else keep
-    options = replace(options, keep=keep)
+    if checkpoint is None:
+        checkpoint = kept_file(problem, "study", study_digest(first, options), outputs, writer)
+    options = replace(options, checkpoint=checkpoint)
     terminal = console()
     print(one_line(stated.problem.title) or shown(stated.name))
     for change in stated.changes:
@@ -104,7 +115,7 @@ def study(
     if found.quantities:
         writer.write("--plot", plot, draw, picture=True)
     writer.tell()
-    tell_kept(keep, found.unkept)
+    tell_kept(checkpoint, found.unkept)
     if found.interrupted:
         print(f"interrupted: {len(found.levels)} of {refine + 1} meshes are done; the same command goes on from there")
         return writer.ended(Exit.INTERRUPTED)

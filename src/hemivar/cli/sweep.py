@@ -10,7 +10,21 @@ from typing import Annotated
 import typer
 
 from hemivar.basics.disk import shown
-from hemivar.cli.options import MOST_JOBS, Exit, ProblemPath, Rtol, check_limits, controls_of
+from hemivar.cli.options import (
+    Checkpoint,
+    Csv,
+    Exit,
+    Jobs,
+    Latex,
+    MaxSolutions,
+    MaxTime,
+    ProblemPath,
+    Rtol,
+    Seed,
+    Starts,
+    check_limits,
+    controls_of,
+)
 from hemivar.cli.outputs import kept_file, one_line, tell_kept
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_table
@@ -28,27 +42,24 @@ def sweep(
         typer.Option(
             "--set",
             metavar="KEY=LOW:HIGH:COUNT",
-            help="A range of a key of the file (with :log in the logarithm), or a value KEY=VALUE.",
+            help="Set a range of a value of the file (:log for logarithmic steps), or one value KEY=VALUE.",
         ),
     ] = None,
-    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Processes that work at once.")] = 1,
-    keep: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.jsonl", help="Where points are kept, to go on (own name)."),
-    ] = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table.")] = None,
-    latex: Annotated[Path | None, typer.Option(metavar="FILE.tex", help="Write the table for LaTeX.")] = None,
+    jobs: Jobs = 1,
+    checkpoint: Checkpoint = None,
+    csv: Csv = None,
+    latex: Latex = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw margin and number of solutions (.png, .svg or .pdf).")
     ] = None,
     label: Annotated[
         list[str] | None, typer.Option(metavar="TEXT", help="Name of a parameter in the picture, with its unit.")
     ] = None,
-    starts: Annotated[int, typer.Option(metavar="N", min=0, max=1_000_000, help="Random starts of each kind.")] = 40,
-    max_solutions: Annotated[int, typer.Option(metavar="N", min=1, help="Stop after so many, at each point.")] = 100,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
+    starts: Starts = 40,
+    max_solutions: MaxSolutions = 100,
+    seed: Seed = 0,
     rtol: Rtol = None,
-    max_time: Annotated[float | None, typer.Option(metavar="S", help="Limit of each point in seconds (none).")] = None,
+    max_time: MaxTime = None,
 ) -> int:
     """Count the solutions, and compute the margin, over ranges of parameters; goes on where it was interrupted.
 
@@ -74,7 +85,7 @@ def sweep(
 
     def at(place: int) -> Session:
         values = [f"{axis.key}={axis.values[place]!r}" for axis in axes]
-        return Session(problem, {**outputs, "--keep": keep}, rtol, max_time, given=[*fixed, *values])
+        return Session(problem, {**outputs, "--checkpoint": checkpoint}, rtol, max_time, given=[*fixed, *values])
 
     # the file is read before any work, so that what is wrong with it, or with a key, is said; one end of the ranges may
     # make no sense
@@ -87,9 +98,9 @@ def sweep(
             raise error from None
     stated, writer = session.stated, session.writer
     search = SolutionsOptions(starts, max_solutions, seed, controls_of(stated, rtol, max_time))
-    options = SweepOptions(search, jobs, None, changes, must_keep=keep is not None)
-    if keep is None:
-        keep = kept_file(problem, "sweep", sweep_digest(problem, axes, options), outputs, writer)
+    options = SweepOptions(search, jobs, None, changes, must_keep=checkpoint is not None)
+    if checkpoint is None:
+        checkpoint = kept_file(problem, "sweep", sweep_digest(problem, axes, options), outputs, writer)
     points = math.prod(len(axis.values) for axis in axes)
     terminal = console()
     print(one_line(stated.problem.title) or shown(stated.name))
@@ -97,7 +108,7 @@ def sweep(
         print(f"set               {shown(change)}")
     print(f"parameters        {', '.join(f'{axis.key} ({len(axis.values)})' for axis in axes)}: {points} points")
     with StageView(terminal) as view:
-        found = result_of(sweeping(problem, axes, replace(options, keep=keep)), view)
+        found = result_of(sweeping(problem, axes, replace(options, checkpoint=checkpoint)), view)
     table = sweep_table(found)
     if len(table.rows) <= _SHOWN:
         print_table(terminal, table, keys=len(found.axes))
@@ -118,7 +129,7 @@ def sweep(
     if found.points:
         writer.write("--plot", plot, draw, picture=True)
     writer.tell()
-    tell_kept(keep, found.unkept)
+    tell_kept(checkpoint, found.unkept)
     if found.interrupted:
         print(f"interrupted: {len(found.points)} of {points} points are done; the same command goes on from there")
         return writer.ended(Exit.INTERRUPTED)

@@ -66,8 +66,8 @@ class StudyOptions:
     ----------
     refine : int
         How often the mesh of the problem is halved: ``refine + 1`` meshes.
-    exact : KnownField or sequence of str, optional
-        The exact solution by formulas of x, y (and z), one for each component; the solution on the finest mesh by
+    known : KnownField or sequence of str, optional
+        The known solution by formulas of x, y (and z), one for each component; the solution on the finest mesh by
         default.
     solver : Solver, optional
         The method; chosen for the finest mesh by predicted cost and memory if not given.
@@ -76,12 +76,12 @@ class StudyOptions:
     jobs : int
         Processes that work at once: the finest mesh is made and assembled while the coarser ones are solved.  A script
         that asks for more than one does so below ``if __name__ == "__main__":``, for each process reads it anew.
-    keep : str or Path, optional
+    checkpoint : str or Path, optional
         A file to which the solution on every mesh goes when it is done; meshes that it holds are not solved again, also
-        where the mesh is now halved more often, or compared with another exact solution.
+        where the mesh is now halved more often, or compared with another known solution.
     must_keep : bool
         Whether the study ends where that file cannot be written; else ``Study.unkept`` says why.
-    certify : bool
+    exact : bool
         Whether the error on each mesh is bounded as well, see :func:`hemivar.certificates.continuous.exact_distance`.
 
     Raises
@@ -92,13 +92,13 @@ class StudyOptions:
     """
 
     refine: int = 4
-    exact: KnownField | Sequence[str] | None = None
+    known: KnownField | Sequence[str] | None = None
     solver: Solver | None = None
     controls: Controls = field(default_factory=Controls)
     jobs: int = 1
-    keep: str | Path | None = None
+    checkpoint: str | Path | None = None
     must_keep: bool = True
-    certify: bool = False
+    exact: bool = False
 
     def __post_init__(self) -> None:
         count = whole_number(self.refine, "refine", 1)
@@ -110,8 +110,8 @@ class StudyOptions:
                 "a study by several processes calls no function after every step; leave the callback of its controls "
                 "out, or take jobs = 1"
             )
-        if self.exact is not None and not isinstance(self.exact, KnownField):
-            object.__setattr__(self, "exact", KnownField(self.exact))
+        if self.known is not None and not isinstance(self.known, KnownField):
+            object.__setattr__(self, "known", KnownField(self.known))
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,16 +275,24 @@ def studying(problem: Statement | ManufacturedProblem | str | Path, options: Stu
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
             "whose mesh can be refined"
         )
-    if options.certify and not isinstance(stated, ContactProblem):
-        raise ProblemError("study: certify bounds errors of elastic bodies, not of scalar problems; leave it out")
-    known = options.exact if isinstance(options.exact, KnownField) else None
+    if options.exact and not isinstance(stated, ContactProblem):
+        raise ProblemError(
+            "study: exact=True (--exact) bounds errors of elastic bodies, not of scalar problems; leave it out"
+        )
+    known = options.known if isinstance(options.known, KnownField) else None
     if known is not None:
         error_norms(stated, np.zeros((len(stated.mesh.nodes(stated.order)), _components(stated))), known)
     kept: KeptWork[KeptSolution] | None = None
-    if options.keep is not None:
+    if options.checkpoint is not None:
         digest = study_digest(stated, options)
         kept = KeptWork(
-            options.keep, "study", "mesh", digest, KeptSolution.of_line, most_bytes=_MOST_KEPT, wanted=options.must_keep
+            options.checkpoint,
+            "study",
+            "mesh",
+            digest,
+            KeptSolution.of_line,
+            most_bytes=_MOST_KEPT,
+            wanted=options.must_keep,
         )
     levels: list[StudyLevel] = []
     interrupted = False
@@ -292,7 +300,7 @@ def studying(problem: Statement | ManufacturedProblem | str | Path, options: Stu
         interrupted = yield from _levels(stated, options, kept, levels)
     except KeyboardInterrupt:
         interrupted = True
-    if options.certify and not interrupted:
+    if options.exact and not interrupted:
         try:
             interrupted = yield from _bounded(levels)
         except KeyboardInterrupt:
@@ -324,19 +332,19 @@ def study(
     problem: Statement | ManufacturedProblem | str | Path,
     refine: int = 4,
     *,
-    exact: KnownField | Sequence[str] | None = None,
+    known: KnownField | Sequence[str] | None = None,
     method: Solver | str | None = None,
     controls: Controls | None = None,
     jobs: int = 1,
-    keep: str | Path | None = None,
-    certify: bool = False,
+    checkpoint: str | Path | None = None,
+    exact: bool = False,
 ) -> Study:
     """:func:`studying` to its end, as a value.
 
     Parameters
     ----------
     problem : ContactProblem, ScalarProblem, or path of a problem file
-    refine, exact, method, controls, jobs, keep, certify
+    refine, known, method, controls, jobs, checkpoint, exact
         As in :class:`StudyOptions`.
 
     Returns
@@ -350,7 +358,7 @@ def study(
     """
     solver = method_named(method) if isinstance(method, str) else method
     given = StudyOptions(
-        refine, exact, solver, Controls() if controls is None else controls, jobs, keep, certify=certify
+        refine, known, solver, Controls() if controls is None else controls, jobs, checkpoint, exact=exact
     )
     return result_of(studying(problem, given))
 
@@ -425,11 +433,11 @@ def _solving(discrete: DiscreteProblem, last: Solution | None, options: StudyOpt
 def _level(solution: Solution, mesh: Mesh, options: StudyOptions) -> StudyLevel:
     """A mesh, with its errors if the exact solution is known."""
     level = StudyLevel(solution, mesh.size)
-    if not isinstance(options.exact, KnownField):
+    if not isinstance(options.known, KnownField):
         return level
     stated = solution.problem.origin
     assert isinstance(stated, Statement)
-    return _against(level, stated, options.exact)
+    return _against(level, stated, options.known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -457,7 +465,7 @@ def _by_processes(
     start = levels[-1].solution if levels else None
     heads = min(options.jobs, count - first) - 1
     order = [*range(count - 1, count - 1 - heads, -1), *range(first, count - heads)]
-    plain = replace(options, keep=None, jobs=1)
+    plain = replace(options, checkpoint=None, jobs=1)
     with tempfile.TemporaryDirectory(prefix="hemivar-study-") as folder:
         tasks = [_Task(number, stated, plain, Path(folder), first, start) for number in order]
         with contextlib.closing(results(_mesh, tasks, options.jobs)) as found:

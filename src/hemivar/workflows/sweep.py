@@ -127,7 +127,7 @@ class SweepOptions:
     jobs : int
         Processes that work at once.  A script that asks for more than one does so below
         ``if __name__ == "__main__":``, for each process reads it anew.
-    keep : str or Path, optional
+    checkpoint : str or Path, optional
         A file to which every point goes when it is done; points that it holds are not computed again.
     must_keep : bool
         Whether the sweep ends where that file cannot be written; else ``Sweep.unkept`` says why.
@@ -142,7 +142,7 @@ class SweepOptions:
 
     search: SolutionsOptions = field(default_factory=SolutionsOptions)
     jobs: int = 1
-    keep: str | Path | None = None
+    checkpoint: str | Path | None = None
     changes: tuple[Change, ...] = ()
     must_keep: bool = True
 
@@ -251,7 +251,7 @@ def sweep(
     axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis],
     *,
     jobs: int = 1,
-    keep: str | Path | None = None,
+    checkpoint: str | Path | None = None,
     starts: int = 40,
     max_solutions: int = 100,
     seed: int = 0,
@@ -265,7 +265,7 @@ def sweep(
     problem : path of a problem file, or function
         A function is called with the values of the parameters, in their order.
     axes : mapping of key to values, or sequence of SweepAxis
-    jobs, keep, changes
+    jobs, checkpoint, changes
         As in :class:`SweepOptions`.
     starts, max_solutions, seed, controls
         As in :func:`hemivar.find_solutions`.
@@ -280,7 +280,7 @@ def sweep(
         As :func:`sweeping`.
     """
     search = SolutionsOptions(starts, max_solutions, seed, Controls() if controls is None else controls)
-    return result_of(sweeping(problem, axes, SweepOptions(search, jobs, keep, tuple(changes))))
+    return result_of(sweeping(problem, axes, SweepOptions(search, jobs, checkpoint, tuple(changes))))
 
 
 def sweeping(
@@ -328,9 +328,11 @@ def sweeping(
         )
     places = list(itertools.product(*(range(len(axis.values)) for axis in given)))
     record, done = None, dict[tuple[int, ...], SweepPoint]()
-    if options.keep is not None:
+    if options.checkpoint is not None:
         digest, said = sweep_digest(problem, given, options), {"parameters": list(keys)}
-        record = KeptWork(options.keep, "sweep", "point", digest, SweepPoint.of_line, said, wanted=options.must_keep)
+        record = KeptWork(
+            options.checkpoint, "sweep", "point", digest, SweepPoint.of_line, said, wanted=options.must_keep
+        )
         among = set(places)
         done = {point.place: point for point in record if point.place in among}
     tasks = [

@@ -88,7 +88,7 @@ def test_words_of_an_estimate() -> None:
     lines = found.lines()
     assert lines[0] == "exact solution    about 0.1 away, relative 20 %: an estimate, no bound"
     assert lines[1].strip() == "made of misfit 12 %, contact 6 %, oscillation 2 %, c = 0.25; in 1 s"
-    assert lines[2].strip() == "60 % of it is misfit: refine the mesh, as --adaptive does where it is needed"
+    assert lines[2].strip() == "60 % of it is misfit: refine the mesh, as adaptive refinement does where it is needed"
     assert lines[3].strip() == "because it is so; and so"
     assert "no bound" in DistanceToExact.none("nothing is known").lines()[0]
     nothing = DistanceToExact.none("there is no bound: the foundation softens too much")
