@@ -15,6 +15,7 @@ from . import mechanics as mechanics
 from . import mesh as mesh
 from . import report as report
 from . import solvers as solvers
+from . import studio as studio
 from . import systems as systems
 from . import workflows as workflows
 from .branches import find_solutions as find_solutions

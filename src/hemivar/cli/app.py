@@ -26,6 +26,7 @@ from hemivar.cli.material_study import materials
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import check_outputs, internal_error, one_line
 from hemivar.cli.solving import solve
+from hemivar.cli.studio import studio
 from hemivar.cli.study import study
 from hemivar.cli.survey_runs import survey
 from hemivar.cli.sweep import sweep
@@ -188,7 +189,7 @@ def methods() -> int:
 
 _COMMANDS: tuple[Callable[..., int], ...] = (
     solve, certify, solutions, path, march, history, animate, compare, study, sweep, survey, new, laws, materials,
-    methods, doctor,
+    methods, doctor, studio,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command(_command.__name__)(_command)

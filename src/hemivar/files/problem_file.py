@@ -42,6 +42,7 @@ __all__ = [
     "SolverSettings",
     "parse_problem",
     "parse_problem_file",
+    "problem_text",
     "read_problem",
     "read_problem_file",
     "read_text",
@@ -356,29 +357,56 @@ def write_problem(
         If a file cannot be written, or a file beside it would take the place of another one.
     """
     path = disk.path_of(path)
-    given = ManufacturedProblem.of(problem)
-    stated = given if isinstance(given, ProblemFile) else ProblemFile(cast("Statement", given))
+    stated = _as_file(problem)
     settings = _settings(stated.solver, method, controls)
     with contextlib.ExitStack() as undone:
         files = _Beside(path, undone) if beside else None
-        text = _text(stated, settings, path.parent, files)
-        found = parse_problem_file(text, path.parent, str(path))
-        place = (
-            difference(stated.problem, found.problem)
-            or difference(settings, found.solver, "solver")
-            or difference(stated.time, found.time, "time")
-            or difference(stated.output, found.output, "output")
-            or difference(stated.heat, found.heat, "heat")
-            or difference(stated.units, found.units, "units")
-        )
-        if place is not None:
-            raise ProblemError(
-                f"{place} would come back otherwise from a problem file, which cannot say it; state it by numbers, "
-                f"formulas as text, and the laws that 'hemivar laws' lists"
-            )
-        disk.write_text(path, text)
+        disk.write_text(path, _read_again(stated, settings, path.parent, str(path), files))
         undone.pop_all()
     return path
+
+
+def problem_text(problem: Statement | ManufacturedProblem | ProblemFile, folder: str | Path = ".") -> str:
+    """The text that :func:`write_problem` writes.
+
+    Parameters
+    ----------
+    problem : ContactProblem, ScalarProblem or ProblemFile
+    folder : str or Path
+        From which files are named.
+
+    Raises
+    ------
+    ProblemError
+        As :func:`write_problem`.
+    """
+    stated = _as_file(problem)
+    return _read_again(stated, _settings(stated.solver, None, None), Path(folder), "problem", None)
+
+
+def _as_file(problem: Statement | ManufacturedProblem | ProblemFile) -> ProblemFile:
+    given = ManufacturedProblem.of(problem)
+    return given if isinstance(given, ProblemFile) else ProblemFile(cast("Statement", given))
+
+
+def _read_again(stated: ProblemFile, settings: SolverSettings, folder: Path, name: str, files: _Beside | None) -> str:
+    """The text, from which the same problem comes back."""
+    text = _text(stated, settings, folder, files)
+    found = parse_problem_file(text, folder, name)
+    place = (
+        difference(stated.problem, found.problem)
+        or difference(settings, found.solver, "solver")
+        or difference(stated.time, found.time, "time")
+        or difference(stated.output, found.output, "output")
+        or difference(stated.heat, found.heat, "heat")
+        or difference(stated.units, found.units, "units")
+    )
+    if place is not None:
+        raise ProblemError(
+            f"{place} would come back otherwise from a problem file, which cannot say it; state it by numbers, "
+            f"formulas as text, and the laws that 'hemivar laws' lists"
+        )
+    return text
 
 
 def _settings(given: SolverSettings, method: str | Solver | None, controls: Controls | None) -> SolverSettings:

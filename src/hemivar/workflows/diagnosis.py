@@ -33,6 +33,8 @@ _OPTIONAL = (
     ("python-mumps", "mumps", "a faster factorisation, half the memory", "pip install 'hemivar[mumps]'"),
     ("gmsh", "gmsh", "generating meshes (reading them needs nothing)", "pip install 'hemivar[gmsh]'"),
     ("pyvista", "pyvista", "shaded pictures of bodies in space", "pip install 'hemivar[3d]'"),
+    ("starlette", "starlette", "hemivar studio (with uvicorn and websockets)", "pip install 'hemivar[studio]'"),
+    ("anywidget", "anywidget", "the studio in a notebook", "pip install 'hemivar[notebook]'"),
     ("pandas", "pandas", "tables as DataFrames", "pip install pandas"),
     ("pyarrow", "pyarrow", "histories as Parquet", "pip install pyarrow"),
     ("petsc4py", "petsc4py", "the engine for clusters (with mpi4py)", "see docs/distributed.md"),

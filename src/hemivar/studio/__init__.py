@@ -1,0 +1,28 @@
+"""The studio: a page in the browser, or a widget in a notebook, that shows a problem and answers what is changed.
+
+``hemivar studio problem.toml`` serves the page; ``hemivar.studio(problem)`` shows the same in a notebook.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+
+from hemivar.studio.binary_message import Message
+from hemivar.studio.jobs import Bench
+from hemivar.studio.notebook_widget import show
+from hemivar.studio.requests import Request
+from hemivar.studio.web_server import StudioPage, application, serve
+
+__all__ = ["Bench", "Message", "Request", "StudioPage", "application", "serve", "show"]
+
+
+class _Room(ModuleType):
+    """This package can be called: ``hemivar.studio(problem)`` is :func:`hemivar.studio.show`."""
+
+    def __call__(self, problem: object = None) -> object:
+        """See :func:`hemivar.studio.show`."""
+        return show(problem)
+
+
+sys.modules[__name__].__class__ = _Room

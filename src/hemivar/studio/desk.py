@@ -1,0 +1,95 @@
+"""A worker for one page: it takes the newest request, leaves what is older, and hands messages on."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+from hemivar.studio.binary_message import Message
+from hemivar.studio.jobs import Bench
+from hemivar.studio.requests import Request
+
+__all__ = ["Desk"]
+
+#: One solve at a time in a process: the pages of one server take turns.
+_TURN = threading.Lock()
+
+
+class Desk:
+    """Works on the requests of one page in a thread of its own, one at a time, the newest first.
+
+    A request that arrives ends the work on the one before it: after its current step, or at its next message.
+
+    Parameters
+    ----------
+    bench : Bench
+    send : callable
+        Gets every message, in the worker's thread.
+    """
+
+    def __init__(self, bench: Bench, send: Callable[[Message], None]) -> None:
+        self._bench, self._send = bench, send
+        self._changed = threading.Condition()
+        self._pending: Request | None = None
+        self._newest = -1
+        self._closed = False
+        self._thread = threading.Thread(target=self._work, name="hemivar studio", daemon=True)
+        self._thread.start()
+
+    def put(self, request: Request) -> None:
+        """Take a request; those before it that wait are dropped."""
+        with self._changed:
+            self._newest += 1
+            self._pending = None if request.kind == "cancel" else request
+            self._changed.notify()
+
+    def close(self) -> None:
+        """End the work at its next step; no message follows."""
+        with self._changed:
+            self._newest += 1
+            self._closed = True
+            self._pending = None
+            self._changed.notify()
+
+    def join(self, seconds: float) -> None:
+        """Wait for the worker to end."""
+        self._thread.join(seconds)
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                while self._pending is None and not self._closed:
+                    self._changed.wait()
+                if self._closed or self._pending is None:
+                    return
+                request, self._pending = self._pending, None
+                number = self._newest
+            with _TURN:
+                self._answer(request, number)
+
+    def _answer(self, request: Request, number: int) -> None:
+        def stopped() -> bool:
+            return self._newest != number
+
+        if stopped():
+            return
+        try:
+            for message in self._bench.answer(request, stopped):
+                if stopped():
+                    return
+                self._send(message)
+        except Exception:
+            logging.getLogger("hemivar").exception("the studio could not answer a request")
+            words = "an error that should not occur; see the terminal of the studio, and report it"
+            self._send(
+                Message(
+                    {
+                        "type": "error",
+                        "generation": request.generation,
+                        "message": words,
+                        "key": None,
+                        "of": request.kind,
+                    }
+                )
+            )

@@ -1,0 +1,493 @@
+"""What a page asks for, as generators of messages: a solution, all solutions, the load path, an evolution."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from hemivar.basics.memory import refined_cells
+from hemivar.branches import Path as EquilibriumPath
+from hemivar.certificates import Certificate
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.model import Model
+from hemivar.discrete.point_kind import PointKind
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import HemivarError, ProblemError
+from hemivar.evolution import Frame, History
+from hemivar.fem import discretize
+from hemivar.files.mesh_table import StatedMesh
+from hemivar.files.problem_file import ProblemFile, parse_problem_file
+from hemivar.mesh import Grid, Mesh
+from hemivar.solvers import Controls, Solution, Solver, Status, method_named
+from hemivar.solvers.contact_states import contact_states
+from hemivar.studio.binary_message import Message
+from hemivar.studio.body_picture import BodyShape, fields_of
+from hemivar.studio.law_curves import curves_of
+from hemivar.studio.requests import Request
+from hemivar.studio.sliders import key_of_message, sliders_of
+from hemivar.studio.toml_numbers import numbers_of
+from hemivar.systems import Workspace
+from hemivar.workflows import (
+    CertificateEvent,
+    Event,
+    FoundEvent,
+    MarchSettings,
+    PathOptions,
+    PathProgress,
+    ProgressEvent,
+    ReadyEvent,
+    RunOptions,
+    SearchProgress,
+    SolutionsOptions,
+    WarningEvent,
+    Work,
+    evolution_of,
+    march,
+    path,
+    plan_of,
+    run,
+    solutions,
+)
+
+__all__ = ["MOST_CELLS", "MOST_UNKNOWNS", "Bench", "Stopped", "badge_of"]
+
+#: Unknowns of a problem up to which a page solves it; the command has no such limit.
+MOST_UNKNOWNS = 200_000
+#: Cells of a mesh that a page shows.
+MOST_CELLS = 400_000
+#: Seconds that a search, a path or an evolution may take.
+_SECONDS = 120.0
+_MOST_POINTS, _MOST_SOLUTIONS, _FRAMES = 1500, 12, 120
+
+#: Whether a newer request is there.
+Stopped = Callable[[], bool]
+Messages = Iterator[Message]
+
+
+@dataclass(frozen=True, eq=False)
+class _Stated:
+    """A text that was read."""
+
+    text: str
+    file: ProblemFile
+    keys: tuple[str, ...]
+    body: object
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """The last problem, and the tables that say what its body is."""
+
+    problem: DiscreteProblem
+    tables: object
+
+
+class Bench:
+    """Where the requests of one page are worked on; it keeps what is expensive about the last body.
+
+    Parameters
+    ----------
+    folder : Path
+        Where meshes and tables that a text names are looked for.
+    workspace : Workspace, optional
+        Shared by pages of one process.
+    """
+
+    def __init__(self, folder: Path, workspace: Workspace | None = None) -> None:
+        self.folder = folder
+        self.workspace = Workspace.given(workspace)
+        self._kept: _Kept | None = None
+        self._shape: BodyShape | None = None
+        self._of: Model | None = None
+        self._path: tuple[str, EquilibriumPath] | None = None
+
+    def answer(self, request: Request, stopped: Stopped) -> Messages:
+        """The messages that answer a request, the picture before the certificate; ends early where it is stopped."""
+        work = {
+            "solve": self._solve, "solutions": self._solutions, "path": self._follow, "point": self._point,
+        }[request.kind]  # fmt: skip
+        keys: tuple[str, ...] = ()
+        try:
+            stated = self._read(request)
+            keys = stated.keys
+            if request.kind == "solve":
+                yield self._told(request, stated)
+            yield from work(request, stated, stopped)
+            yield Message({"type": "done", "generation": request.generation, "of": request.kind})
+        except HemivarError as error:
+            if not keys:
+                keys = _keys(request.text)
+            message = str(error).removeprefix("problem: ")
+            head = {"type": "error", "generation": request.generation, "message": message, "of": request.kind}
+            yield Message({**head, "key": key_of_message(message, list(keys))})
+        except MemoryError:
+            head = {"type": "error", "generation": request.generation, "of": request.kind, "key": None}
+            yield Message({**head, "message": "not enough memory for this problem; take fewer cells"})
+
+    # ---- reading ----------------------------------------------------------------------------------------
+
+    def _read(self, request: Request) -> _Stated:
+        file = parse_problem_file(request.text, self.folder, "problem", place=_small_enough)
+        mesh, order = file.problem.mesh, getattr(file.problem, "order", 1)
+        nodes = mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0)
+        data = tomllib.loads(request.text)
+        size = nodes * (1 if "kind" in data else mesh.dim)
+        if size > MOST_UNKNOWNS:
+            raise ProblemError(
+                f"problem: [mesh] cells: the body has about {size} unknowns; the studio solves up to {MOST_UNKNOWNS}: "
+                "take fewer cells, or the command 'hemivar solve'"
+            )
+        # files are not written from a page
+        file = replace(file, output=None)
+        body = [data.get(key) for key in ("kind", "mesh", "material", "supports")]
+        return _Stated(request.text, file, _keys(request.text), body)
+
+    def _told(self, request: Request, stated: _Stated) -> Message:
+        data = tomllib.loads(stated.text)
+        found = sliders_of(data, numbers_of(stated.text))
+        return Message(
+            {
+                "type": "problem",
+                "generation": request.generation,
+                "title": stated.file.problem.title,
+                "timed": stated.file.time is not None,
+                "units": stated.file.units.record(),
+                "sliders": [slider.record() for slider in found],
+            }
+        )
+
+    def _discrete(self, stated: _Stated) -> DiscreteProblem:
+        """The discrete problem, on the body that is kept if it is the same one."""
+        fresh = discretize(stated.file.problem)
+        if self._kept is not None and _same_body(self._kept, fresh, stated.body):
+            known = self._kept.problem.with_(
+                load=fresh.load, offset=fresh.offset, law=fresh.law, constant=fresh.constant
+            )
+            if fresh.held or fresh.limit is not None:
+                known = known.known_to_be_held(fresh.limit)
+            fresh = replace(known, warnings=fresh.warnings)
+        self._kept = _Kept(fresh, stated.body)
+        return fresh
+
+    def _shown(self, request: Request, problem: DiscreteProblem) -> Messages:
+        """The shape of the body, unless the page has it."""
+        shape = self._shape
+        kept = shape is not None and problem.field is not None and self._of is problem.model
+        if not kept or shape is None:
+            shape = BodyShape.of(problem)
+            self._shape, self._of = shape, problem.model
+        if shape.key != request.shape:
+            yield shape.message(request.generation)
+
+    def _picture(self, request: Request, solution: Solution, more: Mapping[str, object] | None = None) -> Message:
+        assert self._shape is not None
+        problem, shape = solution.problem, self._shape
+        arrays = fields_of(shape, problem, solution.displacement, solution.local, solution.multiplier, solution.states)
+        head = {
+            "type": "picture",
+            "generation": request.generation,
+            "shape": shape.key,
+            "status": solution.status.value,
+            "converged": solution.status is Status.CONVERGED,
+            "remedy": "" if solution.status is Status.CONVERGED else solution.status.remedy,
+            "method": solution.method,
+            "steps": solution.steps,
+            "unknowns": problem.unknowns,
+            "energy": solution.energy,
+            "residual": solution.residual.relative,
+            "normal_force": solution.normal_force,
+            "friction_force": np.atleast_1d(solution.friction_force).tolist(),
+            "warnings": list(solution.warnings),
+            **(more or {}),
+        }
+        return Message(head, arrays)
+
+    # ---- the requests ---------------------------------------------------------------------------------------
+
+    def _solve(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
+        if stated.file.time is not None:
+            yield from self._march(request, stated, stopped)
+            return
+        problem = self._discrete(stated)
+        yield from self._shown(request, problem)
+        options = RunOptions(_method(stated), _controls(stated, stopped))
+        work = _Watched(run(problem, options, self.workspace), stopped)
+        for event in work:
+            if isinstance(event, WarningEvent):
+                yield Message({"type": "notice", "generation": request.generation, "text": event.text})
+            elif isinstance(event, FoundEvent):
+                if not stopped():
+                    yield self._picture(request, event.solution)
+                    curves = curves_of(event.solution)
+                    yield Message({"type": "laws", "generation": request.generation, "curves": curves})
+            elif isinstance(event, CertificateEvent):
+                yield _badge(request, event.certificate)
+
+    def _solutions(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
+        problem = self._discrete(_static(stated, "solutions"))
+        yield from self._shown(request, problem)
+        controls = Controls(max_time=_SECONDS, callback=lambda progress: stopped())
+        options = SolutionsOptions(max_solutions=_MOST_SOLUTIONS, controls=controls)
+        work = _Watched(solutions(problem, options), stopped)
+        number = 0
+        for event in work:
+            if isinstance(event, SearchProgress):
+                done = event.starts / event.planned if event.planned else None
+                yield _progress(request, done, f"{event.found} found")
+            elif isinstance(event, FoundEvent):
+                solution = event.solution
+                kind = "" if solution.kind is None else solution.kind.value
+                yield self._picture(request, solution, {"solution": number, "kind": kind})
+                number += 1
+        found = work.result
+        if found is not None:
+            known = "all solutions" if found.exhaustive else "perhaps not all"
+            words = f"{len(found)} solution{'' if len(found) == 1 else 's'}, {known}: {found.searched}"
+            yield Message({"type": "solutions", "generation": request.generation, "count": number, "words": words})
+
+    def _follow(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
+        stated = _static(stated, "the load path")
+        options = PathOptions((0.0, request.upper), max_points=_MOST_POINTS, max_time=_SECONDS)
+        work = _Watched(path(stated.file.problem, options), stopped)
+        told = 0
+        for event in work:
+            if isinstance(event, PathProgress) and event.points >= told + 20:
+                told = event.points
+                yield _progress(request, None, f"{event.points} points, load factor {event.load_factor:.3g}")
+        found = work.result
+        if found is None:
+            return
+        self._path = stated.text, found
+        yield from self._shown(request, found.problem)
+        yield Message(
+            {
+                "type": "path",
+                "generation": request.generation,
+                "words": f"{found.failure}; {found.ended}",
+                "folds": [fold.index for fold in found.main_folds],
+                "jumps": [[jump.index, jump.load_factor] for jump in found.main_jumps],
+                "warnings": list(found.warnings),
+            },
+            {
+                "load_factor": found.load_factor,
+                "penetration": found.max_penetration,
+                "normal_force": found.normal_force,
+                "friction_force": np.linalg.norm(found.friction_force, axis=1),
+                "energy": found.energy,
+                "stable": found.stable.astype(float),
+            },
+        )
+        yield self._at(request, found, len(found) - 1)
+
+    def _point(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
+        if self._path is None or self._path[0] != stated.text:
+            raise ProblemError("the load path is that of another problem; follow it again")
+        found = self._path[1]
+        yield from self._shown(request, found.problem)
+        yield self._at(request, found, min(request.index, len(found) - 1))
+
+    def _at(self, request: Request, found: EquilibriumPath, index: int) -> Message:
+        """The body at a point of a path."""
+        assert self._shape is not None
+        local, multiplier = found.local[index], found.multiplier[index]
+        problem = found.line.at(float(found.load_factor[index]))
+        unknowns = self.workspace.condensed(problem).unknowns(local)
+        field, contact = problem.field, problem.contact
+        assert field is not None
+        states = contact_states(problem.law, local, multiplier, without_friction=contact.without_friction)
+        arrays = fields_of(self._shape, problem, field.full(unknowns), local, multiplier, states)
+        head = {
+            "type": "picture", "generation": request.generation, "shape": self._shape.key, "converged": True,
+            "status": f"load factor {found.load_factor[index]:.6g}", "remedy": "", "index": index,
+            "stable": bool(found.stable[min(index, len(found.stable) - 1)]), "energy": float(found.energy[index]),
+            "normal_force": float(found.normal_force[index]), "friction_force": found.friction_force[index].tolist(),
+            "unknowns": problem.unknowns, "warnings": [],
+        }  # fmt: skip
+        return Message(head, arrays)
+
+    def _march(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
+        time = stated.file.time
+        assert time is not None
+        every = time.until / _FRAMES
+        plan = plan_of(stated.file, MarchSettings(every=every, max_time=_SECONDS))
+        work = _Watched(march(evolution_of(stated.file), plan), stopped)
+        problem: DiscreteProblem | None = None
+        for event in work:
+            if isinstance(event, ReadyEvent):
+                problem = event.discrete.problem
+                yield from self._shown(request, problem)
+            elif isinstance(event, ProgressEvent):
+                assert problem is not None
+                taken = event.stepped
+                frames = [frame for _, frame in taken.earlier] + ([] if taken.frame is None else [taken.frame])
+                for frame in frames:
+                    yield self._frame(request, problem, frame)
+                if frames:
+                    yield _progress(request, taken.done, f"t = {taken.row.time:.4g}")
+        found = work.result
+        if found is not None:
+            yield _history(request, found)
+
+    def _frame(self, request: Request, problem: DiscreteProblem, frame: Frame) -> Message:
+        assert self._shape is not None
+        states = contact_states(problem.law, frame.local, frame.multiplier)
+        arrays = fields_of(self._shape, problem, frame.displacement, frame.local, frame.multiplier, states)
+        weights = problem.contact.weights
+        head = {
+            "type": "picture", "generation": request.generation, "shape": self._shape.key, "time": frame.time,
+            "converged": True, "status": f"t = {frame.time:.4g}", "remedy": "", "warnings": [],
+            "unknowns": problem.unknowns, "normal_force": float(weights @ frame.multiplier[:, 0]),
+        }  # fmt: skip
+        return Message(head, arrays)
+
+
+Result = TypeVar("Result")
+
+
+class _Watched(Generic[Result]):
+    """Work that ends early where it is stopped; its events, and then its result."""
+
+    def __init__(self, work: Work[Result], stopped: Stopped) -> None:
+        self._work, self._stopped = work, stopped
+        self.result: Result | None = None
+
+    def __iter__(self) -> Iterator[Event]:
+        stop: bool | None = None
+        while True:
+            try:
+                event = self._work.send(stop) if stop else next(self._work)
+            except StopIteration as end:
+                self.result = end.value
+                return
+            yield event
+            stop = self._stopped()
+
+
+def _same_body(kept: _Kept, fresh: DiscreteProblem, tables: object) -> bool:
+    """Whether a problem differs from the one that is kept by its load, gap and law at most."""
+    one, other = kept.problem.model, fresh.model
+    if kept.tables != tables or not (isinstance(one.bulk, Quadratic) and isinstance(other.bulk, Quadratic)):
+        return False
+    pairs = [
+        (one.bulk.stiffness.data, other.bulk.stiffness.data),
+        (one.bulk.stiffness.indices, other.bulk.stiffness.indices),
+        (one.contact.trace.data, other.contact.trace.data),
+        (one.contact.trace.indices, other.contact.trace.indices),
+        (one.contact.weights, other.contact.weights),
+        (one.contact.points, other.contact.points),
+        (one.contact.frames, other.contact.frames),
+        (one.contact.boundary, other.contact.boundary),
+    ]
+    return (
+        all(a is b or (a is not None and b is not None and np.array_equal(a, b)) for a, b in pairs)
+        and one.contact.names == other.contact.names
+    )
+
+
+def _small_enough(stated: StatedMesh) -> Mesh:
+    """The mesh, refused before it is made where it has more cells than a page shows."""
+    source = stated.recipe.source
+    if isinstance(source, Grid):
+        dim = len(source.size)
+        in_each = 6.0 if dim == 3 else 4.0 if source.pattern == "cross" else 2.0
+        count = refined_cells(dim, in_each * math.prod(map(float, source.cells)), stated.recipe.refine)
+        if count > MOST_CELLS:
+            raise stated.table.error(
+                "cells",
+                f"the mesh has {count:.3g} cells; the studio shows up to {MOST_CELLS}: take fewer, or the command "
+                "'hemivar solve'",
+            )
+    return stated.build()
+
+
+def _keys(text: str) -> tuple[str, ...]:
+    """The numbers of a text by their keys; none where it is not TOML."""
+    try:
+        tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return ()
+    return tuple(number.key for number in numbers_of(text))
+
+
+def _static(stated: _Stated, what: str) -> _Stated:
+    if stated.file.time is not None:
+        raise ProblemError(f"problem: [time]: {what} is for problems at rest; leave this table out")
+    return stated
+
+
+def _method(stated: _Stated) -> Solver | None:
+    name = stated.file.solver.method
+    return None if name is None else method_named(name)
+
+
+def _controls(stated: _Stated, stopped: Stopped) -> Controls:
+    """The limits of the text, within those of a page."""
+    given, usual = stated.file.solver, Controls()
+    return Controls(
+        rtol=usual.rtol if given.rtol is None else given.rtol,
+        max_steps=given.max_steps,
+        max_time=min(_SECONDS, math.inf if given.max_time is None else given.max_time),
+        callback=lambda progress: stopped(),
+    )
+
+
+def _badge(request: Request, certificate: Certificate) -> Message:
+    """The certificate as a badge: what it means in one sentence, and its lines."""
+    level, title, meaning = badge_of(certificate)
+    return Message(
+        {
+            "type": "certificate",
+            "generation": request.generation,
+            "level": level,
+            "title": title,
+            "meaning": meaning,
+            "lines": certificate.lines(),
+        }
+    )
+
+
+def badge_of(certificate: Certificate) -> tuple[str, str, str]:
+    """Level ("good", "fair" or "poor"), title and meaning of a certificate, as far as it claims it.
+
+    Parameters
+    ----------
+    certificate : Certificate
+
+    Returns
+    -------
+    tuple of three str
+    """
+    if not certificate.stationary:
+        return "poor", "not a solution", "The residual is above the tolerance: this picture shows no equilibrium."
+    kind = certificate.kind.value
+    if certificate.unique is True:
+        error = certificate.error_bound_relative
+        sure = "about" if certificate.error_bound_sampled else "at most"
+        off = f" It is {sure} {error:.1e} (relative) from the exact discrete solution." if math.isfinite(error) else ""
+        return "good", "the only solution", f"No other equilibrium of this mesh exists at this load.{off}"
+    if isinstance(certificate.unique, str):
+        return "good", kind, f"This equilibrium is {certificate.unique}."
+    if certificate.kind in (PointKind.LOCAL_MINIMISER, PointKind.GLOBAL_MINIMISER):
+        others = "Others exist" if certificate.unique is False else "Others may exist"
+        return "fair", kind, f"A stable equilibrium: its energy is least nearby. {others}; search for all solutions."
+    return "poor", kind, f"An equilibrium, but not shown to be stable; {certificate.uniqueness}."
+
+
+def _progress(request: Request, done: float | None, words: str) -> Message:
+    return Message({"type": "progress", "generation": request.generation, "done": done, "words": words})
+
+
+def _history(request: Request, found: History) -> Message:
+    names = [name for name in ("normal_force", "friction_force", "contact") if name in found.rows[-1].values]
+    table = {name: np.array([row.values[name] for row in found.rows]) for name in names}
+    head = {
+        "type": "history", "generation": request.generation, "ended": found.ended, "messages": list(found.messages),
+        "names": names, "events": [list(event) for event in found.events],
+    }  # fmt: skip
+    return Message(head, {"times": found.times, **table})

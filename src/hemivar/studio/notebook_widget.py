@@ -1,0 +1,128 @@
+"""The studio in a notebook: the same page as a widget."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hemivar.basics import disk
+from hemivar.errors import ProblemError
+from hemivar.files.problem_file import ProblemFile, problem_text, read_text
+from hemivar.files.sample import template
+from hemivar.mechanics.scalar import Statement
+from hemivar.studio.binary_message import Message
+from hemivar.studio.desk import Desk
+from hemivar.studio.jobs import Bench
+from hemivar.studio.requests import request_of
+from hemivar.studio.web_server import STATIC, hello
+
+if TYPE_CHECKING:
+    import anywidget
+
+__all__ = ["module_texts", "show", "widget_of"]
+
+#: The modules of the page, each after those that it imports.
+_MODULES = (
+    "vendor/three.core.min.js", "vendor/three.module.min.js", "dom.js", "colours.js", "plot.js", "body.js", "law.js",
+    "charts.js", "sliders.js", "text.js", "export.js", "tabs.js",
+    "address.js", "studio.js",
+)  # fmt: skip
+
+
+def show(problem: object = None) -> anywidget.AnyWidget:
+    """The studio of a problem, as a widget of a notebook.
+
+    Parameters
+    ----------
+    problem : ContactProblem, ScalarProblem, ProblemFile, str or Path, optional
+        A problem that a problem file can state, or the path of one; an example by default.
+
+    Returns
+    -------
+    AnyWidget
+        ``widget.text`` is the problem file as it stands now.
+
+    Raises
+    ------
+    ProblemError
+        anywidget is not installed, or a problem file cannot state the problem.
+    """
+    if importlib.util.find_spec("anywidget") is None:
+        raise ProblemError("the studio of a notebook needs anywidget; install with pip install 'hemivar[notebook]'")
+    if problem is None:
+        return widget_of(template("survey"), Path(), "survey.toml")
+    if isinstance(problem, str | Path):
+        path = disk.path_of(problem)
+        return widget_of(read_text(path), path.parent, path.name)
+    return widget_of(_stated(problem), Path(), "problem.toml")
+
+
+def _stated(problem: object) -> str:
+    """The problem file that states a problem."""
+    if not isinstance(problem, Statement | ProblemFile):
+        kind = type(problem).__name__
+        raise ProblemError(f"the studio shows a ContactProblem, a ScalarProblem or a problem file; this is a {kind}")
+    return problem_text(problem)
+
+
+def module_texts() -> dict[str, str]:
+    """The modules of the page by their names, each after those that it imports."""
+    return {name: disk.read_text(STATIC / name, "module") for name in _MODULES}
+
+
+def widget_of(text: str, folder: Path, name: str) -> anywidget.AnyWidget:
+    """The widget of a problem file.
+
+    Parameters
+    ----------
+    text : str
+    folder : Path
+        Where meshes and tables that the text names are looked for.
+    name : str
+        Name of the file for downloads.
+
+    Returns
+    -------
+    AnyWidget
+    """
+    import anywidget
+    import traitlets
+
+    class Studio(anywidget.AnyWidget):  # type: ignore[misc]
+        """The studio; its page asks by messages, as over a socket."""
+
+        _esm = disk.read_text(STATIC / "widget.js", "module")
+        _css = disk.read_text(STATIC / "studio.css", "style")
+        modules = traitlets.Dict(module_texts()).tag(sync=True)
+        text = traitlets.Unicode()
+
+        def close(self) -> None:
+            """End the work and the widget."""
+            desk.close()
+            super().close()
+
+    widget = Studio(text=text)
+
+    def send(message: Message) -> None:
+        head, parts = message.buffers()
+        widget.send(head, parts)
+
+    desk = Desk(Bench(folder), send)
+
+    def received(_: object, content: object, buffers: Sequence[object]) -> None:
+        if isinstance(content, dict) and content.get("type") == "hello":
+            send(hello(text, name))
+            return
+        try:
+            request = request_of(content)
+        except ProblemError as error:
+            send(Message({"type": "refused", "generation": 0, "message": f"the page sent {error}"}))
+            return
+        if request.text:
+            widget.text = request.text
+        desk.put(request)
+
+    widget.on_msg(received)
+    return widget

@@ -1,0 +1,100 @@
+"""What a page may ask for, read from JSON with every field checked."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hemivar.errors import ProblemError
+
+__all__ = ["KINDS_OF_REQUEST", "MOST_CHARACTERS", "Request", "read_request", "request_of"]
+
+#: What a page may ask for; "cancel" ends what is at work.
+KINDS_OF_REQUEST = ("solve", "solutions", "path", "point", "cancel")
+#: Characters of a message from a page.
+MOST_CHARACTERS = 2**20
+_LARGEST = 2**53
+
+
+@dataclass(frozen=True)
+class Request:
+    """One request of a page.
+
+    Attributes
+    ----------
+    kind : str
+        One of :data:`KINDS_OF_REQUEST`.
+    generation : int
+        Its number, which every message of the answer has; the newest wins.
+    text : str
+        The problem file.
+    shape : str
+        Key of the shape that the page has, so that it is not sent again.
+    index : int
+        Point of the load path.
+    upper : float
+        Load factor up to which the path is followed.
+    """
+
+    kind: str
+    generation: int
+    text: str = ""
+    shape: str = ""
+    index: int = 0
+    upper: float = 1.0
+
+
+def read_request(message: str) -> Request:
+    """A request from its JSON.
+
+    Raises
+    ------
+    ProblemError
+        The message is too long, no JSON object, or a field is missing or of the wrong kind.
+    """
+    if len(message) > MOST_CHARACTERS:
+        raise ProblemError(f"a message of {len(message)} characters; a page sends at most {MOST_CHARACTERS}")
+    try:
+        data = json.loads(message)
+    except (ValueError, RecursionError):
+        raise ProblemError("a message that is no JSON; send an object with type and generation") from None
+    return request_of(data)
+
+
+def request_of(data: object) -> Request:
+    """A request from an object of JSON; raises as :func:`read_request`."""
+    if not isinstance(data, Mapping):
+        raise ProblemError("a message that is no object; send one with type and generation")
+    kind = data.get("type")
+    if not isinstance(kind, str) or kind not in KINDS_OF_REQUEST:
+        raise ProblemError(f"type is no request; send one of {', '.join(KINDS_OF_REQUEST)}")
+    text = _text(data, "text")
+    if len(text) > MOST_CHARACTERS:
+        raise ProblemError(f"text has {len(text)} characters; a page sends at most {MOST_CHARACTERS}")
+    upper = data.get("upper", 1.0)
+    if (
+        isinstance(upper, bool)
+        or not isinstance(upper, int | float)
+        or not 0.0 < upper < 1e9
+        or not math.isfinite(upper)
+    ):
+        raise ProblemError("upper must be a load factor greater than 0")
+    return Request(
+        kind, _whole(data, "generation", None), text, _text(data, "shape"), _whole(data, "index", 0), float(upper)
+    )
+
+
+def _text(data: Mapping[str, object], name: str) -> str:
+    value = data.get(name, "")
+    if not isinstance(value, str):
+        raise ProblemError(f"{name} must be a text")
+    return value
+
+
+def _whole(data: Mapping[str, object], name: str, usual: int | None) -> int:
+    value = data.get(name, usual)
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < _LARGEST:
+        raise ProblemError(f"{name} must be a whole number of at least 0")
+    return value

@@ -1,0 +1,143 @@
+"""Sliders for the numbers of a problem file: which there are, how far each goes, and what they are called."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawParameter
+from hemivar.studio.toml_numbers import TextNumber
+
+__all__ = ["Slider", "key_of_message", "sliders_of"]
+
+#: Tables whose numbers say how to compute, or are no part of what a picture shows.
+_LEFT_OUT = ("solver", "output", "units")
+#: Whole numbers, with the least and the most that a slider gives.
+_WHOLE = {"cells": (1, 160), "refine": (0, 4), "order": (1, 2)}
+#: Most cells along a direction of a body in space.
+_CELLS_IN_SPACE = 24
+#: Numbers that must be greater than zero, or stay within bounds.
+_POSITIVE = ("young", "rectangle", "box", "scale", "density", "until", "step", "radius")
+_BOUNDED = {"poisson": (0.0, 0.49)}
+_LISTS_SHOWN = 24
+
+
+@dataclass(frozen=True)
+class Slider:
+    """One number of the text.
+
+    Attributes
+    ----------
+    key : str
+        Its path, joined by dots.
+    table, label : str
+        The table under which it is shown, and its name there.
+    start, end : int
+        Where it stands in the text.
+    value, low, high, step : float
+    whole : bool
+        Whether it is a whole number.
+    meaning : str
+        What it is, in words; empty if that is not known.
+    """
+
+    key: str
+    table: str
+    label: str
+    start: int
+    end: int
+    value: float
+    low: float
+    high: float
+    step: float
+    whole: bool
+    meaning: str = ""
+
+    def record(self) -> dict[str, object]:
+        """For JSON."""
+        return asdict(self)
+
+
+def sliders_of(data: Mapping[str, object], numbers: list[TextNumber]) -> list[Slider]:
+    """The sliders of a file: of its law, loads, material, supports, mesh and time."""
+    found = []
+    for number in numbers:
+        first = str(number.path[0])
+        if (
+            first in _LEFT_OUT
+            or len(number.path) < 2
+            or any(isinstance(k, int) and k >= _LISTS_SHOWN for k in number.path)
+        ):
+            continue
+        parameter = _parameter(data, number)
+        low, high, whole = _range(data, number, parameter)
+        step = 1.0 if whole else _nice((high - low) / 200.0)
+        table, label = _names(number)
+        meaning = "" if parameter is None else f"{parameter.meaning} ({parameter.unit})"
+        found.append(
+            Slider(number.key, table, label, number.start, number.end, number.value, low, high, step, whole, meaning)
+        )
+    return found
+
+
+def key_of_message(message: str, keys: list[str]) -> str | None:
+    """The key that a message of the library names: ``file: [contact.bottom] normal.q_max: ...``, or a table of it."""
+    words = message.split(": ")
+    for word in words[:3]:
+        table, bracket, rest = word.partition("] ")
+        place = f"{table[1:]}.{rest}" if bracket and table.startswith("[") else word.strip("[]")
+        near = [key for key in keys if key == place or key.startswith(f"{place}.")]
+        if near:
+            return near[0]
+    return None
+
+
+def _names(number: TextNumber) -> tuple[str, str]:
+    path = [str(step) for step in number.path]
+    depth = 2 if path[0] in ("contact", "area") and len(path) > 2 else 1
+    return ".".join(path[:depth]), ".".join(path[depth:])
+
+
+def _parameter(data: Mapping[str, object], number: TextNumber) -> LawParameter | None:
+    """The parameter of a law that a number is."""
+    path = number.path
+    if path[0] != "contact" or len(path) < 4 or path[2] not in ("normal", "friction"):
+        return None
+    law: object = data
+    for step in path[:3]:
+        law = law.get(str(step)) if isinstance(law, Mapping) else None
+    name = law.get("law") if isinstance(law, Mapping) else None
+    entry = (NORMAL_LAWS if path[2] == "normal" else FRICTION_LAWS).get(str(name))
+    return None if entry is None else next((p for p in entry.parameters if p.name == path[3]), None)
+
+
+def _range(data: Mapping[str, object], number: TextNumber, parameter: LawParameter | None) -> tuple[float, float, bool]:
+    value, name = float(number.value), next(str(k) for k in reversed(number.path) if isinstance(k, str))
+    if number.path[0] == "mesh" and name in _WHOLE:
+        least, most = _WHOLE[name]
+        mesh = data.get("mesh")
+        if name == "cells" and isinstance(mesh, Mapping) and "box" in mesh:
+            most = _CELLS_IN_SPACE
+        return least, max(most, value), True
+    if name in _BOUNDED and _BOUNDED[name][0] <= value <= _BOUNDED[name][1]:
+        return (*_BOUNDED[name], False)
+    size = _nice(2.0 * abs(value)) if value else 1.0
+    low, high = (-size, size) if number.path[0] in ("loads", "supports", "contact") else (0.0, size)
+    if parameter is not None:
+        low = max(low, parameter.minimum)
+        high = max(high, low + size)
+        if low == 0.0 and parameter.required and value > 0.0:
+            low = size / 200.0
+    elif value < 0.0:
+        low, high = -size, size
+    if name in _POSITIVE and value > 0.0:
+        low = size / 50.0
+    return low, high, False
+
+
+def _nice(value: float) -> float:
+    """The smallest of 1, 2, 5 times a power of ten that is at least ``value``."""
+    power = 10.0 ** math.floor(math.log10(value)) if 1e-300 < value < 1e300 else 1.0
+    digit = next((d for d in (1, 2, 5, 10) if d * power >= value * (1.0 - 1e-9)), 10)
+    return float(f"{digit * power:.6g}")

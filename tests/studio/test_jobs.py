@@ -1,0 +1,256 @@
+"""What the studio answers: the library's own results, the picture before the certificate, the newest request first."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.files.problem_file import parse_problem
+from hemivar.files.sample import template
+from hemivar.studio import Bench, Message, Request
+from hemivar.studio.binary_message import unpacked
+from hemivar.studio.desk import Desk
+from hemivar.studio.jobs import MOST_CELLS, badge_of
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
+
+
+def never() -> bool:
+    return False
+
+
+def answers(bench: Bench, kind: str, text: str, **more: object) -> list[Message]:
+    """All messages to one request."""
+    return list(bench.answer(Request(kind, 7, text, **more), never))  # type: ignore[arg-type]
+
+
+def kinds(messages: list[Message]) -> list[object]:
+    return [one.head["type"] for one in messages if one.head["type"] not in ("progress", "notice")]
+
+
+def one(messages: list[Message], kind: str) -> Message:
+    return next(message for message in messages if message.head["type"] == kind)
+
+
+def test_a_message_comes_back_from_its_bytes() -> None:
+    message = Message({"type": "x", "n": float("nan"), "t": "é"}, {"a": np.eye(2), "b": np.arange(3), "c": np.zeros(0)})
+    head, arrays = unpacked(message.packed())
+    assert (head["type"], head["n"], head["t"]) == ("x", None, "é")
+    np.testing.assert_array_equal(arrays["a"], np.eye(2))
+    np.testing.assert_array_equal(arrays["b"], [0, 1, 2])
+    assert arrays["c"].size == 0
+
+
+def test_the_picture_comes_before_the_certificate_and_the_shape_once() -> None:
+    bench, text = Bench(Path()), template("survey")
+    first = answers(bench, "solve", text)
+    assert kinds(first) == ["problem", "shape", "picture", "laws", "certificate", "done"]
+    key = str(one(first, "shape").head["key"])
+    assert kinds(answers(bench, "solve", text, shape=key)) == ["problem", "picture", "laws", "certificate", "done"]
+
+
+@pytest.mark.parametrize("name", ["survey", "softening", "hertz", "cube", "membrane"])
+def test_fields_are_those_of_the_library(name: str) -> None:
+    text = template(name)
+    messages = answers(Bench(Path()), "solve", text)
+    solution = hv.solve(parse_problem(text))
+    shape, picture = one(messages, "shape"), one(messages, "picture")
+    assert picture.head["converged"]
+    assert picture.head["energy"] == pytest.approx(solution.energy, rel=1e-9)
+    np.testing.assert_allclose(picture.arrays["local"], solution.local, atol=1e-9)
+    np.testing.assert_allclose(picture.arrays["pressure"], solution.pressure, atol=1e-6 * abs(solution.pressure).max())
+    field = solution.problem.field
+    assert field is not None
+    points = shape.arrays["points"][:, : field.mesh.dim]
+    place = np.array([np.argmin(np.linalg.norm(field.mesh.points - p, axis=1)) for p in points[::7]])
+    shown = picture.arrays["displacement"][::7]
+    columns = slice(2, 3) if shape.head["kind"] == "scalar" else slice(0, field.mesh.dim)
+    np.testing.assert_allclose(
+        shown[:, columns], solution.displacement.reshape(field.number_of_nodes, -1)[place], atol=1e-12
+    )
+    corners = shape.arrays["triangles"]
+    assert corners.max() < len(points)
+
+
+def test_a_body_that_is_kept_gives_the_same_as_a_new_one() -> None:
+    """Another load and law are solved on the body of before, another material or mesh is not."""
+    text = template("survey")
+    bench = Bench(Path())
+    answers(bench, "solve", text)
+    for old, new in (
+        ("-0.8, -0.8", "-0.5, -1.1"),
+        ("q_max = 0.3", "q_max = 0.1"),
+        ("bound = 0.5", "bound = 0.2"),
+        ("lame = [4.0, 4.0]", "lame = [4.0, 2.0]"),
+        ("cells = [32, 32]", "cells = [16, 16]"),
+        ('left = "clamped"', 'right = "clamped"'),
+    ):
+        assert old in text
+        changed = text.replace(old, new)
+        kept, fresh = (one(answers(b, "solve", changed), "picture") for b in (bench, Bench(Path())))
+        for name, values in fresh.arrays.items():
+            np.testing.assert_allclose(kept.arrays[name], values, rtol=1e-6, atol=1e-9, err_msg=f"{new}: {name}")
+        assert kept.head["energy"] == pytest.approx(fresh.head["energy"], rel=1e-9)
+
+
+def test_another_load_does_not_condense_the_body_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    from hemivar.systems import workspace
+
+    count = []
+    condense = workspace.condense
+    monkeypatch.setattr(workspace, "condense", lambda *a: count.append(1) or condense(*a))
+    bench, text = Bench(Path()), template("survey")
+    for load in (-0.8, -0.7, -0.6):
+        answers(bench, "solve", text.replace("-0.8, -0.8", f"-0.8, {load}"))
+    assert len(count) == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "words"),
+    [
+        ("q_max = 0.3", "q_max = -1.0", "contact.bottom.normal.q_max", "at least 0"),
+        ("lame = [4.0, 4.0]", "lame = [4.0, -4.0]", "material.lame.0", "positive"),
+        ("lame", "lamé", None, "not valid TOML"),
+        ("cells = [32, 32]", "cells = [3200, 3200]", "mesh.cells.0", "cells"),
+        ('left = "clamped"', 'left = "glued"', None, "left"),
+    ],
+)
+def test_mistakes_are_told_in_a_sentence_beside_their_key(old: str, new: str, key: str | None, words: str) -> None:
+    text = template("survey")
+    assert old in text
+    (message,) = answers(Bench(Path()), "solve", text.replace(old, new))
+    assert message.head["type"] == "error"
+    assert words in str(message.head["message"])
+    assert "\n" not in str(message.head["message"])
+    assert message.head["key"] == key
+
+
+def test_a_body_too_large_for_a_page_is_refused_before_it_is_made() -> None:
+    began = time.perf_counter()
+    text = template("survey").replace("cells = [32, 32]", "cells = [2000, 2000]")
+    (message,) = answers(Bench(Path()), "solve", text)
+    assert str(MOST_CELLS) in str(message.head["message"])
+    assert time.perf_counter() - began < 5.0
+
+
+def test_all_solutions_of_the_softening_foundation() -> None:
+    text = template("softening")
+    messages = answers(Bench(Path()), "solutions", text)
+    found = hv.find_solutions(parse_problem(text))
+    pictures = [m for m in messages if m.head["type"] == "picture"]
+    assert [m.head["energy"] for m in pictures] == pytest.approx([s.energy for s in found])
+    assert [m.head["kind"] for m in pictures] == [s.kind.value for s in found if s.kind is not None]
+    assert "all solutions" in str(one(messages, "solutions").head["words"])
+
+
+def test_the_load_path_and_the_body_at_a_point_of_it() -> None:
+    text = (EXAMPLES / "delamination.toml").read_text(encoding="utf-8")
+    bench = Bench(EXAMPLES)
+    messages = answers(bench, "path", text)
+    path = hv.follow_path(parse_problem(text))
+    told = one(messages, "path")
+    np.testing.assert_allclose(told.arrays["load_factor"], path.load_factor)
+    assert told.head["folds"] == [fold.index for fold in path.main_folds]
+    index = len(path) // 2
+    point = one(answers(bench, "point", text, index=index), "picture")
+    np.testing.assert_allclose(point.arrays["local"], path.local[index])
+    # the body is in equilibrium with the contact forces of the point
+    problem = path.line.at(float(path.load_factor[index]))
+    out = problem.load - problem.contact_force(path.multiplier[index])
+    u = np.linalg.solve(problem.stiffness.toarray(), out)
+    assert problem.field is not None
+    expected = problem.field.full(u)[: problem.field.mesh.number_of_nodes]
+    np.testing.assert_allclose(point.arrays["displacement"][:, :2], expected, atol=1e-9 * abs(expected).max() + 1e-12)
+    other = answers(bench, "point", text.replace("title", "# title", 1) + "\n", index=0)
+    assert "follow it again" in str(other[0].head["message"])
+
+
+def test_an_evolution_comes_frame_by_frame_with_its_history() -> None:
+    text = template("bounce")
+    messages = answers(Bench(Path()), "solve", text)
+    frames = [m for m in messages if m.head["type"] == "picture"]
+    times = [float(str(m.head["time"])) for m in frames]
+    assert times == sorted(times)
+    assert len(times) > 50
+    history = one(messages, "history")
+    assert history.head["ended"] == "finished"
+    assert times[-1] == pytest.approx(history.arrays["times"][-1])
+    refused = answers(Bench(Path()), "path", text)
+    assert "[time]" in str(refused[-1].head["message"])
+
+
+def test_nothing_is_written_from_a_page(tmp_path: Path) -> None:
+    text = template("bounce") + '\n[output]\ntable = "out.csv"\nanimation = "out.gif"\ncheckpoint = "kept"\n'
+    text = text if text.count("[output]") == 1 else template("bounce")
+    answers(Bench(tmp_path), "solve", text)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_badge_claims_what_the_certificate_says() -> None:
+    survey = hv.solve(parse_problem(template("survey"))).certify()
+    assert badge_of(survey)[0] == "good"
+    assert survey.unique is True
+    kinds_found = {badge_of(s.certify())[0] for s in hv.find_solutions(parse_problem(template("softening")))}
+    assert kinds_found == {"fair", "poor"}  # minimisers that are not alone, and a saddle
+    wrong = hv.certify(
+        survey_problem := hv.discretize(parse_problem(template("survey"))), np.ones(survey_problem.unknowns)
+    )
+    assert badge_of(wrong)[:2] == ("poor", "not a solution")
+
+
+def test_the_newest_request_wins() -> None:
+    """A request ends the work on the one before it; what waits behind a newer one is never begun."""
+    begun: list[int] = []
+    told: list[tuple[object, object]] = []
+    finished = threading.Event()
+
+    class Slow(Bench):
+        def answer(self, request: Request, stopped: object) -> object:  # type: ignore[override]
+            begun.append(request.generation)
+            for _ in range(400):
+                time.sleep(0.005)
+                yield Message({"type": "step", "generation": request.generation})
+                if request.generation == 4:
+                    finished.set()
+                    return
+
+    desk = Desk(Slow(Path()), lambda message: told.append((message.head["type"], message.head["generation"])))
+    desk.put(Request("solve", 1))
+    while not told:
+        time.sleep(0.005)
+    for generation in (2, 3, 4):
+        desk.put(Request("solve", generation))
+    assert finished.wait(10.0)
+    desk.close()
+    desk.join(10.0)
+    assert begun[0] == 1
+    assert begun[-1] == 4
+    assert len(begun) <= 3
+    numbers = [int(str(generation)) for _, generation in told]
+    assert numbers == sorted(numbers)
+
+
+def test_an_error_of_the_program_is_told_and_the_worker_lives() -> None:
+    told: list[Message] = []
+
+    class Broken(Bench):
+        def answer(self, request: Request, stopped: object) -> object:  # type: ignore[override]
+            if request.generation == 1:
+                raise ZeroDivisionError
+            yield Message({"type": "done", "generation": request.generation})
+
+    desk = Desk(Broken(Path()), told.append)
+    for generation in (1, 2):
+        desk.put(Request("solve", generation))
+        for _ in range(1000):
+            if len(told) >= generation:
+                break
+            time.sleep(0.005)
+    desk.close()
+    assert [m.head["type"] for m in told] == ["error", "done"]
+    assert "should not occur" in str(told[0].head["message"])
