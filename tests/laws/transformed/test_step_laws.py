@@ -89,6 +89,22 @@ def test_dampers_that_cannot_pull_conform(c: float, damping: Superpotential) -> 
         assert (made.derivative(-r) == law.derivative(-r)).all()
 
 
+def test_a_damper_on_straight_springs_is_a_table() -> None:
+    """At every point that of its own: from where it pushes, ``13 r + 4 c`` on springs of stiffness 5."""
+    springs, damper, c = (
+        ThresholdCompliance(0.0, 5.0),
+        PiecewiseQuadratic([0.0], [4.0, 4.0], [0.0]),
+        np.array([0.3, -0.6]),
+    )
+    made = pushing(springs, affine(damper, 2.0, c))
+    assert made.straight
+    assert made.convex
+    r = np.array([0.2, 0.2])
+    np.testing.assert_allclose(made.derivative(r), [3.8, 0.2], rtol=1e-13)
+    np.testing.assert_allclose(made.value(r), [0.5, 0.5 * 13.0 * (0.2 - 2.4 / 13.0) ** 2], rtol=1e-12)
+    np.testing.assert_allclose(made.local_argmin(np.full(2, 3.0), np.array([4.4, 0.8])), [0.2, 3.2 / 16.0], rtol=1e-12)
+
+
 def test_bond_by_brute_force() -> None:
     gamma, w0, eta, tau = 50.0, 0.05, 0.2, 0.3
     beta = np.linspace(0.0, 0.8, 400001)

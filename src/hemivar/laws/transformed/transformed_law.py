@@ -5,9 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
@@ -18,7 +19,9 @@ from hemivar.laws.scaled import ScaledLaw
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["LawOfOne", "TransformedLaw", "by_parts", "falls_between", "numbers", "row"]
+__all__ = ["LawOfOne", "TransformedLaw", "by_parts", "falls_between", "numbers", "row", "taken"]
+
+Entry = TypeVar("Entry", bound=np.generic)
 
 
 class TransformedLaw(Superpotential):
@@ -54,9 +57,8 @@ class LawOfOne(TransformedLaw):
         return (self.base,)
 
     def take(self, index: IntArray) -> Self:
-        base = self.base.take(index) if self.base.knots.shape[0] > 1 else self.base
         rest = [row(getattr(self, one.name), index) for one in fields(self) if one.name != "base"]  # type: ignore[arg-type]
-        return type(self)(base, *rest)  # type: ignore[call-arg]
+        return type(self)(taken(self.base, index), *rest)  # type: ignore[call-arg]
 
 
 def check_law(law: object) -> None:
@@ -78,9 +80,14 @@ def numbers(value: Array | float, what: str, *, above: float = -np.inf, least: f
     return found
 
 
-def row(values: Array, index: IntArray) -> Array:
-    """The numbers (1,) or (m,) at some of the contact points."""
-    return values if values.size == 1 else values[index]
+def row(values: NDArray[Entry], index: IntArray) -> NDArray[Entry]:
+    """The numbers (1, ...) or (m, ...) at some of the contact points."""
+    return values if len(values) == 1 else values[index]
+
+
+def taken(law: Superpotential, index: IntArray) -> Superpotential:
+    """The law at some of the contact points, or the one law of all of them."""
+    return law.take(index) if law.knots.shape[0] > 1 else law
 
 
 def by_parts(
