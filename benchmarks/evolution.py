@@ -143,7 +143,7 @@ def counting() -> Iterator[Counted]:
 
 def stepped(discrete: DiscreteEvolution, steps: int, solver: hv.Solver | None) -> tuple[Array, Array, Counted]:
     """Seconds of every step of a march but the first, those outside of sparse solves, and what else is counted."""
-    plan = March((steps + 1) * STEP, step=STEP, save=Save(every=10.0 * steps * STEP), solver=solver,
+    plan = March((steps + 1) * STEP, step=STEP, save=Save(every=10.0 * steps * STEP), method=solver,
                  controls=hv.Controls(rtol=RTOL))  # fmt: skip
     whole, beyond = [], []
     with counting() as counted:
@@ -292,7 +292,7 @@ def coulomb(dim: int, n: int, normal: hv.laws.Superpotential, steps: int, repeat
 def allocated(n: int, steps: int) -> float:
     """KiB that a march of so many steps has allocated at the most after its first steps, beyond what it had then."""
     discrete = discretize_evolution(statement(2, "survey", n))
-    plan = March(steps * STEP, step=STEP, save=Save(every=10.0 * steps * STEP), solver=hv.solvers.NonsmoothNewton())
+    plan = March(steps * STEP, step=STEP, save=Save(every=10.0 * steps * STEP), method=hv.solvers.NonsmoothNewton())
     run = marching(discrete, plan)
     for _ in range(10):
         next(run)

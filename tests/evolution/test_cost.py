@@ -79,7 +79,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 def test_a_step_that_stays_costs_two_half_sweeps_and_no_factorisation(law: str, counted: Counter[str]) -> None:
     if law == "cube" and factorisation.mumps_available():
         pytest.skip("in space MUMPS takes the place of the factors whose sweeps are counted")
-    run = marching(body(law), March(1.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton()))
+    run = marching(body(law), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
     next(run)  # with the search for the largest step, whose bodies are condensed as well
     counted.clear()
     for _ in range(30):
@@ -101,7 +101,7 @@ def test_a_step_multiplies_by_each_matrix_once(law: str, others: bool, monkeypat
 
     viscosity = (0.4, 0.2) if others else (0.4, 0.4)
     run = marching(
-        body(law, viscosity=viscosity), March(1.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton())
+        body(law, viscosity=viscosity), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton())
     )
     next(run)
     monkeypatch.setattr(Operator, "times", counting)
@@ -136,7 +136,7 @@ def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: py
     np.testing.assert_array_equal(extrapolated_multiplier(moment, 3.0 * STEP), moment.multiplier)
 
     def equations() -> int:
-        run = marching(body("softening", 16), March(1.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton()))
+        run = marching(body("softening", 16), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
         return sum(next(run).row.solver_steps for _ in range(40))
 
     told = equations()
@@ -202,14 +202,14 @@ def test_a_residual_that_only_rounding_explains_is_asked_of_the_stiffness() -> N
 
 def test_steps_on_a_ladder_factorise_once_for_each_rung(counted: Counter[str]) -> None:
     control = hv.evolution.AdaptiveStep(rtol=1e-2, first_step=STEP)
-    history = march(body("survey"), 0.5, step=control, save=NONE, solver=hv.solvers.NonsmoothNewton())
+    history = march(body("survey"), 0.5, step=control, save=NONE, method=hv.solvers.NonsmoothNewton())
     lengths = np.unique(np.round(np.log2(history["step"][1:] / STEP), 9))
     assert history.times.size > 3 * lengths.size
     assert counted["factors"] <= lengths.size + 2  # and where steps were rejected
 
 
 def test_a_step_calls_few_functions() -> None:
-    run = marching(body("survey"), March(1.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton()))
+    run = marching(body("survey"), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
     for _ in range(10):
         next(run)
     with at_most_calls(20 * 600):
@@ -220,7 +220,7 @@ def test_a_step_calls_few_functions() -> None:
 def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
     def growth(n: int) -> float:
         """KiB for each of the steps 100 to 300."""
-        run = marching(body("survey", n), March(10.0, step=STEP, save=NONE, solver=hv.solvers.NonsmoothNewton()))
+        run = marching(body("survey", n), March(10.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
         for _ in range(100):
             next(run)
         gc.collect()

@@ -268,7 +268,7 @@ def test_points_that_rest_on_what_falls_are_found_by_multigrid_too() -> None:
         tractions={"right": lambda x, t: np.stack([0.0 * x[:, 0], 0.6 * t + 0.0 * x[:, 0]], axis=1)},
     )
     runs = [
-        march(Evolution(problem), 0.36, step=0.12, solver=solver, max_time=60.0)
+        march(Evolution(problem), 0.36, step=0.12, method=solver, max_time=60.0)
         for solver in (None, hv.solvers.NonsmoothMultigrid())
     ]
     assert all(run.finished for run in runs)

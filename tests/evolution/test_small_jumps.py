@@ -26,7 +26,7 @@ STRENGTH = 0.5 * STIFF * DELTA**2 + 0.5 * (STIFF * DELTA) ** 2 / FALL
 def cycle(jump: str, step: float, solver: Solver | None = None, until: float = 0.8) -> tuple[History, Array]:
     """The top of a block pushed down by r0 = t up to 0.4 and back; r0 at every row."""
     problem = bodies.column(LAW, KAPPA, top=hv.Fixed(y=lambda x, t: np.full(len(x), -min(t, 0.8 - t))))
-    history = march(Evolution(problem), until, step=step, stops=(0.4,), jump=jump, solver=solver)
+    history = march(Evolution(problem), until, step=step, stops=(0.4,), jump=jump, method=solver)
     return history, np.minimum(history.times, 0.8 - history.times)
 
 

@@ -361,7 +361,7 @@ def bounce(cells: int, friction: Friction) -> hv.Evolution:
 def test_a_march_is_that_of_the_fixed_point_and_says_how_it_was_solved() -> None:
     evolution = bounce(2, Tresca(CoulombBound(0.3)))
     found = hv.march(evolution, 0.12, step=0.015)
-    frozen = hv.march(evolution, 0.12, step=0.015, solver=FixedPoint())
+    frozen = hv.march(evolution, 0.12, step=0.015, method=FixedPoint())
     assert found.finished
     assert found["friction"][-1] > 0.0
     for name in ("elastic", "kinetic", "friction", "normal_force", "friction_force"):
@@ -379,7 +379,7 @@ def test_marches_without_coulomb_have_no_such_column() -> None:
 def test_fallbacks_of_steps_are_in_the_table() -> None:
     """A bound that is a Python function is frozen in every step."""
     friction = Tresca(PenetrationBound(lambda s: np.maximum(s, 0.0)))
-    found = hv.march(bounce(2, friction), 0.04, step=0.02, solver=SemismoothNewton())
+    found = hv.march(bounce(2, friction), 0.04, step=0.02, method=SemismoothNewton())
     assert found.finished
     assert found["fallbacks"].tolist() == [0.0, 1.0, 1.0]
     assert hv.files.history_record(found)["table"]["fallbacks"] == [0, 1, 1]

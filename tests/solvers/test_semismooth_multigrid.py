@@ -161,7 +161,7 @@ def test_a_solve_that_is_stopped_gives_its_levels_back() -> None:
 
 def test_a_march_is_that_of_the_condensed_body() -> None:
     evolution = bounce(2, Tresca(CoulombBound(0.3)))
-    found = hv.march(evolution, 0.12, step=0.015, solver=WHOLE, controls=Controls(rtol=1e-10))
+    found = hv.march(evolution, 0.12, step=0.015, method=WHOLE, controls=Controls(rtol=1e-10))
     condensed = hv.march(evolution, 0.12, step=0.015, controls=Controls(rtol=1e-10))
     assert found.finished
     assert (found["fallbacks"] == 0).all()

@@ -243,7 +243,7 @@ def test_levels_take_part_in_steps() -> None:
         )  # fmt: skip
         evolution = Evolution(stated, inertia=inertia)
         one, other = (
-            march(evolution, 0.5, step=0.05, solver=solver, controls=hv.Controls(rtol=1e-11))
+            march(evolution, 0.5, step=0.05, method=solver, controls=hv.Controls(rtol=1e-11))
             for solver in (hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid())
         )
         assert one.finished

@@ -206,7 +206,7 @@ def test_the_record_of_other_work_is_refused(problem: hv.ContactProblem, tmp_pat
         (replace(problem, body_force=(0.0, -1.0)), StudyOptions(1, checkpoint=keep)),
         (finer, StudyOptions(1, checkpoint=keep)),
         (problem, StudyOptions(1, controls=hv.Controls(rtol=1e-8), checkpoint=keep)),
-        (problem, StudyOptions(1, solver=hv.solvers.NonsmoothMultigrid(), checkpoint=keep)),
+        (problem, StudyOptions(1, method=hv.solvers.NonsmoothMultigrid(), checkpoint=keep)),
     ):
         with pytest.raises(
             FileError, match=r"a\.jsonl: the file holds another study, or the problem has changed since"

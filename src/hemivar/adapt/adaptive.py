@@ -262,7 +262,7 @@ def solving_adaptive(
     max_unknowns: int = 300_000,
     max_time: float = math.inf,
     max_memory: float = math.inf,
-    solver: Solver | None = None,
+    method: Solver | str | None = None,
     controls: Controls | None = None,
 ) -> Generator[AdaptiveLevel, bool | None, AdaptiveSolution]:
     """:func:`solve_adaptive` mesh by mesh: yields each, ends after it if it is sent True.
@@ -286,8 +286,8 @@ def solving_adaptive(
         before tells.
     max_memory : float
         Bytes; no mesh is begun that is predicted to need more, or more than is free.
-    solver : Solver, optional
-        For every mesh; chosen by its size by default.
+    method : Solver or str, optional
+        For every mesh, or its name; chosen by its size by default.
     controls : Controls, optional
         Of every solve.
 
@@ -309,7 +309,7 @@ def solving_adaptive(
                 constants = body_constants(discrete, workspace)
                 started = time.perf_counter()
             initial = None if not levels else _initial(levels[-1].solution, discrete)
-            solution = solve(discrete, solver, controls, initial=initial, workspace=workspace)
+            solution = solve(discrete, method, controls, initial=initial, workspace=workspace)
             workspace.forget()
             if levels and solution.status in (Status.INTERRUPTED, Status.OUT_OF_MEMORY):
                 ended = AdaptiveEnd.of(solution.status)

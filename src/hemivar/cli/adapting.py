@@ -96,7 +96,7 @@ class AdaptRun:
         given: dict[str, Any] = {name: asked[name] for name in ("goal", "max_unknowns", "max_time")}
         given["rtol"] = asked["adaptive"]
         given["max_memory"] = None if most is None else most * _GIB
-        given["solver"] = named or session.method
+        given["method"] = named or session.method
         self.options: AdaptOptions = AdaptOptions(
             **{name: value for name, value in given.items() if value is not None},
             controls=controls_of(stated, asked["rtol"], max_steps=asked["max_steps"]),

@@ -98,7 +98,7 @@ class MarchOptions:
             minutes=self.minutes,
             resume=self.resume,
             max_time=math.inf if self.max_time is None else self.max_time,
-            solver=solver,
+            method=solver,
             controls=controls,
         )
 

@@ -41,7 +41,7 @@ def march(
         Time at which it ends.
     workspace : Workspace, optional
     **options
-        Those of :class:`March`: ``scheme, step, save, stops, events, jump, solver, controls, max_time, checkpoint,
+        Those of :class:`March`: ``scheme, step, save, stops, events, jump, method, controls, max_time, checkpoint,
         resume``.
 
     Returns

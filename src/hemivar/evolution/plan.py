@@ -19,7 +19,7 @@ from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
 from hemivar.evolution.steps import FixedStep, StepSizeController
 from hemivar.mechanics.scalar import ScalarProblem
-from hemivar.solvers import Controls, Solver
+from hemivar.solvers import Controls, Solver, as_method
 
 __all__ = ["March", "refuse_plan"]
 
@@ -45,8 +45,8 @@ class March:
         A step ends where one happens.
     jump : Jump or str
         What happens where a step may have several solutions and nothing viscous chooses one.
-    solver : Solver, optional
-        For the steps; chosen by their size by default.
+    method : Solver or str, optional
+        Of the steps, or its name as in :func:`hemivar.solve`; chosen by their size by default.
     controls : Controls
         Of every step.
     max_time : float
@@ -69,7 +69,7 @@ class March:
     stops: Sequence[float] = ()
     events: Sequence[Event] = ()
     jump: SelectionRule | str = SelectionRule.LOCAL
-    solver: Solver | None = None
+    method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
     max_time: float = math.inf
     checkpoint: Checkpoint | str | Path | None = None
@@ -93,8 +93,7 @@ class March:
             object.__setattr__(self, "jump", SelectionRule(self.jump))
         except ValueError:
             raise ProblemError(f"jump = {self.jump!r}; choose one of {', '.join(SelectionRule)}") from None
-        if self.solver is not None:
-            expect(self.solver, Solver, "the solver", "give NonsmoothNewton(), NonsmoothMultigrid() or the like")
+        as_method(self.method)
         expect(self.controls, Controls, "controls", "pass Controls(rtol=...)")
         if not number(self.max_time, "max_time", "give seconds") >= 0.0:
             raise ProblemError(f"max_time = {self.max_time:g}; give seconds >= 0")

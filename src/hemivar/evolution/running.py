@@ -39,7 +39,7 @@ from hemivar.evolution.steps import StepSizeState
 from hemivar.evolution.thermal_stepper import stepper_of
 from hemivar.evolution.time_error import TimeBound, bound_in_time
 from hemivar.mechanics.statement import Contact
-from hemivar.solvers import Controls, Solver, Status
+from hemivar.solvers import Controls, Solver, Status, method_for
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["Backend", "Integration", "StepEvent"]
@@ -172,7 +172,8 @@ class Integration:
             stop: _BESIDE * (stop - self.start) for stop in plan.stops if stop > self.start
         }
         self.stops = frozenset(stops)
-        self.advance = tools.advance(discrete, plan.scheme, plan.solver, plan.controls, workspace, stops)
+        method = method_for(plan.method, discrete.problem)
+        self.advance = tools.advance(discrete, plan.scheme, method, plan.controls, workspace, stops)
         self.margins = tools.margins(self.advance)
         self.bound = tools.bound(self.advance)
         stated = discrete.evolution.problem, discrete.evolution.heat

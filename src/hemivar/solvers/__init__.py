@@ -6,14 +6,14 @@ from hemivar.solvers.contact_states import ContactStates, NormalState, Tangentia
 from hemivar.solvers.controls import Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
-from hemivar.solvers.methods import METHODS, method_named
+from hemivar.solvers.methods import METHODS, as_method, method_named
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.nested import solve_nested, transfer_solution
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
-from hemivar.solvers.solve import solve, solving, suited
+from hemivar.solvers.solve import method_for, solve, solving, suited
 from hemivar.solvers.status import Status
 from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
 from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
@@ -49,6 +49,8 @@ __all__ = [
     "Solver",
     "Status",
     "TangentialState",
+    "as_method",
+    "method_for",
     "method_named",
     "solve",
     "solve_nested",

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 
-from hemivar.basics.arguments import described, expect
+from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
@@ -28,7 +28,7 @@ from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
 from hemivar.solvers.loop import finish, steps
-from hemivar.solvers.methods import method_named
+from hemivar.solvers.methods import as_method
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.proximal_newton import ProximalNewton
@@ -39,7 +39,7 @@ from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["solve", "solving", "suited"]
+__all__ = ["method_for", "solve", "solving", "suited"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
@@ -96,14 +96,13 @@ def solve(
         The problem cannot be solved as stated.
     """
     discrete = posed(problem, "solve")
-    chosen = suited(method_named(method), discrete) if isinstance(method, str) else method
     limits = Controls.of(controls, rtol=rtol, max_steps=max_steps, max_time=max_time)
-    return result_of(solving(discrete, chosen, limits, initial=initial, workspace=workspace))
+    return result_of(solving(discrete, method, limits, initial=initial, workspace=workspace))
 
 
 def solving(
     problem: Posable,
-    solver: Solver | None = None,
+    method: Solver | str | None = None,
     controls: Controls | None = None,
     *,
     initial: Solution | Array | None = None,
@@ -114,7 +113,7 @@ def solving(
     Parameters
     ----------
     problem : DiscreteProblem, ContactProblem or ScalarProblem
-    solver : Solver, optional
+    method : Solver or str, optional
         As in :func:`solve`, like all that follow.
     controls : Controls, optional
     initial : Solution or array, optional
@@ -131,8 +130,7 @@ def solving(
         As :func:`solve`.
     """
     problem = posed(problem, "solve")
-    if solver is not None and not isinstance(solver, Solver):
-        raise _no_method(solver)
+    solver = method_for(method, problem)
     workspace = Workspace.given(workspace)
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
@@ -155,8 +153,8 @@ def solving(
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
     with one_thread(not solver.condenses):
-        for method in attempts:
-            found = yield from _run(problem, method.for_tolerance(controls.rtol), controls, initial, workspace)
+        for tried in attempts:
+            found = yield from _run(problem, tried.for_tolerance(controls.rtol), controls, initial, workspace)
             if found.status in (Status.CONVERGED, *STOPPED):
                 return found
     if problem.limit is not None and found.status in _LOST and not found.residual.relative <= _NEAR:
@@ -171,15 +169,6 @@ def _attempts(solver: Solver, problem: DiscreteProblem, from_rest: bool) -> list
     own = solver.downhill()
     steps = from_rest and isinstance(own, NonsmoothNewton | NonsmoothMultigrid | FixedPoint | ProximalNewton)
     return [own, LoadStepping(own)] if steps else [own]
-
-
-def _no_method(given: object) -> MethodError:
-    """What to do instead of giving a class, or the controls in the place of the method."""
-    if isinstance(given, Controls):
-        return MethodError("the controls are given in the place of the method; pass them by name, controls=...")
-    if isinstance(given, type) and issubclass(given, Solver):
-        return MethodError(f"the method is the class {given.__name__}; pass one with its options, {given.__name__}()")
-    return MethodError(f"the method is {described(given)}; pass NonsmoothNewton(), 'newton' or the like")
 
 
 def _run(
@@ -304,6 +293,12 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
         return solver
     follows = isinstance(solver, TruncatedNewton) and solver.search is Search.GLOBAL and problem.law.follows_state
     return SemismoothNewton(FixedPoint(solver)) if follows else FixedPoint(solver)
+
+
+def method_for(method: Solver | str | None, problem: DiscreteProblem) -> Solver | None:
+    """The method as an object; one given by its name is made :func:`suited` to the problem."""
+    solver = as_method(method)
+    return suited(solver, problem) if isinstance(method, str) and solver is not None else solver
 
 
 def _for_body(solver: Solver, problem: DiscreteProblem) -> Solver:

@@ -38,7 +38,7 @@ class AdaptOptions:
         Seconds for all meshes.
     max_memory : float
         Bytes.
-    solver : Solver, optional
+    method : Solver or str, optional
     controls : Controls
         Of every solve.
     """
@@ -49,7 +49,7 @@ class AdaptOptions:
     max_unknowns: int = 300_000
     max_time: float = math.inf
     max_memory: float = math.inf
-    solver: Solver | None = None
+    method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
 
 

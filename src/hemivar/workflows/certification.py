@@ -26,15 +26,15 @@ class CertifyOptions:
         Residual, relative to the load, up to which a pair counts as a solution.
     controls : Controls
         Limits of the solve, if there is one; ``max_time`` limits the certificate too.
-    solver : Solver, optional
-        The method of the solve; chosen by predicted cost and memory if not given.
+    method : Solver or str, optional
+        The method, or its name, of the solve; chosen by predicted cost and memory if not given.
     exact : bool
         Whether to bound the distance to the exact solution, too.
     """
 
     tolerance: float = STATIONARY
     controls: Controls = field(default_factory=Controls)
-    solver: Solver | None = None
+    method: Solver | str | None = None
     exact: bool = False
 
 
@@ -70,7 +70,7 @@ def certify(
     problem = posed(problem, "certify")
     workspace = Workspace()
     if unknowns is None:
-        solution = yield from solved([problem], options.solver, options.controls, workspace)
+        solution = yield from solved([problem], options.method, options.controls, workspace)
         if workspace.condenses(problem):
             workspace.forget()  # factors of the solve make room for those of the certificate
         yield FoundEvent(solution)

@@ -84,7 +84,7 @@ class MarchSettings:
     resume : bool
     max_time : float
         Seconds.
-    solver : Solver or None
+    method : Solver, str or None
     controls : Controls
         Of every step.
     """
@@ -99,7 +99,7 @@ class MarchSettings:
     minutes: float | None = None
     resume: bool = False
     max_time: float = math.inf
-    solver: Solver | None = None
+    method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
 
 
@@ -183,7 +183,7 @@ def plan_of(stated: ProblemFile, settings: MarchSettings) -> March:
         save=Save(every=every, probes=probes),
         stops=() if time is None else time.stops,
         jump=jump,
-        solver=settings.solver,
+        method=settings.method,
         controls=settings.controls,
         max_time=settings.max_time,
         checkpoint=checkpoint,

@@ -13,7 +13,7 @@ from hemivar.certificates import Certificate, certify, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
 from hemivar.fem.posed import Posable, posed
-from hemivar.solvers import Controls, Solution, Solver, Status, solving, suited, transfer_solution
+from hemivar.solvers import Controls, Solution, Solver, Status, as_method, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import CertificateEvent, FoundEvent, MethodEvent, StartEvent, WarningEvent, Work
@@ -30,8 +30,8 @@ class RunOptions:
 
     Parameters
     ----------
-    solver : Solver, optional
-        The method; chosen by predicted cost and memory if not given.
+    method : Solver or str, optional
+        The method, or its name; chosen by predicted cost and memory if not given.
     controls : Controls
         Tolerances and limits of each solve; the certificate has as much time again.
     coarser : sequence of DiscreteProblem, ContactProblem or ScalarProblem
@@ -40,7 +40,7 @@ class RunOptions:
         Whether the certificate bounds the distance to the exact solution, too.
     """
 
-    solver: Solver | None = None
+    method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
     coarser: Sequence[Posable] = ()
     exact: bool = False
@@ -100,7 +100,7 @@ def run(problem: Posable, options: RunOptions | None = None, workspace: Workspac
     problems = [posed(given, "run") for given in (*options.coarser, problem)]
     for warning in problems[-1].notes:
         yield WarningEvent(warning)
-    solution = yield from solved(problems, options.solver, options.controls, known)
+    solution = yield from solved(problems, options.method, options.controls, known)
     complaint, interrupted, certificate = "", solution.status is Status.INTERRUPTED, None
     try:
         if workspace is None and known.condenses(problems[-1]):
@@ -120,13 +120,17 @@ def run(problem: Posable, options: RunOptions | None = None, workspace: Workspac
 
 
 def solved(
-    problems: Sequence[DiscreteProblem], solver: Solver | None, controls: Controls, workspace: Workspace | None = None
+    problems: Sequence[DiscreteProblem],
+    method: Solver | str | None,
+    controls: Controls,
+    workspace: Workspace | None = None,
 ) -> Work[Solution]:
     """The solution on the last of some meshes, each solution being the first guess on the next mesh.
 
     The workspace is for the last: what the others cost is given back before the next.
     """
-    chosen, reason = choose(problems[-1]) if solver is None else (solver, "")
+    given = as_method(method)
+    chosen, reason = choose(problems[-1]) if given is None else (given, "")
     yield MethodEvent(chosen, reason)
     solution: Solution | None = None
     for number, problem in enumerate(problems):

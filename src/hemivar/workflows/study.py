@@ -38,7 +38,7 @@ from hemivar.linear.threads import one_thread
 from hemivar.mechanics import ContactProblem, Statement
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mesh import Mesh
-from hemivar.solvers import Controls, Solution, Solver, Status, method_named, solving, suited, transfer_solution
+from hemivar.solvers import Controls, Solution, Solver, Status, as_method, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
 from hemivar.systems import Workspace
 from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
@@ -69,8 +69,8 @@ class StudyOptions:
     known : KnownField or sequence of str, optional
         The known solution by formulas of x, y (and z), one for each component; the solution on the finest mesh by
         default.
-    solver : Solver, optional
-        The method; chosen for the finest mesh by predicted cost and memory if not given.
+    method : Solver or str, optional
+        The method, or its name; chosen for the finest mesh by predicted cost and memory if not given.
     controls : Controls
         Tolerances and limits of each solve; the tolerance must lie far below the errors.
     jobs : int
@@ -93,7 +93,7 @@ class StudyOptions:
 
     refine: int = 4
     known: KnownField | Sequence[str] | None = None
-    solver: Solver | None = None
+    method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
     jobs: int = 1
     checkpoint: str | Path | None = None
@@ -104,6 +104,7 @@ class StudyOptions:
         count = whole_number(self.refine, "refine", 1)
         if count > _MOST_REFINED:
             raise ProblemError(f"refine is {count}; a mesh can be halved {_MOST_REFINED} times at most")
+        as_method(self.method)
         expect(self.controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
         if whole_number(self.jobs, "jobs", 1) > 1 and self.controls.callback is not None:
             raise ProblemError(
@@ -321,7 +322,7 @@ def study_digest(problem: Statement, options: StudyOptions) -> str:
     options : StudyOptions
     """
     digest = hashlib.sha256()
-    for part in (problem, options.solver, replace(options.controls, callback=None)):
+    for part in (problem, as_method(options.method), replace(options.controls, callback=None)):
         for piece in content(part):
             digest.update(piece)
     return digest.hexdigest()
@@ -356,9 +357,8 @@ def study(
     ProblemError, MethodError, FileError
         As :func:`studying`.
     """
-    solver = method_named(method) if isinstance(method, str) else method
     given = StudyOptions(
-        refine, known, solver, Controls() if controls is None else controls, jobs, checkpoint, exact=exact
+        refine, known, method, Controls() if controls is None else controls, jobs, checkpoint, exact=exact
     )
     return result_of(studying(problem, given))
 
@@ -408,8 +408,8 @@ def _opening(discrete: DiscreteProblem, options: StudyOptions) -> Work[None]:
     """What is told before the first mesh."""
     for warning in discrete.notes:
         yield WarningEvent(warning)
-    if options.solver is not None:
-        yield MethodEvent(options.solver, "")
+    if (method := as_method(options.method)) is not None:
+        yield MethodEvent(method, "")
 
 
 def _named(mesh: Mesh, discrete: DiscreteProblem) -> str:
@@ -425,7 +425,7 @@ def _keep(kept: KeptWork[KeptSolution] | None, number: int, solution: Solution) 
 def _solving(discrete: DiscreteProblem, last: Solution | None, options: StudyOptions) -> Work[Solution]:
     """The solution on one mesh from that on the mesh before, by one thread: the same bits in every process."""
     with one_thread():
-        chosen = choose(discrete)[0] if options.solver is None else options.solver
+        chosen = as_method(options.method) or choose(discrete)[0]
         guess = None if last is None else transfer_solution(last, discrete)
         return (yield from solving(discrete, suited(chosen, discrete), options.controls, initial=guess))
 

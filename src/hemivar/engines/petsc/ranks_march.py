@@ -26,7 +26,7 @@ from hemivar.evolution.save import PROBED, nearest_cell, probe_outside, probe_po
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.time_error import TimeBound
 from hemivar.mesh.mesh import Mesh
-from hemivar.solvers import FixedPoint, NonsmoothMultigrid
+from hemivar.solvers import FixedPoint, NonsmoothMultigrid, as_method
 
 __all__ = ["MarchOnRanks", "march_on_ranks", "prepare_march"]
 
@@ -64,6 +64,7 @@ def prepare_march(
 
     ranks.agree(suited)
     discrete = discretize_on_ranks(ranks, pieces, state)
+    plan = replace(plan, method=as_method(plan.method))
     if isinstance(plan.checkpoint, Checkpoint):
         plan = replace(plan, checkpoint=CheckpointOnRanks(plan.checkpoint.file, plan.checkpoint.minutes, ranks=ranks))
 
@@ -95,7 +96,7 @@ def march_on_ranks(
     state : callable
         Makes the evolution on a mesh.
     plan : March
-        The solver, if one is given, is ``NonsmoothMultigrid`` or a ``FixedPoint`` around one.
+        The method, if one is given, is ``NonsmoothMultigrid`` or a ``FixedPoint`` around one.
     alarm : Alarm, optional
         Ends the march before it is done; by default once ``plan.max_time`` has passed.
     watch : callable, optional
@@ -122,10 +123,11 @@ def march_on_ranks(
 
 def _refuse(plan: March) -> None:
     """Refuse what this engine cannot do."""
-    inner = plan.solver.inner if isinstance(plan.solver, FixedPoint) else plan.solver
+    method = as_method(plan.method)
+    inner = method.inner if isinstance(method, FixedPoint) else method
     if inner is not None and not isinstance(inner, NonsmoothMultigrid):
         raise MethodError(
-            f"the engine 'petsc' steps by multigrid, not by {inner.name}; leave the solver out, or --engine"
+            f"the engine 'petsc' steps by multigrid, not by {inner.name}; leave the method out, or --engine"
         )
     if plan.jump not in (SelectionRule.LOCAL, SelectionRule.STOP):
         raise MethodError(
