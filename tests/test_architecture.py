@@ -35,7 +35,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("systems",),
     ("solvers", "certificates"),
     ("branches", "adapt"),
-    ("evolution",),
+    ("evolution", "identification"),
     ("engines", "gallery"),
     ("files",),
     ("workflows",),

@@ -26,6 +26,8 @@ _HANDED_ON = {
     "ReprMixin.show": "report.window.show",
     "ReprMixin.to_dataframe": "report.frames.frame_of",
     "Solution.summary": "report.summary.summary_of",
+    "Fit.plot": "report.plot_fit",
+    "Fit.summary": "report.identification_figure.fit_summary",
     "Solution.certify": "certificates.certify",
     "Solution.to_dict": "files.solution_record",
     "Solution.to_json": "files.write_json",

@@ -9,6 +9,7 @@ from . import evolution as evolution
 from . import fem as fem
 from . import files as files
 from . import gallery as gallery
+from . import identification as identification
 from . import laws as laws
 from . import materials as materials
 from . import mechanics as mechanics

@@ -9,6 +9,7 @@ from hemivar.report.certificate_figure import plot_certificate
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.film_pictures import FilmColour
 from hemivar.report.histories import plot_errors, plot_history
+from hemivar.report.identification_figure import fit_table, plot_fit
 from hemivar.report.law_figures import plot_law, plot_laws
 from hemivar.report.march_figures import MARCH_FIGURES, plot_march
 from hemivar.report.paper import Legend, paper
@@ -36,11 +37,13 @@ __all__ = [
     "adaptive_table",
     "animate",
     "comparison_table",
+    "fit_table",
     "paper",
     "plot_adaptive",
     "plot_certificate",
     "plot_contact",
     "plot_errors",
+    "plot_fit",
     "plot_history",
     "plot_law",
     "plot_laws",

@@ -28,6 +28,7 @@ from hemivar.workflows.events import (
     WarningEvent,
     Work,
 )
+from hemivar.workflows.identification import identify, identifying
 from hemivar.workflows.law_study import LawStudy, study_law
 from hemivar.workflows.marching import MarchSettings, ProgressEvent, ReadyEvent, evolution_of, march, plan_of
 from hemivar.workflows.solving import RunOptions, RunResult, run
@@ -82,6 +83,8 @@ __all__ = [
     "diagnose",
     "energy_norm_difference",
     "evolution_of",
+    "identify",
+    "identifying",
     "march",
     "path",
     "plan_of",

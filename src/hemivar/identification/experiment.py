@@ -1,0 +1,183 @@
+"""An experiment on the model: one body, a row of loads and prescribed displacements, and what is measured of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hemivar.adapt.goals import Goal, GoalKind, goal_named
+from hemivar.basics.types import Array
+from hemivar.certificates import certify
+from hemivar.discrete.model import quadratic
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.fem.contact_points import shares
+from hemivar.fem.reactions import support_reactions
+from hemivar.laws import VectorLaw
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.solvers import Controls, Solution, solve
+from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["Experiment"]
+
+#: Part of its entries by which the stiffness of a row may differ from that of the first.
+_SAME = 1e-12
+_WHAT = "identification"
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """The rows of an experiment on one body, from the first to the last.
+
+    What is measured is affine in the local displacements of the contact points: ``y = L r + c``, L the same for all.
+
+    Attributes
+    ----------
+    problems : tuple of DiscreteProblem
+        One for each row; they share their model, so that the body is condensed once.
+    linear : array (q, m, d)
+        L.
+    constants : array (n, q)
+        c, of each row.
+    workspace : Workspace
+    controls : Controls
+    """
+
+    problems: tuple[DiscreteProblem, ...]
+    linear: Array
+    constants: Array
+    workspace: Workspace = field(repr=False)
+    controls: Controls = field(default_factory=Controls)
+
+    @classmethod
+    def of(
+        cls, problems: Sequence[DiscreteProblem], quantities: Sequence[str], controls: Controls | None = None
+    ) -> Experiment:
+        """The experiment whose rows are stated, each discretised.
+
+        Parameters
+        ----------
+        problems : sequence of DiscreteProblem
+            With the same body; loads, prescribed displacements and gaps may differ.
+        quantities : sequence of str
+            What is measured, each with its component, see :func:`hemivar.adapt.goal_named`.
+        controls : Controls, optional
+
+        Raises
+        ------
+        ProblemError
+            The bodies differ, are not linear, were made of arrays, have no contact point or a law that depends on the
+            state; a quantity is not known.
+        """
+        first = problems[0]
+        if not isinstance(first.origin, ContactProblem):
+            raise ProblemError(f"{_WHAT} needs a ContactProblem of an elastic body; state it, or read it from a file")
+        quadratic(first.bulk, _WHAT)
+        if not first.contact_points:
+            raise ProblemError(f"{_WHAT} needs contact points, and every contact node is held by the supports")
+        if first.law.state_dependent:
+            raise ProblemError(
+                f"{_WHAT} takes no law whose friction bound depends on the solution, such as Coulomb's; "
+                "take a given bound, such as Tresca's"
+            )
+        goals = [goal_named(first.origin, name) for name in quantities]
+        for goal in goals:
+            if len(goal.axes) > 1:
+                raise ProblemError(f"'{goal}' is a vector; name the component that was measured, as in {goal}.x")
+        workspace = Workspace()
+        shared = tuple(
+            first if one is first else _on_the_same_body(first, one, number) for number, one in enumerate(problems, 1)
+        )
+        system = workspace.condensed(first, many=True)
+        measure = [[_measure(one, goal) for goal in goals] for one in problems]
+        zero = np.zeros(system.shape)
+        constants = np.empty((len(problems), len(goals)))
+        for number, problem in enumerate(shared):
+            posed = system.for_problem(problem)
+            at = posed.unknowns(zero), _multiplier(posed, zero)
+            constants[number] = [one(*at) for one in measure[number]]
+        linear = np.empty((len(goals), *zero.shape))
+        base = system.unknowns(zero), _multiplier(system, zero)
+        for place in np.ndindex(zero.shape):
+            unit = zero.copy()
+            unit[place] = system.length_scale or 1.0
+            at = system.unknowns(unit), _multiplier(system, unit)
+            linear[(slice(None), *place)] = [(one(*at) - one(*base)) / unit[place] for one in measure[0]]
+        return cls(shared, linear, constants, workspace, controls or Controls())
+
+    def system(self, number: int, law: VectorLaw) -> CondensedProblem:
+        """The condensed body of a row, with a law."""
+        return self.workspace.condensed(self.problems[number].with_(law=law), many=True)
+
+    def solutions(self, law: VectorLaw) -> list[Solution]:
+        """The solutions of all rows with a law, each begun at that of the row before it.
+
+        Where the law softens a body may have several; beginning where it was is what one does that is loaded slowly.
+        """
+        found: list[Solution] = []
+        for problem in self.problems:
+            posed = problem.with_(law=law)
+            found.append(
+                solve(posed, None, self.controls, initial=found[-1] if found else None, workspace=self.workspace)
+            )
+        return found
+
+    def predicted(self, solutions: Sequence[Solution]) -> Array:
+        """What would be measured, (n, q)."""
+        local = np.stack([one.local for one in solutions])
+        return np.asarray(np.einsum("qmd,nmd->nq", self.linear, local) + self.constants)
+
+    def error_bounds(self, law: VectorLaw, solutions: Sequence[Solution]) -> Array:
+        """By how much what is computed may be off the discrete solution, (n, q): certified; inf where it is not."""
+        n, q = len(solutions), len(self.linear)
+        found = np.full((n, q), np.inf)
+        for number, one in enumerate(solutions):
+            bound = certify(self.problems[number].with_(law=law), one, workspace=self.workspace).error_bound
+            if bound is not None:
+                found[number] = bound
+        system = self.system(0, law)
+        free = system.active.ravel()
+        flat = self.linear.reshape(q, -1)[:, free]
+        A = system.matrix[np.ix_(free, free)]
+        sizes = np.sqrt(np.maximum(np.einsum("qk,kq->q", flat, np.linalg.lstsq(A, flat.T, rcond=None)[0]), 0.0))
+        return np.asarray(found * sizes)
+
+
+def _on_the_same_body(first: DiscreteProblem, other: DiscreteProblem, row: int) -> DiscreteProblem:
+    """The loading of a row on the model of the first."""
+    K, other_K = first.stiffness, quadratic(other.bulk, _WHAT).stiffness
+    same = K.shape == other_K.shape and first.contact.count == other.contact.count
+    if not same or abs(K - other_K).max() > _SAME * abs(K).max():
+        raise ProblemError(
+            f"in row {row} the body is another one than in row 1; what is set in each row is a load, a prescribed "
+            "displacement or a gap"
+        )
+    return first.with_(load=other.load, offset=other.offset, constant=other.constant, law=first.law)
+
+
+def _multiplier(system: CondensedProblem, r: Array) -> Array:
+    """Forces per area (m, d) that keep the body at local displacements."""
+    return np.asarray(system.out_of_balance(r) / system.weights[:, None])
+
+
+def _measure(problem: DiscreteProblem, goal: Goal) -> Callable[[Array, Array], float]:
+    """A measured quantity as a function of the unknowns and the multiplier; affine."""
+    stated, space = problem.origin, problem.field
+    assert isinstance(stated, ContactProblem)
+    assert space is not None
+    (axis,) = goal.axes
+    if goal.kind is GoalKind.REACTION:
+        return lambda u, lam: float(support_reactions(problem, space.full(u), lam)[goal.boundary][axis])
+    if goal.kind is GoalKind.CONTACT_FORCE:
+        contact = problem.contact
+        on = contact.boundary == contact.names.index(goal.boundary)
+        return lambda u, lam: float(-(contact.weights[:, None] * contact.global_vectors(lam))[on, axis].sum())
+    mesh, order = stated.mesh, stated.order
+    facets = mesh.boundaries[goal.boundary]
+    nodes = mesh.facet_nodes(facets, order)
+    _, sizes = mesh.facet_normals(facets)
+    share = sizes[:, None] * shares(order, mesh.dim) / sizes.sum()
+    return lambda u, lam: float((share * space.full(u)[nodes, axis]).sum())

@@ -1,0 +1,445 @@
+"""Least squares over the parameters of a law, with intervals, and what the data cannot tell apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import norm as normal
+from scipy.stats import t as student
+
+from hemivar.basics.arguments import expect, whole_number
+from hemivar.basics.display import ReprMixin
+from hemivar.basics.handed_on import above
+from hemivar.basics.portable import PickleMixin
+from hemivar.basics.recent import Recent
+from hemivar.basics.types import Array
+from hemivar.errors import HemivarError, ProblemError
+from hemivar.identification.experiment import Experiment
+from hemivar.identification.measurements import Measurements
+from hemivar.identification.sensitivity import derivative_by_law
+from hemivar.laws import VectorLaw
+from hemivar.solvers import Solution, Status
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hemivar.report.summary import Summary
+
+__all__ = ["Fit", "FitOptions", "Parameter", "fit"]
+
+#: Relative change of a parameter by which its law is differenced.
+_CHANGE = 1e-6
+#: Misfit that is given to parameters for which the body cannot be solved, in units of the largest measured value.
+_NO_ANSWER = 1e3
+#: How many times more or less than the first guess a curve is before its units are doubted.
+_UNITS = 100.0
+#: Standard errors, relative to the parameter, beyond which it counts as not identified.
+_KNOWN = 0.5
+#: Singular values of the sensitivities, relative to the largest, that are none.
+_RANK = 1e-7
+#: How closely the curves of two starts agree where both found the same, relative to the largest measured value, and a
+#: misfit beyond which a third is tried all the same.
+_SAME, _POOR = 1e-6, 0.1
+#: Part of the measured curve that may stay unexplained before the law is doubted.
+_EXPLAINED = 0.9
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the law that is looked for.
+
+    Parameters
+    ----------
+    key : str
+        Key of the problem file, as ``contact.bottom.normal.strength``, or a name for a function of one's own.
+    low, high : float
+        Ends of the range in which it is looked for.
+    start : float, optional
+        Where to begin; by default in the middle of the range, in its logarithm where both ends are positive.
+
+    Raises
+    ------
+    ProblemError
+        The range is empty or not finite, or the start is outside it.
+    """
+
+    key: str
+    low: float
+    high: float
+    start: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
+            raise ProblemError(
+                f"the range of {self.key} is {self.low:g} to {self.high:g}; give a lower end and a higher one"
+            )
+        if self.start is not None and not self.low <= self.start <= self.high:
+            raise ProblemError(
+                f"{self.key} begins at {self.start:g}, outside {self.low:g} to {self.high:g}; widen the range"
+            )
+
+    @property
+    def by_logarithm(self) -> bool:
+        """Whether steps are taken in the logarithm."""
+        return self.low > 0.0
+
+    def inside(self, value: Array | float) -> Array:
+        """The variable of the least squares."""
+        return np.asarray(np.log(value) if self.by_logarithm else value)
+
+    def outside(self, variable: float) -> float:
+        """The parameter of a variable."""
+        value = math.exp(variable) if self.by_logarithm else variable
+        return min(max(value, self.low), self.high)
+
+    @property
+    def middle(self) -> float:
+        """Where the first attempt begins."""
+        if self.start is not None:
+            return self.start
+        return math.sqrt(self.low * self.high) if self.by_logarithm else 0.5 * (self.low + self.high)
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How to look for the parameters.
+
+    Parameters
+    ----------
+    starts : int
+        Attempts at most, the first from the start of each parameter, the others from random places of the ranges; no
+        more are made when two have found the same curve.
+    seed : int
+        Of these.
+    confidence : float
+        Of the intervals.
+    noise : float, optional
+        Standard deviation of the measurements, relative to the largest of each quantity; by default it is estimated
+        from what the fit leaves.
+
+    Raises
+    ------
+    ProblemError
+        A number makes no sense.
+    """
+
+    starts: int = 6
+    seed: int = 0
+    confidence: float = 0.95
+    noise: float | None = None
+
+    def __post_init__(self) -> None:
+        whole_number(self.starts, "starts", 1)
+        whole_number(self.seed, "seed", 0)
+        if not 0.0 < self.confidence < 1.0:
+            raise ProblemError(f"confidence = {self.confidence:g}; give a number between 0 and 1, such as 0.95")
+        if self.noise is not None and not 0.0 < self.noise < math.inf:
+            raise ProblemError(f"noise = {self.noise:g}; give a positive number, or leave it out")
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(PickleMixin, ReprMixin):
+    """Parameters that fit a measured curve, and what the curve says of them.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+    values : array (p,)
+        The parameters found.
+    intervals : array (p, 2)
+        Each holds the true parameter with the confidence asked for if the law is the right one and the noise is normal
+        and independent: ``t`` times the standard error, and what the certified errors of the solutions can change.
+    standard_errors : array (p,)
+        Infinite where the curve does not depend on a parameter.
+    certified : array (p,)
+        Part of the half width that stands for the error of the solutions; nan where one of them has no bound.
+    confidence : float
+    noise : float
+        Standard deviation of the measurements, relative to the largest of each quantity: given, or estimated.
+    measurements : Measurements
+    predicted : array (n, q)
+    sensitivity : array (n q, p)
+        Derivatives of the quantities, each relative to its largest, by the logarithms of the parameters (by the
+        parameters where a range reaches zero).
+    singular_values : array (p,)
+        Of the sensitivity over the noise: beyond one the curve tells something of that combination.
+    directions : array (p, p)
+        The combination that belongs to each, in rows.
+    solutions : tuple of Solution
+        Of each row.
+    messages : tuple of str
+        What is to be known beside the numbers.
+    """
+
+    parameters: tuple[Parameter, ...]
+    values: Array
+    intervals: Array
+    standard_errors: Array
+    certified: Array
+    confidence: float
+    noise: float
+    measurements: Measurements
+    predicted: Array
+    sensitivity: Array
+    singular_values: Array
+    directions: Array
+    solutions: tuple[Solution, ...]
+    messages: tuple[str, ...] = ()
+
+    @property
+    def misfit(self) -> float:
+        """Root of the mean square of what is left, relative to the largest measured value of each quantity."""
+        off = (self.measurements.values - self.predicted) / self.measurements.scales
+        return float(np.sqrt((off**2).mean()))
+
+    @property
+    def identified(self) -> tuple[bool, ...]:
+        """Of each parameter, whether the curve tells its size: a standard error of at most half of it."""
+        return tuple(bool(one) for one in self.standard_errors <= _KNOWN * np.abs(self.values))
+
+    def value(self, key: str) -> float:
+        """A parameter by its key, or by the last part of it."""
+        for one, value in zip(self.parameters, self.values, strict=True):
+            if key in (one.key, one.key.rpartition(".")[2]):
+                return float(value)
+        raise ProblemError(f"'{key}' was not fitted; fitted were {', '.join(one.key for one in self.parameters)}")
+
+    def plot(self, *, title: str | None = None) -> Figure:
+        """Curve, fit, what is left, and intervals; see :func:`hemivar.report.plot_fit`."""
+        figure: Figure = above("Fit.plot")(self, title=title)
+        return figure
+
+    def summary(self) -> Summary:
+        """Parameters with their intervals, misfit, noise and notes, a line each."""
+        summary: Summary = above("Fit.summary")(self)
+        return summary
+
+    def __repr__(self) -> str:
+        told = ", ".join(
+            f"{one.key.rpartition('.')[2]} = {value:.4g}"
+            for one, value in zip(self.parameters, self.values, strict=True)
+        )
+        return f"Fit({told}; misfit {self.misfit:.2g})"
+
+
+@dataclass(frozen=True, eq=False)
+class FitAttempt:
+    """A start is done.
+
+    Attributes
+    ----------
+    number, count : int
+        Which start, from 0, and of how many.
+    misfit : float
+        Relative to the largest measured value.
+    """
+
+    number: int
+    count: int
+    misfit: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """Curve and sensitivities over the variables of the least squares."""
+
+    experiment: Experiment
+    measurements: Measurements
+    parameters: Sequence[Parameter]
+    law: Callable[[Array], VectorLaw]
+    known: Recent[bytes, tuple[VectorLaw, list[Solution], Array]] = field(default_factory=lambda: Recent(2), repr=False)
+
+    def values(self, variables: Array) -> Array:
+        return np.array([one.outside(float(x)) for one, x in zip(self.parameters, variables, strict=True)])
+
+    def at(self, variables: Array) -> tuple[VectorLaw, list[Solution], Array]:
+        """Law, solutions and predicted quantities."""
+
+        def made() -> tuple[VectorLaw, list[Solution], Array]:
+            law = self.law(self.values(variables))
+            solutions = self.experiment.solutions(law)
+            return law, solutions, self.experiment.predicted(solutions)
+
+        return self.known.once(variables.tobytes(), made)
+
+    def off(self, variables: Array) -> Array:
+        """What is left (n q,), relative to the largest of each quantity; large where there is no answer."""
+        try:
+            _, solutions, predicted = self.at(variables)
+        except HemivarError:
+            return np.full(self.measurements.values.size, _NO_ANSWER)
+        left = (predicted - self.measurements.values) / self.measurements.scales
+        left[[one.status is not Status.CONVERGED for one in solutions]] = _NO_ANSWER
+        return np.nan_to_num(left.ravel(), nan=_NO_ANSWER, posinf=_NO_ANSWER, neginf=-_NO_ANSWER)
+
+    def slopes(self, variables: Array) -> Array:
+        """Derivatives (n q, p) of :meth:`off`."""
+        n, q, p = self.measurements.count, self.measurements.values.shape[1], len(self.parameters)
+        try:
+            law, solutions, _ = self.at(variables)
+        except HemivarError:
+            return np.zeros((n * q, p))
+        changed = []
+        for place in range(p):
+            inwards = -1.0 if self.values(variables)[place] >= self.parameters[place].high else 1.0
+            step = inwards * _CHANGE * (1.0 if self.parameters[place].by_logarithm else max(1.0, abs(variables[place])))
+            there = variables.copy()
+            there[place] += step
+            changed.append((self.law(self.values(there)), step))
+        found = np.empty((n, q, p))
+        for number, one in enumerate(solutions):
+            system = self.experiment.system(number, law)
+            change = derivative_by_law(system, one.local, one.multiplier, changed)
+            found[number] = np.einsum("qmd,mdp->qp", self.experiment.linear, change)
+        scaled = found / self.measurements.scales[None, :, None]
+        return np.asarray(np.nan_to_num(scaled.reshape(n * q, p), nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def fit(
+    experiment: Experiment,
+    measurements: Measurements,
+    parameters: Sequence[Parameter],
+    law: Callable[[Array], VectorLaw],
+    options: FitOptions | None = None,
+) -> Generator[FitAttempt, None, Fit]:
+    """Least squares over the parameters of a law, from several starts; yields an :class:`FitAttempt` after each.
+
+    The quantities are weighted by their largest values.  Derivatives go through the solution map
+    (:func:`derivative_by_law`), so that an iteration costs a solve for each row, and a small system for each parameter.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    measurements : Measurements
+        With a row for each of its problems.
+    parameters : sequence of Parameter
+    law : callable
+        The law at the contact points for values (p,).
+    options : FitOptions, optional
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    ProblemError
+        There are no more measured values than parameters, or the units of the curve cannot be those of the model.
+    """
+    options = expect(options or FitOptions(), FitOptions, "the options", "pass FitOptions(starts=...)")
+    count, p = measurements.values.size, len(parameters)
+    if count <= p:
+        raise ProblemError(
+            f"{count} measured value{'s' if count > 1 else ''} cannot fit {p} parameter{'s' if p > 1 else ''} and show "
+            f"what is left; measure at least {p + 1}, or fit fewer parameters"
+        )
+    curve = _Curve(experiment, measurements, parameters, law)
+    begin = np.array([float(one.inside(one.middle)) for one in parameters])
+    _check_units(curve, begin)
+    low, high = (np.array([float(one.inside(getattr(one, end))) for one in parameters]) for end in ("low", "high"))
+    rng = np.random.default_rng(options.seed)
+    best, least = begin, math.inf
+    for number in range(options.starts):
+        place = begin if not number else rng.uniform(low, high)
+        found = least_squares(
+            curve.off, np.clip(place, low, high), curve.slopes, (low, high), x_scale=1.0, ftol=1e-12, xtol=1e-10,
+            gtol=1e-12, max_nfev=60,
+        )  # fmt: skip
+        misfit = math.sqrt(2.0 * found.cost / count)
+        again = misfit <= least * (1.0 + _SAME) and bool((np.abs(curve.off(found.x) - curve.off(best)) <= _SAME).all())
+        if misfit < least:
+            best, least = found.x, misfit
+        yield FitAttempt(number, options.starts, misfit)
+        if number and again and misfit < _POOR:
+            break
+    if least >= _NO_ANSWER / math.sqrt(count):
+        raise ProblemError(
+            "the body could not be solved for any parameters that were tried; look at the solution of the stated "
+            "problem first, and narrow the ranges"
+        )
+    return _fitted(curve, best, options, (low, high))
+
+
+def _check_units(curve: _Curve, begin: Array) -> None:
+    """Refuse a curve that is of another size than that of the first guess."""
+    _, _, predicted = curve.at(begin)
+    for name, sizes, scale in zip(curve.measurements.measured, predicted.T, curve.measurements.scales, strict=True):
+        size = float(np.abs(sizes).max())
+        if size > 0.0 and not 1.0 / _UNITS <= scale / size <= _UNITS:
+            raise ProblemError(
+                f"the measured {name} reaches {scale:.3g} and the stated body gives {size:.3g} before anything is "
+                "fitted: check the units and the order of the columns, or begin nearer to what was measured"
+            )
+
+
+def _fitted(curve: _Curve, best: Array, options: FitOptions, ends: tuple[Array, Array]) -> Fit:
+    measurements, parameters = curve.measurements, curve.parameters
+    law, solutions, predicted = curve.at(best)
+    J, off = curve.slopes(best), curve.off(best)
+    count, p = J.shape
+    noise = options.noise if options.noise is not None else float(np.sqrt(off @ off / (count - p)))
+    _, singular, directions = np.linalg.svd(J, full_matrices=False)
+    known = singular > _RANK * max(float(singular[0]), 1e-300)
+    inverse = np.where(known, 1.0 / np.where(known, singular, 1.0), 0.0)
+    spread = np.sqrt(((directions * inverse[:, None]) ** 2).sum(axis=0)) * noise
+    lost = (np.abs(directions[~known]) > math.sqrt(_RANK)).any(axis=0)
+    values = curve.values(best)
+    by_log = np.array([one.by_logarithm for one in parameters])
+    unit = np.where(by_log, values, 1.0)
+    errors = np.where(lost, np.inf, spread * unit)
+    bounds = curve.experiment.error_bounds(law, solutions) / measurements.scales
+    pseudo = np.linalg.pinv(J, rcond=_RANK)
+    certified = np.full(p, np.nan) if not np.isfinite(bounds).all() else np.abs(pseudo) @ bounds.ravel() * unit
+    factor = (
+        float(student.ppf(0.5 + 0.5 * options.confidence, count - p)) if options.noise is None else _normal(options)
+    )
+    half = factor * errors + np.nan_to_num(certified, nan=0.0)
+    intervals = np.column_stack([values - half, values + half])
+    found = Fit(
+        tuple(parameters), values, intervals, errors, certified, options.confidence, noise, measurements, predicted, J,
+        singular / max(noise, 1e-300), directions, tuple(solutions),
+    )  # fmt: skip
+    return _with_messages(found, best, ends)
+
+
+def _normal(options: FitOptions) -> float:
+    return float(normal.ppf(0.5 + 0.5 * options.confidence))
+
+
+def _with_messages(found: Fit, best: Array, ends: tuple[Array, Array]) -> Fit:
+    """The fit with what is to be known beside its numbers, in sentences."""
+    told = []
+    low, high = ends
+    for place, (one, identified) in enumerate(zip(found.parameters, found.identified, strict=True)):
+        name = one.key
+        if not identified:
+            reach = found.intervals[place]
+            how = (
+                "the curve does not depend on it"
+                if np.isinf(reach).any()
+                else f"it may lie from {reach[0]:.3g} to {reach[1]:.3g}"
+            )
+            told.append(f"{name} is not identifiable from this curve: {how}")
+        elif min(best[place] - low[place], high[place] - best[place]) <= 1e-6 * (high[place] - low[place]):
+            told.append(f"{name} ended at the end of its range, {found.values[place]:.3g}: widen the range")
+    weak = [row for row, size in zip(found.directions, found.singular_values, strict=True) if size < 1.0 / _KNOWN]
+    for row in weak:
+        members = [one.key for one, share in zip(found.parameters, row, strict=True) if abs(share) > 0.3]
+        if len(members) > 1:
+            told.append(f"the curve cannot tell {' and '.join(members)} apart: another pair fits as well")
+    measured = found.measurements.values / found.measurements.scales
+    varied = float(((measured - measured.mean(axis=0)) ** 2).sum())
+    left = found.misfit**2 * measured.size
+    if varied > 0.0 and left > (1.0 - _EXPLAINED) * varied:
+        told.append(
+            f"the law explains {max(0.0, 1.0 - left / varied):.0%} of how the curve varies: take another law, "
+            "or look at the units and the order of the columns"
+        )
+    if np.isnan(found.certified).any():
+        told.append("a row has several solutions or no certificate: the intervals count the noise alone")
+    return replace(found, messages=tuple(told))

@@ -1,0 +1,222 @@
+"""Parameters of a contact law from a measured curve, for a problem file or a function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from hemivar.basics.arguments import described, expect
+from hemivar.basics.generators import result_of
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.fem.posed import Posable, posed
+from hemivar.files.changes import Change
+from hemivar.files.problem_file import parse_problem_file, read_text
+from hemivar.identification import Experiment, Fit, FitOptions, Measurements, Parameter, fit, read_measurements
+from hemivar.identification.fit import FitAttempt
+from hemivar.laws import VectorLaw, join_laws
+from hemivar.laws.registry import NORMAL_LAWS, ParameterForm
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.solvers import Controls
+from hemivar.workflows.events import Event, Phase
+
+__all__ = ["identify", "identifying", "parameters_of_law"]
+
+#: A problem file, or a function of the values of parameters and inputs by their names.
+Model: TypeAlias = "str | Path | Callable[[Mapping[str, float]], Posable]"
+
+#: How far the range of a parameter reaches to both sides of its value in the file, as a factor.
+_RANGE = 20.0
+
+
+def identify(
+    problem: Model,
+    data: Measurements | str | Path,
+    parameters: Mapping[str, tuple[float, float]] | Sequence[Parameter],
+    options: FitOptions | None = None,
+    *,
+    changes: Sequence[Change] = (),
+    controls: Controls | None = None,
+) -> Fit:
+    """Parameters of a contact law that fit a measured curve.
+
+    Parameters
+    ----------
+    problem : path or callable
+        A problem file, whose keys name parameters and inputs; or a function that takes both by their names in one
+        mapping and returns a statement.  Inputs are loads and prescribed displacements, parameters numbers of the law.
+    data : Measurements or path
+        The curve; a CSV file is read by :func:`hemivar.identification.read_measurements`.
+    parameters : mapping of key to (low, high), or sequence of Parameter
+        What is looked for, and where.
+    options : FitOptions, optional
+    changes : sequence of Change, optional
+        Values put in place of those of the problem file.
+    controls : Controls, optional
+        Of the solves.
+
+    Returns
+    -------
+    Fit
+        The parameters with their intervals; ``messages`` says what the curve leaves open.
+
+    Raises
+    ------
+    ProblemError, FileError
+        The file, the curve or the parameters make no sense; the message says which and what to do.
+
+    Examples
+    --------
+    >>> found = hv.workflows.identify("glue.toml", "curve.csv", {"contact.bottom.normal.strength": (0.5, 5.0)})
+    ... # doctest: +SKIP
+    """
+    return result_of(identifying(problem, data, parameters, options, changes=changes, controls=controls))
+
+
+def identifying(
+    problem: Model,
+    data: Measurements | str | Path,
+    parameters: Mapping[str, tuple[float, float]] | Sequence[Parameter],
+    options: FitOptions | None = None,
+    *,
+    changes: Sequence[Change] = (),
+    controls: Controls | None = None,
+) -> Generator[Event, object, Fit]:
+    """As :func:`identify`, and tells of every start that is done."""
+    measured = read_measurements(data) if isinstance(data, str | Path) else data
+    measured = expect(measured, Measurements, "the measured curve", "pass Measurements(...) or the path of a CSV file")
+    wanted = _parameters(parameters, measured)
+    state = _statement(problem, changes)
+    first = {one.key: one.middle for one in wanted}
+    rows = [_posed(state, {**first, **measured.row(number)}) for number in range(measured.count)]
+    experiment = Experiment.of(rows, tuple(measured.measured), controls)
+    begin = measured.row(0)
+
+    def law(values: Array) -> VectorLaw:
+        stated = state({**begin, **dict(zip(first, map(float, values), strict=True))})
+        return _law_on(experiment.problems[0], stated)
+
+    attempts = fit(experiment, measured, wanted, law, options)
+    while True:
+        try:
+            attempt = next(attempts)
+        except StopIteration as end:
+            return _fit_of(end.value)
+        yield Phase(_told(attempt), attempt.number, attempt.count)
+
+
+def parameters_of_law(problem: str | Path, law: str, contact: str | None = None) -> tuple[Parameter, ...]:
+    """All numbers of the normal law of a contact boundary in a problem file, each around its value there.
+
+    Parameters
+    ----------
+    problem : path
+    law : str
+        Name of the law, as the file has it.
+    contact : str, optional
+        The contact boundary; needed where there are several.
+
+    Returns
+    -------
+    tuple of Parameter
+        From a twentieth of the value in the file to twenty times it.
+
+    Raises
+    ------
+    ProblemError
+        The file has another law there, or numbers of which one is not positive.
+    """
+    import tomllib
+
+    text = read_text(problem)
+    parse_problem_file(text, Path(problem).parent, str(problem))  # what is wrong with it is said there
+    tables = tomllib.loads(text).get("contact", {})
+    names = [contact] if contact is not None else list(tables)
+    if len(names) != 1 or names[0] not in tables:
+        raise ProblemError(f"name the contact boundary whose law is looked for: one of {', '.join(tables)}")
+    stated = tables[names[0]].get("normal", {})
+    if law not in NORMAL_LAWS:
+        raise ProblemError(f"normal law '{law}' is not known; choose one of {', '.join(NORMAL_LAWS)}")
+    if stated.get("law") != law:
+        raise ProblemError(
+            f"contact '{names[0]}' has the law '{stated.get('law')}' in the file; state '{law}' there with a first "
+            "guess of its parameters, or name each parameter and its range with --fit"
+        )
+    numbers = {one.name for one in NORMAL_LAWS[law].parameters if one.form is ParameterForm.NUMBER}
+    found = []
+    for name, value in stated.items():
+        if name not in numbers:
+            continue
+        if isinstance(value, str) or not value > 0.0:
+            raise ProblemError(
+                f"contact.{names[0]}.normal.{name} is {value!r}: a range around it needs a positive number; "
+                "name it with --fit"
+            )
+        found.append(Parameter(f"contact.{names[0]}.normal.{name}", value / _RANGE, value * _RANGE, float(value)))
+    return tuple(found)
+
+
+def _parameters(
+    parameters: Mapping[str, tuple[float, float]] | Sequence[Parameter], measured: Measurements
+) -> tuple[Parameter, ...]:
+    if isinstance(parameters, Mapping):
+        found = tuple(Parameter(key, float(low), float(high)) for key, (low, high) in parameters.items())
+    else:
+        found = tuple(expect(one, Parameter, "a parameter", "pass Parameter(key, low, high)") for one in parameters)
+    if not found:
+        raise ProblemError("no parameter is to be fitted; name at least one with its range")
+    keys = [one.key for one in found]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise ProblemError(f"parameter '{key}' is there twice; give it once")
+        if key in measured.inputs:
+            raise ProblemError(
+                f"'{key}' is a column of what was set and a parameter to be fitted; it can be one of them"
+            )
+    return found
+
+
+def _statement(problem: Model, changes: Sequence[Change]) -> Callable[[Mapping[str, float]], Posable]:
+    if callable(problem):
+        return problem
+    if not isinstance(problem, str | Path):
+        raise ProblemError(
+            f"identify: the problem is {described(problem)}; give the path of a problem file, or a function"
+        )
+    text, folder, name = read_text(problem), Path(problem).parent, str(problem)
+
+    def state(values: Mapping[str, float]) -> Posable:
+        given = [*changes, *(Change(key, value) for key, value in values.items())]
+        return parse_problem_file(text, folder, name, changes=given).problem
+
+    return state
+
+
+def _posed(state: Callable[[Mapping[str, float]], Posable], values: Mapping[str, float]) -> DiscreteProblem:
+    return posed(state(values), "identify")
+
+
+def _law_on(problem: DiscreteProblem, stated: Posable) -> VectorLaw:
+    """The law of a statement at the contact points of a problem, which has the same body."""
+    contact = problem.contact
+    if not isinstance(stated, ContactProblem) or contact.points is None or (np.diff(contact.boundary) < 0).any():
+        return posed(stated, "identify").law
+    groups = []
+    for number, name in enumerate(contact.names):
+        points = contact.points[contact.boundary == number]
+        if len(points):
+            groups.append((stated.contact[name].law.at(points), len(points)))
+    return join_laws(groups)
+
+
+def _fit_of(value: object) -> Fit:
+    assert isinstance(value, Fit)
+    return value
+
+
+def _told(attempt: FitAttempt) -> str:
+    return f"start {attempt.number + 1} of {attempt.count}: misfit {attempt.misfit:.2%}"

@@ -1,0 +1,178 @@
+"""Parameters of laws from curves: those that made the curve, with intervals that hold them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.errors import ProblemError
+from hemivar.identification import Fit, FitOptions, Measurements, Parameter
+
+from .experiments import BILINEAR, CASES, EXPONENTIAL, FORCE, TRILINEAR, Case
+
+
+def _fit(case: Case, measured: Measurements, **options: float) -> Fit:
+    return hv.workflows.identify(case.state, measured, case.ranges, FitOptions(**options))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_curve_without_noise_gives_its_law(name: str) -> None:
+    case = CASES[name]
+    found = _fit(case, case.measured())
+    for key, value in case.truth.items():
+        assert found.value(key) == pytest.approx(value, rel=1e-6)
+    assert all(found.identified)
+    assert found.misfit < 1e-7
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_per_cent_of_noise_gives_it_within_two(name: str) -> None:
+    case = CASES[name]
+    found = _fit(case, case.measured(0.01, seed=5))
+    np.testing.assert_allclose(found.values, list(case.truth.values()), rtol=0.02)
+    low, high = found.intervals.T
+    assert ((low < found.values) & (found.values < high)).all()
+    assert found.noise == pytest.approx(0.01, rel=0.5)
+
+
+def test_intervals_grow_with_the_noise_and_the_confidence() -> None:
+    half = {}
+    for noise, confidence in ((0.005, 0.95), (0.01, 0.95), (0.01, 0.99)):
+        options = FitOptions(starts=1, noise=noise, confidence=confidence)
+        found = hv.workflows.identify(TRILINEAR.state, TRILINEAR.measured(0.005, 2), TRILINEAR.ranges, options)
+        half[noise, confidence] = np.diff(found.intervals)[:, 0] / 2.0
+    np.testing.assert_allclose(half[0.01, 0.95], 2.0 * half[0.005, 0.95], rtol=1e-6)
+    np.testing.assert_allclose(half[0.01, 0.99] / half[0.01, 0.95], 2.5758 / 1.95996, rtol=1e-4)
+
+
+def test_a_curve_that_ends_before_the_peak_leaves_what_comes_after_it_open() -> None:
+    early = Measurements({"pull": BILINEAR.pulled[:5]}, {FORCE: BILINEAR.measured(0.01).values[:5, 0]})
+    found = _fit(BILINEAR, early)
+    assert found.identified == (True, False, False)
+    assert any("strength is not identifiable from this curve" in text for text in found.messages)
+    assert np.isinf(found.intervals[1:]).all()
+    assert found.value("stiffness") == pytest.approx(40.0, rel=0.1)
+
+
+def test_two_springs_in_a_row_cannot_be_told_apart() -> None:
+    """The curve depends on the product of two parameters alone: the direction of what it cannot tell is named."""
+
+    def state(values: Mapping[str, float]) -> hv.ContactProblem:
+        law = hv.Adhesive(stiffness=40.0 * values["a"] * values["b"], strength=1e3)
+        return Case(lambda _: law, {}, BILINEAR.pulled).state(values)
+
+    measured = BILINEAR.measured(0.01)
+    early = Measurements({"pull": BILINEAR.pulled[:5]}, {FORCE: measured.values[:5, 0]})
+    found = hv.workflows.identify(state, early, {"a": (0.5, 2.0), "b": (0.5, 2.0)}, FitOptions(starts=2))
+    assert not any(found.identified)
+    assert found.value("a") * found.value("b") == pytest.approx(1.0, rel=0.1)
+    np.testing.assert_allclose(np.abs(found.directions[1]), np.sqrt(0.5), atol=1e-3)
+    assert any("cannot tell a and b apart" in text for text in found.messages)
+
+
+def test_units_do_not_matter() -> None:
+    """Lengths in mm and stresses in kPa: the same parameters in these units, the same intervals of them."""
+    found = _fit(BILINEAR, BILINEAR.measured(0.01, 4))
+
+    def state(values: Mapping[str, float]) -> hv.ContactProblem:
+        law = hv.Adhesive(stiffness=values["stiffness"], strength=values["strength"], softening=values["softening"])
+        return hv.ContactProblem(
+            mesh=hv.rectangle((1e3, 1e3), 1), material=hv.Material.lame(4e4, 4e4),
+            supports={"top": hv.Fixed(x=0.0, y=values["pull"])}, contact={"bottom": hv.Contact(law)},
+        )  # fmt: skip
+
+    given, unit = BILINEAR.measured(0.01, 4), np.array([1.0, 1e3, 1.0])
+    other = Measurements({"pull": 1e3 * given.inputs["pull"]}, {FORCE: 1e6 * given.values[:, 0]})
+    low, high = BILINEAR.ranges["strength"]
+    scaled = hv.workflows.identify(state, other, {**BILINEAR.ranges, "strength": (1e3 * low, 1e3 * high)})
+    np.testing.assert_allclose(scaled.values / unit, found.values, rtol=1e-5)
+    np.testing.assert_allclose(scaled.intervals / unit[:, None], found.intervals, rtol=1e-3)
+
+
+def test_a_law_of_another_kind_is_doubted() -> None:
+    """A spring that never lets go does not explain a curve with a peak."""
+    spring = Case(lambda v: hv.Adhesive(stiffness=v["stiffness"], strength=1e3), {"stiffness": 40.0}, BILINEAR.pulled)
+    found = hv.workflows.identify(spring.state, BILINEAR.measured(0.01), {"stiffness": (1.0, 200.0)})
+    assert any("take another law" in text for text in found.messages)
+
+
+@pytest.mark.parametrize(
+    ("measured", "parameters", "says"),
+    [
+        (lambda m: Measurements(m.inputs, {FORCE: 1e3 * m.values[:, 0]}), None, "check the units"),
+        (
+            lambda m: Measurements({"pull": m.values[:, 0] + 1.0}, {FORCE: m.inputs["pull"]}),
+            None,
+            "order of the columns",
+        ),
+        (lambda m: Measurements({"pull": m.inputs["pull"][:3]}, {FORCE: m.values[:3, 0]}), None, "measure at least 4"),
+        (lambda m: m, {}, "name at least one"),
+        (lambda m: m, {"pull": (1.0, 2.0)}, "column of what was set"),
+        (lambda m: Measurements(m.inputs, {"support.top.force": m.values[:, 0]}), None, r"as in support.top.force.x"),
+        (lambda m: Measurements(m.inputs, {"support.roof.force.y": m.values[:, 0]}), None, "support.top.force"),
+    ],
+)
+def test_bad_data(measured: object, parameters: object, says: str) -> None:
+    given = measured(BILINEAR.measured())  # type: ignore[operator]
+    wanted = BILINEAR.ranges if parameters is None else parameters
+    with pytest.raises(ProblemError, match=says):
+        hv.workflows.identify(BILINEAR.state, given, wanted)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "says"),
+    [
+        (("k", 2.0, 1.0), "a lower end and a higher one"),
+        (("k", 1.0, np.inf), "a lower end and a higher one"),
+        (("k", 1.0, 2.0, 3.0), "widen the range"),
+    ],
+)
+def test_bad_ranges(parameter: tuple[object, ...], says: str) -> None:
+    with pytest.raises(ProblemError, match=says):
+        Parameter(*parameter)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("options", [{"starts": 0}, {"confidence": 1.0}, {"noise": -1.0}, {"seed": -1}])
+def test_bad_options(options: dict[str, float]) -> None:
+    with pytest.raises(ProblemError):
+        FitOptions(**options)  # type: ignore[arg-type]
+
+
+def test_friction_that_depends_on_the_pressure_is_refused() -> None:
+    def state(values: Mapping[str, float]) -> hv.ContactProblem:
+        law = hv.Compliance(values["stiffness"])
+        return hv.ContactProblem(
+            mesh=hv.rectangle((1.0, 1.0), 2), material=hv.Material.lame(40.0, 40.0),
+            supports={"top": hv.Fixed(x=0.0, y=values["pull"])}, contact={"bottom": hv.Contact(law, hv.Coulomb(0.3))},
+        )  # fmt: skip
+
+    with pytest.raises(ProblemError, match="Coulomb"):
+        hv.workflows.identify(state, BILINEAR.measured(), {"stiffness": (1.0, 100.0)})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_intervals_hold_the_truth_as_often_as_they_say(name: str) -> None:
+    """60 curves with 1 % of noise, of which 57 should hold each parameter: less than 50 are one in two thousand.
+
+    ``benchmarks/identification.py`` draws 400.
+    """
+    case = CASES[name]
+    exact, truth = case.exact(), np.array(list(case.truth.values()))
+    held = np.zeros(truth.size)
+    for seed in range(60):
+        noise = 0.01 * np.abs(exact).max() * np.random.default_rng(seed).standard_normal(exact.size)
+        found = _fit(case, Measurements({"pull": case.pulled}, {FORCE: exact + noise}), starts=1)
+        low, high = found.intervals.T
+        held += (low <= truth) & (truth <= high)
+    assert (held >= 50).all()
+
+
+def test_values_show_themselves() -> None:
+    found = _fit(EXPONENTIAL, EXPONENTIAL.measured(0.01, 1), starts=1)
+    assert repr(found).startswith("Fit(strength = 2")
+    assert [row[0] for row in found.summary().rows] == ["strength", "length", "misfit", "intervals"]
+    assert len(found.plot().axes) == 3
