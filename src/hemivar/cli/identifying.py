@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from hemivar.basics.disk import shown
-from hemivar.cli.options import Exit, ProblemPath, Rtol, check_limits
+from hemivar.cli.options import Csv, Exit, Given, Json, Latex, MaxTime, ProblemPath, Rtol, Seed, Starts, check_limits
 from hemivar.cli.outputs import one_line
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_table
@@ -41,22 +41,20 @@ def identify(
     fitted: Annotated[
         list[str] | None, typer.Option("--fit", metavar="KEY=LOW:HIGH", help="A key of the file to fit, and its range.")
     ] = None,
-    given: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A value in place of the file's.")
-    ] = None,
+    given: Given = None,
     noise: Annotated[
         float | None, typer.Option(metavar="X", help="Standard deviation, relative to the largest value (estimated).")
     ] = None,
     confidence: Annotated[float, typer.Option(metavar="X", help="Confidence of the intervals.")] = 0.95,
-    starts: Annotated[int, typer.Option(metavar="N", min=1, max=10_000, help="Starts of the fit.")] = 6,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
+    starts: Starts = 6,
+    seed: Seed = 0,
     rtol: Rtol = None,
-    max_time: Annotated[float | None, typer.Option(metavar="S", help="Limit of each solve in seconds (none).")] = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table of parameters.")] = None,
-    latex: Annotated[Path | None, typer.Option(metavar="FILE.tex", help="Write that table for LaTeX.")] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write all numbers.")] = None,
+    max_time: MaxTime = None,
+    csv: Csv = None,
+    latex: Latex = None,
+    json: Json = None,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw data, fit and intervals (.png, .svg, .pdf).")
+        Path | None, typer.Option(metavar="FILE", help="Draw data, fit and intervals (.png, .svg or .pdf).")
     ] = None,
 ) -> int:
     """Find the parameters of a contact law from a measured curve, with intervals and what the curve leaves open.
