@@ -13,6 +13,8 @@ __all__ = ["downhill", "nearest_knot", "one_sided", "radial_sides", "steepest"]
 
 #: Pairs of a point and a knot that are looked at together.
 _PAIRS = 1 << 20
+#: Derivatives of a law below this share of its largest one at a knot are rounding.
+_SLOPE_NOISE = 1e-12
 #: Parts of a way at which a law is looked at.
 _SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
 
@@ -38,6 +40,14 @@ def downhill(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     go_right, go_left = falling < 0.0, rising > 0.0
     lowest = np.where(go_right, -falling, 0.0) >= np.where(go_left, rising, 0.0)
     target = np.where(go_right & (lowest | ~go_left), after, np.where(go_left, before, r))
+    if not np.isfinite(target).all():
+        # A slope that is rounding of the law leads to no minimiser: r is next to one all the same.
+        steep = np.maximum(np.where(go_right, -falling, 0.0), np.where(go_left, rising, 0.0))
+        slopes = np.abs(np.concatenate([side.ravel() for side in law.knot_slopes()]))
+        noise = _SLOPE_NOISE * slopes.max(initial=0.0, where=np.isfinite(slopes))
+        far = np.where(valid, np.abs(points - r[..., None]), np.inf)
+        near = np.take_along_axis(points, far.argmin(axis=-1)[..., None], axis=-1)[..., 0]
+        target = np.where(~np.isfinite(target) & (steep <= noise) & np.isfinite(far.min(axis=-1)), near, target)
     return np.where(np.isfinite(target), target, np.nan)
 
 
