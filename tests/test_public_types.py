@@ -113,6 +113,8 @@ def examples() -> dict[str, list[object]]:
         hv.SlipWeakening(0.5),
         hv.laws.SlipTable(1.0, [0.0, 1.0], [1.0, 0.5]),
         hv.Coulomb(0.3),
+        hv.laws.OrthotropicFriction(1.0, ratio=0.5),
+        hv.laws.OrthotropicLaw(hv.Signorini(), hv.laws.OrthotropicFriction(1.0)),
         hv.laws.CoulombBound(0.3),
         hv.laws.PenetrationBound("min(8*s, 0.8)", 3.0),
         hv.laws.PenetrationBound(([0.0, 1.0], [0.0, 2.0])),

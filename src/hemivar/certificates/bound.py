@@ -26,7 +26,8 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
-from hemivar.laws import StateBound, VectorLaw, separable
+from hemivar.laws import StateBound, VectorLaw
+from hemivar.laws.coupled import bounded
 
 __all__ = ["Point", "equilibrium_multiplier", "error_bound", "friction_bound", "trace_force"]
 
@@ -125,7 +126,7 @@ def trace_force(problem: DiscreteProblem, force: Array) -> Array:
 
 def friction_bound(problem: DiscreteProblem, r: Array, lam: Array) -> Array:
     """The friction bound (m,) in a state, where it depends on the state."""
-    bound = separable(problem.law, "a bound that depends on the state").friction.bound
+    bound = bounded(problem.law).friction.bound
     assert isinstance(bound, StateBound)
     return np.asarray(bound.value(r[:, 0], lam[:, 0]))
 

@@ -24,7 +24,8 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.posed import Posable, posed
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
-from hemivar.laws import ContactLaw, Friction, VectorLaw, separable
+from hemivar.laws import ContactLaw, Friction, VectorLaw
+from hemivar.laws.coupled import bounded
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.scalar import ScalarProblem, Statement
@@ -293,7 +294,7 @@ def largest_bounds(
     """
     m, d = problem.contact_points, problem.contact.components
     rate = np.broadcast_to(problem.law.lipschitz, (m,))
-    own = separable(problem.law, "a bound that depends on the state")
+    own = bounded(problem.law)
     weakens = np.broadcast_to(own.friction.profile.weak_convexity, (m,)) > 0.0
     if point is None:
         r, lam = -problem.offset, np.zeros((m, d))
@@ -331,7 +332,7 @@ def _constants(
         if bounds is None:
             normal, tangential = (np.broadcast_to(alpha, (m,)) for alpha in law.weak_convexity_within(reach))
         else:
-            own = separable(law, "a bound that depends on the state")
+            own = bounded(law)
             unit = ContactLaw(own.normal, Friction(1.0, own.friction.profile))
             normal, profile = (np.broadcast_to(alpha, (m,)) for alpha in unit.weak_convexity_within(reach))
             with np.errstate(invalid="ignore"):
@@ -487,7 +488,7 @@ def _coupling(law: VectorLaw) -> Array:
     if not law.state_dependent:
         return np.zeros(1)
     rate = law.lipschitz
-    steepest, growing = separable(law, "a bound that depends on the state").friction.profile.growth
+    steepest, growing = bounded(law).friction.profile.growth
     steepest = np.where(growing > 0.0, np.inf, steepest)
     return np.where(rate > 0.0, rate * np.maximum(steepest, np.finfo(float).tiny), 0.0)
 

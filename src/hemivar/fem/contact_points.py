@@ -233,7 +233,7 @@ def join(
         return _no_points(basis.shape[1], dim), np.zeros((0, dim)), ContactLaw(NoContact()).at(None), 0.0
     blocked = np.concatenate([group.blocked for group in groups])
     rough = np.concatenate([np.broadcast_to(group.law.rubs, (group.points.count,)) for group in groups])
-    law = join_laws([(group.law, group.points.count) for group in groups])
+    law = join_laws([(_turned(group), group.points.count) for group in groups])
     full = sp.csr_array(sp.vstack([group.points.trace for group in groups]))
     offset = np.zeros((full.shape[0] // dim, dim))
     offset[:, 0] = np.concatenate([group.gap for group in groups])
@@ -283,6 +283,14 @@ def join(
         none = _no_points(basis.shape[1], dim, contact.names)
         return none, np.zeros((0, dim)), ContactLaw(NoContact()).at(None), energy
     return contact.take(keep), offset[keep], law.take(keep), energy
+
+
+def _turned(group: BoundaryContact) -> VectorLaw:
+    """The law of a boundary with its directions in the frames of the contact points."""
+    points = group.points
+    assert points.frames is not None
+    with error_context(f"contact '{points.names[int(points.boundary[0])]}'"):
+        return group.law.in_frames(points.frames)
 
 
 def _no_points(unknowns: int, dim: int, names: tuple[str, ...] = ()) -> ContactPoints:

@@ -17,7 +17,15 @@ from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
 from hemivar.formula import Formula, ScalarFormula
-from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential, VectorLaw
+from hemivar.laws import (
+    CoulombBound,
+    Friction,
+    NoFriction,
+    OrthotropicFriction,
+    PenetrationBound,
+    Superpotential,
+    VectorLaw,
+)
 from hemivar.laws.coupled_registry import COUPLED_LAWS
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
@@ -243,11 +251,16 @@ def _is_none(friction: Friction) -> bool:
     """Whether there is no friction at all."""
     bound, none = friction.bound, NoFriction()
     plain = not callable(bound) and not isinstance(bound, StateBound) and np.ndim(bound) == 0
-    return plain and bound == none.bound and friction.profile is none.profile
+    return (
+        plain
+        and not isinstance(friction, OrthotropicFriction)
+        and bound == none.bound
+        and friction.profile is none.profile
+    )
 
 
 def _law_record(
-    law: Superpotential | VectorLaw,
+    law: Superpotential | VectorLaw | OrthotropicFriction,
     where: str,
     name: str,
     aside: SideFiles,
@@ -286,8 +299,9 @@ def _law_record(
 
 def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles) -> object:
     bound: object
+    law = friction if isinstance(friction, OrthotropicFriction) else friction.profile
     match friction.bound:
-        case CoulombBound(coefficient=coefficient) if friction.profile is NoFriction().profile:
+        case CoulombBound(coefficient=coefficient) if law is NoFriction().profile:
             return {"law": "coulomb", "coefficient": quantity_record(coefficient, f"{where}.coefficient")}
         case CoulombBound(coefficient=coefficient):
             bound = {"coulomb": quantity_record(coefficient, f"{where}.coefficient")}
@@ -307,7 +321,7 @@ def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles
             raise not_expressible(f"{where}.bound", other, "numbers, formulas, and bounds by penetration or pressure")
         case plain:
             bound = quantity_record(plain, f"{where}.bound")
-    return _law_record(friction.profile, where, name, aside, FRICTION_LAWS, bound)
+    return _law_record(law, where, name, aside, FRICTION_LAWS, bound)
 
 
 def _obstacle_record(obstacle: Obstacle, where: str) -> dict[str, object]:

@@ -12,7 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.consistency import check_own
-from hemivar.laws.friction import Friction, NoFriction
+from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.neighbourhood import Neighbourhood, lengths, polar
 from hemivar.laws.scalar_graph import downhill, nearest_knot, one_sided, radial_sides, steepest
@@ -53,6 +53,10 @@ class ContactLaw(VectorLaw):
         if not isinstance(self.friction, Friction):
             raise ProblemError(
                 f"the friction law must be a Friction such as Tresca(0.5), not {described(self.friction)}"
+            )
+        if isinstance(self.friction, OrthotropicFriction):
+            raise ProblemError(
+                "orthotropic friction depends on the direction of the slip; take OrthotropicLaw(normal, friction)"
             )
         check_own(self.normal)
 
@@ -418,9 +422,7 @@ def separable(law: VectorLaw, what: str) -> ContactLaw:
     """
     if isinstance(law, ContactLaw):
         return law
-    raise MethodError(
-        f"law '{law.name}' couples opening and slip; {what} is only known for a normal law with friction beside it"
-    )
+    raise MethodError(f"{law.not_separable}; {what} is only known for a normal law with radial friction beside it")
 
 
 def _first_axis(direction: Array) -> Array:

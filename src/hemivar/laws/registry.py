@@ -17,6 +17,7 @@ from hemivar.laws.friction import (
     Friction,
     Logarithmic,
     NoFriction,
+    OrthotropicFriction,
     SlipTable,
     SlipWeakening,
     StateBound,
@@ -382,6 +383,13 @@ _NORMAL = (
     ),
 )
 
+
+def _orthotropic(
+    bound: Parameter | StateBound, ratio: Parameter = 1.0, axis: Sequence[float] = (1.0, 0.0, 0.0)
+) -> Friction:
+    return OrthotropicFriction(bound, ratio=ratio, axis=axis)
+
+
 _FRICTION = (
     LawEntry(
         "tresca",
@@ -398,6 +406,24 @@ _FRICTION = (
         "friction of at most coefficient times the pressure (quasi-variational: the bound is iterated)",
         "j(s) = coefficient pressure |s|",
         (LawParameter("coefficient", "friction coefficient mu", "1", minimum=0.0, example=0.3),),
+    ),
+    LawEntry(
+        "orthotropic",
+        LawKind.FRICTION,
+        _orthotropic,
+        "friction of at most bound along an axis of the surface and ratio bound across it, in space",
+        "j(s) = bound sqrt(s1^2 + ratio^2 s2^2)",
+        (
+            _BOUND,
+            LawParameter("ratio", "bound across the axis over that along it", "1", minimum=0.0, example=0.5),
+            LawParameter(
+                "axis",
+                "a direction; its projection on the surface is the axis",
+                "1",
+                form=_LIST,
+                example=(1.0, 0.0, 0.0),
+            ),
+        ),
     ),
     LawEntry(
         "slip-weakening",

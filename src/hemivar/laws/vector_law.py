@@ -106,9 +106,24 @@ class VectorLaw(PickleMixin, ABC):
         """Whether it is a :class:`~hemivar.laws.ContactLaw`: j is a part of the penetration plus a part of the slip."""
         return False
 
+    @property
+    def not_separable(self) -> str:
+        """Why it is no normal law with radial friction beside it, in words."""
+        return f"law '{self.name}' couples opening and slip"
+
     @abstractmethod
     def at(self, points: Array | None) -> VectorLaw:
         """The law with every parameter evaluated at ``points (m, d)``."""
+
+    def in_frames(self, frames: Array) -> VectorLaw:
+        """The law where ``frames (m, c, d)`` are the unit vectors of local components: directions are turned into them.
+
+        Raises
+        ------
+        ProblemError
+            A direction of the law is none of the surface.
+        """
+        return self
 
     @abstractmethod
     def take(self, index: IntArray) -> VectorLaw:

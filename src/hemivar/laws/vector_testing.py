@@ -18,6 +18,8 @@ __all__ = ["check_vector_law"]
 
 #: Places and local problems that are tried; lines and columns of the grid on which minimisers are looked for.
 _PLACES, _PROBLEMS, _GRID = 400, 60, 161
+#: Directions of slip in which a law is looked at far away; places around a minimiser.
+_TURNS, _AROUND = 361, 400
 
 
 def check_vector_law(
@@ -132,7 +134,16 @@ class _Checker:
         return np.asarray((0.5 * spread(self.a, self.c) * r**2 - self.b * r).sum(axis=1) + self.law.value(r))
 
     def argmin(self) -> str | None:
-        found = self._energy(self.law.local_argmin(self.a, self.b))
+        r = self.law.local_argmin(self.a, self.b)
+        found = self._energy(r)
+        ends = self.law.penetrations
+        for _ in range(_AROUND):
+            beside = r + self.random.normal(size=r.shape) * 10.0 ** self.random.uniform(-6.0, 0.0) * self.reach
+            beside[:, 0] = np.clip(beside[:, 0], ends.lower, ends.upper)
+            lower = found - self._energy(beside)
+            if (lower > 1e-9 * self.slope * self.reach).any():
+                i = int(np.argmax(lower))
+                return f"for a = {self.a[i]}, b = {self.b[i]} r = {beside[i]} is lower"
         pull = np.linalg.norm(self.b[:, 1:], axis=1)
         heading = self.b[:, 1:] / pull[:, None]  # the slip of least energy lies along the force
         for i in range(_PROBLEMS):
@@ -185,9 +196,13 @@ class _Checker:
         far = 1e6 * self.reach
         up, down, slip = (float(np.max(rate)) for rate in self.law.rates)
         for rate, way in ((up, 1.0), (down, -1.0), (slip, 0.0)):
-            r = np.zeros((1, self.c))
-            r[0, 0 if way else 1] = far * (way or 1.0)
-            grown = float(self.law.value(r)[0]) / far
-            if np.isfinite(rate) and abs(grown - rate) > 1e-3 * self.slope:
-                return f"along {r[0] / far} j grows by {grown:.4g} per length, not {rate:.4g}"
+            turn = np.linspace(0.0, np.pi, _TURNS) if self.c == 3 and not way else np.zeros(1)
+            ways = np.zeros((turn.size, self.c))
+            ways[:, 0 if way else 1] = way or np.cos(turn)
+            if turn.size > 1:
+                ways[:, 2] = np.sin(turn)
+            grown = self.law.take(np.zeros(turn.size, dtype=np.int64)).value(far * ways) / far
+            most = int(np.argmax(grown))
+            if np.isfinite(rate) and abs(grown[most] - rate) > 1e-3 * self.slope:
+                return f"along {ways[most]} j grows by {grown[most]:.4g} per length, not {rate:.4g}"
         return None

@@ -92,7 +92,11 @@ def _parts(law: object) -> Iterator[tuple[str, object, bool]]:
     parameters = isinstance(law, ParameterLaw | CoulombBound | MixedMode)
     for one in fields(law):
         if one.init and not one.name.startswith("_"):
-            yield one.name, getattr(law, one.name), parameters or (isinstance(law, Friction) and one.name == "bound")
+            yield (
+                one.name,
+                getattr(law, one.name),
+                parameters or (isinstance(law, Friction) and one.name in ("bound", "ratio")),
+            )
 
 
 def law_depends_on_time(law: object) -> bool:

@@ -22,7 +22,7 @@ from hemivar.basics.display import ReprMixin
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.laws import Friction, NoContact, Superpotential
+from hemivar.laws import Friction, NoContact, OrthotropicFriction, Superpotential
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.memory import Memory
@@ -100,6 +100,8 @@ class ScalarContact(PickleMixin):
     side: Side = Side.ABOVE
 
     def __post_init__(self) -> None:
+        if isinstance(self.law, OrthotropicFriction):
+            raise ProblemError("orthotropic friction depends on a direction, of which a scalar problem has none")
         if isinstance(self.law, Friction):
             if isinstance(self.law.bound, StateBound):
                 raise ProblemError(

@@ -16,7 +16,15 @@ from hemivar.basics.display import ReprMixin
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential, VectorLaw
+from hemivar.laws import (
+    ContactLaw,
+    Friction,
+    NoFriction,
+    OrthotropicFriction,
+    OrthotropicLaw,
+    Superpotential,
+    VectorLaw,
+)
 from hemivar.laws.memory import Memory
 from hemivar.mechanics.conditions import (
     LARGEST,
@@ -165,6 +173,8 @@ class Contact(PickleMixin):
     def law(self) -> VectorLaw:
         """Normal and friction law together; a law that couples opening and slip stands for both."""
         if not isinstance(self.normal, VectorLaw):
+            if isinstance(self.friction, OrthotropicFriction):
+                return OrthotropicLaw(self.normal, self.friction)
             return ContactLaw(self.normal, self.friction)
         if isinstance(self.normal, ContactLaw):
             raise ProblemError("a contact is given a ContactLaw; give its parts, Contact(normal, friction)")

@@ -3,13 +3,16 @@
 from hemivar.laws.coupled.cohesion import BilinearCohesion, ExponentialCohesion, TrapezoidalCohesion, cohesion_table
 from hemivar.laws.coupled.joined import JoinedLaw, join_laws
 from hemivar.laws.coupled.mixed_mode import MixedMode
+from hemivar.laws.coupled.orthotropic import OrthotropicLaw, bounded
 
 __all__ = [
     "BilinearCohesion",
     "ExponentialCohesion",
     "JoinedLaw",
     "MixedMode",
+    "OrthotropicLaw",
     "TrapezoidalCohesion",
+    "bounded",
     "cohesion_table",
     "join_laws",
 ]

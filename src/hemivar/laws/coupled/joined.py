@@ -13,6 +13,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.coupled_law import CoupledLaw
+from hemivar.laws.coupled.orthotropic import OrthotropicLaw
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, Near, Sides, VectorLaw
 
@@ -237,7 +238,8 @@ def join_laws(laws: Sequence[tuple[VectorLaw, int]]) -> VectorLaw:
     Returns
     -------
     VectorLaw
-        A :class:`ContactLaw` where all of them split.
+        A :class:`ContactLaw` where all of them split, an :class:`OrthotropicLaw` where some friction depends on the
+        direction of the slip.
 
     Raises
     ------
@@ -248,6 +250,9 @@ def join_laws(laws: Sequence[tuple[VectorLaw, int]]) -> VectorLaw:
     split = [(law, count) for law, count in laws if isinstance(law, ContactLaw)]
     if len(split) == len(laws):
         return ContactLaw.concatenate(split)
+    directed = OrthotropicLaw.concatenate(laws)
+    if directed is not None:
+        return directed
     if len(laws) == 1:
         return laws[0][0]
     ends = np.cumsum([count for _, count in laws])

@@ -11,6 +11,7 @@ from hemivar.laws.friction.named_frictions import (
     StaticKinetic,
     Tresca,
 )
+from hemivar.laws.friction.orthotropic_friction import OrthotropicFriction
 from hemivar.laws.friction.profiles import (
     ABSOLUTE_VALUE,
     ExponentialWeakening,
@@ -27,6 +28,7 @@ __all__ = [
     "Logarithmic",
     "LogarithmicWeakening",
     "NoFriction",
+    "OrthotropicFriction",
     "PenetrationBound",
     "SlipTable",
     "SlipWeakening",

@@ -326,7 +326,7 @@ class PrimalDualActiveSet(Solver):
         if problem.contact_points and any(np.isinf(alpha).any() for alpha in problem.law.weak_convexity):
             return "the law jumps down, so a kink has no place in the order of the sets; use newton"
         if not problem.law.splits:
-            return f"law '{problem.law.name}' couples opening and slip, which the sets do not know; use newton"
+            return f"{problem.law.not_separable}, which the sets do not know; use newton"
         return None
 
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:

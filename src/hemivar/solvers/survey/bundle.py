@@ -72,7 +72,7 @@ class ProximalBundle(Solver):
         if problem.contact_points and any((alpha > 0.0).any() for alpha in problem.law.weak_convexity):
             return "the law is not convex, and cutting planes of a nonconvex law are no lower bounds; use newton"
         if not problem.law.splits:
-            return f"law '{problem.law.name}' couples opening and slip, which the model does not know; use newton"
+            return f"{problem.law.not_separable}, which the model does not know; use newton"
         return None
 
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
