@@ -105,8 +105,6 @@ def test_its_bulk_and_what_refuses_it() -> None:
     problem = membrane(ENERGIES[0])
     assert not problem.linear
     assert isinstance(discretize(problem).bulk, Potential)
-    with pytest.raises(ProblemError, match="not linear, and steps in time"):
-        hv.Evolution(dataclasses.replace(problem, viscosity=1.0))
     with pytest.raises(ProblemError, match="a problem file cannot say"):
         hv.write_problem(problem, "nowhere.toml")
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import barycentric_gradients
@@ -49,11 +51,19 @@ def below(problem: DiscreteProblem) -> DiscreteProblem:
     if isinstance(bulk, Potential):
         found = bulk.lower
     origin, model = None, problem.model
+    if found is not None and isinstance(model.parts, Composition):  # a step in time
+        own, family = model.parts, model.parts.family
+        lower = cast(OperatorFamily, family.known.once("below", lambda: _family_below(family)))
+        return replace(problem, model=replace(own, family=lower, place=None).model(model.resisted), law_known=True)
     if found is None:
         found = bulk.at_rest if isinstance(bulk, Potential) else Quadratic(bulk.hessian(np.zeros(bulk.unknowns)))
     elif model.origin is not None and model.parts is None:  # the same on coarser meshes
         origin = lower_statement(model.origin)
     return replace(problem, model=replace(model, bulk=found, origin=origin, parts=None), law_known=True)
+
+
+def _family_below(family: OperatorFamily) -> OperatorFamily:
+    return replace(family.below, problem=below(family.problem))
 
 
 def lower_statement(statement: Statement) -> Statement:

@@ -147,6 +147,10 @@ class Quadratic(PickleMixin):
         """The body itself."""
         return self
 
+    def resisting(self) -> Quadratic:
+        """The body itself."""
+        return self
+
     def rounding_scale(self, u: Array, load: Array) -> float:
         """Norm of the sizes of what is added up in ``f - K u``, entry by entry: rounding is a part of it."""
         sizes = np.abs(u)

@@ -12,10 +12,11 @@ import scipy.sparse as sp
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.recent import Recent
-from hemivar.basics.types import IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import Model
-from hemivar.discrete.operators import Multiple, Operator, of_arrays
+from hemivar.discrete.operators import Multiple, Operator, combined, of_arrays
+from hemivar.discrete.potential import Potential, SumEnergy
 from hemivar.discrete.space import Space
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ class OperatorFamily(PickleMixin):
     problem : DiscreteProblem
         The elastic body, whose stiffness it is.
     stiffness : Operator
-        With the bedding that is stated.
+        With the bedding that is stated; of a body that is not linear that at rest.
     viscosity, mass : Operator or None
     branches : tuple of (relaxation time, Operator)
         In the order of :attr:`Material.relaxation_times`.
@@ -60,13 +61,20 @@ class OperatorFamily(PickleMixin):
         branches : sequence of float
             One for each branch; none leaves them out.
         """
+        return self._combined(1.0, viscous, inertia, branches)
+
+    def resistance(self, viscous: float = 0.0, inertia: float = 0.0, branches: Sequence[float] = ()) -> sp.csr_array:
+        """:meth:`combined` without the stiffness, on the same sparsity."""
+        return self._combined(0.0, viscous, inertia, branches)
+
+    def _combined(self, own: float, viscous: float, inertia: float, branches: Sequence[float]) -> sp.csr_array:
         parts = [(viscous, self.viscosity), (inertia, self.mass)]
         parts += [(share, part) for share, (_, part) in zip(branches, self.branches, strict=True)] if branches else []
         there = [(factor, part) for factor, part in parts if factor and part is not None]
         base = self.stiffness
-        own = 1.0 + sum(factor * part.factor for factor, part in there if isinstance(part, Multiple))
-        if not there:
+        if own and not there:
             return base.inner
+        own += sum(factor * part.factor for factor, part in there if isinstance(part, Multiple))
         data = own * base.inner.data
         for factor, part in there:
             if not isinstance(part, Multiple):
@@ -81,14 +89,31 @@ class OperatorFamily(PickleMixin):
         return Space(tuple(replace(one, prescribed=np.zeros_like(one.prescribed)) for one in space.fields))
 
     @cached_property
+    def below(self) -> OperatorFamily:
+        """That of the linear body by which this one is strongly monotone; itself where this one is linear."""
+        bulk = self.problem.bulk
+        if not isinstance(bulk, Potential):
+            return self
+
+        def apart(part: Operator) -> Operator:  # from the stiffness, which is another one now
+            return Operator(part.inner, part.coupling, part.held) if isinstance(part, Multiple) else part
+
+        return replace(
+            self,
+            stiffness=replace(self.stiffness, inner=bulk.resisting().stiffness),
+            viscosity=None if self.viscosity is None else apart(self.viscosity),
+            branches=tuple((time, apart(part)) for time, part in self.branches),
+        )
+
+    @cached_property
     def known(self) -> Recent[str, object]:
-        """What others found out about it: its coarser level."""
-        return Recent(1)
+        """What others found out about it: its coarser level, and that of the linear body below it."""
+        return Recent(2)
 
 
 @dataclass(frozen=True, eq=False)
 class Composition(PickleMixin):
-    """What a stiffness matrix is made of; on a coarser mesh it is made of the matrices there.
+    """What the body of a step in time is made of; on a coarser mesh it is made of the matrices there.
 
     Attributes
     ----------
@@ -97,7 +122,10 @@ class Composition(PickleMixin):
     branches : tuple of float
         See :meth:`OperatorFamily.combined`.
     scale : float
-        What all of it is multiplied by.
+        What all of it is multiplied by; of a body that is not linear what is more than one multiplies the linear body
+        below.
+    place : array (nodes, c) or None
+        Nodal values at unknowns zero, of a body that is not linear; as in its problem by default.
     """
 
     family: OperatorFamily
@@ -105,11 +133,26 @@ class Composition(PickleMixin):
     inertia: float = 0.0
     branches: tuple[float, ...] = ()
     scale: float = 1.0
+    place: Array | None = None
 
     def matrix(self) -> sp.csr_array:
-        """The stiffness."""
+        """The stiffness of a linear body."""
         whole = self.family.combined(self.viscous, self.inertia, self.branches)
         return whole if self.scale == 1.0 else sp.csr_array(self.scale * whole)
+
+    def bulk(self) -> Quadratic | Potential:
+        """The stored energy, with those of viscosity, mass and branches."""
+        elastic = self.family.problem.bulk
+        if not isinstance(elastic, Potential):
+            return Quadratic(self.matrix(), assembled=True)
+        family, energy = self.family, elastic.energy
+        if self.place is not None:
+            energy = energy.from_field(self.place)
+        resists = family.resistance(self.viscous, self.inertia, self.branches)
+        if self.scale != 1.0:
+            whole = family.below.combined(self.viscous, self.inertia, self.branches)
+            resists = combined([(1.0, resists), (self.scale - 1.0, whole)])
+        return Potential(SumEnergy(energy, resists) if resists.data.any() else energy)
 
     def model(self, resisted: bool) -> Model:
         """The body with this stiffness, whose supports move nothing.
@@ -120,9 +163,11 @@ class Composition(PickleMixin):
             Whether it resists every motion, beside what the elastic body does.
         """
         elastic = self.family.problem.model
-        bulk = Quadratic(self.matrix(), assembled=True)
-        return Model(bulk, elastic.contact, self.family.space, elastic.origin, resisted or elastic.resisted, self)
+        return Model(
+            self.bulk(), elastic.contact, self.family.space, elastic.origin, resisted or elastic.resisted, self
+        )
 
-    def of(self, family: OperatorFamily) -> Composition:
-        """The same of other matrices."""
-        return replace(self, family=family)
+    def of(self, family: OperatorFamily, shared: IntArray) -> Composition:
+        """The same of a body on a coarser mesh, whose nodes are some (shared) of the nodes of this one."""
+        place = None if self.place is None else self.place[shared]
+        return replace(self, family=family, place=place)

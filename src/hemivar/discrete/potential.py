@@ -14,11 +14,12 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.recent import Recent
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.operators import combined
 
 if TYPE_CHECKING:
     from hemivar.discrete.problem import DiscreteProblem
 
-__all__ = ["BodyEnergy", "Potential", "Tangent"]
+__all__ = ["BodyEnergy", "Potential", "SumEnergy", "Tangent"]
 
 
 class BodyEnergy(Protocol):
@@ -48,6 +49,75 @@ class BodyEnergy(Protocol):
     def upper(self) -> sp.csr_array:
         """A matrix (n, n) above every second derivative."""
         ...
+
+    def from_field(self, values: Array) -> BodyEnergy:
+        """The same energy by the change of the unknowns from nodal values (nodes, c) on."""
+        ...
+
+    def field_value(self, values: Array) -> float:
+        """The energy of nodal values (nodes, c)."""
+        ...
+
+    def field_forces(self, values: Array) -> Array:
+        """Internal forces (nodes, c) of nodal values (nodes, c)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SumEnergy(PickleMixin):
+    """A stored energy and a quadratic one, such as those of viscosity and mass in a step in time: ``W(u) + u'Qu/2``.
+
+    Attributes
+    ----------
+    energy : BodyEnergy
+        W.
+    quadratic : sparse array (n, n)
+        Q, symmetric and positive semidefinite, on the sparsity of the second derivatives of W.
+    """
+
+    energy: BodyEnergy
+    quadratic: sp.csr_array
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return self.energy.unknowns
+
+    def value(self, u: Array) -> float:
+        """The energy at the unknowns u (n,)."""
+        return self.energy.value(u) + 0.5 * float(u @ (self.quadratic @ u))
+
+    def gradient(self, u: Array) -> Array:
+        """Its derivative (n,)."""
+        return np.asarray(self.energy.gradient(u) + self.quadratic @ u)
+
+    def hessian(self, u: Array) -> sp.csr_array:
+        """Its second derivative (n, n)."""
+        return self._added(self.energy.hessian(u))
+
+    def lower(self) -> sp.csr_array | None:
+        """A matrix (n, n) below every second derivative; None if none is known."""
+        found = self.energy.lower()
+        return None if found is None else self._added(found)
+
+    def upper(self) -> sp.csr_array:
+        """A matrix (n, n) above every second derivative."""
+        return self._added(self.energy.upper())
+
+    def from_field(self, values: Array) -> SumEnergy:
+        """The same energy by the change of the unknowns from nodal values (nodes, c) on."""
+        return SumEnergy(self.energy.from_field(values), self.quadratic)
+
+    def field_value(self, values: Array) -> float:
+        """Of nodal values the stored energy alone."""
+        return self.energy.field_value(values)
+
+    def field_forces(self, values: Array) -> Array:
+        """Of nodal values the internal forces alone."""
+        return self.energy.field_forces(values)
+
+    def _added(self, matrix: sp.csr_array) -> sp.csr_array:
+        return combined([(1.0, matrix), (1.0, self.quadratic)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,12 +167,12 @@ class Potential(PickleMixin):
 
     def tangent(self, u: Array) -> Quadratic:
         """The linear body with the stiffness ``W''(u)``."""
-        return Quadratic(self.hessian(u), assembled=True)
+        return Quadratic(self.hessian(u), assembled=True) if u.any() else self.at_rest
 
     @cached_property
     def at_rest(self) -> Quadratic:
         """The linear body with the stiffness at u = 0."""
-        return self.tangent(np.zeros(self.unknowns))
+        return Quadratic(self.hessian(np.zeros(self.unknowns)), assembled=True)
 
     @cached_property
     def lower(self) -> Quadratic | None:
@@ -114,6 +184,10 @@ class Potential(PickleMixin):
     def upper(self) -> Quadratic:
         """A linear body above: no second derivative exceeds its stiffness."""
         return Quadratic(self.energy.upper(), assembled=True)
+
+    def resisting(self) -> Quadratic:
+        """By which sizes of motions are measured: the linear body below, or that at rest where none is known."""
+        return self.at_rest if self.lower is None else self.lower
 
     @cached_property
     def known(self) -> Recent[str, object]:

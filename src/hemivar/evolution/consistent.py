@@ -12,6 +12,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.jumps import SelectionRule
+from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.fem.quadrature import quadrature_rule, region_masks
@@ -144,7 +145,7 @@ def longest_without_swing(advance: TimeStepper, taken: StepResult) -> float:
     if discrete.mass is not None or discrete.viscosity is None or stage.rule.reach <= 1.0:
         return np.inf
     n, way = discrete.unknowns, taken.moment.body.displacement - before.body.displacement
-    force = advance.data_from(before).after(before.time).load - discrete.stiffness.times(before.body.displacement)
+    force = advance.data_from(before).after(before.time).load - stiffness_force(discrete, before.body)
     force[:n] -= discrete.problem.contact_force(before.multiplier)
     first, middle = discrete.vectors.total(
         float(force[:n] @ way[:n]), 2.0 * discrete.viscosity.energy(way) / taken.step

@@ -12,6 +12,8 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.state_chain import state_chain_of
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
@@ -107,9 +109,9 @@ class Slowed:
     resistance: float
     contact: sp.csr_array | None = None
 
-    def drag(self, stiffness: sp.csr_array, u: Array) -> Array:
+    def drag(self, body: Quadratic, u: Array) -> Array:
         """Force (n,) that moves the resistance to u (n,)."""
-        return self.resistance * np.asarray(stiffness @ u) if self.contact is None else np.asarray(self.contact @ u)
+        return self.resistance * body.gradient(u) if self.contact is None else np.asarray(self.contact @ u)
 
 
 def slowed(bodies: StepMatrices, problem: DiscreteProblem, convexity_defect: float) -> Slowed:
@@ -128,6 +130,11 @@ def slowed(bodies: StepMatrices, problem: DiscreteProblem, convexity_defect: flo
     if not math.isfinite(steepest):
         resistance = regularising_viscosity(convexity_defect)
         return Slowed(bodies.slower(problem, resistance), resistance)
+    if not isinstance(problem.bulk, Quadratic):
+        raise ProblemError(
+            "a body whose material is not linear softens on a foundation that alone holds it, or no lower bound of its "
+            "stiffness is known; hold it by a support, or take a material whose stress grows at every strain"
+        )
     slow, contact = bodies.on_its_foundation(problem, (1.0 + _LEAST) * steepest)
     return Slowed(slow, math.inf, contact)
 
@@ -185,12 +192,14 @@ def downhill(
     chain : Chain, optional
         The graph of the law at the contact points of the body; made here where the solver condenses the body.
     """
-    K, load, slow = problem.stiffness, problem.load, slowed.problem
+    load, slow, bulk = problem.load, slowed.problem, problem.bulk
+    assert isinstance(bulk, Quadratic | Potential)
+    body = bulk.resisting()
     tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
     last: IntArray | None = None
     looks, solved = Backoff(), u
     for _ in range(MAX_FLOW_STEPS):
-        start, before, here = u, problem.local(u), load + slowed.drag(K, u)
+        start, before, here = u, problem.local(u), load + slowed.drag(body, u)
         solution = solve(slow.with_(load=here), solver, tight, initial=u, workspace=workspace)
         u = solution.unknowns
         # What a leap onward leaves out of balance inside the body is no part of the way of a body with free motions.
@@ -235,7 +244,7 @@ def downhill(
 def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[float], bool], float] | None:
     """Whether the energy goes on to fall so many times the last step further, on the same pieces of all laws; and the
     steps that are a small part of where the body is. None where contact points do not move, or leave their kinks."""
-    r, K = problem.local(u), problem.stiffness
+    r, bulk = problem.local(u), problem.bulk
     slip = r - problem.local(u - way)
     size = float(np.abs(slip).max(initial=0.0))
     held = ~problem.law.linearise(r).smooth
@@ -243,15 +252,21 @@ def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[
     if not size > 0.0 or (np.abs(slip[held]) > _RESTS * size).any():
         return None
     slip = np.where(held, 0.0, slip)
-    pull, bend = float(way @ (K @ u - problem.load)), float(way @ (K @ way))
+    pull = -float(way @ problem.out_of_balance(u))
+    bend = float(way @ bulk.gradient(way)) if isinstance(bulk, Quadratic) else 0.0
     weights = problem.contact.weights[:, None]
+
+    def against(times: float) -> float:
+        if isinstance(bulk, Quadratic):
+            return pull + times * bend
+        return -float(way @ problem.out_of_balance(u + times * way))
 
     def falls(times: float) -> bool:
         there = r + times * slip
         if not np.array_equal(problem.law.clamp(r, there), there):
             return False
         pushed = weights * problem.law.linearise(there).gradient
-        return pull + times * bend + float((pushed * slip).sum()) < 0.0
+        return against(times) + float((pushed * slip).sum()) < 0.0
 
     return falls, _ONWARD * float(np.abs(r).max()) / size
 
@@ -285,7 +300,7 @@ def _on_pieces(
 ) -> Solution | None:
     """The bottom of the pieces on which a place lies, where laws that soften leave the body stable there."""
     method = solver if isinstance(solver, NonsmoothMultigrid) else NonsmoothMultigrid()
-    if method.refuse(problem) is not None:
+    if not isinstance(problem.bulk, Quadratic) or method.refuse(problem) is not None:
         return None
     body = method.prepare(problem, workspace)
     found = minimiser_on_pieces(method, body, u, controls)

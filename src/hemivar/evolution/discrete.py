@@ -17,6 +17,7 @@ from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.operators import Operator, combined
+from hemivar.discrete.potential import BodyEnergy, Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
@@ -88,8 +89,30 @@ class DiscreteEvolution(PickleMixin):
 
     @cached_property
     def stiffness(self) -> Operator:
-        """Stiffness at the start."""
+        """Stiffness at the start; of a body that is not linear that at rest, by which sizes are compared."""
         return self.family.stiffness
+
+    @property
+    def linear(self) -> bool:
+        """Whether the elastic forces are the stiffness times the displacement."""
+        return not isinstance(self.problem.bulk, Potential)
+
+    def elastic_force(self, x: Array) -> Array:
+        """Elastic forces on the unknowns and on the prescribed displacements, of both, (n + k,)."""
+        if self.linear:
+            return self.stiffness.times(x)
+        force = self._stored.field_forces(self.full(x)).ravel()
+        return np.concatenate([self.field.basis.T @ force, force[self.moved]])
+
+    def elastic_energy(self, x: Array, force: Array) -> float:
+        """The energy stored at unknowns and prescribed displacements, where these forces act, each (n + k,)."""
+        return 0.5 * float(x @ force) if self.linear else self._stored.field_value(self.full(x))
+
+    @property
+    def _stored(self) -> BodyEnergy:
+        bulk = self.problem.bulk
+        assert isinstance(bulk, Potential)
+        return bulk.energy
 
     @cached_property
     def viscosity(self) -> Operator | None:
@@ -146,7 +169,7 @@ class DiscreteEvolution(PickleMixin):
 
         Then the viscous force of a velocity is known where elastic forces are, without a product of its own.
         """
-        if self.viscosity is None or not self.vectors.alone:
+        if self.viscosity is None or not self.vectors.alone or not self.linear:
             return None
         return self.viscosity.multiple_of(self.stiffness)
 
@@ -307,7 +330,11 @@ class StepMatrices:
     def slower(self, problem: DiscreteProblem, resistance: float) -> DiscreteProblem:
         """The problem with a stiffness that is larger by a factor: one step against a resistance in the energy norm."""
         factor = 1.0 + resistance
-        slow = self._stiffer(problem, resistance, lambda K: combined([(factor, K)]), factor)
+        if isinstance(problem.bulk, Potential):
+            assert isinstance(problem.model.parts, Composition)
+            slow = replace(problem.model.parts, scale=factor).model(problem.model.resisted)
+        else:
+            slow = self._stiffer(problem, resistance, lambda K: combined([(factor, K)]), factor)
         return replace(problem, model=slow, law_known=True)
 
     def on_its_foundation(self, problem: DiscreteProblem, alpha: float) -> tuple[DiscreteProblem, sp.csr_array]:
@@ -336,15 +363,22 @@ class StepMatrices:
             known = self._slow = model, key, replace(model, bulk=bulk, parts=parts)
         return known[2]
 
-    def posed(self, base: DiscreteProblem, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
+    def posed(
+        self, base: DiscreteProblem, load: Array, offset: Array, law: ContactLaw, place: Array
+    ) -> DiscreteProblem:
         """One of the bodies under a load (n,), with other offsets (m, c) and another law.
 
-        Load and offset are read-only from now on.
+        Load and offset are read-only from now on.  A body that is not linear has its energy from a displacement
+        ``place`` (n + k,) on, in which it is at unknowns zero.
         """
         load.flags.writeable = offset.flags.writeable = False
         first = self._tried is not base.model  # the first law is tried out; others of the same points follow it
         self._tried = base.model
-        return replace(base, loading=Loading(load, offset, law), law_known=not first)
+        model = base.model
+        if isinstance(model.bulk, Potential):
+            assert isinstance(model.parts, Composition)
+            model = replace(model.parts, place=self.discrete.full(place)).model(model.resisted)
+        return replace(base, model=model, loading=Loading(load, offset, law), law_known=not first)
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete

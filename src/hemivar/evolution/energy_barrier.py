@@ -42,11 +42,15 @@ def _energies(advance: TimeStepper, stage: Stage, solution: Solution) -> Array:
     discrete, contact = advance.discrete, stage.problem.contact
     way = np.zeros(stage.place.size)
     way[: solution.unknowns.size] = solution.unknowns
-    body = discrete.stiffness.energy(way)
-    body += sum(
-        gain * part.energy(way) for gain, (_, part) in zip(stage.operator.gains, discrete.branches, strict=True)
-    )
     parts, pressed = np.linspace(0.0, 1.0, _PARTS + 1), np.zeros(_PARTS + 1)
+    body = 0.0
+    if discrete.linear:
+        body = discrete.stiffness.energy(way)
+        body += sum(
+            gain * part.energy(way) for gain, (_, part) in zip(stage.operator.gains, discrete.branches, strict=True)
+        )
+    else:
+        pressed += [stage.problem.bulk.value(part * solution.unknowns) for part in parts]
     if contact.count:
         law = stage.problem.law.frozen(solution.local, solution.multiplier)
         start, ends = -stage.problem.offset, law.penetrations
@@ -55,7 +59,7 @@ def _energies(advance: TimeStepper, stage: Stage, solution: Solution) -> Array:
             r = start + part * (solution.local - start)
             inside = np.clip(r[:, 0], ends.lower, ends.upper)
             r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
-            pressed[i] = contact.weights @ law.value(r)
+            pressed[i] += contact.weights @ law.value(r)
     bent, *summed = discrete.vectors.total(body, *pressed).tolist()
     return np.asarray(bent * parts**2 + np.array(summed))
 

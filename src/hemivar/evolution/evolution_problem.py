@@ -63,8 +63,8 @@ class Evolution(PickleMixin):
     Raises
     ------
     ProblemError
-        Inertia without density, a velocity without inertia, a material that is not linear, or data that do not fit the
-        mesh.
+        Inertia without density, a velocity without inertia, heat in a material that is not linear, or data that do
+        not fit the mesh.
     """
 
     problem: Statement
@@ -87,11 +87,10 @@ class Evolution(PickleMixin):
             object.__setattr__(self, "mass", Mass(self.mass))
         except ValueError:
             raise ProblemError(f"mass = {self.mass!r}; choose 'consistent' or 'redistributed'") from None
-        if not (problem.linear if isinstance(problem, ScalarProblem) else problem.material.linear):
-            what = f"the {problem.kind.constant}" if isinstance(problem, ScalarProblem) else "the material"
+        if self.heat is not None and not isinstance(problem, ScalarProblem) and not problem.material.linear:
             raise ProblemError(
-                f"{what} is not linear, and steps in time are made for linear ones only so far; give a linear one, or "
-                "solve the problem at rest at the times that matter, hemivar.solve(problem.at_time(t), initial=...)"
+                "heat is coupled with the motion of linear materials only, and this material is not linear; leave heat "
+                "out, or give Material.lame(...) or the like"
             )
         if isinstance(problem, ScalarProblem):
             self._check_scalar(problem)
@@ -112,6 +111,12 @@ class Evolution(PickleMixin):
     def __repr__(self) -> str:
         kind = "with inertia" if self.inertia else "quasistatic"
         return f"Evolution({self.problem!r}, {kind} from t = {self.start:g})"
+
+    @property
+    def linear(self) -> bool:
+        """Whether the stress, or the flux, is linear in the strain or gradient."""
+        problem = self.problem
+        return problem.linear if isinstance(problem, ScalarProblem) else problem.material.linear
 
     @cached_property
     def conduction(self) -> Evolution | None:

@@ -13,6 +13,7 @@ from hemivar.evolution.discrete import ExternalData
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.prescribed_rates import prescribed_rates
 from hemivar.evolution.schemes import ImplicitEuler
+from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import Kinematics, TimeState
 from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
@@ -228,7 +229,7 @@ def _acceleration(advance: TimeStepper, moment: TimeState, load: Array, held: Ar
     """``M^-1`` of the forces that do not balance at the start, where moved supports (k,) have a given one."""
     discrete, n = advance.discrete, advance.discrete.unknowns
     assert discrete.mass is not None
-    force = load - discrete.stiffness.times(moment.body.displacement)
+    force = load - stiffness_force(discrete, moment.body)
     if discrete.viscosity is not None:
         force -= discrete.viscosity.times(moment.body.velocity)
     for h, (_, branch) in zip(moment.branches, discrete.branches, strict=True):

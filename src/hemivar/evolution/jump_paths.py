@@ -304,7 +304,7 @@ class _Transient:
         if rung not in self._made:
             parts = self.problem.model.parts
             assert isinstance(parts, Composition)
-            heavy = replace(parts.of(self.paths.family), inertia=self.step(rung) ** -2)
+            heavy = replace(parts, family=self.paths.family, inertia=self.step(rung) ** -2)
             self._made[rung] = replace(self.problem, model=heavy.model(True), law_known=True)
         return self._made[rung]
 

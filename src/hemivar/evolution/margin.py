@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.types import Array
+from hemivar.certificates.linear_bodies import UNKNOWN, below, lower_bound_by
 from hemivar.certificates.smallness import margin_at
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -55,16 +56,17 @@ class Margins:
         if not problem.contact_points:
             return 1.0
         if problem.law.state_dependent:
-            return self._at(problem, solution)
+            return self._at(stage, solution)
         return 1.0 - self.advance.stages.constant(stage, problem.law)
 
-    def _at(self, problem: DiscreteProblem, solution: Solution) -> float:
+    def _at(self, stage: Stage, solution: Solution) -> float:
         """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
-        stiffness, law = problem.stiffness, separable(problem.law, "a bound that depends on the state")
-        if self._known[0] is stiffness and self._known[1] is law and law.friction.profile.convex:
+        problem, body = stage.problem, stage.operator.base.model
+        law = separable(problem.law, "a bound that depends on the state")
+        if self._known[0] is body and self._known[1] is law and law.friction.profile.convex:
             return self._known[2]
         found = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.stages.workspace)
-        self._known = stiffness, law, found
+        self._known = body, law, found
         return found
 
     def largest_step(self, taken: StepResult) -> float:
@@ -93,7 +95,7 @@ class Margins:
         blocks = taken.stages[0].law.blocks
         if not any(alpha.any() for alpha in alphas) and not any(_may_soften(block) for block in blocks):
             return math.inf
-        if problem.unknowns > _SMALL or problem.law.state_dependent:
+        if problem.unknowns > _SMALL or problem.law.state_dependent or lower_bound_by(problem) == UNKNOWN:
             return math.nan
         changes = "law" in self.advance.discrete.evolution.problem.time_dependent  # and is another in longer steps
         told = np.array([taken.step, taken.before.time if changes else 0.0])
@@ -160,10 +162,11 @@ class Margins:
         return True
 
     def _condensed(self, factors: tuple[float, ...]) -> Array | None:
-        """Stiffness (m d, m d) between the contact points of a body; None where it is not held."""
+        """Stiffness (m d, m d) between the contact points of a body, of the one below if it is not linear; None where
+        it is not held."""
         if factors not in self._matrices:
             try:
-                found = SchurComplement.of(self.advance.stages.bodies.body(*factors, keep=False)).matrix
+                found = SchurComplement.of(below(self.advance.stages.bodies.body(*factors, keep=False))).matrix
             except ProblemError:
                 found = None
             self._matrices[factors] = found

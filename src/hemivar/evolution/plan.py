@@ -139,9 +139,25 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
             f"the scheme {scheme.name} has several stages, over which heat and motion are not coupled here; take "
             f"{ImplicitEuler.name} or midpoint"
         )
+    if not stated.linear:
+        _refuse_nonlinear(plan)
     plan.stepping(span).first(span)
     if SelectionRule(plan.jump).follows:
         _refuse_path(stated, plan)
+
+
+def _refuse_nonlinear(plan: March) -> None:
+    """Refuse what is made for linear bodies alone."""
+    if plan.scheme.averages_laws:
+        raise ProblemError(
+            "conserving = true keeps the energy of linear bodies, and the material is not linear; leave it out: the "
+            "midpoint rule is of order two, and the balance of energy has what it loses as 'numerical'"
+        )
+    if SelectionRule(plan.jump) in (SelectionRule.ARC_LENGTH, SelectionRule.DYNAMIC, SelectionRule.GLOBAL):
+        raise ProblemError(
+            f"jump = '{plan.jump}' is made for linear bodies, and the material is not linear; take jump = 'local' or "
+            "'viscous'"
+        )
 
 
 def _refuse_path(stated: Evolution, plan: March) -> None:

@@ -155,9 +155,9 @@ class StageState:
 
 
 def stiffness_force(discrete: DiscreteEvolution, body: Kinematics) -> Array:
-    """``K u`` (n + k,)."""
+    """The elastic forces ``K u`` (n + k,)."""
     known = body.stiffness_force
-    return discrete.stiffness.times(body.displacement) if known is None else known
+    return discrete.elastic_force(body.displacement) if known is None else known
 
 
 def viscous_force(discrete: DiscreteEvolution, body: Kinematics) -> Array:
@@ -232,7 +232,7 @@ def posed_stage(
     alone = discrete.vectors.alone and not before.multiplier.any()
     if alone and _only_rounding(discrete, force, at.load[:n], place[:n], body.velocity[:n]):
         force = np.zeros(n)  # nothing is left that a residual could be held against
-    problem = bodies.posed(operator.base, force, from_place, step_law.law)
+    problem = bodies.posed(operator.base, force, from_place, step_law.law, place)
     still = end.offset is start.offset
     return Stage(operator, problem, before, place, offset, origin, step_law, at.load, still=still, held=held)
 
@@ -256,7 +256,7 @@ def _left_of(
     stretched = None if last is None or not predictor.of_velocity else last.force
     if last is None or stretched is None or not 0.0 < predictor.velocity <= _LONGER * last.step:
         stays = place is body.displacement
-        force = load - (stiffness_force(discrete, body) if stays else discrete.stiffness.times(place))
+        force = load - (stiffness_force(discrete, body) if stays else discrete.elastic_force(place))
     else:
         time = predictor.velocity
         if viscous and goes_on and discrete.damping_time is not None:
@@ -356,7 +356,7 @@ def forces(
     """
     difference, rule = place - before.body.displacement, operator.rule
     last = before.rates[0]
-    found = {"internal": discrete.stiffness.times(place)}
+    found = {"internal": discrete.elastic_force(place)}
     if discrete.viscosity is not None:
         found["viscous"] = discrete.viscosity.times(rule.rate.of(difference, before.body, last))
     if discrete.mass is not None and not coasting:
@@ -372,7 +372,7 @@ def stage_state(discrete: DiscreteEvolution, stage: Stage, unknowns: Array) -> S
     displacement = stage.displacement(unknowns)
     way = displacement - before.displacement
     velocity, acceleration = stage.body_rates(way)
-    internal = discrete.stiffness.times(displacement)
+    internal = discrete.elastic_force(displacement)
     found, viscous, pushed = {"internal": Force(internal)}, None, None
     time, ratio = discrete.damping_time, rule.backward
     if time is not None and stage.held and rule.rate.of_difference:

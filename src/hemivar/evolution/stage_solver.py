@@ -24,6 +24,7 @@ from hemivar.solvers import (
     Controls,
     NonsmoothMultigrid,
     NonsmoothNewton,
+    ProximalNewton,
     SemismoothNewton,
     Solution,
     Solver,
@@ -36,8 +37,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["StageSolution", "StageSolver"]
 
-#: Part of the tolerance of a step that cycles of multigrid leave.
-_SHARE = 0.9
+#: Part of the tolerance of a step that cycles of multigrid leave, and that a linear body in the place of another does.
+_SHARE, _AIM = 0.9, 0.1
 #: Part of the size of what is added up by which rounding may be taken for half of a tolerance.
 _ROUNDING = 16.0 * float(np.finfo(float).eps)
 #: Ends that a tolerance below what the arithmetic allows may have.
@@ -287,7 +288,7 @@ def _at_rest(problem: DiscreteProblem) -> Solution | None:
 
 def _rounding(stage: Stage) -> float:
     """Forces that displacements make which are known to half a unit in their last place."""
-    sums, n = stage.problem.linear.row_sums, stage.problem.unknowns
+    sums, n = stage.problem.bulk.row_sums, stage.problem.unknowns
     size = norm(sums * stage.place[:n]) + float(sums.max(initial=0.0)) * norm(stage.offset)
     return 0.5 * float(np.finfo(float).eps) * size
 
@@ -298,7 +299,12 @@ def _hides(known: float, controls: Controls) -> bool:
 
 
 def _as_accurate(solver: Solver | None, controls: Controls) -> Solver | None:
-    """Multigrid whose cycles end where the tolerance of the step does, and not that of what is left of its load."""
+    """Multigrid whose cycles end where the tolerance of the step does, and not that of what is left of its load.
+
+    And a method for bodies that are not linear which solves linear ones no further.
+    """
+    if isinstance(solver, ProximalNewton):
+        return solver if solver.absolute else replace(solver, absolute=_AIM * controls.atol)
     if not isinstance(solver, NonsmoothMultigrid) or solver.tolerance is not None:
         return solver
     return replace(solver, tolerance=_SHARE * controls.rtol, absolute=_SHARE * controls.atol)

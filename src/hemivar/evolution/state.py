@@ -24,7 +24,8 @@ class Kinematics(PickleMixin):
     ----------
     displacement, velocity, acceleration : arrays
     stiffness_force, viscous_force, momentum : arrays (n + k,) or None
-        ``K u``, ``C v`` and ``M v`` of the body where they are known; to the last bit what the product would be.
+        ``K u`` (of a body that is not linear its elastic forces), ``C v`` and ``M v`` where they are known; to the
+        last bit what the product would be.
     """
 
     displacement: Array

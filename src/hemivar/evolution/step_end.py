@@ -9,7 +9,10 @@ import numpy as np
 
 from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.operators import Operator
+from hemivar.discrete.potential import Potential
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.jumps import DissipatedJump
@@ -167,7 +170,7 @@ def _last_step(
     rate, force = solved[-1].stage.rule.rate, None
     change = found.multiplier - before.multiplier if ends else np.zeros_like(found.multiplier)
     mean = rate.of_difference and abs(rate.difference * step - 1.0) <= _ROUNDED
-    if ends and mean and discrete.mass is not None and discrete.vectors.alone:
+    if ends and mean and discrete.mass is not None and discrete.vectors.alone and discrete.linear:
         force = stiffness_force(discrete, found.body) - stiffness_force(discrete, before.body)
     if not multistep:
         return None if force is None else LastStep(step, force, change)
@@ -203,7 +206,7 @@ def energies(discrete: DiscreteEvolution, state: TimeState, law: StepLaw) -> dic
             value = stored.piece_value(stored.piece_of(inside), inside)
             contact = float(weights @ (value if value.shape == weights.shape else np.full(weights.shape, value)))
     own = {
-        "elastic": 0.5 * float(x @ stiffness_force(discrete, state.body)),
+        "elastic": discrete.elastic_energy(x, stiffness_force(discrete, state.body)),
         "kinetic": 0.0 if discrete.mass is None else 0.5 * float(v @ momentum(discrete, state.body)),
         "branches": sum(part.energy(h) for h, (_, part) in zip(state.branches, discrete.branches, strict=True)),
         "contact": contact,
@@ -263,7 +266,7 @@ def _work_of(discrete: DiscreteEvolution, one: SolvedStage, du: Array, dr: Array
     done = {name: force.factor * float(force.vector @ du) for name, force in forces.items()}
     moved = jumps = damping = 0.0
     if one.resistance:  # the force that resisted
-        jumps = one.resistance * float(du[:n] @ (stage.problem.stiffness @ one.solution.unknowns))
+        jumps = one.resistance * float(du[:n] @ _resisting(stage.problem).gradient(one.solution.unknowns))
     if du.size > n:
         moved = sum(force.factor * float(force.vector[n:] @ du[n:]) for force in forces.values())
         moved -= float(stage.load[n:] @ du[n:])
@@ -280,6 +283,13 @@ def _work_of(discrete: DiscreteEvolution, one: SolvedStage, du: Array, dr: Array
         damping=damping,
         jumps=jumps,
     )
+
+
+def _resisting(problem: DiscreteProblem) -> Quadratic:
+    """In units of whose stiffness a step is resisted."""
+    bulk = problem.bulk
+    assert isinstance(bulk, Quadratic | Potential)
+    return bulk.resisting()
 
 
 def _memory_loss(

@@ -122,6 +122,8 @@ class TimeStepper:
         """
         bodies = StepMatrices(discrete)
         method = method_of(discrete) if solver is None else solver
+        if method is not None and not discrete.linear:
+            method = suited(method, discrete.problem)
         return cls(
             discrete,
             scheme,

@@ -302,6 +302,8 @@ def _uncovered(discrete: DiscreteEvolution, scheme: Scheme) -> str | None:
     contact = discrete.contacts.values()
     if not scheme.supports_time_bound:
         return f"the bounds are proved for implicit Euler, not for {scheme.name}"
+    if not discrete.linear:
+        return "no bound is known of a body that is not linear"
     if discrete.heat is not None:
         return "no bound is known where heat is coupled with motion"
     if discrete.mass is not None:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import cast
+
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.operators import Multiple, Operator, of_arrays
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, relaxing, viscous
 from hemivar.fem.discretize import discretize
 from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
+from hemivar.fem.energy_integral import EnergyIntegral
 from hemivar.fem.mass import body_blocks, inertia, mass_blocks
 from hemivar.fem.supports import Supports
 from hemivar.fem.unknowns import nodal_conditions
@@ -47,16 +54,29 @@ class Reduction:
         if problem.unknowns != int(free.sum()):
             raise ProblemError("the discrete problem is not made of this statement; discretize the statement")
 
-    def stiffness(self, blocks: EdgeBlocks | None) -> Operator:
-        """The operator of the stiffness, which is that of the problem; None where no support moves."""
-        return Operator(self.problem.stiffness, *self._coupled(blocks))
+    def stiffness(self, make: Callable[[], EdgeBlocks]) -> Operator:
+        """The operator of the stiffness, which is that of the problem: that at rest of a body that is not linear.
+
+        Its blocks are made where a support moves.
+        """
+        bulk = self.problem.bulk
+        if isinstance(bulk, Potential):
+            make = partial(cast(EnergyIntegral, bulk.energy).blocks, np.zeros(bulk.unknowns))
+        return Operator(self.pattern, *self._coupled(make() if self.moved.size else None))
+
+    @property
+    def pattern(self) -> sp.csr_array:
+        """The stiffness, on whose sparsity the others stand."""
+        bulk = self.problem.bulk
+        assert isinstance(bulk, Quadratic | Potential)
+        return bulk.at_rest.stiffness
 
     def part(self, blocks: EdgeBlocks, of: Operator | None = None) -> Operator:
         """Another operator, a multiple of the one ``of`` if it is one up to rounding. The blocks are used up."""
         coupling, held = self._coupled(blocks)
         if self.directions is not None:
             blocks.turn(self.directions)
-        pattern, data = self.problem.stiffness, blocks.matrix(self.free).data
+        pattern, data = self.pattern, blocks.matrix(self.free).data
         if of is not None:
             whole = Operator(of_arrays(data, pattern.indices, pattern.indptr), coupling, held)
             factor = whole.multiple_of(of)
@@ -98,7 +118,7 @@ def body_family(
     conditions, graph = nodal_conditions(problem), node_graph(mesh, problem.order)
     moved = moved_components(problem, conditions.supports)
     reduction = Reduction(discrete, moved, conditions.free, conditions.directions)
-    stiffness = reduction.stiffness(body_blocks(mesh, material, problem.bedding, graph) if moved.size else None)
+    stiffness = reduction.stiffness(lambda: body_blocks(mesh, material, problem.bedding, graph))
 
     def made(law: ConstitutiveLaw) -> Operator:
         return reduction.part(stiffness_blocks(mesh, law, graph), stiffness)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -164,19 +164,33 @@ class EnergyIntegral(PickleMixin):
 
     def value(self, u: Array) -> float:
         """The energy at unknowns (n,)."""
-        field = self.field(u)
-        own = 0.0 if self.bedding is None else 0.5 * float(np.vdot(field, self.bedding.times(field)))
-        return self.nodal.value(field) + own
+        return self.field_value(self.field(u))
+
+    def field_value(self, values: Array) -> float:
+        """The energy of nodal values (nodes, c)."""
+        own = 0.0 if self.bedding is None else 0.5 * float(np.vdot(values, self.bedding.times(values)))
+        return self.nodal.value(values) + own
 
     def forces(self, u: Array) -> Array:
         """Internal forces and those of the bedding on all nodes, (nodes, c)."""
-        field = self.field(u)
-        forces = self.nodal.forces(field)
-        return forces if self.bedding is None else forces + self.bedding.times(field)
+        return self.field_forces(self.field(u))
+
+    def field_forces(self, values: Array) -> Array:
+        """Those of nodal values (nodes, c)."""
+        forces = self.nodal.forces(values)
+        return forces if self.bedding is None else forces + self.bedding.times(values)
 
     def gradient(self, u: Array) -> Array:
         """Its derivative (n,)."""
         return np.asarray(self.basis.T @ self.forces(u).ravel())
+
+    def from_field(self, values: Array) -> EnergyIntegral:
+        """The same energy by the change of the unknowns from nodal values (nodes, c) on."""
+        return replace(self, prescribed=values)
+
+    def blocks(self, u: Array) -> EdgeBlocks:
+        """Its second derivative by nodes and edges, in components along the axes."""
+        return self._with_bedding(self.nodal.blocks(self.field(u)))
 
     def hessian(self, u: Array) -> sp.csr_array:
         """Its second derivative (n, n), on the sparsity of the stiffness of a linear body."""
@@ -192,12 +206,16 @@ class EnergyIntegral(PickleMixin):
 
     def _reduced(self, blocks: EdgeBlocks) -> sp.csr_array:
         """The matrix (n, n) of blocks, which are used up, and of the bedding."""
-        if self.bedding is not None:
-            np.add(blocks.diagonal, self.bedding.diagonal, out=blocks.diagonal)
-            np.add(blocks.upper, self.bedding.upper, out=blocks.upper)
+        blocks = self._with_bedding(blocks)
         if self.directions is not None:
             blocks.turn(self.directions)
         return blocks.matrix(self.free)
+
+    def _with_bedding(self, blocks: EdgeBlocks) -> EdgeBlocks:
+        if self.bedding is not None:
+            np.add(blocks.diagonal, self.bedding.diagonal, out=blocks.diagonal)
+            np.add(blocks.upper, self.bedding.upper, out=blocks.upper)
+        return blocks
 
 
 @dataclass(frozen=True, eq=False)

@@ -138,8 +138,10 @@ def _coarser_in_time(problem: DiscreteProblem, parts: Composition) -> Coarser | 
     if found is None:
         return None
     step, family = cast(tuple[Coarser, OperatorFamily], found)
-    coarse = replace(step.problem, model=parts.of(family).model(problem.model.resisted), law_known=True)
     assert problem.field is not None
+    assert problem.field.mesh.parent is not None
+    shared = _nodes_of_both(problem.field.mesh.parent.interpolation)
+    coarse = replace(step.problem, model=parts.of(family, shared).model(problem.model.resisted), law_known=True)
     step = replace(step, problem=coarse, field=problem.field)
     return replace(step, problem=step.posed(problem))
 

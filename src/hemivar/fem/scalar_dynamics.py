@@ -42,7 +42,7 @@ def scalar_family(problem: ScalarProblem, discrete: DiscreteProblem, *, with_mas
     graph, moved = node_graph(problem.mesh, problem.order), moved_nodes(problem)
     reduction = Reduction(discrete, moved, np.diff(field.basis.indptr)[:, None] > 0)
 
-    mesh, stiffness = problem.mesh, reduction.stiffness(scalar_blocks(problem, graph) if moved.size else None)
+    mesh, stiffness = problem.mesh, reduction.stiffness(lambda: scalar_blocks(problem, graph))
     viscosity = mass = None
     if problem.viscosity is not None:
         viscosity = reduction.part(stiffness_blocks(mesh, viscous(problem, mesh.dim), graph), stiffness)

@@ -216,6 +216,30 @@ class LowerElasticity(Material):
     def reach(self) -> float:
         return self.material.reach
 
+    @property
+    def inert(self) -> bool:
+        return self.material.inert
+
+    @property
+    def viscous(self) -> bool:
+        return self.material.viscous
+
+    @property
+    def relaxation_times(self) -> tuple[float, ...]:
+        return self.material.relaxation_times
+
+    def density_at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array | None:
+        return self.material.density_at(points, regions)
+
+    def viscosity_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return self.material.viscosity_tensor(points, regions)
+
+    def branch_tensor(self, number: int, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return self.material.branch_tensor(number, points, regions)
+
+    def homogeneous_in(self, viscous: bool, numbers: Sequence[int] = ()) -> bool:
+        return self.material.homogeneous_in(viscous, numbers)
+
     def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:
         return self.material.describe(point)
 

@@ -59,12 +59,15 @@ class ProximalNewton(Solver):
     tolerance : float, optional
         Residual, relative to the load, below which linear bodies need not be solved; a tenth of ``Controls.rtol`` by
         default.
+    absolute : float
+        Residual below which they need not be solved either, a force.
     """
 
     inner: Solver = field(default_factory=NonsmoothNewton)
     forcing: float = 0.1
     halvings: int = 30
     tolerance: float | None = None
+    absolute: float = 0.0
     patience: ClassVar[int] = 30
 
     def __post_init__(self) -> None:
@@ -132,7 +135,7 @@ class ProximalNewton(Solver):
         assert state.residual is not None
         evaluations, now = state.evaluations, state.residual
         wanted = min(self.forcing, now.total / memory.first if memory.first > 0.0 else self.forcing) * now.total
-        wanted = max(wanted, (self.tolerance or 0.0) * now.scale)
+        wanted = max(wanted, (self.tolerance or 0.0) * now.scale, self.absolute)
         for method, model in self._models(system, state.r, memory.force):
             budget.check()
             accurate = method.for_tolerance(_AIM * wanted / now.scale) if now.scale > 0.0 else method
