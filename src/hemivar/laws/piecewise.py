@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
@@ -58,6 +59,7 @@ class PiecewiseQuadratic(Superpotential):
     upper: Array | float = np.inf
     name: str = "piecewise"
     stated: Mapping[str, object] | None = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
+    _told: Array = field(init=False, repr=False)
     _left: Array = field(init=False, repr=False)
     _right: Array = field(init=False, repr=False)
     _values: Array = field(init=False, repr=False)
@@ -104,30 +106,83 @@ class PiecewiseQuadratic(Superpotential):
                 raise ProblemError(f"law '{self.name}': a finite end of the domain must be one of the knots")
         if (lower > upper).any():
             raise ProblemError(f"law '{self.name}': the domain is empty (lower > upper)")
-        left, right, values = _summed(knots, slopes, jumps, start)
-        set_ = object.__setattr__
+        left, right = _summed(knots, slopes, jumps, start)
+        self._lay_out(knots, slopes, left, right, (lower, upper), jumps)
+
+    @classmethod
+    def with_sides(
+        cls,
+        knots: Array,
+        slopes: Array,
+        below: Array,
+        above: Array,
+        ends: tuple[Array | float, Array | float],
+        name: str,
+    ) -> Self:
+        """The law with these knots (m, K), slopes (m, K + 1) of j', and j' just below and above every knot (m, K).
+
+        The sides are not summed up again: far away, where a law has no force at all, that would leave rounding.
+
+        Parameters
+        ----------
+        knots : array
+            Unused ones stand at the end and are +inf; what is told about them is not looked at.
+        ends : pair of arrays (m,)
+            Domain; an end is infinite or one of the knots.
+        """
+        rows = np.broadcast_shapes(
+            *(np.shape(part)[:1] for part in (knots, slopes, below, above)), *(np.shape(np.atleast_1d(e)) for e in ends)
+        )
+        count = knots.shape[-1]
+        knots, below, above = (np.broadcast_to(part, (*rows, count)) for part in (knots, below, above))
+        made = object.__new__(cls)
+        object.__setattr__(made, "name", name)
+        lower, upper = (np.broadcast_to(np.atleast_1d(end), rows) for end in ends)
+        made._lay_out(knots, np.broadcast_to(slopes, (*rows, count + 1)), below, above, (lower, upper))
+        return made
+
+    def _lay_out(
+        self,
+        told: Array,
+        slopes: Array,
+        left: Array,
+        right: Array,
+        ends: tuple[Array, Array],
+        jumps: Array | None = None,
+    ) -> None:
+        knots, used, count = filled(told), np.isfinite(told), told.shape[-1]
+        if not used.all():  # an unused knot lies on the last piece and is none of the knots that are told
+            last = np.sum(used, axis=-1, keepdims=True) - 1
+            slopes = np.where(np.arange(count + 1) > last + 1, np.take_along_axis(slopes, last + 1, -1), slopes)
+            rise = slopes[..., -1:] * (knots - np.take_along_axis(knots, last, -1))
+            along = np.take_along_axis(right, last, -1) + rise
+            left, right = np.where(used, left, along), np.where(used, right, along)
+        width = np.diff(knots, axis=-1)
+        parts = np.zeros((*knots.shape[:-1], 2 * count - 1))
+        parts[..., 1::2], parts[..., 2::2] = right[..., :-1] * width, 0.5 * slopes[..., 1:-1] * width**2
         for key, item in (
             ("breakpoints", knots),
             ("slopes", slopes),
-            ("jumps", jumps),
-            ("start", start),
-            ("lower", lower),
-            ("upper", upper),
+            ("jumps", right - left if jumps is None else jumps),
+            ("start", left[..., 0]),
+            ("lower", ends[0]),
+            ("upper", ends[1]),
+            ("_told", told),
             ("_left", left),
             ("_right", right),
-            ("_values", values),
-            ("_offset", np.zeros(rows)),
+            ("_values", np.cumsum(parts, axis=-1)[..., 0::2].copy()),
+            ("_offset", np.zeros(len(knots))),
         ):
-            set_(self, key, item)
-        origin = np.clip(np.zeros(rows), lower, upper)
-        set_(self, "_offset", self.piece_value(self.piece_of(origin), origin))
+            object.__setattr__(self, key, item)
+        origin = np.clip(np.zeros(len(knots)), *ends)
+        object.__setattr__(self, "_offset", self.piece_value(self.piece_of(origin), origin))
 
     def _scalars(self) -> tuple[Array | float, Array | float, Array | float]:
         return self.start, self.lower, self.upper
 
     @property
     def knots(self) -> Array:
-        return self.breakpoints
+        return self._told
 
     @property
     def domain(self) -> Interval:
@@ -188,7 +243,7 @@ class PiecewiseQuadratic(Superpotential):
         ends = (self.breakpoints <= np.asarray(self.lower)[..., None]) | (
             self.breakpoints >= np.asarray(self.upper)[..., None]
         )
-        return np.asarray((self.jumps != 0.0) | ends)
+        return np.asarray(((self.jumps != 0.0) | ends) & np.isfinite(self._told))
 
     def _inside(self) -> tuple[BoolArray, BoolArray]:
         """Pieces and knots that lie inside the domain (knots: strictly)."""
@@ -259,27 +314,20 @@ class PiecewiseQuadratic(Superpotential):
         factor = np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False))
         if self.shared_knots is not None and factor.size > 1:  # one table for all points, not one for each
             return ScaledLaw(self, factor)
-        return PiecewiseQuadratic(
-            self.breakpoints,
-            factor[:, None] * self.slopes,
-            factor[:, None] * self.jumps,
-            factor * self.start,
-            self.lower,
-            self.upper,
-            name=self.name,
+        times, ends = factor[:, None], (self.lower, self.upper)
+        made = self.with_sides(
+            self._told, times * self.slopes, times * self._left, times * self._right, ends, self.name
         )
+        if not np.isfinite(made.slopes).all() or not np.isfinite(made.start).all():
+            raise ProblemError(f"law '{self.name}': with the factor {factor.max():g} a slope is not a finite number")
+        return made
 
     def take(self, index: IntArray) -> PiecewiseQuadratic:
         if len(self.breakpoints) == 1:
             return self
-        return PiecewiseQuadratic(
-            self.breakpoints[index],
-            self.slopes[index],
-            self.jumps[index],
-            np.asarray(self.start)[index],
-            np.asarray(self.lower)[index],
-            np.asarray(self.upper)[index],
-            name=self.name,
+        ends = np.asarray(self.lower)[index], np.asarray(self.upper)[index]
+        return self.with_sides(
+            self._told[index], self.slopes[index], self._left[index], self._right[index], ends, self.name
         )
 
     def stationary_point(
@@ -292,8 +340,8 @@ class PiecewiseQuadratic(Superpotential):
         return np.clip(np.where(valid, root, 0.0), np.where(valid, low, 0.0), np.where(valid, high, 0.0)), valid
 
 
-def _summed(knots: Array, slopes: Array, jumps: Array, start: Array) -> tuple[Array, Array, Array]:
-    """j' to the left and to the right of each knot, and j there from the first knot on, (m, K) each."""
+def _summed(knots: Array, slopes: Array, jumps: Array, start: Array) -> tuple[Array, Array]:
+    """j' to the left and to the right of each knot, (m, K) each."""
     width, count = np.diff(knots, axis=-1), knots.shape[-1]
     if count > _FEW:  # sums in the order of the knots: jump, rise, jump, rise, ...
         steps = np.empty((*knots.shape[:-1], 2 * count))
@@ -301,16 +349,23 @@ def _summed(knots: Array, slopes: Array, jumps: Array, start: Array) -> tuple[Ar
         reached = np.cumsum(steps, axis=-1)
         tiny = 4.0 * np.finfo(float).eps * np.abs(reached).max(axis=-1, keepdims=True)
         reached = np.where(np.abs(reached) <= tiny, 0.0, reached)
-        left, right = reached[..., 0::2].copy(), reached[..., 1::2].copy()
-    else:
-        left, right = np.empty(knots.shape), np.empty(knots.shape)
-        left[..., 0], right[..., 0] = start, _added(start, jumps[..., 0])
-        for i in range(1, count):
-            left[..., i] = _added(right[..., i - 1], slopes[..., i] * width[..., i - 1])
-            right[..., i] = _added(left[..., i], jumps[..., i])
-    parts = np.zeros((*knots.shape[:-1], 2 * count - 1))
-    parts[..., 1::2], parts[..., 2::2] = right[..., :-1] * width, 0.5 * slopes[..., 1:-1] * width**2
-    return left, right, np.cumsum(parts, axis=-1)[..., 0::2].copy()
+        return reached[..., 0::2].copy(), reached[..., 1::2].copy()
+    left, right = np.empty(knots.shape), np.empty(knots.shape)
+    left[..., 0], right[..., 0] = start, _added(start, jumps[..., 0])
+    for i in range(1, count):
+        left[..., i] = _added(right[..., i - 1], slopes[..., i] * width[..., i - 1])
+        right[..., i] = _added(left[..., i], jumps[..., i])
+    return left, right
+
+
+def filled(knots: Array) -> Array:
+    """Knots (m, K) with finite places, beyond the last one, instead of the unused entries +inf."""
+    absent = ~np.isfinite(knots)
+    if not absent.any():
+        return knots
+    last = np.max(np.where(absent, -np.inf, knots), axis=-1, keepdims=True)
+    step = np.where(last == 0.0, 1.0, np.abs(last))
+    return np.where(absent, last + step * np.cumsum(absent, axis=-1), knots)
 
 
 def _added(x: Array, y: Array) -> Array:

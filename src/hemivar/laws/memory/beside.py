@@ -11,9 +11,9 @@ from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, BoolArray, Parameter
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
+from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed import bonded, plus
-from hemivar.laws.transformed.exact_table import table
 
 __all__ = ["Bonding", "PenetrationMemory"]
 
@@ -138,4 +138,5 @@ class PenetrationMemory(Memory):
 
 def _spring(slope: Array, force: Array) -> Superpotential:
     zero = np.zeros((len(force), 1))
-    return table(zero, np.repeat(slope, 2, axis=-1), force[:, None], force[:, None], (-np.inf, np.inf), "memory")
+    force, ends = force[:, None], (-np.inf, np.inf)
+    return PiecewiseQuadratic.with_sides(zero, np.repeat(slope, 2, axis=-1), force, force, ends, "memory")

@@ -8,8 +8,9 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.transformed.exact_table import MANY, separated, table, table_of
+from hemivar.laws.transformed.exact_table import MANY, separated, table_of
 from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, check_law, numbers, row
 
 __all__ = ["AffineLaw", "affine"]
@@ -63,7 +64,7 @@ def _affine(law: Superpotential, theta: Array, c: Array) -> Superpotential:
         if np.isfinite(ends).any():  # rounding has closed a piece: then the law itself is asked
             return AffineLaw(law, theta, c)
         knots = separated(knots)
-    return table(knots, factor * base.slopes, base._left, base._right, ends, law.name)
+    return PiecewiseQuadratic.with_sides(knots, factor * base.slopes, base._left, base._right, ends, law.name)
 
 
 @dataclass(frozen=True, eq=False)

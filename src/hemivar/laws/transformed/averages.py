@@ -10,8 +10,9 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.normal import Compliance
+from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.transformed.exact_table import count_knots, merged, pick, table, table_of
+from hemivar.laws.transformed.exact_table import count_knots, merged, pick, table_of
 from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, numbers, row
 
 __all__ = ["AveragedLaw", "averaged"]
@@ -63,7 +64,8 @@ def _spring(law: Superpotential) -> Superpotential | None:
     rows = law.knots.shape[0]
     zero = np.zeros((rows, 1))
     stiff = np.broadcast_to(law.piece_curvature(np.ones(rows, dtype=np.int64), np.ones(rows)), (rows,))[:, None]
-    return table(zero, np.concatenate([zero, stiff], axis=-1), zero, zero, (-np.inf, np.inf), law.name)
+    slopes, ends = np.concatenate([zero, stiff], axis=-1), (-np.inf, np.inf)
+    return PiecewiseQuadratic.with_sides(zero, slopes, zero, zero, ends, law.name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,9 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.transformed.exact_table import MANY, pick, table, table_of
+from hemivar.laws.transformed.exact_table import MANY, pick, table_of
 from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, check_law, falls_between, numbers, row
 
 __all__ = ["EnvelopeLaw", "envelope"]
@@ -67,7 +68,7 @@ def envelope(law: Superpotential, compliance: Array | float) -> Superpotential:
     slopes = np.where(held, 1.0 / np.where(held, wide, 1.0), slopes / (1.0 + wide * slopes))
     domain = made.domain
     below, above = (np.where(np.isfinite(side), side, 0.0) for side in (below, above))  # at ends that stay rigid
-    return table(knots, slopes, below, above, (domain.lower, domain.upper), law.name)
+    return PiecewiseQuadratic.with_sides(knots, slopes, below, above, (domain.lower, domain.upper), law.name)
 
 
 @dataclass(frozen=True, eq=False)

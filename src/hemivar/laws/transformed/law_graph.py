@@ -14,7 +14,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.transformed.exact_table import MANY, pick, table, table_of
+from hemivar.laws.transformed.exact_table import MANY, pick, table_of
 from hemivar.laws.transformed.transformed_law import TransformedLaw, falls_between, row, taken
 from hemivar.laws.transformed.turns import steepest_fall
 
@@ -141,7 +141,7 @@ def law_graph(
     slopes = np.zeros((len(knots), knots.shape[-1] + 1)) if springs is None else springs
     for term, one in zip(terms, tables, strict=True):
         slopes = slopes + term.acting(term.piece, pick(one.slopes, np.maximum(term.piece, 0)))
-    return table(knots, slopes, *sides, (ends.lower, ends.upper), name)
+    return PiecewiseQuadratic.with_sides(knots, slopes, *sides, (ends.lower, ends.upper), name)
 
 
 @dataclass(frozen=True, eq=False)
