@@ -185,11 +185,7 @@ def _bisected(law: Superpotential, a: Array, b: Array) -> Array:
             low, high = np.where(passed, middle, low), np.where(passed | (high - low <= 1), high, middle)
         found.append(low + 1)
     piece, reached = found
-    held = piece < reached
-    lower, upper = law.piece_bounds(piece)
-    inside, ok = law.stationary_point(piece, a, b, lower, upper, ~held & (lower < upper))
-    at_knot = knots[np.minimum(piece, count - 1)]
-    return np.where(held, at_knot, np.where(ok, inside, np.nan))
+    return _on_graph(law, a, b, piece, piece < reached)
 
 
 def _lowest_of_many(law: Superpotential, a: Array, b: Array) -> Array:
@@ -239,19 +235,28 @@ def _lowest_of_many(law: Superpotential, a: Array, b: Array) -> Array:
 
 
 def _argmin_of_growing(law: Superpotential, a: Array, b: Array) -> Array:
-    """The minimiser where ``a r + j'(r)`` grows: the force b grows with it, and the knots passed tell its piece."""
-    knots = law.knots
-    finite = np.isfinite(knots)
-    at_knots = a[..., None] * np.where(finite, knots, 0.0)
+    """The minimiser where ``a r + j'(r)`` grows."""
+    piece, held = _classified(law, a, b)
+    return _on_graph(law, np.broadcast_to(a, piece.shape), np.broadcast_to(b, piece.shape), piece, held)
+
+
+def _on_graph(law: Superpotential, a: Array, b: Array, piece: IntArray, held: BoolArray) -> Array:
+    """Where ``a r + j'(r) = b``: at the end of the piece where it is held there, else on the piece."""
+    lower, upper = law.piece_bounds(piece)
+    inside, found = law.stationary_point(piece, a, b, lower, upper, ~held & (lower < upper))
+    return np.where(held, upper, np.where(found, inside, np.nan))
+
+
+def _classified(law: Superpotential, a: Array, b: Array) -> tuple[IntArray, BoolArray]:
+    """The piece of the graph that ``a r + j'(r) = b`` lies on, and whether at the knot that ends it.
+
+    Where ``a r + j'(r)`` grows, the force b grows with it, and the knots that it has passed tell the piece.
+    """
+    finite = np.isfinite(law.knots)
+    at_knots = a[..., None] * np.where(finite, law.knots, 0.0)
     low, high = law.knot_slopes()
     passed = np.sum((b[..., None] > at_knots + high) & finite, axis=-1)
-    held = passed < np.sum((b[..., None] >= at_knots + low) & finite, axis=-1)
-    a, b = np.broadcast_to(a, passed.shape), np.broadcast_to(b, passed.shape)
-    lower, upper = law.piece_bounds(passed)
-    inside, found = law.stationary_point(passed, a, b, lower, upper, ~held & (lower < upper))
-    table = np.broadcast_to(knots, (*passed.shape, knots.shape[-1]))
-    at_knot = np.take_along_axis(table, np.minimum(passed, knots.shape[-1] - 1)[..., None], axis=-1)[..., 0]
-    return np.where(held, at_knot, np.where(found, inside, np.nan))
+    return passed, passed < np.sum((b[..., None] >= at_knots + low) & finite, axis=-1)
 
 
 def place_on_piece(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
@@ -262,25 +267,16 @@ def place_on_piece(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     """
     if law.shared_knots is not None:
         return law.local_argmin(a, b)
-    knots = law.knots
-    finite = np.isfinite(knots)
-    at_knots = a[..., None] * np.where(finite, knots, 0.0)
-    low, high = law.knot_slopes()
-    passed = np.sum((b[..., None] > at_knots + high) & finite, axis=-1)
-    held = passed < np.sum((b[..., None] >= at_knots + low) & finite, axis=-1)
-    lower, upper = law.piece_bounds(passed)
+    piece, held = _classified(law, a, b)
+    lower, upper = law.piece_bounds(piece)
     there = held | ((r > lower) & (r < upper))
-    out = r
-    if held.any():
-        table = np.broadcast_to(knots, (*passed.shape, knots.shape[-1]))
-        at_knot = np.take_along_axis(table, np.minimum(passed, knots.shape[-1] - 1)[..., None], axis=-1)[..., 0]
-        out = np.where(held, at_knot, r)
+    out = np.where(held, upper, r) if held.any() else r
     if there.all():
         return out
     with np.errstate(invalid="ignore", over="ignore"):
         end = np.where(np.isfinite(lower), lower, upper)
-        rest = b - a * end - law.piece_derivative(passed, end)
-        place = end + rest / (a + law.piece_curvature(passed, end))
+        rest = b - a * end - law.piece_derivative(piece, end)
+        place = end + rest / (a + law.piece_curvature(piece, end))
         other = np.where(np.isfinite(lower) & np.isfinite(upper), 0.5 * (lower + upper), r)
     return np.where(there, out, np.where((place > lower) & (place < upper), place, other))
 
