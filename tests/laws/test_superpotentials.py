@@ -215,6 +215,16 @@ def test_signorini_is_infinite_outside_and_no_penalty() -> None:
     assert law.distance(np.array([1e-300]), np.array([3.0]))[0] == np.inf
 
 
+@pytest.mark.parametrize("beyond", [1, 60])
+def test_a_knot_outside_the_domain_is_no_minimiser(beyond: int) -> None:
+    """``r^2/2 - b r`` for r in [0, 1], with knots that the table has outside: ``r = min(max(b, 0), 1)``."""
+    knots = np.concatenate([-1.0 - np.arange(beyond)[::-1], [0.0, 1.0], 2.0 + np.arange(beyond)])
+    law = PiecewiseQuadratic(knots, np.zeros(knots.size + 1), np.zeros(knots.size), lower=0.0, upper=1.0)
+    a, b = np.ones(4), np.array([-5.0, 0.0, 0.4, 7.0])
+    np.testing.assert_allclose(law.local_argmin(a, b), [0.0, 0.0, 0.4, 1.0], atol=1e-15)
+    np.testing.assert_allclose(law.place_on_piece(a, b, np.full(4, 0.4)), [0.0, 0.0, 0.4, 1.0], atol=1e-15)
+
+
 def test_recession_tells_how_far_a_law_holds() -> None:
     up, down = np.array([1.0]), np.array([-1.0])
     assert ThresholdCompliance(0.3, 2.0).recession(up) == np.inf
