@@ -37,7 +37,7 @@ from hemivar.laws.normal import (
     Softening,
     ThresholdCompliance,
 )
-from hemivar.laws.own import FormulaLaw, read_law_table
+from hemivar.laws.own import FormulaLaw, read_law_table, table_law
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = [
@@ -182,6 +182,14 @@ class LawEntry:
 
 def _table_law(file: str | Path, extend: str = "constant") -> Superpotential:
     return read_law_table(file, extend=extend)
+
+
+def _pressure_table(
+    penetrations: Sequence[float], pressures: Sequence[float], extend: str = "constant"
+) -> Superpotential:
+    law = table_law(penetrations, pressures, extend=extend, name="pressure-table", where="pressure-table")
+    stated = {"penetrations": tuple(penetrations), "pressures": tuple(pressures), "extend": extend}
+    return replace(law, stated=MappingProxyType({"law": "pressure-table", **stated}))
 
 
 def _formula_law(potential: str, kinks: Sequence[float] = (), reach: float = 10.0, where: str = "") -> Superpotential:
@@ -355,6 +363,22 @@ _NORMAL = (
         "a jump",
         "j' from a table",
         (LawParameter("file", "the CSV file", "path", form=ParameterForm.FILE), _EXTEND),
+    ),
+    LawEntry(
+        "pressure-table",
+        LawKind.NORMAL,
+        _pressure_table,
+        "any graph: the pressure is linear between the points of two lists; a repeated penetration is a jump",
+        "j' from a table",
+        (
+            LawParameter(
+                "penetrations", "not falling; negative ones are openings", "length", form=_LIST, example=(0.0, 0.1)
+            ),
+            LawParameter(
+                "pressures", "pressures there; negative ones are tension", _PRESSURE, form=_LIST, example=(0.0, 1.0)
+            ),
+            _EXTEND,
+        ),
     ),
     LawEntry(
         "formula",
