@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.files.problem_file import parse_problem
+from hemivar.files.problem_file import parse_problem, parse_problem_file
 from hemivar.files.sample import template
 from hemivar.studio import Bench, Message, Request
+from hemivar.studio.badges import badge_of
 from hemivar.studio.binary_message import unpacked
 from hemivar.studio.desk import Desk
-from hemivar.studio.jobs import MOST_CELLS, badge_of
+from hemivar.studio.jobs import MOST_CELLS
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
 
@@ -172,6 +173,8 @@ def test_the_load_path_and_the_body_at_a_point_of_it() -> None:
 
 def test_an_evolution_comes_frame_by_frame_with_its_history() -> None:
     text = template("bounce")
+    stated = parse_problem_file(text)
+    assert stated.time is not None
     messages = answers(Bench(Path()), "solve", text)
     frames = [m for m in messages if m.head["type"] == "picture"]
     times = [float(str(m.head["time"])) for m in frames]
@@ -179,6 +182,16 @@ def test_an_evolution_comes_frame_by_frame_with_its_history() -> None:
     assert len(times) > 50
     history = one(messages, "history")
     assert history.head["ended"] == "finished"
+    march = hv.workflows.result_of(
+        hv.workflows.march(
+            hv.workflows.evolution_of(stated), hv.workflows.plan_of(stated, hv.workflows.MarchSettings())
+        )
+    )
+    assert isinstance(march, hv.evolution.History)
+    assert history.arrays["normal_force"].max() == pytest.approx(march["normal_force"].max(), rel=1e-5)
+    badge = one(messages, "certificate").head
+    assert march.uniqueness.lower() in str(badge["meaning"]).lower()
+    assert badge["level"] == ("good" if march.uniqueness == "every step has one solution only" else "fair")
     assert times[-1] == pytest.approx(history.arrays["times"][-1])
     refused = answers(Bench(Path()), "path", text)
     assert "[time]" in str(refused[-1].head["message"])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -86,7 +87,7 @@ class BodyShape:
             _boundaries(problem), contact.weights,
         )  # fmt: skip
 
-    @property
+    @cached_property
     def key(self) -> str:
         """The same for the same shape."""
         digest = hashlib.sha256(self.kind.encode())

@@ -12,11 +12,10 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from hemivar.basics.memory import refined_cells
+from hemivar.basics.types import Array
 from hemivar.branches import Path as EquilibriumPath
-from hemivar.certificates import Certificate
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import Model
-from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.evolution import Frame, History
@@ -26,6 +25,7 @@ from hemivar.files.problem_file import ProblemFile, parse_problem_file
 from hemivar.mesh import Grid, Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status, method_named
 from hemivar.solvers.contact_states import contact_states
+from hemivar.studio.badges import Badge, badge_in_time, badge_of
 from hemivar.studio.binary_message import Message
 from hemivar.studio.body_picture import BodyShape, fields_of
 from hemivar.studio.law_curves import curves_of
@@ -55,7 +55,7 @@ from hemivar.workflows import (
     solutions,
 )
 
-__all__ = ["MOST_CELLS", "MOST_UNKNOWNS", "Bench", "Stopped", "badge_of"]
+__all__ = ["MOST_CELLS", "MOST_UNKNOWNS", "Bench", "Stopped"]
 
 #: Unknowns of a problem up to which a page solves it; the command has no such limit.
 MOST_UNKNOWNS = 200_000
@@ -203,7 +203,6 @@ class Bench:
             "residual": solution.residual.relative,
             "normal_force": solution.normal_force,
             "friction_force": np.atleast_1d(solution.friction_force).tolist(),
-            "warnings": list(solution.warnings),
             **(more or {}),
         }
         return Message(head, arrays)
@@ -224,10 +223,12 @@ class Bench:
             elif isinstance(event, FoundEvent):
                 if not stopped():
                     yield self._picture(request, event.solution)
-                    curves = curves_of(event.solution)
-                    yield Message({"type": "laws", "generation": request.generation, "curves": curves})
+                    found = event.solution
+                    yield _laws(request, found.problem, found.local, found.multiplier)
+                    for text in event.solution.warnings:
+                        yield Message({"type": "notice", "generation": request.generation, "text": text})
             elif isinstance(event, CertificateEvent):
-                yield _badge(request, event.certificate)
+                yield _badge(request, badge_of(event.certificate), event.certificate.lines())
 
     def _solutions(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
         problem = self._discrete(_static(stated, "solutions"))
@@ -307,7 +308,7 @@ class Bench:
             "status": f"load factor {found.load_factor[index]:.6g}", "remedy": "", "index": index,
             "stable": bool(found.stable[min(index, len(found.stable) - 1)]), "energy": float(found.energy[index]),
             "normal_force": float(found.normal_force[index]), "friction_force": found.friction_force[index].tolist(),
-            "unknowns": problem.unknowns, "warnings": [],
+            "unknowns": problem.unknowns,
         }  # fmt: skip
         return Message(head, arrays)
 
@@ -331,8 +332,11 @@ class Bench:
                 if frames:
                     yield _progress(request, taken.done, f"t = {taken.row.time:.4g}")
         found = work.result
-        if found is not None:
+        if found is not None and problem is not None:
+            hardest = max(found.frames, key=lambda frame: float(np.abs(frame.multiplier).max(initial=0.0)))
+            yield _laws(request, problem, hardest.local, hardest.multiplier)
             yield _history(request, found)
+            yield _badge(request, badge_in_time(found), list(found.messages))
 
     def _frame(self, request: Request, problem: DiscreteProblem, frame: Frame) -> Message:
         assert self._shape is not None
@@ -341,7 +345,7 @@ class Bench:
         weights = problem.contact.weights
         head = {
             "type": "picture", "generation": request.generation, "shape": self._shape.key, "time": frame.time,
-            "converged": True, "status": f"t = {frame.time:.4g}", "remedy": "", "warnings": [],
+            "converged": True, "status": f"t = {frame.time:.4g}", "remedy": "",
             "unknowns": problem.unknowns, "normal_force": float(weights @ frame.multiplier[:, 0]),
         }  # fmt: skip
         return Message(head, arrays)
@@ -437,46 +441,14 @@ def _controls(stated: _Stated, stopped: Stopped) -> Controls:
     )
 
 
-def _badge(request: Request, certificate: Certificate) -> Message:
-    """The certificate as a badge: what it means in one sentence, and its lines."""
-    level, title, meaning = badge_of(certificate)
-    return Message(
-        {
-            "type": "certificate",
-            "generation": request.generation,
-            "level": level,
-            "title": title,
-            "meaning": meaning,
-            "lines": certificate.lines(),
-        }
-    )
+def _badge(request: Request, badge: Badge, lines: list[str]) -> Message:
+    head = {"type": "certificate", "generation": request.generation, "lines": lines}
+    return Message({**head, "level": badge.level, "title": badge.title, "meaning": badge.meaning})
 
 
-def badge_of(certificate: Certificate) -> tuple[str, str, str]:
-    """Level ("good", "fair" or "poor"), title and meaning of a certificate, as far as it claims it.
-
-    Parameters
-    ----------
-    certificate : Certificate
-
-    Returns
-    -------
-    tuple of three str
-    """
-    if not certificate.stationary:
-        return "poor", "not a solution", "The residual is above the tolerance: this picture shows no equilibrium."
-    kind = certificate.kind.value
-    if certificate.unique is True:
-        error = certificate.error_bound_relative
-        sure = "about" if certificate.error_bound_sampled else "at most"
-        off = f" It is {sure} {error:.1e} (relative) from the exact discrete solution." if math.isfinite(error) else ""
-        return "good", "the only solution", f"No other equilibrium of this mesh exists at this load.{off}"
-    if isinstance(certificate.unique, str):
-        return "good", kind, f"This equilibrium is {certificate.unique}."
-    if certificate.kind in (PointKind.LOCAL_MINIMISER, PointKind.GLOBAL_MINIMISER):
-        others = "Others exist" if certificate.unique is False else "Others may exist"
-        return "fair", kind, f"A stable equilibrium: its energy is least nearby. {others}; search for all solutions."
-    return "poor", kind, f"An equilibrium, but not shown to be stable; {certificate.uniqueness}."
+def _laws(request: Request, problem: DiscreteProblem, local: Array, multiplier: Array) -> Message:
+    curves = curves_of(problem, local, multiplier)
+    return Message({"type": "laws", "generation": request.generation, "curves": curves})
 
 
 def _progress(request: Request, done: float | None, words: str) -> Message:

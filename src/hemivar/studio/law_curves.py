@@ -8,8 +8,8 @@ import math
 import numpy as np
 
 from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import ContactLaw, Superpotential
-from hemivar.solvers import Solution
 
 __all__ = ["LawCurve", "curves_of"]
 
@@ -20,15 +20,20 @@ _PLACES = 60
 LawCurve = dict[str, object]
 
 
-def curves_of(solution: Solution) -> list[LawCurve]:
+def curves_of(problem: DiscreteProblem, local: Array, multiplier: Array) -> list[LawCurve]:
     """The laws of the contact boundaries: traction against penetration, friction against slip.
 
     Each has ``boundary``, ``side`` ("normal" or "friction"), ``name``, ``lines`` (constants in words), ``pieces``
     (lists of r and traction), ``jumps`` (place, from, to), ``reach`` (largest |r| shown) and ``note``.  A law whose
     parameters vary is that of the point with the largest pressure, where a friction bound that depends on the state is
     taken as well.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    local, multiplier : arrays (m, c)
+        Of an equilibrium.
     """
-    problem = solution.problem
     contact, law = problem.contact, problem.law
     found: list[LawCurve] = []
     for name in contact.names:
@@ -38,9 +43,9 @@ def curves_of(solution: Solution) -> list[LawCurve]:
         if not isinstance(law, ContactLaw):
             found.append(_without_curve(name, law.name))
             continue
-        r, traction = solution.local[index], solution.multiplier[index]
+        r, traction = local[index], multiplier[index]
         chosen = int(np.argmax(np.abs(traction[:, 0])))
-        one = law.frozen(solution.local, solution.multiplier).take(index[[chosen]])
+        one = law.frozen(local, multiplier).take(index[[chosen]])
         where = "" if contact.points is None else f"at x = {_place(contact.points[index[chosen]])}"
         parts = one.scalar_laws(contact.components)
         for side, part, column in zip(("normal", "friction"), parts, range(contact.components), strict=False):

@@ -14,7 +14,7 @@ export async function addressOf(studio) {
   if (studio.problem.text !== studio.start) state.set("p", await packed(studio.problem.text));
   state.set("v", VIEW.map((name) => Number(studio.body.view[name].toFixed(3))).join(","));
   state.set("c", [studio.colour.value, studio.map.value, studio.lower.shown, studio.side.shown, studio.root.dataset.theme].join(","));
-  if (studio.scaleKept) state.set("s", studio.scale.value);
+  if (studio.shape) state.set("s", studio.scale.value);
   return state.toString();
 }
 

@@ -4,7 +4,7 @@ import { h, s, shown } from "./dom.js";
 import { Plot } from "./plot.js";
 
 /** Lists of a law that are the points of its curve: [places, values], and what multiplies the values. */
-const TABLES = [["r", "derivative", null], ["slips", "values", "bound"]];
+const TABLES = [["penetrations", "pressures", null], ["slips", "values", "bound"]];
 
 export class LawView {
   /** edit(pairs, final) puts numbers into the text: pairs of key and value. */
@@ -140,13 +140,12 @@ function handlesOf(curve, numbers) {
   const stem = `contact.${curve.boundary}.${curve.side}`;
   for (const [places, values, by] of TABLES) {
     const factor = by ? numbers.get(`${stem}.${by}`) : 1;
-    const bound = curve.side === "friction" && places === "r" ? numbers.get(`${stem}.bound`) ?? 1 : factor;
     const found = [];
     for (let k = 0; numbers.has(`${stem}.${places}.${k}`) && numbers.has(`${stem}.${values}.${k}`); k += 1) {
       const keys = [`${stem}.${places}.${k}`, `${stem}.${values}.${k}`];
-      found.push({ keys, factor: bound, x: numbers.get(keys[0]), y: bound * numbers.get(keys[1]), least: curve.side === "friction" ? 0 : -Infinity });
+      found.push({ keys, factor, x: numbers.get(keys[0]), y: factor * numbers.get(keys[1]), least: curve.side === "friction" ? 0 : -Infinity });
     }
-    if (found.length && bound > 0) return found;
+    if (found.length && factor > 0) return found;
   }
   return [];
 }

@@ -68,7 +68,7 @@ export class Sliders {
     if (value < row.low) row.slide.min = String((row.low = value));
     if (value > row.high) row.slide.max = String((row.high = value));
     if (document.activeElement !== row.slide || Number(row.slide.value) !== value) row.slide.value = String(value);
-    if (document.activeElement !== row.field || Number(row.field.value) !== value) row.field.value = String(value);
+    if (document.activeElement !== row.field || Number(row.field.value) !== value) row.field.value = short(value);
     row.slide.setAttribute("aria-valuetext", shown(value));
   }
 
@@ -87,6 +87,12 @@ export class Sliders {
     }
     return this.rows.has(key);
   }
+}
+
+/** A number in few characters: 6e7 rather than 60000000. */
+function short(value) {
+  const [plain, power] = [String(value), value.toExponential().replace("e+", "e")];
+  return power.length < plain.length ? power : plain;
 }
 
 /** ``top.displacement.1`` as people read it. */

@@ -81,7 +81,8 @@ class Studio {
     this.side.panel.certificate.append(this.meaning, this.lines, this.notices);
     const middle = h("main", {}, this.scene, this.bars, this.status, this.lower.root);
     this.root.replaceChildren(head, this.lost, h("div", { class: "columns" }, sliders, middle, this.side.root));
-    this.root.addEventListener("keydown", (event) => this.key(event));
+    // a page has these keys everywhere, a widget of a notebook in itself
+    (this.options.hash ? document : this.root).addEventListener("keydown", (event) => this.key(event));
   }
 
   toolbar() {
@@ -281,7 +282,7 @@ class Studio {
     this.fresh = false;
     if (first) this.autoScale(fields);
     this.offer(fields);
-    this.range = this.rangeOf(fields);
+    this.range = head.time === undefined ? this.rangeOf(fields) : this.common(this.play.frames.map((frame) => frame.fields));
     this.body.options.colour = this.colour.value;
     this.body.setFields(fields, this.range);
     this.contact.set(this.shape, fields, this.units);
@@ -294,8 +295,13 @@ class Studio {
     if (head.steps !== undefined) parts.push(`${head.method}, ${head.steps} steps`);
     if (head.stable !== undefined) parts.push(head.stable ? "stable" : "not stable");
     this.status.textContent = parts.join(" · ");
+    if (head.index !== undefined) this.onPath(head);
     this.status.classList.toggle("wrong", !head.converged);
-    for (const text of head.warnings || []) this.note(text);
+  }
+
+  onPath(head) {
+    const meaning = head.stable ? "From here to the next point of the path equilibria are local minimisers." : "From here to the next point of the path equilibria are no minimisers.";
+    this.setBadge(head.stable ? "fair" : "poor", head.stable ? "stable part of the path" : "unstable part of the path", meaning, []);
   }
 
   choose(one) {
@@ -337,6 +343,7 @@ class Studio {
   }
 
   failed(head) {
+    clearTimeout(this.slow);
     this.waiting = false;
     if (this.again) {
       this.arrived();
@@ -402,8 +409,13 @@ class Studio {
   }
 
   rangeOf(fields) {
-    const values = colouring(fields, this.colour.value);
-    return values ? fieldRange(values, this.colour.value) : null;
+    const name = this.colour.value;
+    fields.ranges ||= new Map();
+    if (!fields.ranges.has(name)) {
+      const values = colouring(fields, name);
+      fields.ranges.set(name, values ? fieldRange(values, name) : null);
+    }
+    return fields.ranges.get(name);
   }
 
   common(all) {
