@@ -134,13 +134,22 @@ def _solutions_table(found: SolutionSet) -> Table:
     """One line for each solution."""
     from hemivar.report.tables import Table
 
-    columns = ("", "kind", "energy", "max penetration", "normal force", "contact", "residual")
+    glued = any(s.debonding for s in found)
+    columns = (
+        "",
+        "kind",
+        "energy",
+        "max opening" if glued else "max penetration",
+        "normal force",
+        "contact",
+        "residual",
+    )
     rows = tuple(
         (
             i + 1,
             s.kind,
             f"{s.energy:.10g}",
-            f"{s.penetration.max(initial=0.0):.6g}",
+            f"{(-s.penetration if glued else s.penetration).max(initial=0.0):.6g}",
             f"{s.normal_force:.6g}",
             f"{s.contact_length:.6g}",
             s.residual.relative,

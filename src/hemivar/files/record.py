@@ -169,6 +169,7 @@ def _contact_record(solution: Solution) -> Record:
         "normal_state": normal,
         "tangential_state": tangential,
         "without_friction": problem.contact.without_friction,
+        **solution.debonding,
     }
 
 

@@ -173,6 +173,9 @@ def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
         "tangential_state": (seen.tangential_state.astype(float), -1.0),
         "boundary": (contact.boundary.astype(float), -1.0),
     }
+    for name, values in seen.debonding.items():
+        fill = -1.0 if name == "mode_ratio" else 0.0
+        quantities[name] = (np.where(np.isnan(values), fill, values), fill)
     if isinstance(seen, Snapshot):
         quantities["rate"] = (three_components(contact.global_vectors(seen.rate)), 0.0)
         for name, values in seen.memory.items():

@@ -12,7 +12,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws.description import LawDescription
 from hemivar.laws.superpotential import Interval, Superpotential
 
-__all__ = ["StackedLaw"]
+__all__ = ["StackedLaw", "gathered_debonding"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +86,12 @@ class StackedLaw(Superpotential):
     def asymptotic_curvature(self, sign: float) -> Array:
         return self._gather(lambda law, i: np.broadcast_to(law.asymptotic_curvature(sign), i.shape))
 
+    def debonding(self, r: Array) -> dict[str, Array]:
+        r = np.broadcast_to(np.asarray(r, dtype=float), (self._count,))
+        return gathered_debonding(
+            [part.debonding(r[i]) for part, i in zip(self.parts, self.indices, strict=True)], self.indices
+        )
+
     def describe(self, point: int = 0) -> LawDescription:
         for part, index in zip(self.parts, self.indices, strict=True):
             here = np.flatnonzero(index == point)
@@ -142,6 +148,16 @@ class StackedLaw(Superpotential):
                 parts.append(part.take(where[index[here]]))
                 indices.append(here)
         return parts[0] if len(parts) == 1 else StackedLaw(tuple(parts), tuple(indices), name=self.name)
+
+
+def gathered_debonding(parts: Sequence[dict[str, Array]], indices: Sequence[IntArray]) -> dict[str, Array]:
+    """What the parts of a law say of their contact points, as one; nan where a part says nothing of it."""
+    count = sum(index.size for index in indices)
+    found = {name: np.full(count, np.nan) for part in parts for name in part}
+    for part, index in zip(parts, indices, strict=True):
+        for name, values in part.items():
+            found[name][index] = values
+    return found
 
 
 def stack(laws: Sequence[tuple[Superpotential, int]]) -> Superpotential:

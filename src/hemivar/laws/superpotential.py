@@ -165,6 +165,10 @@ class Superpotential(PickleMixin, ABC):
     def recession(self, sign: Array) -> Array:
         """Growth rate lim j(t s)/t, t -> inf, in each direction ``s``; may be +inf."""
 
+    def debonding(self, r: Array) -> dict[str, Array]:
+        """``damage`` and ``dissipated`` of glue at ``r (m,)``; see :meth:`VectorLaw.debonding`."""
+        return {}
+
     def asymptotic_curvature(self, sign: float) -> Array:
         """lim 2 j(t s)/t^2, t -> inf, for ``s = +1`` or ``-1``, shape (m or 1,); +inf where j ends or grows faster.
 

@@ -346,6 +346,15 @@ class VectorLaw(PickleMixin, ABC):
     def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
         """Whether the law has let go of some of its ``pull (m,)``; see :meth:`Superpotential.past_peak`."""
 
+    def debonding(self, r: Array) -> dict[str, Array]:
+        """What glue has lost at ``r (m, c)``, (m,) each; nan where there is no glue, empty if there is none.
+
+        ``damage`` is the share of the initial stiffness that is lost, 0 intact and 1 broken; ``dissipated`` the energy
+        per area that unloading along the secant would not give back; ``mode_ratio`` the share of the slip in the square
+        of the effective opening, of laws that couple.
+        """
+        return {}
+
     @abstractmethod
     def resistance(self, r: Array, lam: Array) -> Array:
         """The most that resists a slip at a pair (m, c) that does not slip, (m or 1,); 0 where it is free."""

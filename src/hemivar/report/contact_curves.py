@@ -92,7 +92,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     quantities: list[tuple[str, Array, str]] = [
         ("pressure", solution.pressure[:, None], RED),
         ("friction on the body", solution.friction, GREEN),
-        ("penetration", local[:, :1], BLUE),
+        ("opening", 0.0 - local[:, :1], BLUE) if solution.debonding else ("penetration", local[:, :1], BLUE),
         ("slip", slips, PURPLE),
     ]
     if not solution.friction.any():  # no friction: what slips freely is left out, too

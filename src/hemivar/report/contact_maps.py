@@ -58,7 +58,7 @@ def _maps(
     quantities = [
         (panels[0, 0], solution.pressure, with_unit("pressure", stress_unit)),
         (panels[0, 1], np.linalg.norm(solution.friction, axis=1), with_unit("friction, magnitude", stress_unit)),
-        (panels[1, 0], solution.penetration, with_unit("penetration", unit)),
+        (panels[1, 0], *_depth(solution, unit)),
     ]
     place = np.searchsorted(boundary.used_nodes, corners)
     for panel, values, name in quantities:
@@ -145,6 +145,13 @@ def _thinned(places: Array, chosen: IntArray, extent: float) -> IntArray:
     square = np.floor((places[chosen] - low) / extent * _MOST_ARROWS).astype(np.int64)
     _, first = np.unique(square[:, 0] * (_MOST_ARROWS + 2) + square[:, 1], return_index=True)
     return np.asarray(chosen[first])
+
+
+def _depth(solution: Solution, unit: str) -> tuple[Array, str]:
+    """Penetration with its label, or the opening of glue."""
+    if solution.debonding:
+        return 0.0 - solution.penetration, with_unit("opening", unit)
+    return solution.penetration, with_unit("penetration", unit)
 
 
 def _projection(problem: DiscreteProblem, boundary: ContactBoundary) -> tuple[Array, tuple[str, str]]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +38,10 @@ class ContactValues:
         Force per area of the body on the foundation: pressure (column 0), and minus the friction.
     states : ContactStates
         What each point does, along the normal and along the foundation.
+    debonding : mapping of name to array (m,)
+        What glue has lost; empty where no law is one of glue, nan at points of other laws. ``damage`` is the share of
+        the initial stiffness that is lost, ``dissipated`` the energy per area that unloading along the secant would not
+        give back, and ``mode_ratio`` (mixed-mode glue) the share of the slip in the square of the effective opening.
     """
 
     contact: ContactPoints
@@ -43,6 +49,7 @@ class ContactValues:
     local: Array
     multiplier: Array
     states: ContactStates
+    debonding: Mapping[str, Array] = MappingProxyType({})
 
     @property
     def normal_state(self) -> IntArray:
@@ -136,6 +143,8 @@ class BoundaryResult(ContactValues, PickleMixin):
         Force per area of the body on the foundation: pressure (column 0), and minus the friction.
     states : ContactStates
         What each point does, along the normal and along the foundation.
+    debonding : mapping of name to array (m,)
+        As above.
     """
 
     name: str
@@ -145,6 +154,7 @@ class BoundaryResult(ContactValues, PickleMixin):
     local: Array
     multiplier: Array
     states: ContactStates
+    debonding: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def points(self) -> Array | None:
@@ -192,6 +202,7 @@ def contact_table(seen: ContactValues) -> NDArray[np.void]:
         if contact.components > 1:
             columns[tangential] = values[:, 1] if contact.components == 2 else values[:, 1:]
     columns["normal_state"], columns["tangential_state"] = map(np.array, states.names)
+    columns |= seen.debonding
     if contact.frames is not None:
         columns["force"] = 0.0 - contact.weights[:, None] * contact.global_vectors(multiplier)
     table = np.zeros(contact.count, dtype=[(name, value.dtype, value.shape[1:]) for name, value in columns.items()])

@@ -217,14 +217,18 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         return found
 
     def __repr__(self) -> str:
-        problem, r = self.problem, self.local
+        problem = self.problem
         ended = f"{self.status.value} after {self.steps} steps, relative residual {self.residual.relative:.1e}"
         lines = [f"Solution of {problem.unknowns} unknowns by {self.method}", f"status      {ended}"]
         lines.append(f"energy      {self.energy:.10g}" + (f", {self.kind.value}" if self.kind else ""))
         if problem.contact_points:
             lines.append(f"contact     {problem.contact_points} points: {state_words(*self.states.counts)}")
-            lines.append(f"            penetration at most {r[:, 0].max():.4g}, normal force {self.normal_force:.6g}")
+            lines.append(f"            {_depth(self)}, normal force {self.normal_force:.6g}")
         return "\n  ".join([*lines, *(f"warning     {sentence}" for sentence in self.warnings)])
+
+    @cached_property
+    def debonding(self) -> Mapping[str, Array]:  # type: ignore[override]
+        return self.problem.law.debonding(self.local) if self.problem.contact_points else {}
 
     def on(self, boundary: str) -> BoundaryResult:
         """Displacements and forces on one contact boundary.
@@ -237,7 +241,14 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         index = self.contact.on(boundary)
         points = self.contact.take(index)
         return BoundaryResult(
-            boundary, index, points, self.gap[index], self.local[index], self.multiplier[index], self.states.take(index)
+            boundary,
+            index,
+            points,
+            self.gap[index],
+            self.local[index],
+            self.multiplier[index],
+            self.states.take(index),
+            {name: values[index] for name, values in self.debonding.items()},
         )
 
     @cached_property
@@ -309,3 +320,9 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
                 f"{self.residual.relative:.1e}: {self.status.remedy}"
             )
         return self
+
+
+def _depth(solution: Solution) -> str:
+    """The largest penetration, or of glue the largest opening."""
+    r = solution.local[:, 0]
+    return f"opening at most {-r.min():.4g}" if solution.debonding else f"penetration at most {r.max():.4g}"

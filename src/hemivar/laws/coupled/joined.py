@@ -14,6 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw
+from hemivar.laws.stacked import gathered_debonding
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, Near, Sides, VectorLaw
 
@@ -199,6 +200,11 @@ class JoinedLaw(CoupledLaw):
 
     def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
         return self._whether(lambda law, i: law.past_peak(r[i], pull[i], near, slack))
+
+    def debonding(self, r: Array) -> dict[str, Array]:
+        return gathered_debonding(
+            [law.debonding(r[i]) for law, i in zip(self.parts, self.indices, strict=True)], self.indices
+        )
 
     def resistance(self, r: Array, lam: Array) -> Array:
         return self._gather(lambda law, i: law.resistance(r[i], lam[i]))

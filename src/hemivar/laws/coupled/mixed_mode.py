@@ -461,5 +461,8 @@ class MixedMode(CoupledLaw):
     def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
         return np.asarray(self.effective(r) > self._peak * (1.0 + 1e-9))
 
+    def debonding(self, r: Array) -> dict[str, Array]:
+        return {"damage": self.damage(r), "dissipated": self.spent(r), "mode_ratio": self.mode_ratio(r)}
+
     def resistance(self, r: Array, lam: Array) -> Array:
         return np.where(self.effective(r) < self.opening_at_break, self.beta * self.strength, 0.0)

@@ -375,6 +375,9 @@ class OrthotropicLaw(VectorLaw):
     def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
         return self.normal.past_peak(r[:, 0], pull, near, slack)
 
+    def debonding(self, r: Array) -> dict[str, Array]:
+        return self.normal.debonding(r[:, 0])
+
     def resistance(self, r: Array, lam: Array) -> Array:
         return self.friction.frozen(r[:, 0], lam[:, 0]).bounds
 

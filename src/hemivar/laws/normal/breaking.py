@@ -17,6 +17,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.named import NamedLaw, columns
+from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
 __all__ = ["Adhesive", "Capped", "Layered", "SawTooth", "Softening"]
@@ -130,6 +131,16 @@ class Adhesive(NamedLaw):
                 f"law '{self.name}' has a softening and a fracture energy; give one of the two, for each follows from "
                 "the other"
             )
+
+    def debonding(self, r: Array) -> dict[str, Array]:
+        opening = np.maximum(-np.asarray(r, dtype=float), 0.0)
+        tension = np.where(opening > 0.0, -self.derivative(-opening), 0.0)
+        stiffness = evaluate(self.stiffness, None, f"stiffness of law '{self.name}'")
+        linear = stiffness * np.where(opening > 0.0, opening, 1.0)
+        return {
+            "damage": np.where(opening > 0.0, np.maximum(1.0 - tension / linear, 0.0), 0.0),
+            "dissipated": np.maximum(self.value(-opening) - 0.5 * tension * opening, 0.0),
+        }
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         k, strength = values["stiffness"], values["strength"]
