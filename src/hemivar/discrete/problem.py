@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import InitVar, dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,9 +21,11 @@ from hemivar.discrete.contact import ContactPoints, components_of
 from hemivar.discrete.contact_energy import contact_energy
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
+from hemivar.discrete.own_mesh import located, numbered_field
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
+from hemivar.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
     from hemivar.mechanics.scalar import Statement
@@ -97,6 +99,10 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         points: Array | None = None,
         frames: Array | None = None,
         field: Field | None = None,
+        *,
+        mesh: Mesh | None = None,
+        numbering: ArrayLike | None = None,
+        prescribed: ArrayLike | None = None,
     ) -> DiscreteProblem:
         """A problem made of the user's own arrays, which are copied.
 
@@ -120,6 +126,13 @@ class DiscreteProblem(PickleMixin, ReprMixin):
             Coordinates of the contact points, and unit vectors of their local components.
         field : Field, optional
             How to recover the displacement.
+        mesh : Mesh, optional
+            The body, for pictures, VTU and displacements of nodes: vertices, or vertices and the middles of edges, are
+            its N nodes. Its named boundaries hold the contact points. In place of ``field``.
+        numbering : int array, shape (N, d), optional
+            With a mesh: the unknown that is component c of node i, and -1 where the displacement is prescribed.
+        prescribed : array, shape (N, d), optional
+            With a mesh: the prescribed displacements, where the numbering is -1; zero by default.
 
         Raises
         ------
@@ -135,6 +148,12 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         if gaps.shape != (m,):
             raise ProblemError(f"gap has shape {gaps.shape}; it needs one number per contact point, ({m},)")
         found_field = None if field is None else expect(field, Field, "field", "give hemivar.discrete.Field")
+        if mesh is not None:
+            if field is not None:
+                raise ProblemError("field and mesh are both given; leave the field out, for the mesh makes one")
+            found_field = numbered_field(mesh, numbering, prescribed, bulk.unknowns)
+        elif numbering is not None or prescribed is not None:
+            raise ProblemError("numbering and prescribed go with a mesh; give mesh=, or leave them out")
         place = None if points is None else real_array(points, "points", 2, own=True)
         if not components:
             given = (place.shape[1] if place is not None else None, found_field and found_field.mesh.dim)
@@ -148,7 +167,10 @@ class DiscreteProblem(PickleMixin, ReprMixin):
             if m > 0:
                 offset[:, 1:] = slips
         turned = None if frames is None else real_array(frames, "frames", 3, own=True)
-        contact = ContactPoints(rows, own, place, turned, components=components)
+        where: dict[str, Any] = {"points": place, "frames": turned}
+        if mesh is not None and found_field is not None:
+            where = located(found_field, rows, place, turned, m)
+        contact = ContactPoints(rows, own, components=components, **where)
         model = Model(bulk, contact, None if found_field is None else Space((found_field,)))
         return cls(model, Loading(load, offset, law, constant))
 

@@ -47,6 +47,9 @@ class Field(PickleMixin):
         A left inverse of the basis, ``lift P = 1``; ``P'`` by default, for which the columns of P must be orthonormal.
     constants : bool
         The energy is one of the gradient of one component: its free motions are the constants.
+    rigid : bool
+        The energy of a displacement vanishes along rigid motions and no others. False where that is not known, as of a
+        stiffness that comes from elsewhere.
 
     Raises
     ------
@@ -62,6 +65,7 @@ class Field(PickleMixin):
     name: str = "displacement"
     lift: sp.csr_array = None
     constants: bool = False
+    rigid: bool = True
 
     def __post_init__(self) -> None:
         expect(self.mesh, Mesh, "the mesh of a field", "hemivar.rectangle, hemivar.box and read_mesh make one")
@@ -103,7 +107,7 @@ class Field(PickleMixin):
     @property
     def kernel_known(self) -> bool:
         """Whether :attr:`free_motions` are known: those of a displacement, or the constants of a gradient's energy."""
-        return self.moves or self.constants
+        return (self.moves and self.rigid) or self.constants
 
     @property
     def number_of_nodes(self) -> int:

@@ -105,16 +105,18 @@ class ContactBoundary:
 def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
     """The contact boundaries of a problem with a mesh that have contact points, in the order of these.
 
-    A contact over an area is none.
+    A contact over an area is none, and contact points of own arrays that are no nodes are on none.
 
     Raises
     ------
     ProblemError
-        The problem was made of arrays.
+        The problem was made of arrays without a mesh.
     """
     contact, field = problem.contact, problem.field
-    if field is None or contact.points is None or (contact.boundary < 0).any():
-        raise ProblemError("this problem was made of arrays and has no mesh; use discretize()")
+    if field is None:
+        raise ProblemError("this problem was made of arrays and has no mesh; give one, of_arrays(..., mesh=...)")
+    if contact.points is None or (contact.boundary < 0).any():
+        return []
     found = []
     for name in contact.names:
         index = contact.on(name)

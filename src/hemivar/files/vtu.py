@@ -94,7 +94,9 @@ def write_vtu(
     problem = solution.problem
     field = problem.field
     if field is None:
-        raise ProblemError("this problem was made of arrays and has no mesh to draw on; use write_json or write_csv")
+        raise ProblemError(
+            "this problem was made of arrays and has no mesh; give one, of_arrays(..., mesh=...), or use write_json"
+        )
     mesh, order = field.mesh, field.order
     if isinstance(problem.origin, ScalarProblem):
         at_points, in_cells = (
@@ -120,7 +122,7 @@ def write_vtu(
         if isinstance(solution, Snapshot) and solution.thermal_stress is not None:
             cell_data["thermal_stress"] = solution.thermal_stress.reshape(len(solution.thermal_stress), -1)
     names = problem.contact.names
-    quantities = contact_quantities(solution) if problem.contact_points else {}
+    quantities = contact_quantities(solution) if boundaries else {}
     for name, (_, fill) in quantities.items():
         point_data[name] = np.full((len(nodes), *quantities[name][0].shape[1:]), fill)
     blocks: list[tuple[ContactBoundary, dict[str, Array]]] = []

@@ -70,7 +70,7 @@ def plot_contact(
             return area_maps(solution, title, unit, stress_unit, line)
         if isinstance(problem.origin, ScalarProblem) and problem.origin.mesh.dim == 3:
             raise ProblemError("contact of one component in space is not drawn along a line; write it with write_vtu")
-        if contact.components == 3 and contact.points is not None and contact.frames is not None:
+        if contact.components == 3 and problem.field is not None and contact_boundaries(problem):
             return contact_maps(solution, title, unit, stress_unit, line)
         return _contact_lines(solution, title, unit, stress_unit, line)
 
@@ -81,9 +81,12 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     problem = solution.problem
     try:
         boundaries = contact_boundaries(problem)
+    except ProblemError:
+        boundaries = []
+    if boundaries:
         assert problem.contact.points is not None
         parts = [(b.name, b.index, *b.position(problem.contact.points)) for b in boundaries]
-    except ProblemError:
+    else:
         everything = np.arange(problem.contact_points)
         parts = [("", everything, everything.astype(float), "contact point")]
     local, states = solution.local, solution.states

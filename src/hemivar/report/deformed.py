@@ -49,7 +49,7 @@ class DeformedBody:
         field = solution.problem.field
         if field is None:
             raise ProblemError(
-                "this problem was made of arrays and has no mesh to draw; use plot_contact or plot_history"
+                "it was made of arrays and has no mesh; give one, of_arrays(..., mesh=...), or take plot_contact"
             )
         if scale == "auto":
             return cls(solution, _visible(field.mesh, solution.displacement, solution.problem.gap))

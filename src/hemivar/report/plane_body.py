@@ -229,6 +229,8 @@ class PlaneBody:
 
     def _enlarged(self, ax: Axes, arrows: Arrows, bottom: float) -> float:
         """The part that bears, larger below the legend where it is too small to be seen; returns where all ends."""
+        if not self.boundaries:
+            return bottom
         bears = np.linalg.norm(self.body.solution.multiplier, axis=1)
         places = self.body.contact_places[bears > 1e-9 * bears.max(initial=0.0)]
         if len(places) < _FEW or (extent := float(np.ptp(places, axis=0).max())) > _SMALL * self.size:

@@ -69,7 +69,9 @@ class BodyShape:
             The problem was made of arrays.
         """
         if problem.field is None:
-            raise ProblemError("this problem was made of arrays and has no mesh to show; use plot_contact")
+            raise ProblemError(
+                "this problem was made of arrays and has no mesh to show; give one, of_arrays(..., mesh=...)"
+            )
         mesh, contact = problem.field.mesh, problem.contact
         scalar = isinstance(problem.origin, ScalarProblem)
         if mesh.dim == 2:
