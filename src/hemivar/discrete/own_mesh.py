@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,11 +15,21 @@ from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["located", "numbered_field"]
+__all__ = ["Location", "located", "numbered_field"]
 
 #: Distance, relative to the size of the body, at which two points are one; and deviation of a unit vector from one.
 _CLOSE = 1e-9
 _UNIT = 1e-6
+
+
+class Location(TypedDict, total=False):
+    """Where contact points are, as arguments of :class:`hemivar.discrete.ContactPoints`."""
+
+    points: Array | None
+    frames: Array | None
+    node: IntArray
+    boundary: IntArray
+    names: tuple[str, ...]
 
 
 def numbered_field(mesh: Mesh, numbering: ArrayLike | None, prescribed: ArrayLike | None, unknowns: int) -> Field:
@@ -74,7 +84,7 @@ def numbered_field(mesh: Mesh, numbering: ArrayLike | None, prescribed: ArrayLik
     return Field(mesh, orders[numbers.shape], basis, values, mesh.dim, rigid=False)
 
 
-def located(field: Field, trace: sp.csr_array, points: Array | None, frames: Array | None, m: int) -> dict[str, Any]:
+def located(field: Field, trace: sp.csr_array, points: Array | None, frames: Array | None, m: int) -> Location:
     """Where m contact points of d components lie on the mesh, as arguments of :class:`ContactPoints`.
 
     A contact point is the node whose components its rows of the trace see, or that lies at its place if a support fixes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import InitVar, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,7 +21,7 @@ from hemivar.discrete.contact import ContactPoints, components_of
 from hemivar.discrete.contact_energy import contact_energy
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
-from hemivar.discrete.own_mesh import located, numbered_field
+from hemivar.discrete.own_mesh import Location, located, numbered_field
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
@@ -167,7 +167,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
             if m > 0:
                 offset[:, 1:] = slips
         turned = None if frames is None else real_array(frames, "frames", 3, own=True)
-        where: dict[str, Any] = {"points": place, "frames": turned}
+        where: Location = {"points": place, "frames": turned}
         if mesh is not None and found_field is not None:
             where = located(found_field, rows, place, turned, m)
         contact = ContactPoints(rows, own, components=components, **where)

@@ -151,8 +151,9 @@ class _Reader:
                     parameter.name,
                     f'is missing ({parameter.meaning}); write {key} = {{ law = "{name}", {example} }}',
                 )
-        if "potential" in parameters:
-            parameters["where"] = given.where("potential")
+        for name in ("potential", "derivative"):
+            if name in parameters:
+                parameters["where"] = given.where(name)
         with context(f"{table.where(key)}:"):
             return cast(Superpotential | Friction | VectorLaw, entry.make(**parameters))
 

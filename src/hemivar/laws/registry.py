@@ -98,6 +98,8 @@ class LawParameter:
         How it is written; a number by default.
     optional : bool
         Whether it may be left out although it has no default.
+    instead : str
+        The parameter that it takes the place of, if there is one.
     choices : tuple of str
         Texts allowed, if not all are.
     example : object
@@ -111,6 +113,7 @@ class LawParameter:
     minimum: float = -math.inf
     form: ParameterForm = ParameterForm.NUMBER
     optional: bool = False
+    instead: str = ""
     choices: tuple[str, ...] = ()
     example: Value = None
 
@@ -192,8 +195,14 @@ def _pressure_table(
     return replace(law, stated=MappingProxyType({"law": "pressure-table", **stated}))
 
 
-def _formula_law(potential: str, kinks: Sequence[float] = (), reach: float = 10.0, where: str = "") -> Superpotential:
-    return FormulaLaw(potential, kinks=kinks, reach=reach, where=where)
+def _formula_law(
+    potential: str | None = None,
+    derivative: str | None = None,
+    kinks: Sequence[float] = (),
+    reach: float = 10.0,
+    where: str = "",
+) -> Superpotential:
+    return FormulaLaw(potential, derivative=derivative, kinks=kinks, reach=reach, where=where)
 
 
 def _table_friction(file: str | Path, bound: Parameter | StateBound = 1.0, extend: str = "constant") -> Friction:
@@ -201,13 +210,16 @@ def _table_friction(file: str | Path, bound: Parameter | StateBound = 1.0, exten
 
 
 def _formula_friction(
-    potential: str,
+    potential: str | None = None,
+    derivative: str | None = None,
     bound: Parameter | StateBound = 1.0,
     kinks: Sequence[float] = (),
     reach: float = 10.0,
     where: str = "",
 ) -> Friction:
-    return Friction(bound, FormulaLaw(potential, kinks=kinks, reach=reach, even=True, where=where))
+    return Friction(
+        bound, FormulaLaw(potential, derivative=derivative, kinks=kinks, reach=reach, even=True, where=where)
+    )
 
 
 _FORMULA_KINKS = LawParameter(
@@ -384,15 +396,24 @@ _NORMAL = (
         "formula",
         LawKind.NORMAL,
         _formula_law,
-        "any potential, as a formula of r with piecewise((value, condition), ...), abs, min and max",
-        "j(r) = potential",
+        "any potential or pressure, as a formula of r with piecewise((value, condition), ...), abs, min and max",
+        "j(r) = potential, or j'(r) = derivative",
         (
             LawParameter(
                 "potential",
                 "formula of the penetration r",
                 "force/length",
                 form=ParameterForm.TEXT,
+                optional=True,
                 example="piecewise((0, r < 0), (10*r^2, r < 0.1), (0.1, True))",
+            ),
+            LawParameter(
+                "derivative",
+                "formula of the pressure, in place of potential",
+                "force/length^2",
+                form=ParameterForm.TEXT,
+                optional=True,
+                instead="potential",
             ),
             _FORMULA_KINKS,
             _REACH,
@@ -508,10 +529,25 @@ _FRICTION = (
         "formula",
         LawKind.FRICTION,
         _formula_friction,
-        "friction from any potential, as a formula of the slip r >= 0; the same backwards",
+        "friction from any potential or its derivative, as a formula of the slip r >= 0; the same backwards",
         "j(s) = bound potential(|s|)",
         (
-            LawParameter("potential", "formula of the slip r >= 0", "1", form=ParameterForm.TEXT, example="log(1 + r)"),
+            LawParameter(
+                "potential",
+                "formula of the slip r >= 0",
+                "length",
+                form=ParameterForm.TEXT,
+                optional=True,
+                example="log(1 + r)",
+            ),
+            LawParameter(
+                "derivative",
+                "formula of the friction over the bound, in place of potential",
+                "1",
+                form=ParameterForm.TEXT,
+                optional=True,
+                instead="potential",
+            ),
             _BOUND_OR_ONE,
             _FORMULA_KINKS,
             _REACH,

@@ -125,7 +125,10 @@ def values_shown(entry: LawEntry, given: Mapping[str, Value], label: str) -> tup
             )
     values: dict[str, Value] = {}
     examples: dict[str, Value] = {}
+    replaced = {known[key].instead for key in given}
     for p in entry.parameters:
+        if p.name in replaced:
+            continue
         if p.name in given:
             values[p.name] = _value(p, given[p.name], f"{label}{p.name}")
         elif p.form is not ParameterForm.FILE and p.shown is not None:

@@ -1,4 +1,4 @@
-"""Laws whose potential is a formula."""
+"""Laws whose potential, or its derivative, is a formula."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar.basics.arguments import number
+from hemivar.basics.arguments import described, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
+from hemivar.formula.primitive import Primitive
 from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, supremum_of_pieces
 from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
 from hemivar.laws.superpotential import Superpotential
@@ -30,12 +31,14 @@ _ZERO = 1e-18
 #: Turns in a decade beyond the reach, and work on it, up to which they are taken.
 _FEW_FAR = 20
 _FAR_WORK = 2e6
+#: How much farther than the reach a potential is integrated to rounding; beyond over parts that double.
+_FAR_INTEGRAL = 1e3
 _EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"
 
 
 @dataclass(frozen=True, eq=False)
 class _FormulaLaw(OwnLaw):
-    """The law that :func:`FormulaLaw` makes."""
+    """The law that :func:`FormulaLaw` makes; the formula is the potential, or the derivative of it by ``order`` = 1."""
 
     text: str
     kinks_at: Sequence[float] = ()
@@ -43,6 +46,7 @@ class _FormulaLaw(OwnLaw):
     even: bool = False
     name: str = "formula"
     where: str = ""
+    order: int = 0
     _formula: ScalarFormula = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -53,7 +57,17 @@ class _FormulaLaw(OwnLaw):
 
     @property
     def stated(self) -> Mapping[str, object]:
-        return {"law": "formula", "potential": self.text, "kinks": self.kinks_at, "reach": self.reach}
+        return {
+            "law": "formula",
+            "derivative" if self.order else "potential": self.text,
+            "kinks": self.kinks_at,
+            "reach": self.reach,
+        }
+
+    @property
+    def _bend(self) -> str:
+        """What j'' is of the formula, in words."""
+        return "the slope of" if self.order else "the curvature of"
 
     @property
     def _start(self) -> float:
@@ -82,14 +96,15 @@ class _FormulaLaw(OwnLaw):
         for node in dict.fromkeys(branch.node for branch in branches):
             here = [i for i, branch in enumerate(branches) if branch.node == node]
             smooth = branches[here[0]]
-            slope = smooth.derivative()
+            slope = smooth if self.order else smooth.derivative()
             bend = slope.derivative()
             plain[node] = LawPiece(smooth, slope, bend, str(slope))
             low, high = ends[here], ends[np.array(here) + 1]
             inside = [self._inside(a, b, count) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
             places = np.concatenate(inside)
             corners = np.concatenate([low[np.isfinite(low)], high[np.isfinite(high)]])
-            for what, part, at in (("", smooth, places), ("the derivative of ", slope, np.append(places, corners))):
+            own = ("the derivative of ", slope, np.append(places, corners))
+            for what, part, at in (("", *own[1:]),) if self.order else (("", smooth, places), own):
                 bad = ~np.isfinite(part(at))
                 if bad.any():
                     raise ProblemError(
@@ -101,7 +116,8 @@ class _FormulaLaw(OwnLaw):
             bends = np.abs(bend(np.concatenate([places, turns])))
             seen = max(seen, float(bends[np.isfinite(bends)].max(initial=0.0)))
             knots.append(turns)
-        check_joined(shown, switches, [plain[branch.node] for branch in branches], self.reach)
+        if not self.order:
+            check_joined(shown, switches, [plain[branch.node] for branch in branches], self.reach)
         table = np.unique(np.concatenate(knots))
         if table.size > _MOST_KNOTS:
             raise ProblemError(
@@ -114,7 +130,33 @@ class _FormulaLaw(OwnLaw):
         low = np.concatenate([[self._start], table])
         high = np.concatenate([table, [np.inf]])
         middle = [middle_of(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
-        return table, tuple(plain[branches[i].node] for i in np.searchsorted(switches, middle).tolist())
+        which = np.searchsorted(switches, middle).tolist()
+        if self.order:
+            joined = self._integrated(table)
+            return table, tuple(joined[i] for i in which)
+        return table, tuple(plain[branches[i].node] for i in which)
+
+    def _integrated(self, table: Array) -> list[LawPiece]:
+        """The pieces between switches of a law given by its derivative: integrals, each continuing the one before.
+
+        The turns of the curvature are ends of the parts: between them it is monotone, so that no narrow part is missed.
+        """
+        switches, branches, _ = self._branches
+        far = _FAR_INTEGRAL * self._middle
+        ends = np.concatenate([[0.0 if self.even else -far], switches, [far]])
+        near = np.array([-self._middle, 0.0, self._middle])
+        values: list[Primitive] = []
+        for i, slope in enumerate(branches):
+            inside = np.union1d(table, near)
+            inside = inside[(inside > ends[i]) & (inside < ends[i + 1])]
+            values.append(Primitive.over(slope, np.concatenate([ends[i : i + 1], inside, ends[i + 1 : i + 2]])))
+        first = int(np.searchsorted(switches, 0.0))
+        for i in range(first + 1, len(values)):
+            values[i] = values[i].through(ends[i], float(values[i - 1](ends[i : i + 1])[0]))
+        for i in range(first - 1, -1, -1):
+            values[i] = values[i].through(ends[i + 1], float(values[i + 1](ends[i + 1 : i + 2])[0]))
+        pieces = [LawPiece(value, value.slope, value.slope.derivative(), str(value.slope)) for value in values]
+        return pieces
 
     def _turns(self, third: SmoothFormula, low: Array, high: Array) -> tuple[Array, bool]:
         """Where a curvature turns round in the intervals ``[low, high]``: the zeros of its derivative; whether all.
@@ -139,7 +181,7 @@ class _FormulaLaw(OwnLaw):
         ends = np.clip(np.concatenate([[self._start], switches, [np.inf]]), -within, within)
         used = np.flatnonzero(ends[:-1] < ends[1:])
         ends, branches = ends[used[0] : used[-1] + 2], [branches[i] for i in used]
-        return supremum_of_pieces(branches, ends, self.reach, order=order, sign=sign, slack=slack)
+        return supremum_of_pieces(branches, ends, self.reach, order=order - self.order, sign=sign, slack=slack)
 
     @property
     def _middle(self) -> float:
@@ -152,7 +194,7 @@ class _FormulaLaw(OwnLaw):
             found = self._supremum(2, sign, self._middle, slack=seen)
             if found.seen > 2.0 * seen:
                 raise ProblemError(
-                    f"the curvature of {self._formula.shown} turns round at r = {found.place:.6g} within a length that "
+                    f"{self._bend} {self._formula.shown} turns round at r = {found.place:.6g} within a length that "
                     f"is too narrow for the reach {self.reach:g}; take a smaller reach, or a kink in place of the turn"
                 )
 
@@ -163,12 +205,14 @@ class _FormulaLaw(OwnLaw):
             if np.isfinite(found.bound):
                 continue
             _, branches, _ = self._branches
-            for smooth in {branch.node: branch.derivative() for branch in branches}.values():
+            what = "" if self.order else "the derivative of "
+            slopes = {branch.node: branch if self.order else branch.derivative() for branch in branches}
+            for smooth in slopes.values():
                 for side in (1.0, -1.0):
                     size = np.abs(smooth(found.place + side * self.reach * np.array([1e-6, 1e-9, 1e-12])))
                     if np.isfinite(size).all() and size[2] > 1.2 * size[1] > 1.2 * 1.2 * size[0]:
                         raise ProblemError(
-                            f"the derivative of {self._formula.shown} grows without bound at r = {found.place:.4g}; a "
+                            f"{what}{self._formula.shown} grows without bound at r = {found.place:.4g}; a "
                             f"law needs a finite slope everywhere (but at jumps of its derivative)"
                         )
 
@@ -262,15 +306,21 @@ def _beyond(third: SmoothFormula, reach: float, sides: Sequence[float]) -> list[
 
 @known_keywords
 def FormulaLaw(  # noqa: N802 - a law, named as the others are
-    text: str,
+    potential: str | None = None,
     *,
+    derivative: str | None = None,
     kinks: Sequence[float] = (),
     reach: float = 10.0,
     even: bool = False,
     name: str = "formula",
     where: str = "",
 ) -> Superpotential:
-    """A law whose potential is a formula in the variable r, such as ``"7/10*abs(r) - 3/10*exp(-abs(r))"``.
+    """A law by a formula in the variable r: its potential j, or its derivative j', the pressure or the friction.
+
+    ``FormulaLaw("7/10*abs(r) - 3/10*exp(-abs(r))")`` gives the potential,
+    ``FormulaLaw(derivative="piecewise((0, r < 0), (r*exp(-r), True))")`` the pressure over the penetration. A
+    derivative may fall, and jump. Its potential is integrated by Gauss's rule between the turns of its slope; up to a
+    thousand times the reach it is exact but for rounding.
 
     Derivatives are symbolic. Kinks are found from abs, min, max and the conditions of piecewise. The turns of the
     curvature, which separate its pieces, are the zeros of the third derivative: they are isolated by interval
@@ -280,8 +330,10 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
 
     Parameters
     ----------
-    text : str
+    potential : str, optional
         See :class:`hemivar.formula.ScalarFormula`.
+    derivative : str, optional
+        The derivative in place of the potential.
     kinks : sequence of float
         Further knots.
     reach : float
@@ -300,8 +352,13 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
     Raises
     ------
     ProblemError
-        If the text is not a formula (with the character), is not finite somewhere, not continuous, or turns too often
-        or within too short a length for its reach.
+        If none or both are given, the text is not a formula (with the character), is not finite somewhere, not
+        continuous, or turns too often or within too short a length for its reach.
     """
     places = np.atleast_1d(real_array(kinks, f"kinks of law '{name}'")).ravel()
-    return _FormulaLaw(text, tuple(places.tolist()), reach, even, name, where)
+    if (potential is None) == (derivative is None):
+        raise ProblemError(f"law '{name}': give either potential='...' or derivative='...', a formula of r")
+    text, order = (potential, 0) if potential is not None else (derivative, 1)
+    if not isinstance(text, str):
+        raise ProblemError(f"law '{name}': the formula is {described(text)}; give a text such as 'max(r, 0)^2'")
+    return _FormulaLaw(text, tuple(places.tolist()), reach, even, name, where, order)
