@@ -69,7 +69,7 @@ def test_stops_of_a_file_are_met(folder: Path) -> None:
 def test_a_file_with_time_is_marched(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["march", "timed.toml"]) == 0
     out = capsys.readouterr().out
-    for text in ("finished at t = 1 after 20 steps", "least margin", "gap of the ledger", "run.csv, run.pvd"):
+    for text in ("finished at t = 1 after 20 steps", "least margin", "balance error", "run.csv, run.pvd"):
         assert text in out
     table = read_history_table(folder / "run.csv")
     assert table["time"][-1] == 1.0

@@ -330,3 +330,24 @@ def test_a_sweep_of_processes_is_interrupted_and_goes_on(block: Path) -> None:
     resumed = Path("a.csv").read_bytes()
     subprocess.run([*command[:-3], "b.jsonl", "--csv", "b.csv"], capture_output=True, timeout=300, check=True)
     assert Path("b.csv").read_bytes() == resumed
+
+
+_UNITS = '\n[units]\ntime = "s"\nlength = "mm"\nforce = "N"\nstress = "MPa"\nenergy = "mJ"\n'
+
+
+def test_units_stand_in_headings_and_records(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    block.write_text(block.read_text(encoding="utf-8") + _UNITS, encoding="utf-8")
+    files = ["--csv", "a.csv", "--json", "a.json"]
+    assert cli.main(["study", str(block), "--refine", "1", *files]) == 0
+    assert "h (mm)" in capsys.readouterr().out
+    head = Path("a.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    assert {"h (mm)", "energy (mJ)", "normal force (N)"} <= set(head)
+    assert json.loads(Path("a.json").read_text(encoding="utf-8"))["units"]["length"] == "mm"
+    given = ["sweep", str(block), "--set", "contact.bottom.gap=0:0.1:2", "--csv", "b.csv"]
+    assert cli.main(given) == 0
+    head = Path("b.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    assert {"energy (mJ)", "penetration (mm)", "force (N)"} <= set(head)
+    assert cli.main(["solutions", str(block), "--starts", "2"]) == 0
+    assert "energy (mJ)" in capsys.readouterr().out
+    assert cli.main(["march", str(block), "--until", "0.2", "--step", "0.1", "--json", "c.json", "-q"]) == 0
+    assert json.loads(Path("c.json").read_text(encoding="utf-8"))["units"]["energy"] == "mJ"

@@ -41,6 +41,11 @@ class Units:
             if not isinstance(unit, str) or len(unit) > _LONGEST or not unit.isprintable() or "$" in unit:
                 raise ProblemError(f"the unit of {one.name} is {unit!r}; give a short text, such as 'mm', without '$'")
 
+    def head(self, name: str, quantity: str) -> str:
+        """The heading of a column, with the unit of its quantity if one is given: ``"energy (mJ)"``."""
+        unit = getattr(self, quantity) if quantity else ""
+        return f"{name} ({unit})" if unit else name
+
     def record(self) -> dict[str, str]:
         """The units that are given, by quantity."""
         return {one.name: unit for one in fields(self) if (unit := getattr(self, one.name))}

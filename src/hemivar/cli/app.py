@@ -148,7 +148,8 @@ def new(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")] = Path("problem.toml"),
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
     kind: Annotated[
-        str, typer.Option("--template", metavar="NAME", help="Example to begin with; see 'hemivar new --template list'.")
+        str,
+        typer.Option("--template", metavar="NAME", help="Example to begin with; see 'hemivar new --template list'."),
     ] = "sample",
 ) -> int:
     """Write a problem file that solves as it is."""

@@ -68,7 +68,8 @@ def compare(
                     stages(event)
 
         found = result_of(compared(discrete, CompareOptions(solvers, controls)), show)
-    table = Table(_COLUMNS, tuple(_row(tried) for tried in found.attempts))
+    columns = tuple(stated.units.head(name, "energy" if name == "energy" else "") for name in _COLUMNS)
+    table = Table(columns, tuple(_row(tried) for tried in found.attempts))
     print_table(terminal, table)
     if found.reference is not None:
         print(f"difference: relative, in the energy norm, to {found.reference.name}")

@@ -30,6 +30,7 @@ from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
     from hemivar.basics.types import Array
+    from hemivar.basics.units import Units
     from hemivar.branches import Path as EquilibriumPath
     from hemivar.branches import SolutionSet
     from hemivar.report.tables import Table
@@ -81,7 +82,7 @@ def solutions(
     print(f"solutions         {len(found)}; {'no others exist' if found.exhaustive else 'there may be others'}")
     print(f"searched          {found.searched}")
     if len(found):
-        print_table(console(), _solutions_table(found))
+        print_table(console(), _solutions_table(found, session.stated.units))
         for number, one in enumerate(found):
             if one.deformation is not None and one.deformation.warning is not None:
                 print(f"warning           solution {number + 1}: {one.deformation.warning}")
@@ -130,7 +131,7 @@ def _draw(session: Session, found: SolutionSet, file: Path, colour: str | None) 
         writer.write("--plot", own, lambda path, number=number: one(number, path), picture=True)  # type: ignore[misc]
 
 
-def _solutions_table(found: SolutionSet) -> Table:
+def _solutions_table(found: SolutionSet, units: Units) -> Table:
     """One line for each solution."""
     from hemivar.report.tables import Table
 
@@ -138,9 +139,9 @@ def _solutions_table(found: SolutionSet) -> Table:
     columns = (
         "",
         "kind",
-        "energy",
-        "max opening" if glued else "max penetration",
-        "normal force",
+        units.head("energy", "energy"),
+        units.head("max opening" if glued else "max penetration", "length"),
+        units.head("normal force", "force"),
         "contact",
         "residual",
     )

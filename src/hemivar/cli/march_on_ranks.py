@@ -18,6 +18,7 @@ from hemivar.cli.options import Exit, controls_of
 from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.errors import HemivarError, ProblemError
+from hemivar.files.history_table import write_history_json
 from hemivar.report.series_on_ranks import SeriesOnRanks
 
 if TYPE_CHECKING:
@@ -123,7 +124,8 @@ class _Run:
             if history.unkept:
                 writer.failed.append(f"--checkpoint: {history.unkept}")
             writer.write("--table", outputs["--table"], history.write)
-            writer.write("--json", outputs["--json"], history.to_json)
+            units = self.stated.units.record()
+            writer.write("--json", outputs["--json"], lambda path: write_history_json(history, path, units))
         if outputs["--fields"] is not None:
             self._last_frames(outputs["--fields"], history, series)
         code: Exit = Exit.NOT_CONVERGED

@@ -209,6 +209,8 @@ class MarchRun:
         return Series(fields, discrete)
 
     def _write(self, found: History, series: Series | None, quiet: bool) -> None:
+        from hemivar.files.history_table import write_history_json
+
         writer, outputs = self.session.writer, self.outputs
 
         def fields(path: Path) -> tuple[Path, ...]:
@@ -225,7 +227,7 @@ class MarchRun:
             save(plot_march(found, "ledger", title=self.session.title, units=units), path)
 
         writer.write("--table", outputs["--table"], found.write)
-        writer.write("--json", outputs["--json"], found.to_json)
+        writer.write("--json", outputs["--json"], lambda path: write_history_json(found, path, units.record()))
         writer.write("--fields", outputs["--fields"], fields)
         writer.write("--plot", outputs["--plot"], plot, picture=True)
         write_film(

@@ -183,17 +183,17 @@ def print_history(found: History, plain: bool = False) -> None:
     given = [f"{ledger['work']:.6g} by loads", f"{ledger['moved']:.6g} by moved supports"]
     given += [f"{ledger['thermal']:.6g} by thermal stress"] if ledger.get("thermal") else []
     given += [f"{found.moment.ledger.start:.6g} at the start"] if found.moment.ledger.start else []
-    print(f"put in            {', '.join(given)}")
+    print(f"external work     {', '.join(given)}")
     kinds = {
         "stored": ("elastic", "branches", "contact", "kinetic"),
-        "lost": ("viscous", "branch_loss", "friction", "damping", "memory", "numerical", "jumps"),
+        "dissipated": ("viscous", "branch_loss", "friction", "damping", "memory", "numerical", "jumps"),
     }
     for label, names in kinds.items():
         parts = [f"{name.replace('_', ' ')} {ledger[name]:.6g}" for name in names if ledger[name] != 0.0]
         print(f"{label:<18}{', '.join(parts) or 'nothing'}")
     largest = max(abs(value) for name, value in ledger.items() if name != "gap")
     part = abs(ledger["gap"]) / largest if largest > 0.0 else 0.0
-    print(f"gap of the ledger {ledger['gap']:.1e}, {part:.0e} of the largest entry")
+    print(f"balance error     {ledger['gap']:.1e}, {part:.0e} of the largest entry")
     print(f"error in time     {found.time_error.words}")
     if "error_sum" in found.columns:
         sums = found["error_sum"][-1], found["contact_error_sum"][-1]

@@ -98,13 +98,14 @@ def study(
         raise
     except HemivarError as error:
         raise naming_file(error, stated.name) from error
-    table = study_table(found)
+    units = stated.units
+    table = study_table(found, units=units)
     print()
-    print_table(terminal, study_table(found, brief=True))
+    print_table(terminal, study_table(found, brief=True, units=units))
     _print_orders(found)
     _print_bounds(found)
     writer.write("--csv", csv, table.write_csv)
-    writer.write("--latex", latex, study_table(found, stated.problem.title).write_latex)
+    writer.write("--latex", latex, study_table(found, stated.problem.title, units=units).write_latex)
     writer.write_record(json, _record(found, stated.name))
 
     def draw(file: Path) -> None:

@@ -109,7 +109,7 @@ def sweep(
     print(f"parameters        {', '.join(f'{axis.key} ({len(axis.values)})' for axis in axes)}: {points} points")
     with StageView(terminal) as view:
         found = result_of(sweeping(problem, axes, replace(options, checkpoint=checkpoint)), view)
-    table = sweep_table(found)
+    table = sweep_table(found, units=stated.units)
     if len(table.rows) <= _SHOWN:
         print_table(terminal, table, keys=len(found.axes))
     else:
@@ -118,7 +118,7 @@ def sweep(
     if failed:
         print(f"without result    {len(failed)} point{'s' if len(failed) > 1 else ''}; the first: {failed[0].note}")
     writer.write("--csv", csv, table.write_csv)
-    writer.write("--latex", latex, sweep_table(found, stated.problem.title).write_latex)
+    writer.write("--latex", latex, sweep_table(found, stated.problem.title, units=stated.units).write_latex)
 
     def draw(file: Path) -> None:
         from hemivar.report.saving import save

@@ -223,7 +223,7 @@ def history_frame(history: History) -> DataFrame:
     return data_frame(history_columns(history), "history.table, which needs numpy only")
 
 
-def write_history_json(history: History, path: str | Path) -> Path:
+def write_history_json(history: History, path: str | Path, units: Mapping[str, str] | None = None) -> Path:
     """Write :func:`history_record` to a file that ends in ``.json``; returns its path.
 
     Parameters
@@ -231,13 +231,16 @@ def write_history_json(history: History, path: str | Path) -> Path:
     history : History
     path : str or Path
         Name of the file.
+    units : mapping, optional
+        Units by quantity, which go into the record as ``units``.
 
     Returns
     -------
     Path
     """
     path = prepared(path, ".json")
-    write_text(path, json.dumps(history_record(history), allow_nan=False) + "\n")
+    record = {**history_record(history), "units": dict(units)} if units else history_record(history)
+    write_text(path, json.dumps(record, allow_nan=False) + "\n")
     return path
 
 

@@ -317,7 +317,7 @@ def _history(history: History) -> _Shown:
         ("largest residual", history.residual),
         ("least margin", f"{_number(history.margin)}: {history.uniqueness}"),
         ("work", ledger["work"] + ledger["moved"]),
-        ("gap of the ledger", ledger["gap"]),
+        ("balance error", ledger["gap"]),
         ("error in time", error.words),
         *(("event", f"{name} at t = {_number(time)}") for time, name in history.events[:_MOST_ROWS]),
         *(("message", sentence) for sentence in history.messages[:_MOST_ROWS]),

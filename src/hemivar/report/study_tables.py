@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from hemivar.basics.units import Units
 from hemivar.report.tables import Table
 from hemivar.workflows.study import Study
 from hemivar.workflows.sweep import Sweep
@@ -13,7 +14,9 @@ from hemivar.workflows.sweep import Sweep
 __all__ = ["study_table", "sweep_table"]
 
 
-def study_table(study: Study, title: str = "", *, relative: bool = False, brief: bool = False) -> Table:
+def study_table(
+    study: Study, title: str = "", *, relative: bool = False, brief: bool = False, units: Units | None = None
+) -> Table:
     """One line for each mesh: size, unknowns, errors with the order from the mesh before, energy, normal force, status.
 
     Where bounds were asked for, the column ``guaranteed bound`` has that of the error in the energy norm; it is empty
@@ -27,19 +30,30 @@ def study_table(study: Study, title: str = "", *, relative: bool = False, brief:
         Errors relative to the norms of the reference.
     brief : bool
         Without energy and force, and without the status where all solves converged.
+    units : Units, optional
+        Of length, force and energy, for the headings; numbers are not converted.
 
     Returns
     -------
     Table
     """
     names = study.quantities
-    columns = ["h", "unknowns"]
+    units = Units() if units is None else units
+    columns = [units.head("h", "length"), "unknowns"]
     for name in names:
         columns += [name, "order"] if brief else [f"{name} error", f"{name} order"]
     bounds = study.bounds
     certified = bool((~np.isnan(bounds)).any())
     columns += ["guaranteed bound"] * certified
-    columns += ["status"] * (not study.converged) if brief else ["energy", "normal force", "status"]
+    columns += (
+        ["status"] * (not study.converged)
+        if brief
+        else [
+            units.head("energy", "energy"),
+            units.head("normal force", "force"),
+            "status",
+        ]
+    )
     errors = {name: study.relative(name) if relative else study.errors(name) for name in names}
     steps = {name: study.steps(name) for name in names}
     size = study.norms["energy"] if relative else 1.0
@@ -59,7 +73,7 @@ def study_table(study: Study, title: str = "", *, relative: bool = False, brief:
     return Table(tuple(columns), tuple(rows), title)
 
 
-def sweep_table(sweep: Sweep, title: str = "") -> Table:
+def sweep_table(sweep: Sweep, title: str = "", *, units: Units | None = None) -> Table:
     """One line for each point: parameters, number of solutions and of local minimisers, margin, the lowest solution.
 
     The column ``others`` says whether there may be solutions that were not found.
@@ -68,14 +82,17 @@ def sweep_table(sweep: Sweep, title: str = "") -> Table:
     ----------
     sweep : Sweep
     title : str, optional
+    units : Units, optional
+        Of length, force and energy, for the headings; numbers are not converted.
 
     Returns
     -------
     Table
     """
+    units = Units() if units is None else units
     columns = (
-        *(axis.key for axis in sweep.axes), "solutions", "minima", "others", "margin", "energy", "penetration", "force",
-        "note",
+        *(axis.key for axis in sweep.axes), "solutions", "minima", "others", "margin", units.head("energy", "energy"),
+        units.head("penetration", "length"), units.head("force", "force"), "note",
     )  # fmt: skip
     rows = []
     for point in sweep.points:
