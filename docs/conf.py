@@ -19,6 +19,8 @@ ROOT = DOCS.parent
 sys.path[:0] = [str(ROOT / "src"), str(DOCS)]
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+import figures_3d  # noqa: E402
+import site_figures  # noqa: E402
 import tutorial_figures  # noqa: E402
 from sphinx.util.nodes import make_refnode  # noqa: E402
 
@@ -75,6 +77,7 @@ sphinx_gallery_conf = {
     "filename_pattern": os.environ.get("HEMIVAR_GALLERY", r"\.py$"),
     "ignore_pattern": r"(^|/)_|/meshes/",
     "within_subsection_order": "site_figures.ReadingOrder",
+    "thumbnail_size": (640, 448),
     "download_all_examples": False,
     "show_memory": False,
     "remove_config_comments": True,
@@ -93,8 +96,14 @@ warnings.filterwarnings("ignore", message="FigureCanvasAgg is non-interactive")
 _urls = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["urls"]
 html_theme = "pydata_sphinx_theme"
 html_title = f"hemivar {release}"
-html_static_path = ["_static"]
+#: three.js, which the studio brings; and the bodies that the build writes.
+THREE = ROOT / "src" / "hemivar" / "studio" / "static" / "vendor"
+figures_3d.DRAWN.mkdir(parents=True, exist_ok=True)
+html_static_path = ["_static", str(figures_3d.DRAWN), str(THREE)]
 html_css_files = ["site.css"]
+html_js_files = [("figure3d.js", {"type": "module"})]
+html_logo = "_static/logo.svg"
+html_favicon = "_static/logo.svg"
 html_show_sourcelink = False
 html_sidebars = {"index": []}
 html_theme_options = {
@@ -149,6 +158,7 @@ def _reference(app: Any, env: Any, node: Any, text: Any) -> Any:
 
 def _drawn(app: Any) -> None:
     """Figures of the tutorials, from the code that stands in them; the files in images/ are for readers elsewhere."""
+    figures_3d.main()
     if os.environ.get("HEMIVAR_GALLERY") is None:
         for page in tutorial_figures.PAGES:
             tutorial_figures.draw(page, DOCS / "drawn")
@@ -159,8 +169,13 @@ def _shown(app: Any, page: str, source: list[str]) -> None:
         source[0] = re.sub(r"\]\(images/(tutorial|figure)-", r"](drawn/\1-", source[0])
 
 
+def _sections(app: Any) -> None:
+    site_figures.into_sections(DOCS / "gallery" / "index.rst")
+
+
 def setup(app: Any) -> None:
     app.connect("builder-inited", _drawn)
+    app.connect("builder-inited", _sections, priority=900)  # after the gallery is made
     app.connect("source-read", _shown)
     app.connect("autodoc-process-docstring", _bars, priority=900)
     app.connect("missing-reference", _reference)

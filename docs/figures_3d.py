@@ -45,7 +45,7 @@ def _states(solution: Solution) -> list[int]:
 
 
 def write(file: Path, title: str, solutions: list[Solution], told: list[str], scale: float) -> None:
-    """The surface of the body, and displacement, stress and states of each solution.
+    """The surface of a unit cube on z = 0, and displacement, stress and states of each solution.
 
     Parameters
     ----------
@@ -85,6 +85,7 @@ def write(file: Path, title: str, solutions: list[Solution], told: list[str], sc
         "triangles": corners.ravel().tolist(),
         "edges": edges.ravel().tolist(),
         "contact": np.searchsorted(used, contact.node).tolist(),
+        "ground": [(x, y, 0.0) for x, y in ((-0.1, -0.1), (1.1, -0.1), (1.1, 1.1), (-0.1, 1.1))],
         "solutions": shown,
     }
     file.parent.mkdir(parents=True, exist_ok=True)

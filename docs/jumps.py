@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
 import hemivar as hv
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+from hemivar.report import save
+from hemivar.report.picture import new_figure
+from hemivar.report.style import BLUE, RED, drawing
 
 #: A block of stiffness 1 on a foundation that rises with slope 2 to 0.1 and falls with slope -2 to nothing at 0.2.
 LAW = hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
@@ -32,19 +31,27 @@ def loop(jump: str, step: float) -> hv.evolution.History:
 
 
 def main() -> None:
-    figure, frames = plt.subplots(1, 5, figsize=(13, 3), sharey=True, layout="constrained")
-    for frame, jump in zip(frames, ("local", "viscous", "arc-length", "dynamic", "global"), strict=True):
-        history = loop(jump, 0.04)
-        pushed, force = np.minimum(history.times, 0.8 - history.times), history["normal_force"]
-        # All equilibria: kappa (r0 - r) = j'(r).
-        frame.plot([0.0, 0.3, 0.2, 0.4], [0.0, 0.2, 0.0, 0.0], color="0.75", lw=4, label="equilibria")
-        half = int(np.argmax(history.times >= 0.4 - 1e-12)) + 1
-        frame.plot(pushed[:half], force[:half], ".-", label="in")
-        frame.plot(pushed[half - 1 :], force[half - 1 :], ".-", label="out")
-        frame.set(title=f"{jump}\nlost in jumps {history.ledger['jumps']:.4f}", xlabel="push r0")
-    frames[0].set_ylabel("force")
-    frames[0].legend()
-    figure.savefig(Path(__file__).parent / "images" / "jumps.png", dpi=80)
+    with drawing():
+        figure = new_figure((6.6, 4.6), layout="constrained")
+        panels = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
+        for panel, jump in zip(panels, ("local", "viscous", "arc-length", "dynamic", "global"), strict=False):
+            history = loop(jump, 0.04)
+            pushed, force = np.minimum(history.times, 0.8 - history.times), history["normal_force"]
+            # All equilibria: kappa (r0 - r) = j'(r).
+            panel.plot([0.0, 0.3, 0.2, 0.4], [0.0, 0.2, 0.0, 0.0], color="#d0d0d0", lw=5, label="all equilibria")
+            half = int(np.argmax(history.times >= 0.4 - 1e-12)) + 1
+            panel.plot(pushed[:half], force[:half], ".-", color=BLUE, label="pushed down")
+            panel.plot(pushed[half - 1 :], force[half - 1 :], ".-", color=RED, label="drawn back")
+            panel.set_title(f"{jump}, lost in jumps {history.ledger['jumps']:.4f}", fontsize=8.5)
+            panel.spines[["top", "right"]].set_visible(False)
+        for panel in panels[2:5]:
+            panel.set_xlabel("push of the top")
+            panel.tick_params(labelbottom=True)
+        for panel in panels[::3]:
+            panel.set_ylabel("force")
+        panels[5].set_axis_off()
+        panels[5].legend(*panels[0].get_legend_handles_labels(), loc="center")
+    save(figure, Path(__file__).parent / "images" / "jumps.png", dpi=120)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -23,40 +25,52 @@ def _scrape(block: tuple[Any, ...], block_vars: dict[str, Any], gallery_conf: di
     return str(found) + figure_rst([path], gallery_conf["src_dir"])
 
 
-#: From the first solution to data of one's own; what is not named here comes last.
-_ORDER = (
-    "first_solution",
-    "weighted_block",
-    "units",
-    "law_in_space",
-    "own_laws",
-    "all_methods",
-    "cube_friction",
-    "curved_contact",
-    "hertz_obstacle",
-    "patch_test",
-    "membrane_obstacle",
-    "antiplane_friction",
-    "convexity_and_margin",
-    "three_solutions",
-    "weakening_friction",
-    "delamination",
-    "mixed_mode",
-    "broken_foundation",
-    "bounce",
-    "stick_slip",
-    "relaxation",
-    "wear",
-    "delayed_failure",
-    "bar_impact",
-    "thermoviscoelastic",
-    "warm_start",
-    "exact_distance",
-    "adaptive_mesh",
-    "trace_constants",
-    "bar_from_arrays",
-    "own_matrix_from_fem",
-)
+#: The gallery: its sections, from the first solution to data of one's own; what is not named here comes last.
+SECTIONS = {
+    "First steps": ("first_solution", "weighted_block", "units", "law_in_space", "all_methods", "warm_start"),
+    "Laws": ("own_laws", "weakening_friction", "delamination", "mixed_mode", "broken_foundation"),
+    "Several solutions": ("convexity_and_margin", "three_solutions", "trace_constants"),
+    "In space, and one unknown": ("cube_friction", "membrane_obstacle", "antiplane_friction"),
+    "Time": (
+        "bounce", "stick_slip", "relaxation", "wear", "delayed_failure", "bar_impact", "thermoviscoelastic",
+    ),
+    "Exactness": ("exact_distance", "adaptive_mesh"),
+    "Verification": ("patch_test", "hertz_obstacle", "curved_contact"),
+    "Matrices of other codes": ("bar_from_arrays", "own_matrix_from_fem"),
+}  # fmt: skip
+_ORDER = tuple(name for names in SECTIONS.values() for name in names)
+#: Which figure of an example its card shows, where it is not the first.
+_SHOWN: dict[str, int] = {}
+_CARD = re.compile(r'^\.\. raw:: html\n\n    <div class="sphx-glr-thumbcontainer".*?^    </div>\n', re.M | re.S)
+_OPEN = '.. raw:: html\n\n    <div class="sphx-glr-thumbnails">\n\n'
+_CLOSE = ".. raw:: html\n\n    </div>\n\n"
+
+
+def into_sections(index: Path) -> None:
+    """Put the cards of the gallery, which stand one after the other, under headings.
+
+    Parameters
+    ----------
+    index : Path
+        Written by sphinx-gallery.
+    """
+    text = index.read_text(encoding="utf-8")
+    head, foot = f"{_OPEN}.. thumbnail-parent-div-open\n", f".. thumbnail-parent-div-close\n\n{_CLOSE}"
+    if head not in text:
+        return  # it has its sections
+    before, rest = text.split(head, 1)
+    middle, after = rest.split(foot, 1)
+    cards = {re.findall(r":doc:`/gallery/(\w+)`", card)[0]: card for card in _CARD.findall(middle)}
+    for name, card in cards.items():
+        figure = f"images/sphx_glr_{name}_{_SHOWN.get(name, 1):03d}.png"  # as it is, not made small
+        if (index.parent / figure).exists():
+            cards[name] = card.replace(f"images/thumb/sphx_glr_{name}_thumb.png", figure)
+    sections = {**SECTIONS, "Others": tuple(name for name in cards if name not in _ORDER)}
+    body = ""
+    for title, names in sections.items():
+        if there := [cards[name] for name in names if name in cards]:
+            body += f"{title}\n{'-' * len(title)}\n\n{_OPEN}" + "\n".join(there) + f"\n{_CLOSE}"
+    index.write_text(before + body + after, encoding="utf-8")
 
 
 class ReadingOrder:

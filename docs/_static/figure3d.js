@@ -33,8 +33,8 @@ class Figure {
     this.controls();
     this.scene = new THREE.Scene();
     this.camera = new THREE.OrthographicCamera();
-    this.scene.add(new THREE.AmbientLight(0xffffff, 2.2));
-    const light = new THREE.DirectionalLight(0xffffff, 1.6);
+    this.scene.add(new THREE.AmbientLight(0xffffff, 1.7));
+    const light = new THREE.DirectionalLight(0xffffff, 1.3);
     light.position.set(-2, -3, 4);
     this.scene.add(light);
     this.geometry = new THREE.BufferGeometry();
@@ -51,9 +51,12 @@ class Figure {
     const size = { size: 9, sizeAttenuation: false, vertexColors: true };
     this.scene.add(new THREE.Mesh(this.geometry, material), new THREE.LineSegments(this.lines, ink));
     this.scene.add(new THREE.Points(this.marks, new THREE.PointsMaterial(size)));
+    const corners = body.ground.map((corner) => new THREE.Vector3(...corner));
+    const foundation = new THREE.BufferGeometry().setFromPoints(corners);
+    this.scene.add(new THREE.LineLoop(foundation, new THREE.LineBasicMaterial({ color: 0x5f5f5f })));
     const box = new THREE.Box3().setFromBufferAttribute(this.geometry.getAttribute("position"));
     this.centre = box.getCenter(new THREE.Vector3());
-    this.radius = 0.62 * box.getSize(new THREE.Vector3()).length();
+    this.radius = 0.46 * box.getSize(new THREE.Vector3()).length();
     this.turning();
     new ResizeObserver(() => this.draw()).observe(this.canvas);
     this.update();
@@ -111,7 +114,7 @@ class Figure {
     this.marks.setAttribute("color", new THREE.BufferAttribute(Float32Array.from(shades), 3));
     this.buttons?.forEach((button, k) => button.setAttribute("aria-pressed", k === this.shown));
     const times = scale === 1 ? "" : `; displacement times ${scale.toPrecision(2)}`;
-    this.told.textContent = `${one.told}${times}. Colour: von Mises stress, 0 to ${body.most.toPrecision(3)}. Drag to turn it.`;
+    this.told.textContent = `${one.told}${times}. Colour: von Mises stress, 0 to ${body.most.toPrecision(3)}; frame: surface of the foundation. Drag to turn.`;
     this.draw();
   }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.quiver import Quiver
 
 import hemivar as hv
 from hemivar.gallery import elastic_bar
@@ -33,6 +34,10 @@ def test_each_solution_stands_on_its_law() -> None:
         marks = np.vstack([line.get_xydata() for line in graph.lines if line.get_linestyle() == "None"])
         np.testing.assert_allclose(np.sort(marks[:, 0]), np.sort(solution.penetration))
         np.testing.assert_allclose(np.sort(marks[:, 1]), np.sort(solution.pressure))
+    bodies = [panel for panel in figure.axes if panel.get_title()]
+    assert len({(*panel.get_xlim(), *panel.get_ylim()) for panel in bodies}) == 1  # one scale, also of the arrows
+    scales = {quiver.scale for panel in bodies for quiver in panel.findobj(Quiver)}
+    assert len(scales) == 1
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["contact"]
 
 

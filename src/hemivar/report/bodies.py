@@ -36,6 +36,7 @@ def plot_solution(
     legend: bool = True,
     colour: BodyColour | Literal["stress", "displacement", "none"] | None = None,
     certificate: Certificate | None = None,
+    largest_force: float | None = None,
 ) -> Figure:
     """The deformed body on its foundation, with contact states and contact forces.
 
@@ -70,6 +71,9 @@ def plot_solution(
         stress in space and from 5000 cells on.
     certificate : Certificate, optional
         What is known about the solution, for the line below; without it the line has the residual only.
+    largest_force : float, optional
+        Force per area of the longest arrow; the largest of the solution by default. One number for several pictures
+        makes their arrows comparable.
 
     Raises
     ------
@@ -93,7 +97,7 @@ def plot_solution(
         if body.mesh.dim == 3:
             return draw_solid(body, coloured, title, (unit, stress_unit), line)
         fig, ax = body_axes(ax, body.mesh.points, title, unit, foot=FOOT if legend else 0.0)
-        lowest, below = PlaneBody(body, (unit, stress_unit)).draw(ax, arrows, coloured, note, legend)
+        lowest, below = PlaneBody(body, (unit, stress_unit), largest_force).draw(ax, arrows, coloured, note, legend)
         if legend:
             write_below(lowest, line, below)
     return fig

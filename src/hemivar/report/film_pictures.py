@@ -305,7 +305,8 @@ class PlanePicture(FilmPicture):
             tails = places + np.where(pulls[:, None], beside, -frame.force / scale - beside)
             self.arrows = self.ax.quiver(
                 *tails[::step].T, *frame.force[::step].T, angles="xy", scale_units="xy", scale=scale, color=RED,
-                width=0.0028, headwidth=3.6, headlength=4.6, headaxislength=4.2, zorder=5, minlength=0.5,
+                units="inches", width=0.0115, headwidth=3.6, headlength=4.6, headaxislength=4.2, zorder=5,
+                minlength=0.5,
             )  # fmt: skip
         self._tell(frame)
 

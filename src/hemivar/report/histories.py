@@ -106,7 +106,8 @@ def plot_errors(
             panel.grid(True, which="major", color="#e2e2e2", lw=0.6)
             panel.set_axisbelow(True)
             if reference_size is not None and not trusted.all():
-                panel.axvspan(0.1 * reference_size, 2.8 * reference_size, color="#f3ead7", lw=0, zorder=0)
+                said = "too small: next to\nthe reference" if panel is ax else "_nolegend_"
+                panel.axvspan(0.1 * reference_size, 2.8 * reference_size, color="#f3ead7", lw=0, zorder=0, label=said)
         ax.set_xlim(sizes.min() / 1.5, sizes.max() * 1.3)
         _slope_triangle(ax, sizes, least)
         ax.legend(

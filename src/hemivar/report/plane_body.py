@@ -35,6 +35,8 @@ _FEW, _SMALL, _BESIDE = 5, 0.06, (1.7, 1.3)
 _APART, _ARROWS_APART = 0.018, 0.022
 #: Room between an arrow and the mark of its contact point, relative to the body.
 _BESIDE_MARK = 0.012
+#: Of arrows, in inches.
+_THICK = 0.0115
 
 
 class Arrows(StrEnum):
@@ -51,9 +53,9 @@ class Arrows(StrEnum):
 class PlaneBody:
     """Everything that is drawn of one plane solution, and what the legend says of it."""
 
-    def __init__(self, body: DeformedBody, units: tuple[str, str]) -> None:
+    def __init__(self, body: DeformedBody, units: tuple[str, str], largest: float | None = None) -> None:
         self.body, self.mesh, self.problem = body, body.mesh, body.problem
-        self.units = units
+        self.units, self.largest = units, largest
         self.boundaries = contact_boundaries(body.problem)
         self.outline = polylines(body.mesh.boundary_facets)
         self.size = float(np.linalg.norm(np.ptp(body.mesh.points, axis=0)))
@@ -208,6 +210,7 @@ class PlaneBody:
         largest = max(float(np.linalg.norm(vectors, axis=1).max()) for _, vectors, _ in sets)
         if largest == 0.0:
             return 0.0
+        largest = self.largest or largest
         reference = round_number(largest)
         length = 0.16 * self.size
         for row, (name, vectors, colour) in enumerate(sets):
@@ -218,7 +221,8 @@ class PlaneBody:
             tails = places[shown] + np.where(pushes[shown, None], -drawn - beside, beside)
             quiver = ax.quiver(
                 *tails.T, *vectors[shown].T, angles="xy", scale_units="xy", scale=largest / length,
-                color=colour, width=0.0028, headwidth=3.6, headlength=4.6, headaxislength=4.2, zorder=5 + 0.1 * row,
+                color=colour, units="inches", width=_THICK, headwidth=3.6, headlength=4.6, headaxislength=4.2,
+                zorder=5 + 0.1 * row,
             )  # fmt: skip
             quiver.set_in_layout(False)
             said = f"{name}: {reference:g} {self.units[1]}".rstrip()

@@ -71,6 +71,7 @@ def plot_solutions(
     columns = min(len(shown), _BESIDE)
     rows = -(-len(shown) // columns)
     high, low = 2.7, 0.0 if curve is None else 1.5
+    largest = max(float(np.linalg.norm(one.multiplier, axis=1).max(initial=0.0)) for one in shown) or None
     kinds = {kind: None for one in shown for kind in one.states.present}
     with drawing():
         fig = new_figure((max(2.6 * columns, 3.4), (high + low) * rows + 0.7), layout="constrained")
@@ -78,9 +79,10 @@ def plot_solutions(
         panels = fig.subplots(len(ratios), columns, squeeze=False, height_ratios=ratios)
         bodies, graphs = panels[:: len(ratios) // rows].ravel(), panels[1::2].ravel() if low else np.array([])
         for number, (panel, solution) in enumerate(zip(bodies, shown, strict=False), start=1):
-            _draw(panel, solution, scale, unit, stress_unit, colour)
+            _draw(panel, solution, scale, largest, unit, stress_unit, colour)
             kind = "" if solution.kind is None else f", {solution.kind}"
             panel.set_title(f"{number}{kind}\nenergy {solution.energy:.6g}", fontsize=8.0)
+        _alike(list(bodies[: len(shown)]))
         if curve is not None:
             for graph, solution in zip(graphs, shown, strict=False):
                 curve.draw(graph, solution, unit, stress_unit)
@@ -168,13 +170,31 @@ def common_scale(found: SolutionSet) -> float:
     return min((DeformedBody.of(solution, "auto").factor for solution in bodies), default=1.0)
 
 
+def _alike(panels: list[Axes]) -> None:
+    """Give pictures the same limits, so that what is alike looks alike."""
+    ends = np.array([[*panel.get_xlim(), *panel.get_ylim()] for panel in panels if panel.axison])
+    if len(ends):
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        for panel in panels:
+            panel.set(xlim=(low[0], high[1]), ylim=(low[2], high[3]))
+
+
 def _draw(
-    panel: Axes, solution: Solution, scale: float, unit: str, stress_unit: str, colour: BodyColour | str | None
+    panel: Axes,
+    solution: Solution,
+    scale: float,
+    largest: float | None,
+    unit: str,
+    stress_unit: str,
+    colour: BodyColour | str | None,
 ) -> None:
     """One solution: in the plane on these axes, otherwise as a picture of its own figure."""
     field = solution.problem.field
     if field is not None and field.mesh.dim == 2:
-        plot_solution(solution, ax=panel, scale=scale, legend=False, unit=unit, stress_unit=stress_unit, colour=colour)  # type: ignore[arg-type]
+        plot_solution(
+            solution, ax=panel, scale=scale, legend=False, unit=unit, stress_unit=stress_unit, colour=colour,  # type: ignore[arg-type]
+            largest_force=largest,
+        )  # fmt: skip
         panel.tick_params(labelsize=7.0)
         return
     from matplotlib.image import imread
