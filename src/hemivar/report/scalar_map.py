@@ -99,7 +99,6 @@ def plot_scalar(
         lines = [note] if note else []
         lines += [text for text in law_captions(solution.problem) if not text.lower().startswith("none law")]
         lines += ["foundation below"] if sides == {Side.BELOW} else []
-        lines += [f"{solution.problem.unknowns} unknowns", f"{solution.method}: {solution.status.value}"]
         handles += [Line2D([], [], ls="", label=text) for text in lines]
         ax.legend(
             handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, handlelength=1.6,
