@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import importlib
 import inspect
+import json
 import re
 import runpy
 import sys
@@ -162,6 +163,37 @@ def test_notebooks_stand_with_what_they_show(name: str) -> None:
     assert len(beside) >= 2
     assert "Traceback" not in page
     assert "&lt;Picture size" not in page
+
+
+def test_the_gallery_has_sections_and_every_example_once() -> None:
+    page = (SITE / "gallery" / "index.html").read_text(encoding="utf-8")
+    body = page[page.index("<article") : page.index("</article>")]
+    sections = runpy.run_path(str(ROOT / "docs" / "site_figures.py"))["SECTIONS"]
+    at = [body.index(f"<h2>{title}<") for title in sections]
+    assert at == sorted(at)
+    assert sorted(re.findall(r'<a class="reference internal" href="(\w+)\.html"', body)) == EXAMPLES
+    assert sorted(name for names in sections.values() for name in names) == EXAMPLES
+    assert "<h2>Others<" not in body
+
+
+@pytest.mark.parametrize(("page", "name"), [("index", "two_equilibria"), ("figures", "dragged_cube")])
+def test_bodies_that_turn_have_their_data_and_an_image_beside(page: str, name: str) -> None:
+    text = (SITE / f"{page}.html").read_text(encoding="utf-8")
+    figure = text[text.index(f'<div class="figure-3d" data-body="{name}.json">') :]
+    assert "<img" in figure[:600]  # where there is no WebGL
+    assert re.search(r'<script type="module" src="_static/figure3d\.js', text)
+    script = (SITE / "_static" / "figure3d.js").read_text(encoding="utf-8")
+    assert "three.module.min.js" in script
+    assert not re.search(r"https?:", script)
+    for file in ("three.module.min.js", "three.core.min.js", "three.LICENSE"):
+        assert (SITE / "_static" / file).stat().st_size > 500
+    body = json.loads((SITE / "_static" / f"{name}.json").read_text(encoding="utf-8"))
+    vertices = len(body["points"]) // 3
+    assert max(body["triangles"]) == max(body["edges"]) == vertices - 1
+    for one in body["solutions"]:
+        assert len(one["displacement"]) == 3 * vertices
+        assert len(one["stress"]) == vertices
+        assert len(one["states"]) == len(body["contact"])
 
 
 def test_the_gallery_has_at_least_twenty() -> None:
