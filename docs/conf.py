@@ -165,8 +165,9 @@ def _drawn(app: Any) -> None:
 
 
 def _shown(app: Any, page: str, source: list[str]) -> None:
-    if page in tutorial_figures.PAGES and os.environ.get("HEMIVAR_GALLERY") is None:
-        source[0] = re.sub(r"\]\(images/(tutorial|figure)-", r"](drawn/\1-", source[0])
+    """Figures that the build has drawn are shown as drawn, on every page."""
+    if os.environ.get("HEMIVAR_GALLERY") is None:
+        source[0] = re.sub(r"(\]\(|\{image\} )images/(tutorial|figure)-", r"\1drawn/\2-", source[0])
 
 
 def _sections(app: Any) -> None:
