@@ -9,6 +9,8 @@ import numpy as np
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.certificates import trace_force
+from hemivar.certificates.linear_bodies import at_tangent
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.residual import Residual, residual
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, solve, suited
@@ -89,17 +91,29 @@ def _best(system: CondensedProblem, u: Array, r: Array, lam: Array) -> Polished:
     return Polished(body, multiplier, found[order[0]], float(8.0 * _EPS * np.linalg.norm(moved)))
 
 
+def _near(system: CondensedProblem, one: Solution, two: Solution) -> bool:
+    """Whether two solutions are the same but for the tolerance: a method goes downhill from a saddle."""
+    return bool(np.abs(one.local - two.local).max(initial=0.0) <= 1e-5 * system.length_scale)
+
+
 def polish_by_solver(
-    system: CondensedProblem, workspace: Workspace, solution: Solution, controls: Controls, budget: Budget
+    solution: Solution, system: CondensedProblem, workspace: Workspace, controls: Controls, budget: Budget
 ) -> tuple[Solution, Array]:
-    """A solution, solved on from where it is as far as the arithmetic goes, and an estimate of its error (m, d)."""
-    problem = system.problem
+    """A solution, solved on from where it is as far as the arithmetic goes, and an estimate of its error (m, d).
+
+    ``system`` is that of its problem; where its body is not linear, any one of the same contact points.
+    """
+    problem = solution.problem
     tight = replace(controls, rtol=min(_TIGHT, controls.rtol), atol=0.0, max_time=budget.left, callback=None)
     again = solve(problem, suited(NonsmoothNewton(), problem), tight, initial=solution, workspace=workspace)
     if again.residual.total < solution.residual.total:
         better = replace(again, status=solution.status, method=solution.method)
-        if better.residual.below(controls.atol, controls.rtol):
+        near = isinstance(problem.bulk, Quadratic) or _near(system, better, solution)
+        if near and better.residual.below(controls.atol, controls.rtol):
             solution = better
+    if not isinstance(problem.bulk, Quadratic):
+        system = Workspace(1).condensed(at_tangent(problem, solution.unknowns))
+        problem = system.problem
     r, lam = solution.local, solution.multiplier
     frozen = system.for_problem(problem.with_(law=system.law_at(r, lam)))
     line = frozen.law.linearise(r)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.types import Array, IntArray
@@ -17,12 +20,17 @@ from hemivar.branches.polish import Polished, polish, polish_by_solver
 from hemivar.certificates import energy_norm
 from hemivar.certificates.kind import kind_of
 from hemivar.discrete.point_kind import PointKind
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import residual
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.systems import CondensedProblem
+from hemivar.systems.nonlinear_body import linear_bulk
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["SearchProgress", "SolutionSearch"]
 
+#: Steps of Newton's method to a saddle.
+_NEWTON = 25
 #: Methods that start from where they begin by themselves.
 _SOLVERS = (NonsmoothNewton(), NonsmoothNewton(search=Search.DOWNHILL), LoadStepping())
 
@@ -47,7 +55,11 @@ class SearchProgress:
 
 
 class SolutionSearch:
-    """What was found so far, and the ways to find more."""
+    """What was found so far, and the ways to find more.
+
+    Of a body that is not linear ``problem`` is the problem, and ``system`` that of the linear body at rest, which tells
+    where to start.
+    """
 
     def __init__(
         self,
@@ -58,8 +70,10 @@ class SolutionSearch:
         limit: int,
         random: np.random.Generator,
         budget: Budget,
+        problem: DiscreteProblem | None = None,
     ) -> None:
         self.system = system
+        self.problem = system.problem if problem is None else problem
         self.workspace = workspace
         self.chain = chain
         self.controls = controls
@@ -176,7 +190,7 @@ class SolutionSearch:
             corrected = self.chain.correct(theta, segment, self.chain.force)
             if corrected is not None and self.chain.inside(corrected, segment, 1e-7 * self.chain.length).all():
                 return self.add_point(corrected, segment)
-        solution, error = polish_by_solver(self.system, self.workspace, solution, self.controls, self.budget)
+        solution, error = polish_by_solver(solution, self.system, self.workspace, self.controls, self.budget)
         if self.known(solution.local, error):
             return False
         kind = self._kind(solution.unknowns, solution.multiplier)
@@ -193,7 +207,7 @@ class SolutionSearch:
 
     def _kind(self, u: Array, lam: Array) -> PointKind:
         """What a certificate will call it; that it is stationary where there is no time for more."""
-        problem = self.system.problem
+        problem = self.problem
         try:
             return kind_of(problem, u, lam, energy_norm(problem, self.workspace))
         except OutOfTime:
@@ -220,7 +234,7 @@ class SolutionSearch:
 
     def run(self, solver: Solver, r: Array | None = None) -> None:
         """Solve from a point, or from where the method begins, and keep what is new."""
-        problem = self.system.problem
+        problem = self.problem
         self.starts += 1
         initial = None if r is None else self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
         controls = replace(self.controls, max_time=self.budget.left)
@@ -271,6 +285,38 @@ class SolutionSearch:
             r = self.random.normal(size=(m, d)) * spread
             self.run(newton if k % 4 == 0 else downhill, self.system.start(r))
             yield
+
+    def from_between(self) -> Iterator[None]:
+        """Newton's method, not downhill, from between any two solutions of a body that is not linear: to saddles."""
+        for one, two in itertools.combinations(tuple(self.found), 2):
+            if self.full:
+                return
+            self.starts += 1
+            for part in (0.5, 0.25, 0.75):
+                found = self._newton(one.unknowns + part * (two.unknowns - one.unknowns))
+                if found is not None and self.add_solution(found):
+                    break
+            yield
+
+    def _newton(self, u: Array) -> Solution | None:
+        """Where Newton's method goes from unknowns (n,) on the pieces of the laws, be it no minimum."""
+        problem, contact = self.problem, self.problem.contact
+        weights = contact.weights[:, None]
+        for _ in range(_NEWTON):
+            line = problem.law.frozen_at(problem.local(u)).linearise(problem.local(u))
+            off = residual(problem, u, line.gradient)
+            if off.below(self.controls.atol, self.controls.rtol):
+                return Solution(problem, u, line.gradient, Status.CONVERGED, off, "newton")
+            bent = sp.block_diag(list(weights[:, :, None] * line.hessian), format="csr")
+            matrix = linear_bulk(problem.bulk, u).stiffness + contact.trace.T @ bent @ contact.trace
+            rest = problem.out_of_balance(u) - contact.force(line.gradient)
+            if not (np.isfinite(rest).all() and np.isfinite(matrix.data).all()):
+                return None
+            try:
+                u = u + splu(sp.csc_array(matrix)).solve(rest)
+            except RuntimeError:  # singular
+                return None
+        return None
 
     def from_deflation(self, count: int) -> Iterator[None]:
         """Newton's method on the residual deflated by the known solutions, from random points of the graph."""

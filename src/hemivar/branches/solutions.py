@@ -19,8 +19,10 @@ from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SearchProgress, SolutionSearch
 from hemivar.branches.state_chain import state_chain_of
 from hemivar.certificates import Smallness, one_solution, smallness
-from hemivar.discrete.model import quadratic
+from hemivar.certificates.linear_bodies import at_tangent
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
 from hemivar.systems.workspace import Workspace
@@ -153,7 +155,8 @@ def find_solutions(
     solution, and it is solved for.  Otherwise the search goes on from many starts: the default method and the downhill
     one from zero, by load stepping, from both sides of every kink of the law and from random points; Newton's method on
     the residual deflated by what was found already, which also finds saddles and maxima; the load path through every
-    solution, which meets others where it folds back; and both sides of every saddle.
+    solution, which meets others where it folds back; and both sides of every saddle.  Where the body is not linear it
+    goes from many starts and from between any two solutions that were found.
 
     Parameters
     ----------
@@ -204,8 +207,9 @@ def finding(
     """
     kept = Workspace.given(workspace)
     problem = posed(problem, "find_solutions")
-    quadratic(problem.bulk, "find_solutions")
     budget = Budget(options.controls.max_time)
+    if not isinstance(problem.bulk, Quadratic):
+        return (yield from _of_nonlinear_body(problem, options, kept, budget))
     system = kept.condensed(problem)
     chain: Chain | None = None
     dependent = bool(problem.contact_points and problem.law.state_dependent)
@@ -262,6 +266,38 @@ def finding(
     if search.stopped:
         searched += f"; {search.stopped}"
     return SolutionSet(search.sorted(), False, combinations, search.starts, searched, search.interrupted)
+
+
+def _of_nonlinear_body(
+    problem: DiscreteProblem, options: SolutionsOptions, workspace: Workspace, budget: Budget
+) -> Generator[SearchProgress, bool | None, SolutionSet]:
+    """From many starts, which the linear body at rest tells, and from between what was found."""
+    system = workspace.condensed(at_tangent(problem, np.zeros(problem.unknowns)))
+    random = np.random.default_rng(options.seed)
+    search = SolutionSearch(system, workspace, None, options.controls, options.max_solutions, random, budget, problem)
+    constants: Smallness | None = None
+    with search.stopped_cleanly():
+        if (yield search.progress):
+            raise KeyboardInterrupt
+        budget.check()
+        with limited(budget):
+            if not (problem.contact_points and problem.law.state_dependent):
+                constants = smallness(problem, trace_constant=False, workspace=workspace)
+                if one_solution(problem, constants):
+                    search.run(NonsmoothNewton())
+        if not search.found:
+            search.plan(options.starts)
+            yield from search.working(search.from_solvers(options.starts))
+            yield from search.working(search.from_between())
+    proved = constants is not None and one_solution(problem, constants) and len(search.found) == 1
+    searched = f"{search.starts} starts of a body that is not linear; there may be more solutions, saddles above all"
+    if proved and constants is not None:
+        searched = f"the margin {constants.margin:.3g} is positive, so there is one solution"
+    elif search.full:
+        searched += f"; stopped at {search.limit} solutions"
+    if search.stopped:
+        searched += f"; {search.stopped}"
+    return SolutionSet(search.sorted(), proved, np.inf, search.starts, searched, search.interrupted)
 
 
 def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgress, bool | None, SolutionSet]:

@@ -106,7 +106,10 @@ def quadratic(bulk: Bulk, what: str = "this") -> Quadratic:
         It is not: what is asked for needs a linear body.
     """
     if isinstance(bulk, Potential):
-        raise ProblemError(f"{what} needs a linear body, and the material of this one is not linear")
+        raise ProblemError(
+            f"{what} needs a linear body, and the material of this one is not linear; give a linear one, such as "
+            "Material.lame(...)"
+        )
     if not isinstance(bulk, Quadratic):
         raise ProblemError(f"{what} needs a linear body; the bulk is a {type(bulk).__name__}: give a Quadratic")
     return bulk
