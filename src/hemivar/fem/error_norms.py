@@ -68,7 +68,9 @@ class ErrorNorms:
     Attributes
     ----------
     energy : float
-        ``sqrt(int eps(e) : C eps(e))``, or ``sqrt(int A grad e . grad e)`` of a scalar problem: without bedding.
+        ``sqrt(int eps(e) : C eps(e))``, or ``sqrt(int A grad e . grad e)`` of a scalar problem: without bedding. Of a
+        material that is not linear C is its lower tensor C_low, in whose norm errors are bounded; where none is known
+        the stiffness at rest.
     mean_square : float
         ``sqrt(int |e|^2)``.
     """
@@ -122,12 +124,20 @@ def error_norms(problem: Statement, values: Array, known: KnownField | None = No
 
 
 def energy_density(problem: Statement, places: Array, gradient: Array, masks: Mapping[str, BoolArray]) -> Array:
-    """``eps : C eps`` or ``A g . g`` of gradients (k, components, d) at places (k, d), shape (k,)."""
-    if isinstance(problem, ScalarProblem):
-        tensor = problem.coefficients(places, masks)
-        return np.asarray(np.einsum("mij,mi,mj->m", tensor, gradient[:, 0], gradient[:, 0]))
-    strain = voigt_strain(gradient)
-    return np.asarray(np.einsum("mi,mij,mj->m", strain, problem.material.stiffness_tensor(places, masks), strain))
+    """``eps : C eps`` or ``A g . g`` of gradients (k, components, d) at places (k, d), shape (k,); see
+    :class:`ErrorNorms` for C of a material that is not linear."""
+    strain = gradient[:, 0] if isinstance(problem, ScalarProblem) else voigt_strain(gradient)
+    return np.asarray(np.einsum("mi,mij,mj->m", strain, _tensor(problem, places, masks), strain))
+
+
+def _tensor(problem: Statement, places: Array, masks: Mapping[str, BoolArray]) -> Array:
+    """C or A at places (k, d), shape (k, v, v)."""
+    law = problem if isinstance(problem, ScalarProblem) else problem.material
+    if not law.linear:
+        lower = law.lower_tensor(places, masks)
+        if (np.einsum("kii->ki", lower) > 0.0).all():
+            return lower
+    return law.coefficients(places, masks) if isinstance(law, ScalarProblem) else law.stiffness_tensor(places, masks)
 
 
 def voigt_strain(gradient: Array) -> Array:

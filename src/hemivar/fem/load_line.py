@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.space import Space
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
 from hemivar.mechanics import Fixed, Prescribed, ScalarProblem, Statement
@@ -67,10 +70,31 @@ class LoadLine:
         loaded, zero = self.loaded, self.unloaded
         if zero is None:
             return loaded.with_(load=factor * loaded.load)
+        if isinstance(loaded.bulk, Potential) and isinstance(zero.bulk, Potential):
+            return self._nonlinear(factor, zero)
         return loaded.with_(
             load=(1.0 - factor) * zero.load + factor * loaded.load,
             # The energy of prescribed displacements is quadratic in them.
             constant=zero.constant + factor**2 * (loaded.constant - zero.constant),
+            offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
+        )
+
+    def _nonlinear(self, factor: float, zero: DiscreteProblem) -> DiscreteProblem:
+        """That of a body that is not linear: what prescribed displacements leave of forces and energy follows W."""
+        loaded, fields, parts = self.loaded, (zero.field, self.loaded.field), (zero.bulk, self.loaded.bulk)
+        assert fields[0] is not None
+        assert fields[1] is not None
+        prescribed = (1.0 - factor) * fields[0].prescribed + factor * fields[1].prescribed
+        field = replace(fields[1], prescribed=prescribed)
+        first, last = cast(tuple[Potential, Potential], parts)
+        bulk = Potential(last.energy.from_field(prescribed.reshape(len(field.nodes), -1)))
+        model = replace(loaded.model, bulk=bulk, space=Space((field,)))
+        forces = (1.0 - factor) * (zero.load + first.initial_forces) + factor * (loaded.load + last.initial_forces)
+        # The work of loads on prescribed displacements is quadratic in both; what these store is not.
+        begin, end = zero.constant - first.initial_value, loaded.constant - last.initial_value
+        return replace(loaded, model=model, law_known=True).with_(
+            load=forces - bulk.initial_forces,
+            constant=bulk.initial_value + begin + factor**2 * (end - begin),
             offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
         )
 

@@ -157,9 +157,10 @@ class Study(ReprMixin):
     options : StudyOptions
     levels : tuple of StudyLevel
         One for each mesh, from coarse to fine.  Errors are absolute: ``energy`` is ``sqrt(int eps(e) : C eps(e))`` (or
-        ``sqrt(int A grad e . grad e)``), ``displacement`` is ``sqrt(int |e|^2)``, ``pressure`` the mean square over the
-        contact boundary, ``sqrt(sum_j w_j (p_j - p)^2)``.  nan where there is none: on the finest mesh if that is the
-        reference, and for the pressure at midpoints of facets.
+        ``sqrt(int A grad e . grad e)``; of a material that is not linear C is C_low), ``displacement`` is
+        ``sqrt(int |e|^2)``, ``pressure`` the mean square over the contact boundary, ``sqrt(sum_j w_j (p_j - p)^2)``.
+        nan where there is none: on the finest mesh if that is the reference, and for the pressure at midpoints of
+        facets.
     norms : mapping of quantity to float
         The same norms of the reference.
     reference : str
