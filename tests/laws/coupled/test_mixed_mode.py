@@ -257,6 +257,40 @@ def test_laws_may_vary_over_the_boundary() -> None:
     assert resolved.take(np.array([1])).fracture_energy == pytest.approx([ENERGY])
 
 
+def slider(gap: float, shear: float = 0.0) -> hv.ContactProblem:
+    """A block that rollers guide above its glue: nothing but the glue holds it along the ground."""
+    return hv.ContactProblem(
+        hv.rectangle((1.0, 0.5), (4, 2)),
+        hv.Material.young(3000.0, 0.3),
+        {"bottom": hv.Contact(MixedMode(SHAPES["bilinear"], RATIO), gap=gap)},
+        {"top": hv.Roller()},
+        body_force=(shear, 0.0),
+    )
+
+
+def test_glue_that_is_open_at_rest_holds_as_much_as_is_left_of_it() -> None:
+    """Bonded glue holds a block along the ground; glue that its gap has broken holds nothing."""
+    last = 2.0 * ENERGY / STRENGTH
+    assert hv.discretize(slider(0.0)).limit is not None
+    assert hv.discretize(slider(0.5 * last, 1e-3)).limit is not None
+    with pytest.raises(hv.errors.SupportError):
+        hv.discretize(slider(1.01 * last, 1e-3))
+
+
+def test_what_resists_at_rest_is_no_more_than_the_law_gives() -> None:
+    """Along random ways from rest the steepest rise of j is at least what the law says that it resists."""
+    random, law = np.random.default_rng(2), glue()
+    last = law.opening_at_break.item()
+    for _ in range(200):
+        rest = np.array([[-random.choice([0.0, 0.3, 0.9, 1.1]) * last, 0.0]])
+        way = np.array([-random.uniform(0.0, 1.0), random.normal()])
+        up, down, slip = (float(part[0]) for part in law.strongest(rest, 1.0))
+        places = rest + np.linspace(0.0, 3.0 * last / np.linalg.norm(way * [1.0, RATIO]), 20001)[:, None] * way
+        rise = np.diff(law.value(places)) / np.linalg.norm(np.diff(places, axis=0)[0]) * np.linalg.norm(way)
+        assert down * -way[0] + slip * abs(way[1]) <= rise.max() * (1.0 + 1e-3)
+        assert up == np.inf
+
+
 # ---- what is refused, and files ---------------------------------------------------------------------------------
 
 

@@ -26,6 +26,9 @@ from hemivar.laws.vector_law import Linearisation, Sides
 
 __all__ = ["MixedMode"]
 
+#: Parts of the way from rest to the break at which the tractions are looked at.
+_WAYS = np.linspace(0.0, 1.0, 201)
+
 
 @dataclass(frozen=True, eq=False)
 class MixedMode(CoupledLaw):
@@ -147,7 +150,7 @@ class MixedMode(CoupledLaw):
 
     def _table_at(self, index: IntArray) -> PiecewiseQuadratic:
         """The table at some contact points."""
-        return self._table.take(index)
+        return self._table if len(self._table.breakpoints) == 1 else self._table.take(index)
 
     @cached_property
     def _half(self) -> tuple[Array, Array]:
@@ -302,10 +305,20 @@ class MixedMode(CoupledLaw):
 
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         up = steepest(self.compression, rest[:, 0], 1.0, size)
-        down = steepest(self._table, np.maximum(-rest[:, 0], 0.0), 1.0, size)
+        opening, rho = np.maximum(-rest[:, 0], 0.0), self.effective(rest)
+        down = steepest(self._table, rho, 1.0, size)
         if rest.shape[1] == 1:
             return up, down, np.zeros(len(rest))
-        return up, down, steepest(self.tangential, lengths(rest[:, 1:]), 1.0, size)
+        # sideways what is open turns only a part of Phi' into shear; opening and slip share one strength: each counts
+        # by half
+        far = np.maximum(rho, self.opening_at_break)
+        after = rho[:, None] + (far - rho)[:, None] * _WAYS
+        pull = np.stack([self._table.derivative(place) for place in after.T], axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.sqrt(np.maximum(1.0 - (opening[:, None] / after) ** 2, 0.0))
+        share = np.where(after > 0.0, share, 1.0)
+        slip = self.beta * np.where(far > rho, (pull * share).max(axis=1), 0.0)
+        return up, 0.5 * down, 0.5 * slip
 
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
         return self.compression.asymptotic_curvature(sign) if sign > 0.0 else np.zeros(1), np.zeros(1)
@@ -363,16 +376,21 @@ class MixedMode(CoupledLaw):
     def _shut(self, a: Array, b: Array, r: Array | None) -> Array:
         """The minimiser where the force does not open, (m, c): penetration and slip are laws of their own there."""
         out = np.zeros(b.shape)
-        push = np.maximum(b[:, 0], 0.0)
-        out[:, 0] = np.maximum(self.compression.local_argmin(a[:, 0], push), 0.0)
+        rows = np.flatnonzero(~(b[:, 0] < 0.0))
+        if not rows.size:
+            return out
+        tangential = self.tangential if len(self.tangential.breakpoints) == 1 else self.tangential.take(rows)
+        compression = self.compression if self.compression.knots.shape[0] == 1 else self.compression.take(rows)
+        a, b = a[rows], b[rows]
+        out[rows, 0] = np.maximum(compression.local_argmin(a[:, 0], b[:, 0]), 0.0)
         if b.shape[1] > 1:
             size, heading = polar(b[:, 1:])
             if r is None:
-                length = np.abs(self.tangential.local_argmin(a[:, 1], size))
+                length = np.abs(tangential.local_argmin(a[:, 1], size))
             else:
-                length = np.abs(downhill(self.tangential, a[:, 1], size, lengths(r[:, 1:])))
+                length = np.abs(downhill(tangential, a[:, 1], size, lengths(r[rows, 1:])))
             heading[:, 0] = np.where(size > 0.0, heading[:, 0], 1.0)
-            out[:, 1:] = length[:, None] * heading
+            out[rows, 1:] = length[:, None] * heading
         return out
 
     def _problem(self, opens: IntArray, a: Array, b: Array) -> OpeningProblem:
@@ -392,8 +410,10 @@ class MixedMode(CoupledLaw):
         secants = problem.minimisers()
         places = problem.places(secants)
         rho = np.hypot(places[..., 0], places[..., 1])
-        law, far = self._table_at(opens), ~np.isfinite(rho)
-        stored = np.stack([law.value(np.where(far[:, k], 0.0, rho[:, k])) for k in range(rho.shape[1])], axis=1)
+        far = ~np.isfinite(rho)
+        rows, column = np.nonzero(np.isfinite(secants) & ~far)
+        stored = np.zeros(rho.shape)
+        stored[rows, column] = self._table_at(opens[rows]).value(rho[rows, column])
         with np.errstate(invalid="ignore"):
             work = (0.5 * problem.stiffness[:, None, :] * places**2 - problem.force[:, None, :] * places).sum(axis=2)
         return places, rho, np.where(np.isnan(secants), np.inf, np.where(far, -np.inf, work + stored))
