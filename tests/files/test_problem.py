@@ -392,6 +392,8 @@ LAW_TEXTS = {
     'friction = { law = "table", file = "law.csv", bound = 0.2 }': Contact(
         table_law([0, 0.1, 0.1], [1, 2, 0]), Friction(0.2, table_law([0, 0.1, 0.1], [1, 2, 0], friction=True))
     ),
+    'normal = { law = "pressure-table", penetrations = [0, 0.1, 0.1], pressures = [1, 2, 0], '
+    'extend = "linear" }': Contact(table_law([0, 0.1, 0.1], [1, 2, 0], extend="linear")),
     'normal = { law = "formula", potential = "7/10*abs(r) - 3/10*exp(-abs(r))" }\n'
     'friction = { law = "formula", potential = "log(1+r)", bound = 0.5 }': Contact(
         SlipWeakening(1.0).radial, Logarithmic(0.5)
@@ -439,6 +441,14 @@ def test_nonmonotone_laws(tmp_path: Path, text: str) -> None:
     ("text", "words"),
     [
         ('normal = { law = "table", file = "falling.csv" }', ["[contact.bottom] normal", "falling.csv, row 3"]),
+        (
+            'normal = { law = "pressure-table", penetrations = [0, 1], pressures = [0] }',
+            ["[contact.bottom] normal", "lists of equal length"],
+        ),
+        (
+            'normal = { law = "pressure-table", penetrations = [0, 0.2, 0.1], pressures = [0, 1, 2] }',
+            ["[contact.bottom] normal", "row 3", "must not fall"],
+        ),
         ('normal = { law = "table", file = "none.csv" }', ["none.csv", "no such file"]),
         ('normal = { law = "formula", potential = "7/10*q" }', ["normal.potential", "character 6", "'q'"]),
         ('normal = { law = "formula", potential = "log(r)" }', ["normal.potential", "not finite at r = "]),

@@ -159,6 +159,11 @@ def normal_graph(law: Mapping[str, Any] | str, number: Number, folder: Path) -> 
             return _layered(law)
         case "saw-tooth":
             return _saw_tooth(law)
+        case "pressure-table":
+            r, derivative = _numbers(law["penetrations"]), _numbers(law["pressures"])
+            if len(r) != len(derivative):
+                raise SenselessError("lists of different lengths")
+            return _table(r, derivative, law.get("extend", "constant"))
         case "table":
             r, derivative = read_table(folder / law["file"], ("r", "derivative"))
             return _table(r, derivative, law.get("extend", "constant"))

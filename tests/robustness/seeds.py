@@ -62,6 +62,11 @@ SEEDS: dict[str, dict[str, Any]] = {
     "ends": _block({"law": "finite-penetration", "stiffness": 4.0, "limit": 0.05},
                    {"law": "static-kinetic", "bound": 0.2, "slip": 0.01}),
     "held": _block("bilateral", {"law": "slip-table", "bound": 0.3, "slips": [0.0, 0.05], "values": [1.0, 0.5]}),
+    "from lists": _block(
+        {"law": "pressure-table", "penetrations": [-0.02, 0.0, 0.05, 0.05, 0.2], "pressures": [0.0, 0.0, 0.6, 0.4, 1.0],
+         "extend": "linear"},
+        {"law": "slip-table", "bound": 0.2, "slips": [0.0, 0.05], "values": [1.0, 0.5]},
+    ),
     "from tables": _block(
         {"law": "table", "file": "law.csv"},
         {"law": "table", "file": "friction.csv", "bound": {"table": "bound.csv"}},
