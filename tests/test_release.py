@@ -154,4 +154,5 @@ def test_the_wheel_holds_modules_and_templates_and_nothing_else() -> None:
     source = ROOT / "src"
     modules = {str(path.relative_to(source)) for path in (source / "hemivar").rglob("*.py")}
     templates = {str(path.relative_to(source)) for path in (source / "hemivar/files/templates").glob("*.toml")}
-    assert found == modules | templates | {"hemivar/py.typed", "hemivar/__init__.pyi"}
+    page = {str(path.relative_to(source)) for path in (source / "hemivar/studio/static").rglob("*.*")}
+    assert found == modules | templates | page | {"hemivar/py.typed", "hemivar/__init__.pyi"}
