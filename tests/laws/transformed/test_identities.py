@@ -206,6 +206,7 @@ def test_sums_of_tables_with_many_knots_at_many_points() -> None:
     many = PiecewiseQuadratic(knots, np.concatenate([[0.0], 1.0 + np.sin(np.arange(60.0))]), np.zeros(60))
     shift, r = np.array([0.0, 0.3, -0.2]), np.array([0.11, -0.4, 1.9])
     law = plus(many, affine(Softening(2.0, 0.1, 0.5), 1.0, shift))
+    assert table_of(law) is None
     for what in ("value", "derivative", "curvature"):
         wanted = getattr(many, what)(r) + getattr(affine(Softening(2.0, 0.1, 0.5), 1.0, shift), what)(r)
         np.testing.assert_allclose(getattr(law, what)(r), wanted, rtol=1e-12, atol=1e-14)
