@@ -30,6 +30,10 @@ from hemivar.evolution import (
     Scheme,
     march,
 )
+from hemivar.evolution.discrete import discretize_evolution
+from hemivar.evolution.energy_barrier import _energies
+from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.files import read_film, read_history_table
 from hemivar.mechanics.gradient_energy import PowerLaw
 from hemivar.solvers import NonsmoothMultigrid, NonsmoothNewton
@@ -425,3 +429,13 @@ def test_the_command_marches_a_problem_file(tmp_path: Path, monkeypatch: pytest.
     assert np.abs(table["gap"]).max() < 1e-8 * table["moved"][-1]
     assert table["viscous"][-1] > 0.0
     assert read_film("a.pvd").times == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
+def test_the_energy_along_a_step_bends_as_that_of_the_linear_body() -> None:
+    bends = []
+    for material in (hencky(1.0), lame()):
+        advance = TimeStepper.of(discretize_evolution(Evolution(gliding(material))), ImplicitEuler(), None, TIGHT)
+        taken = advance.take(initial_moment(advance), 0.1)
+        bends.append(np.diff(_energies(advance, taken.stages[0], taken.solutions[0]), 2))
+    assert bends[1].min() > 0.0
+    assert bends[0] == pytest.approx(bends[1], rel=1e-6, abs=1e-12)
