@@ -75,7 +75,8 @@ def test_triangles_meet_neither_curves_nor_each_other() -> None:
     triangles = [line for line in axes.lines if line.get_marker() in ("None", None) and len(line.get_xdata()) == 4]
     assert len(curves) == len(triangles) == 3
     for line in triangles:
-        x, y = np.log(line.get_xdata()), np.log(line.get_ydata())
-        across = np.array([x.min(), x.max()])
-        band = np.stack([across, *(np.interp(across, *np.sort(np.stack([x[:2], y[:2]]))) for _ in range(2))])
+        x, y = np.log(line.get_xdata()), np.log(line.get_ydata())  # left, right, the upright side, left
+        across = np.linspace(x[0], x[1], 20)
+        ramp, flat = np.interp(across, x[:2], y[:2]), np.full(20, y[2])
+        band = np.stack([across, np.minimum(ramp, flat), np.maximum(ramp, flat)])
         assert not any(_meet(band, curve) for curve in curves)
