@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
@@ -22,6 +23,8 @@ from hemivar.certificates.kind import kind_of
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import residual
+from hemivar.laws import MixedMode
+from hemivar.laws.coupled import CoupledLaw
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.systems import CondensedProblem
 from hemivar.systems.nonlinear_body import linear_bulk
@@ -31,6 +34,8 @@ __all__ = ["SearchProgress", "SolutionSearch"]
 
 #: Steps of Newton's method to a saddle.
 _NEWTON = 25
+#: Points of glue that couples of which all combinations of intact and broken are tried.
+_COMBINED = 4
 #: Methods that start from where they begin by themselves.
 _SOLVERS = (NonsmoothNewton(), NonsmoothNewton(search=Search.DOWNHILL), LoadStepping())
 
@@ -245,7 +250,9 @@ class SolutionSearch:
 
     def plan(self, count: int) -> None:
         """Count the starts there will be, with so many at random of each kind."""
-        self.planned = self.starts + len(_SOLVERS) + len(self._places_to_start()) + count
+        self.planned = (
+            self.starts + len(_SOLVERS) + len(self._places_to_start()) + len(self._bonded_or_broken()) + count
+        )
         self.planned += 0 if self.chain is None else 2 * count
 
     def _places_to_start(self) -> list[tuple[Array, float]]:
@@ -253,7 +260,7 @@ class SolutionSearch:
         m, d = self.system.shape
         size = self.system.length_scale
         places = [np.full(m, far * size) for far in (-5.0, 5.0)]
-        if not self.system.law.state_dependent:
+        if not (self.system.law.state_dependent or isinstance(self.system.law, MixedMode)):
             knots = self.system.law.penetration_knots
             ends = np.broadcast_to(np.where(np.isfinite(knots), knots, np.nan), (m, knots.shape[-1]))
             for k in range(min(ends.shape[1], 12)):
@@ -265,6 +272,30 @@ class SolutionSearch:
         slips = (0.0,) if d == 1 else (0.0, size, -size)
         return [(place, slip) for place in places for slip in slips]
 
+    def _bonded_or_broken(self) -> list[Array]:
+        """Places (m, d) of glue that couples: each point intact or broken, the body in balance with these springs.
+
+        All combinations of few points, else some at random beside none broken and all.
+        """
+        system = self.system
+        m, d = system.shape
+        if not isinstance(system.law, CoupledLaw):
+            return []
+        if m <= _COMBINED:
+            broken = np.array(list(itertools.product((False, True), repeat=m)))
+        else:
+            broken = np.random.default_rng(m).random((2**_COMBINED, m)) < np.linspace(0.0, 1.0, 2**_COMBINED)[:, None]
+        rest = system.start(np.column_stack([np.full(m, -1e-9 * system.length_scale), np.zeros((m, d - 1))]))
+        glue = system.weights[:, None, None] * system.law.linearise(rest).hessian
+        free, places = system.free, []
+        for choice in broken:
+            matrix = system.matrix + la.block_diag(*np.where(choice[:, None, None], 0.0, glue))
+            held = matrix[np.ix_(free, free)] + 1e-9 * np.diag(system.diagonal.ravel()[free])
+            r = system.fixed.ravel().copy()
+            r[free] = la.solve(held, (system.load - system.matrix @ r)[free], assume_a="sym")
+            places.append(r.reshape(m, d))
+        return places
+
     def from_solvers(self, count: int) -> Iterator[None]:
         """The minimising methods, from zero, under and over the load, from every piece, and at random."""
         m, d = self.system.shape
@@ -275,6 +306,9 @@ class SolutionSearch:
         for place, slip in self._places_to_start():
             r = np.zeros((m, d))
             r[:, 0], r[:, 1:2] = place, slip
+            self.run(downhill, self.system.start(r))
+            yield
+        for r in self._bonded_or_broken():
             self.run(downhill, self.system.start(r))
             yield
         size = self.system.length_scale

@@ -1,12 +1,14 @@
 """Laws that couple opening and slip."""
 
 from hemivar.laws.coupled.cohesion import BilinearCohesion, ExponentialCohesion, TrapezoidalCohesion, cohesion_table
+from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.joined import JoinedLaw, join_laws
 from hemivar.laws.coupled.mixed_mode import MixedMode
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw, bounded
 
 __all__ = [
     "BilinearCohesion",
+    "CoupledLaw",
     "ExponentialCohesion",
     "JoinedLaw",
     "MixedMode",
