@@ -76,7 +76,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: hv.find_solutions(DISCRETE, max_solutions=0), "max_solutions is 0; it must be at least 1"),
     (lambda: hv.find_solutions(DISCRETE, seed=-1), "seed is -1; it must be at least 0"),
     (lambda: hv.find_solutions(DISCRETE, controls={}), r"controls is a dict; pass Controls"),
-    (lambda: hv.follow_path(DISCRETE, 1.0), r"the load factors are no pair; give a range such as \(0.0, 1.0\)"),
+    (lambda: hv.follow_path(DISCRETE, 1.0), r"load_factor must be a pair \(low, high\), such as \(0.0, 1.0\)"),
     (lambda: hv.follow_path(DISCRETE, (0.0, 1j)), "a load factor is 1j; give a real number"),
     (lambda: hv.follow_path(DISCRETE, unloaded=PROBLEM), "the unloaded problem is a ContactProblem; discretise"),
     (lambda: hv.follow_path(DISCRETE, max_points="many"), "max_points is 'many'; give a whole number >= 2"),

@@ -119,7 +119,7 @@ def test_indefinite_arrays_are_refused_everywhere(scale: float) -> None:
             lambda p: hv.find_solutions(p),
             lambda p: certify(p, np.zeros(p.unknowns)),
         ):
-            with pytest.raises(ProblemError, match=r"not positive semidefinite.*eigenvalue of at most -"):
+            with pytest.raises(ProblemError, match=r"not positive semidefinite.*eigenvalue is at most -"):
                 work(problem)
 
 

@@ -382,7 +382,7 @@ def test_a_word_in_a_message_makes_no_trouble_of_supports(folder: Path, capsys: 
     (folder / "part.toml").write_text(text.replace('"part.msh"', '"part.msh"\nrefine = 2\nquadrature = "midpoint"'))
     code, _, err = run(capsys, "solve", "part.toml")
     assert code == 2
-    assert err.startswith("hemivar: error: part.toml: contact 'support': its midpoints")
+    assert err.startswith("hemivar: error: part.toml: contact 'support': midpoint quadrature")
 
 
 # ---- bad command lines -----------------------------------------------------------------------------------

@@ -282,7 +282,7 @@ def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Si
     assert 4 <= len(done) < 9
     if end is signal.SIGINT:
         assert err == "hemivar: interrupted\n"
-        told = re.search(r"interrupted: (\d) of 8 meshes are done; the same command goes on from there", out)
+        told = re.search(r"interrupted: (\d) of 8 meshes are done; run the same command to continue", out)
         assert told is not None
         assert int(told[1]) in (len(done) - 1, len(done) - 2)  # it may come when a mesh was kept and is to be told
     late = time.monotonic() + 20.0
@@ -321,7 +321,7 @@ def test_a_sweep_of_processes_is_interrupted_and_goes_on(block: Path) -> None:
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
     assert err == "hemivar: interrupted\n"
-    assert "the same command goes on from there" in out
+    assert "run the same command to continue" in out
     done = kept.read_text().splitlines()
     assert 5 <= len(done) < 800
     again = subprocess.run(command, capture_output=True, text=True, timeout=300)

@@ -243,7 +243,7 @@ def test_friction_far_above_the_load_holds(bound: float, dim: int) -> None:
         if held:
             discretize(problem)
         else:
-            with pytest.raises(ProblemError, match=r"push it along .*rotation"):
+            with pytest.raises(ProblemError, match=r"along the rigid motion .*rotation"):
                 discretize(problem)
 
 

@@ -118,8 +118,8 @@ def test_what_was_packed_is_unpacked(heat: bool, last: str) -> None:
     same(written, kept.unpack(stream.getvalue(), "mine"))
     with pytest.raises(FileError, match="another evolution"):
         kept.unpack(stream.getvalue(), "yours")
-    for broken in (b"", stream.getvalue()[:200], b"no checkpoint"):
-        with pytest.raises(FileError, match="no checkpoint"):
+    for broken in (b"", stream.getvalue()[:200], b"not a checkpoint"):
+        with pytest.raises(FileError, match="not a checkpoint"):
             kept.unpack(broken, "mine")
 
 

@@ -108,7 +108,7 @@ def test_every_damaged_byte_is_noticed(tmp_path: Path, written: bytes) -> None:
         with pytest.raises(FileError, match="checkpoint"):
             kept.read("another")
     for end in (0, 1, 100, len(written) // 2, len(written) - 1):
-        with pytest.raises(FileError, match="no checkpoint"):
+        with pytest.raises(FileError, match="not a checkpoint"):
             resumed(tmp_path / "run.ckpt", written[:end])
 
 
@@ -187,7 +187,7 @@ FORGED: dict[str, Callable[[Head, Arrays], None]] = {
 
 @pytest.mark.parametrize("name", FORGED)
 def test_a_forged_checkpoint_is_refused_in_one_sentence(tmp_path: Path, written: bytes, name: str) -> None:
-    with pytest.raises(FileError, match=r"run.ckpt: the checkpoint cannot be used \(.+\); begin anew") as caught:
+    with pytest.raises(FileError, match=r"run.ckpt: the checkpoint cannot be used \(.+\); start again") as caught:
         resumed(tmp_path / "run.ckpt", forged(written, FORGED[name]))
     assert "\n" not in str(caught.value)
 

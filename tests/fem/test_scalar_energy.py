@@ -126,9 +126,7 @@ def test_contact_points_of_boundaries_and_regions() -> None:
     areas = hv.discretize(hv.ScalarProblem(mesh, 1.0, area={"low": STOP, "high": STOP}, bedding=1.0)).contact
     assert areas.weights.sum() == pytest.approx(1.0)
     assert np.unique(areas.node).size == areas.count == len(mesh.points)
-    with pytest.raises(
-        hv.errors.ProblemError, match=r"meet at 3 nodes, the first at x = \(0, 0\); a node bears one law"
-    ):
+    with pytest.raises(hv.errors.ProblemError, match=r"share 3 nodes, the first at x = \(0, 0\); restrict"):
         hv.discretize(hv.ScalarProblem(mesh, 1.0, {"left": STOP}, {"low": STOP}, bedding=1.0))
     both = hv.ScalarProblem(
         mesh, 1.0, {"top": hv.ScalarContact(hv.Tresca(0.5), 0.2)}, {"low": replace(STOP, side=Side.BELOW)}, bedding=1.0

@@ -300,7 +300,7 @@ def test_lists_of_frames_that_are_none(history: History, tmp_path: Path) -> None
     path = tmp_path / "run.pvd"
     for text, says in (
         ("<VTKFile", "this is no PVD file"),
-        ("<VTKFile><Collection></Collection></VTKFile>", "holds no frame"),
+        ("<VTKFile><Collection></Collection></VTKFile>", "has no frame"),
         ('<VTKFile><DataSet timestep="x" file="a.vtu"/></VTKFile>', "this is no PVD file"),
         ('<VTKFile><DataSet timestep="0" file="a.vtu"/></VTKFile>', r"a\.vtu"),
     ):

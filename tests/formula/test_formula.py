@@ -197,7 +197,7 @@ def test_piecewise_formulas_and_their_switches() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("r < 1", "character 1: a comparison stands in piecewise"),
+        ("r < 1", "character 1: comparisons are allowed in piecewise"),
         ("piecewise(r)", "character 11: this entry of piecewise has no condition"),
         ("piecewise()", "has no entry"),
         ("piecewise((r, r < 1, 2))", r"an entry of piecewise is \(value, condition\)"),

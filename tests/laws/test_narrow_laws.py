@@ -121,7 +121,7 @@ def test_what_has_no_minimum_is_still_unbounded() -> None:
 
 
 def test_too_narrow_is_said_so() -> None:
-    with pytest.raises(ProblemError, match=r"r = 0\.3 within a length that is too narrow for the reach 10; take"):
+    with pytest.raises(ProblemError, match=r"r = 0\.3 within too short a length for the reach 10; take"):
         FormulaLaw("sqrt((r-0.3)^2+1e-18)")
     assert FormulaLaw("sqrt(r^2+1e-18)").knots.size >= 1  # zero is looked at most closely
     with pytest.raises(ProblemError, match="kinks and turns of its curvature"):

@@ -177,13 +177,13 @@ def test_friction_is_never_negative() -> None:
         Friction(0.3, FormulaLaw("r - 3*max(r - 0.5, 0)", even=True, reach=1.0))
     with pytest.raises(ProblemError, match=r"law 'function'.*negative"):
         Friction(0.3, FunctionLaw(derivative=lambda r: 0.1 - r, even=True))
-    with pytest.raises(ProblemError, match=r"row 2: the friction falls, and with extend = linear"):
+    with pytest.raises(ProblemError, match=r"row 2: with extend = linear the falling friction"):
         table_law([0.0, 0.1], [1.0, 0.9], extend="linear", friction=True)
 
 
 def test_a_profile_of_friction_is_even() -> None:
     for profile in (FormulaLaw("abs(r) + r"), table_law([0.0, 0.1], [0.0, 1.0]), ThresholdCompliance(0.3), Signorini()):
-        with pytest.raises(ProblemError, match="must be the same backwards"):
+        with pytest.raises(ProblemError, match=r"must be the same backwards|is not even"):
             Friction(0.3, profile)
     Friction(0.3, FormulaLaw("abs(r) + 0.1*r^2"))
 

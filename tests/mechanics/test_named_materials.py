@@ -315,7 +315,7 @@ def test_answers_do_not_depend_on_the_unit_of_stress(factor: float) -> None:
 
 def test_no_linear_material_lies_below_one_without_a_bound() -> None:
     lower = lower_elasticity(EVERY["ramberg-osgood without bound"])
-    with pytest.raises(ProblemError, match=r"no lower bound .* is known at x = \[0.0, 0.0\]"):
+    with pytest.raises(ProblemError, match=r"no known lower bound at x = \[0.0, 0.0\]"):
         lower.stiffness_tensor(np.zeros((2, 2)))
     bounded = lower_elasticity(EVERY["formula"])
     assert bounded.reach == 0.5

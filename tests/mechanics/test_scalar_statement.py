@@ -58,7 +58,7 @@ STOP = hv.ScalarContact(hv.Signorini(), 0.1)
         ({"area": hv.Signorini()}, "area is .*; give ScalarContact"),
         ({"area": {"low": STOP}}, "area names region 'low'"),
         ({"mesh": HALVES, "area": {"low": hv.Signorini()}}, r"area\['low'\] is .*; wrap the law"),
-        ({"area": STOP, "order": 2}, "the weights of their corners vanish; take order=1"),
+        ({"area": STOP, "order": 2}, "whose corner weights vanish; take order=1"),
         ({"contact": {"left": STOP}, "supports": {"left": 0.0}}, "is held by support 'left' \\(4 common facets\\)"),
     ],
 )

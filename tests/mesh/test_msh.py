@@ -296,7 +296,7 @@ $EndElements
         (b"3 0.0 0.0 0", b"3.5 0.0 0.0 0", "not a whole number"),
         (b"3 0.0 0.0 0", b"1e300 0.0 0.0 0", "not a whole number"),
         (b"3 0.0 0.0 0", b"3.0 0.0 0.0 0", "'3.0' is not a whole number"),
-        (b"3 0.0 0.0 0", b"5 0.0 0.0 0", "node 5 stands in it twice"),
+        (b"3 0.0 0.0 0", b"5 0.0 0.0 0", "node 5 occurs twice"),
         (b"3 0.0 0.0 0", b"4 0.0 0.0 0", "refers to node 3, which is not in the file"),
         (b"3 0.0 0.0 0", b"1000000000 0.0 0.0 0", "refers to node 3, which is not in the file"),
         (b"$Nodes\n6", b"$Nodes\n7", "says 7 nodes and holds 6"),
@@ -324,7 +324,7 @@ $EndElements
         (b"2.2 0 8", b"2.2 1 8", "byte order|counts are wrong"),
         (b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n", b"", "states no version"),
         (b"$Nodes", b"garbage\n$Nodes", "a section should begin at 'garbage' \\(line 10\\)"),
-        (b"$Nodes", b"$Nodes\n0\n$EndNodes\n$Nodes", "section \\$Nodes stands in it twice"),
+        (b"$Nodes", b"$Nodes\n0\n$EndNodes\n$Nodes", "section \\$Nodes occurs twice"),
     ],
 )
 def test_damaged_files_are_refused(old: bytes, new: bytes, words: str) -> None:

@@ -132,7 +132,7 @@ def test_a_table_that_was_read_back_is_drawn_as_the_history(history: History, tm
         (lambda h: h.plot("loop", columns=("time",)), "a loop is drawn of two columns"),
         (lambda h: h.plot("map", boundary="top"), "no contact boundary 'top' .known: bottom"),
         (lambda h: plot_march({"time": h.times}, "map"), "the map needs frames"),
-        (lambda h: plot_march({"time": h.times}, "ledger"), "holds no ledger"),
+        (lambda h: plot_march({"time": h.times}, "ledger"), "has no energy balance"),
         (lambda h: plot_march({"time": h.times}, "forces"), "holds no forces"),
         (lambda h: plot_march({"time": h.times, "step": h["step"]}, "steps"), "holds no steps .column 'residual'"),
         (lambda h: h.animate("run.avi"), "films are written as .gif or .mp4"),

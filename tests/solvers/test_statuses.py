@@ -198,10 +198,10 @@ def test_cycle_detection_names_the_cycle(inner: ExactInner) -> None:
 
 def test_energy_without_lower_bound_is_refused() -> None:
     falling = PiecewiseQuadratic([0.0], [-3.0, -3.0], [0.0], name="falling")  # type: ignore[arg-type]
-    with pytest.raises(ProblemError, match="law 'falling' softens without end by 3"):
+    with pytest.raises(ProblemError, match="law 'falling' softens without end, by 3"):
         solve(bar(0.4, falling))
     bound = Friction(PenetrationBound("8*s"))
-    with pytest.raises(ProblemError, match="law 'falling' softens without end by 120"):
+    with pytest.raises(ProblemError, match="law 'falling' softens without end, by 120"):
         solve(discrete_square(n=4).with_(law=ContactLaw(falling.scaled(40.0), bound)))
     # The body is stiff enough for a slower fall, and held from below where only one side falls.
     slower = PiecewiseQuadratic([0.0], [-0.5, -0.5], [0.0])  # type: ignore[arg-type]

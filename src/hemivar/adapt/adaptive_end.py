@@ -44,10 +44,10 @@ _REMEDIES = {
     AdaptiveEnd.MAX_MEMORY: "the memory does not suffice for the next mesh; take a larger rtol",
     AdaptiveEnd.NO_BOUND: "no distance to the exact solution is known, so that no mesh is better than another by it; "
     "refine everywhere, see the reasons of the distance",
-    AdaptiveEnd.ALGEBRAIC: "what the solves leave of the equations counts more than the error that was asked for, and "
-    "finer meshes do not change that; take a larger rtol, or a smaller rtol of the solves; a body that moves without "
-    "strain has no relative error",
+    AdaptiveEnd.ALGEBRAIC: "the error of the algebraic solves exceeds the tolerance, and finer meshes do not change "
+    "that; take a larger tolerance, or a smaller rtol of the solves. A body that moves without strain has no relative "
+    "error",
     AdaptiveEnd.NOT_CONVERGED: "the solve on the last mesh did not converge",
-    AdaptiveEnd.STOPPED: "it was told to stop after this mesh",
+    AdaptiveEnd.STOPPED: "it was stopped on request after this mesh",
     AdaptiveEnd.INTERRUPTED: "it was interrupted; the meshes that were finished are kept",
 }

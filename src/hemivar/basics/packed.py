@@ -62,7 +62,7 @@ def read_arrays(data: bytes) -> tuple[dict[str, AnyArray], bool]:
                     raise ValueError("it is compressed")
                 name = part.filename.removesuffix(".npy")
                 if name in arrays:
-                    raise ValueError("an array stands in it twice")
+                    raise ValueError("an array occurs twice")
                 arrays[name] = _array(archive.read(part))
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, KeyError, NotImplementedError, RuntimeError) as error:
         raise ValueError(str(error)) from error

@@ -34,7 +34,7 @@ def parse_xml(data: bytes) -> Element:
         depth, count = depth + 1, count + 1
         if depth > _DEEPEST or count > _MOST_ELEMENTS:
             raise ProblemError(
-                f"it holds more than {_MOST_ELEMENTS} elements, or more than {_DEEPEST} in one another; write it anew"
+                f"it holds more than {_MOST_ELEMENTS} elements, or more than {_DEEPEST} in one another; write it again"
             )
         tree.start(tag, attributes)
 
@@ -52,5 +52,5 @@ def parse_xml(data: bytes) -> Element:
     except ProblemError:
         raise
     except (expat.ExpatError, LookupError, ValueError) as error:  # the latter for encodings that are not known
-        raise ProblemError(f"it is no XML that can be read ({shown(error)[:100]}); write it anew") from None
+        raise ProblemError(f"it is no XML that can be read ({shown(error)[:100]}); write it again") from None
     return tree.close()

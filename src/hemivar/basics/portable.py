@@ -119,9 +119,8 @@ def _check_functions(owner: PickleMixin, name: str, value: object) -> None:
         called = getattr(owner, "name", None)
         which = f" '{called}'" if isinstance(called, str) else ""
         raise ProblemError(
-            f"{type(owner).__name__.lstrip('_')}{which} cannot be pickled: its {name.lstrip('_')} is the function "
-            f"{value.__qualname__}, which another process cannot import; write it with def at the top level of a "
-            "module, or give a formula as text"
+            f"{type(owner).__name__.lstrip('_')}{which} cannot be pickled: its {name.lstrip('_')} is the "
+            f"function {value.__qualname__}; define it with def at the top level of a module, or give a formula as text"
         )
     elif isinstance(value, MethodType):
         _check_functions(owner, name, value.__func__)

@@ -57,7 +57,7 @@ class PathOptions:
     def __post_init__(self) -> None:
         ends = tuple(self.load_factor) if isinstance(self.load_factor, Iterable) else ()
         if len(ends) != 2:
-            raise ProblemError("the load factors are no pair; give a range such as (0.0, 1.0)")
+            raise ProblemError("load_factor must be a pair (low, high), such as (0.0, 1.0)")
         low, high = (number(end, "a load factor") for end in ends)
         if not (np.isfinite(low) and np.isfinite(high) and low < high):
             raise ProblemError(f"the load factors are {low:g} and {high:g}; give a finite range, the lower one first")

@@ -63,7 +63,7 @@ def certify(
     for line in certificate.lines(whole=True):
         print(line)
     if exact is None and not wanted:
-        print("exact solution    its distance is left out, for the mesh is large; --exact computes it")
+        print("exact solution    its distance is left out because the mesh is large; --exact computes it")
     record = {
         "problem": session.stated.name,
         "solution": None if solution is None else str(solution),

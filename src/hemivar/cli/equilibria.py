@@ -45,7 +45,7 @@ def solutions(
     problem: ProblemPath,
     json: Json = None,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw all side by side, and FILE_1, FILE_2 ... each by itself.")
+        Path | None, typer.Option(metavar="FILE", help="Draw all side by side, and each one as FILE_1, FILE_2 ...")
     ] = None,
     colour: Colour = None,
     starts: Starts = 40,

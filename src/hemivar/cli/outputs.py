@@ -222,7 +222,8 @@ class Writer:
                 self.failed.append(f"{option} {path}: {internal_error(error)}")
             else:
                 self.failed.append(
-                    f"{option} {path}: matplotlib cannot read its settings ({error}); mend or remove that matplotlibrc"
+                    f"{option} {path}: matplotlib cannot read its settings ({error}); correct or remove that "
+                    f"matplotlibrc"
                 )
         except Exception as error:
             self.failed.append(f"{option} {path}: {internal_error(error)}")

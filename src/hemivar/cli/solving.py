@@ -73,13 +73,13 @@ def solve(
     adaptive: Tolerance = None,
     goal: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Refine for a quantity: contact.bottom.force, support.left.force ..."),
+        typer.Option(metavar="NAME", help="Refine for this quantity: contact.bottom.force, support.left.force ..."),
     ] = None,
     max_unknowns: Annotated[
-        int | None, typer.Option(metavar="N", help="No finer mesh beyond so many unknowns (300000, adaptive).")
+        int | None, typer.Option(metavar="N", help="Limit of unknowns of adaptive meshes (300000).")
     ] = None,
     max_memory: Annotated[
-        float | None, typer.Option(metavar="GIB", help="No mesh that needs more (what is free, adaptive).")
+        float | None, typer.Option(metavar="GIB", help="Limit of memory of adaptive meshes (what is free).")
     ] = None,
     csv: Csv = None,
     plot_error: Annotated[

@@ -40,8 +40,8 @@ __all__ = ["study"]
 
 def study(
     problem: ProblemPath,
-    refine: Annotated[int, typer.Option(metavar="N", help="How often the mesh is halved.")] = 3,
-    coarser: Annotated[int, typer.Option(metavar="N", min=0, help="Begin so many meshes coarser than the file's.")] = 0,
+    refine: Annotated[int, typer.Option(metavar="N", help="Number of refinements, each halving the mesh.")] = 3,
+    coarser: Annotated[int, typer.Option(metavar="N", min=0, help="Number of coarser meshes to begin with.")] = 0,
     known: Annotated[
         list[str] | None,
         typer.Option(metavar="FORMULA", help="Known solution in x and y, once for each component (the finest mesh)."),
@@ -118,7 +118,7 @@ def study(
     writer.tell()
     tell_kept(checkpoint, found.unkept)
     if found.interrupted:
-        print(f"interrupted: {len(found.levels)} of {refine + 1} meshes are done; the same command goes on from there")
+        print(f"interrupted: {len(found.levels)} of {refine + 1} meshes are done; run the same command to continue")
         return writer.ended(Exit.INTERRUPTED)
     done = found.converged and len(found.levels) == refine + 1
     return writer.ended(Exit.CONVERGED if done else Exit.NOT_CONVERGED)

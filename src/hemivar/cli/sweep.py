@@ -131,6 +131,6 @@ def sweep(
     writer.tell()
     tell_kept(checkpoint, found.unkept)
     if found.interrupted:
-        print(f"interrupted: {len(found.points)} of {points} points are done; the same command goes on from there")
+        print(f"interrupted: {len(found.points)} of {points} points are done; run the same command to continue")
         return writer.ended(Exit.INTERRUPTED)
     return writer.ended(Exit.NOT_CONVERGED if failed else Exit.CONVERGED)

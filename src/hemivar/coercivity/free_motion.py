@@ -89,8 +89,8 @@ def refuse(hold: CoercivityResult, motion: str, who: str = "the body", remedy: s
         return
     if hold.verdict is Coercivity.FALLS:
         raise SupportError(
-            f"{who} is free to move: the loads push it along the rigid motion {motion} with more than supports and "
-            f"laws can resist (energy falls by {-hold.growth:.3g} per unit of motion); {remedy}"
+            f"{who} is free to move: the loads exceed what supports and laws resist along the rigid motion {motion} "
+            f"(energy falls by {-hold.growth:.3g} per unit of motion); {remedy}"
         )
     if hold.verdict is Coercivity.BALANCED:
         raise SupportError(
@@ -98,8 +98,8 @@ def refuse(hold: CoercivityResult, motion: str, who: str = "the body", remedy: s
             f"balance with what supports and laws can resist); {remedy}"
         )
     raise SupportError(
-        f"it could not be decided whether {who} is free to move: far away its laws pull the more the farther it goes; "
-        f"{remedy}, or pass check_coercivity = False to discretize to look for an equilibrium all the same"
+        f"it is undecided whether {who} is free to move, since its laws pull without bound far away; {remedy}, or pass "
+        f"check_coercivity=False to discretize"
     )
 
 

@@ -73,7 +73,7 @@ def numbered_field(mesh: Mesh, numbering: ArrayLike | None, prescribed: ArrayLik
     if (count != 1).any():
         which = int(np.flatnonzero(count != 1)[0])
         times = "at no node" if count[which] == 0 else f"at {count[which]} places"
-        raise ProblemError(f"numbering: unknown {which} stands {times}; give every unknown one node and component")
+        raise ProblemError(f"numbering: unknown {which} occurs {times}; give every unknown one node and component")
     values = np.zeros(flat.size)
     if prescribed is not None:
         given = real_array(prescribed, "prescribed", 2)

@@ -150,7 +150,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         found_field = None if field is None else expect(field, Field, "field", "give hemivar.discrete.Field")
         if mesh is not None:
             if field is not None:
-                raise ProblemError("field and mesh are both given; leave the field out, for the mesh makes one")
+                raise ProblemError("field and mesh are both given; leave the field out")
             found_field = numbered_field(mesh, numbering, prescribed, bulk.unknowns)
         elif numbering is not None or prescribed is not None:
             raise ProblemError("numbering and prescribed go with a mesh; give mesh=, or leave them out")

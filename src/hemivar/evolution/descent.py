@@ -85,8 +85,8 @@ def regularising_viscosity(convexity_defect: float) -> float:
     """
     if not math.isfinite(convexity_defect):
         raise ProblemError(
-            "a contact law falls at once (its alpha is infinite), so that a step may have several solutions however "
-            "stiff, viscous or heavy the body is; give its fall a slope, as Softening and Adhesive(softening=...) do"
+            "a contact law drops discontinuously (alpha is infinite), so a step may have several solutions; give its "
+            "drop a slope, as Softening and Adhesive(softening=...) do"
         )
     return 1.1 * convexity_defect + _LEAST
 
@@ -132,8 +132,8 @@ def slowed(bodies: StepMatrices, problem: DiscreteProblem, convexity_defect: flo
         return Slowed(bodies.slower(problem, resistance), resistance)
     if not isinstance(problem.bulk, Quadratic):
         raise ProblemError(
-            "a body whose material is not linear softens on a foundation that alone holds it, or no lower bound of its "
-            "stiffness is known; hold it by a support, or take a material whose stress grows at every strain"
+            "the stiffness of the nonlinear body has no known lower bound, or only a softening foundation holds the "
+            "body; add a support, or take a material whose stress always grows"
         )
     slow, contact = bodies.on_its_foundation(problem, (1.0 + _LEAST) * steepest)
     return Slowed(slow, math.inf, contact)

@@ -184,21 +184,23 @@ class Checkpoint:
             head = json.loads(arrays.pop("head").tobytes().decode())
             version, owner = head["format"], head["identity"]
         except (ValueError, KeyError, TypeError, RecursionError) as error:
-            raise FileError(f"{shown}: this is no checkpoint of a march ({error}); name another file") from None
+            raise FileError(
+                f"{shown}: this is not a checkpoint of a run in time ({error}); name another file"
+            ) from None
         if version != _FORMAT:
             raise FileError(
                 f"{shown}: the checkpoint has format {version}, this version reads {_FORMAT}; go on with the version "
-                "that wrote it, or begin anew without resume"
+                "that wrote it, or start again without resume"
             )
         if not sound:
             raise FileError(
                 f"{shown}: the checkpoint is damaged, its content does not match its digest; take a copy of it, or "
-                "begin anew without resume"
+                "start again without resume"
             )
         if owner != identity:
             raise FileError(
                 f"{shown}: the checkpoint belongs to another evolution, scheme, method or version; name its own file, "
-                "or begin anew without resume"
+                "or start again without resume"
             )
         try:
             return _state(head, arrays)
@@ -207,7 +209,7 @@ class Checkpoint:
 
     def unfit(self, why: str) -> FileError:
         """The error of a file whose content makes no sense."""
-        return FileError(f"{disk.shown(self.file)}: the checkpoint cannot be used ({why}); begin anew without resume")
+        return FileError(f"{disk.shown(self.file)}: the checkpoint cannot be used ({why}); start again without resume")
 
 
 def _parts(of: Mapping[str, object], names: tuple[str, ...]) -> dict[str, Array]:

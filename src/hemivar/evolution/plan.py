@@ -131,8 +131,8 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
         )
     if scheme.is_impact_law and stated.mass is Mass.REDISTRIBUTED:
         raise ProblemError(
-            f"the law of impact of {scheme.name} is one of the velocities of contact points, which redistributed mass "
-            "leaves undetermined: bodies pass through obstacles; take mass = 'consistent', or the scheme newmark"
+            f"{scheme.name} needs velocities at the contact points, which redistributed mass leaves undetermined; take "
+            "mass = 'consistent', or the scheme newmark"
         )
     if stated.heat is not None and len(scheme.rules(1.0)) > 1:
         raise ProblemError(
@@ -150,8 +150,8 @@ def _refuse_nonlinear(plan: March) -> None:
     """Refuse what is made for linear bodies alone."""
     if plan.scheme.averages_laws:
         raise ProblemError(
-            "conserving = true keeps the energy of linear bodies, and the material is not linear; leave it out: the "
-            "midpoint rule is of order two, and the balance of energy has what it loses as 'numerical'"
+            "conserving = true is for linear bodies; leave it out: the midpoint rule remains of second order, and its "
+            "energy error is reported as 'numerical'"
         )
     if SelectionRule(plan.jump) in (SelectionRule.ARC_LENGTH, SelectionRule.DYNAMIC, SelectionRule.GLOBAL):
         raise ProblemError(

@@ -159,8 +159,8 @@ class Integration:
         least = _RESOLVED * max(abs(self.start), abs(plan.until))
         if self.pace.step < least:
             raise ProblemError(
-                f"the step is {self.pace.step:g}, too short for times up to {plan.until:g} to be told apart; take at "
-                f"least {least:g}"
+                f"the step is {self.pace.step:g}, too short for times up to {plan.until:g} to be distinguished; take "
+                f"at least {least:g}"
             )
         if not 1.0 / _LONGEST < self.pace.step < _LONGEST:
             raise ProblemError(
@@ -250,7 +250,7 @@ class Integration:
             and self.margins.margin(tried.taken) <= 0.0
         ):
             where = f"at t = {tried.taken.moment.time:g} a step may have several solutions"
-            self.tell(f"{where}; the march stops before it, as asked")
+            self.tell(f"{where}; the run stops before it, as requested")
             return None, ("margin lost",), True
         self._tell_of_misses(tried)
         taken, happened, stop = self._located(tried.taken)
@@ -333,8 +333,7 @@ class Integration:
             why, remedy = f"and those tried that are shorter, down to {tried.unsolved:.3g}, cannot be solved", "take"
         self.tell(
             f"{_MISSED} first in the step to t = {tried.taken.moment.time:g}, {why}: its error is about {error:.2g} "
-            f"of the whole; {remedy} a larger rtol; where a load or a support jumps and nothing slows the body down, "
-            "or the body jumps, no step is short enough: name the time of a load's jump as a stop, and take "
+            f"of the whole; {remedy} a larger rtol. Where a load or a support jumps, name its time as a stop, and take "
             "implicit-euler"
         )
 
@@ -352,9 +351,8 @@ class Integration:
         ).tolist()
         if self.discrete.evolution.displacement is not None and off > _MOVED * far:
             self.tell(
-                f"the initial displacement is not in equilibrium with what acts at the start, and the body has no mass "
-                f"there: it begins in the equilibrium beside it, up to {off:.3g} away; leave the displacement out, or "
-                "give the body mass or viscosity"
+                "the initial displacement is not in equilibrium where the body has no mass; the run starts from the "
+                f"nearest equilibrium, {off:.3g} away: leave it out, or give mass or viscosity"
             )
         return begun(taken.moment)
 
@@ -405,16 +403,16 @@ class Integration:
             longest = longest_without_swing(self.advance, taken)
             if longest < taken.step:
                 self.tell(
-                    f"from t = {taken.before.time:g} on displacements swing about the equilibrium, and so does what "
-                    f"they damage: the body is not in equilibrium then, and its viscosity yields within a step; take "
-                    f"steps below {longest:.3g}, or implicit-euler"
+                    f"from t = {taken.before.time:g} on displacements oscillate about the equilibrium, and so does "
+                    f"the damage, because the viscosity relaxes within a step; take steps below {longest:.3g}, or "
+                    f"implicit-euler"
                 )
         jump, depth = sunk_by_a_jump(self.advance, taken)
         if jump and not any(message.startswith(_SINKS) for message in self.messages):
             self.tell(
-                f"{_SINKS} by {jump:.3g} in the step to t = {taken.moment.time:g} and stays up to {depth:.3g} in it: "
-                f"the law of impact of {self.plan.scheme.name} is one of velocities, which a gap that jumps has not; "
-                "let the gap move over some steps, or take implicit-euler"
+                f"{_SINKS} by {jump:.3g} in the step to t = {taken.moment.time:g} and penetrates up to {depth:.3g}, "
+                f"because {self.plan.scheme.name} acts on velocities; move the gap over some steps, or take "
+                "implicit-euler"
             )
         self.bound.add(taken)
         self.moment = taken.moment
@@ -452,9 +450,9 @@ class Integration:
         lag = steps * taken.step
         if steps > _FEW and lag > _LATE * (self.plan.until - self.start):
             self.tell(
-                f"{_LAGS} what acts on it by up to {lag:.3g}, {steps:.3g} steps, from t = {taken.before.time:g} on: so "
-                "much viscosity leaves one solution, and what it takes is booked under 'jumps'; take shorter steps, or "
-                "jump = 'arc-length'"
+                f"{_LAGS} what acts on it by up to {lag:.3g}, {steps:.3g} steps, from t = {taken.before.time:g} on. "
+                f"The artificial viscosity makes the step unique, and its dissipation is reported under 'jumps'; "
+                f"take shorter steps, or jump = 'arc-length'"
             )
 
     def _booked(self, taken: StepResult) -> StepResult:

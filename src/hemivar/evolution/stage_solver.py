@@ -266,8 +266,8 @@ def _refuse_without_energy(problem: DiscreteProblem, jump: SelectionRule) -> Non
     """
     if problem.law.state_dependent:
         raise MethodError(
-            f"jump = '{jump}' asks for an energy, which a body has not whose friction has a bound that depends on the "
-            "solution, such as Coulomb's; take jump = 'local', 'viscous' or 'stop'"
+            f"jump = '{jump}' needs an energy, and there is none for a friction bound that depends on the solution "
+            "(Coulomb); take jump = 'local', 'viscous' or 'stop'"
         )
 
 

@@ -316,8 +316,8 @@ def refuse_dependent(contact: ContactPoints) -> None:
         return
     name = contact.names[int(contact.boundary[rows[first] // contact.components])]
     raise ProblemError(
-        f"contact '{name}': its midpoints have more pressures than displacements can tell apart, for both ends "
-        f"of the boundary are held, or it is closed; take quadrature 'nodal', or leave the facets at one end out"
+        f"contact '{name}': midpoint quadrature has more pressures than displacements (the boundary is closed or "
+        f"supported at both ends); take quadrature 'nodal', or leave out an end facet"
     )
 
 

@@ -216,9 +216,9 @@ def _refuse_shared(problem: ScalarProblem, places: list[_Place], nodes: Array, f
             shared = shared[free[shared]]
             if len(shared):
                 raise ProblemError(
-                    f"contact on boundary '{first.name}' and contact over '{second.name}' meet at {len(shared)} nodes, "
-                    f"the first at x = {in_words(nodes[shared[0]])}; a node bears one law: state the contact over a "
-                    f"region that leaves the cells at '{first.name}' out"
+                    f"contacts '{first.name}' (boundary) and '{second.name}' (area) share {len(shared)} nodes, the "
+                    f"first at x = {in_words(nodes[shared[0]])}; restrict the area to a region without the cells at "
+                    f"'{first.name}'"
                 )
 
 

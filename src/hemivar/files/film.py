@@ -156,10 +156,10 @@ def read_film(path: str | Path) -> Film:
             f"{name}: this is no PVD file ({error}); 'hemivar march FILE --fields run.pvd' writes one"
         ) from None
     if not entries:
-        raise FileError(f"{name}: the list holds no frame; let the march save some, --every TIME")
+        raise FileError(f"{name}: the list has no frame; save some with --every TIME")
     times = np.array([time for time, _ in entries])
     if not (np.abs(times) < 1e300).all() or (np.diff(times) < 0.0).any():
-        raise FileError(f"{name}: its times are not finite and in order; write the list anew")
+        raise FileError(f"{name}: its times are not finite and in order; write the list again")
     files = _named_files(path, [file for _, file in entries], (".vtu", ".pvtu"))
     first = _read_frame(files[0])
     kinds = {kind: d for (d, _), kind in CELL_TYPES.items()}
@@ -181,7 +181,7 @@ def read_film(path: str | Path) -> Film:
             or "displacement" not in read.point_data
             or not np.array_equal(at, touching)
         ):
-            raise FileError(f"{shown(file.name)}: this is no frame of the same body; write the list anew")
+            raise FileError(f"{shown(file.name)}: this is no frame of the same body; write the list again")
         displacement, velocity, force = (
             _at_nodes(read, file, what, dim) for what in ("displacement", "velocity", "contact_force")
         )
@@ -205,7 +205,9 @@ def _at_nodes(grid: meshio.Mesh, file: Path, name: str, width: int = 0) -> Array
     shape = (len(grid.points), width) if width else (len(grid.points),)
     values = np.asarray(grid.point_data.get(name, np.zeros(shape)), dtype=float)
     if values.ndim != len(shape) or (width and values.shape[1] < width) or not np.isfinite(values).all():
-        raise FileError(f"{shown(file)}: '{shown(name)}' is not a finite number or vector at each point; write it anew")
+        raise FileError(
+            f"{shown(file)}: '{shown(name)}' is not a finite number or vector at each point; write it again"
+        )
     return values[:, :width] if width else values
 
 
@@ -216,7 +218,7 @@ def _numbers(grid: meshio.Mesh, file: Path, name: str) -> IntArray:
     numbers = _at_nodes(grid, file, name)
     known = {-1, *TangentialState} | (set(NormalState) if name == "state" else set())
     if not np.isin(numbers, sorted(known)).all():
-        raise FileError(f"{shown(file)}: '{name}' holds numbers that are no state of contact; write it anew")
+        raise FileError(f"{shown(file)}: '{name}' holds numbers that are no state of contact; write it again")
     return numbers.astype(np.int64)
 
 
@@ -229,9 +231,9 @@ def _read_frame(path: Path) -> meshio.Mesh:
     except FileError:
         raise
     except (KeyError, ProblemError) as error:
-        raise FileError(f"{shown(path)}: the frame cannot be read ({error}); write it anew") from None
+        raise FileError(f"{shown(path)}: the frame cannot be read ({error}); write it again") from None
     if not sources:
-        raise FileError(f"{shown(path)}: the frame has no pieces; write it anew")
+        raise FileError(f"{shown(path)}: the frame has no pieces; write it again")
     pieces = _named_files(path, sources, (".vtu",))
     return _joined(path, [read_vtu(piece, "frame", share=len(pieces)) for piece in pieces])
 
@@ -245,7 +247,7 @@ def _named_files(path: Path, names: list[str], suffixes: tuple[str, ...]) -> lis
                 f"{shown(path)}: it names '{shown(name)[:60]}'; name {' or '.join(suffixes)} files below its own folder"
             )
     if len({Path(name) for name in names}) < len(names):
-        raise FileError(f"{shown(path)}: it names a file twice; write it anew")
+        raise FileError(f"{shown(path)}: it names a file twice; write it again")
     return [path.parent / name for name in names]
 
 
@@ -257,7 +259,7 @@ def _joined(path: Path, parts: list[meshio.Mesh]) -> meshio.Mesh:
     kinds = {block.type for part in parts for block in part.cells}
     shapes = [{name: np.shape(values)[1:] for name, values in part.point_data.items()} for part in parts]
     if len(kinds) != 1 or any(shape != shapes[0] for shape in shapes) or len({p.points.shape[1] for p in parts}) > 1:
-        raise FileError(f"{shown(path)}: its pieces are not parts of one body; write it anew")
+        raise FileError(f"{shown(path)}: its pieces are not parts of one body; write it again")
     every = np.concatenate([part.points for part in parts])
     _, first, number = np.unique(every, axis=0, return_index=True, return_inverse=True)
     starts = np.cumsum([0, *(len(part.points) for part in parts)])

@@ -194,13 +194,13 @@ def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
     head, body = (rows[0], rows[1:]) if rows else ((), ())
     for number, row in enumerate(body, start=2):
         if len(row) != len(head):
-            raise FileError(f"{name}: row {number} has {len(row)} entries, the head {len(head)}; write the table anew")
+            raise FileError(f"{name}: row {number} has {len(row)} entries, the head {len(head)}; write the table again")
     columns = {}
     for k, column in enumerate(head):
         try:
             columns[cell_read(column)] = np.array([float(row[k]) for row in body])
         except ValueError:  # any file may be named as a table: nothing of it is repeated
-            raise FileError(f"{name}: column {k + 1} holds what is no number; write the table anew") from None
+            raise FileError(f"{name}: column {k + 1} holds what is no number; write the table again") from None
     return columns
 
 

@@ -209,11 +209,11 @@ def parse_problem_file(
         data = tomllib.loads(text)
         _refuse_deep(data)
     except tomllib.TOMLDecodeError as error:
-        raise ProblemError(f"{name}: not valid TOML: {error}; mend that line") from None
+        raise ProblemError(f"{name}: not valid TOML: {error}; correct that line") from None
     except RecursionError:
-        raise ProblemError(f"{name}: brackets or tables are nested too deeply for a problem file; mend it") from None
+        raise ProblemError(f"{name}: brackets or tables are nested too deeply for a problem file; correct it") from None
     except ValueError as error:
-        raise ProblemError(f"{name}: not valid TOML ({error}); mend it") from None
+        raise ProblemError(f"{name}: not valid TOML ({error}); correct it") from None
     data = changed(data, changes, name)
     scalar = "kind" in data
     top = TomlTable(data, name, "", SCALAR_KEYS if scalar else KEYS[""])

@@ -126,7 +126,7 @@ class Reader:
                 for argument in arguments:
                     self.check(argument, depth + 1)
             case ast.Compare() if self.pieces:
-                raise self.error("a comparison stands in piecewise((value, condition), ...) only", node.col_offset)
+                raise self.error("comparisons are allowed in piecewise((value, condition), ...) only", node.col_offset)
             case _:
                 names = ", ".join(self.variables)
                 raise self.error(f"only numbers, {names}, pi, + - * / ^ and functions are allowed", node.col_offset)
@@ -139,8 +139,8 @@ class Reader:
         for number, entry in enumerate(entries):
             if everywhere:
                 raise self.error(
-                    f"this entry of {_PIECEWISE} is never reached, for the one before it holds everywhere (True); put "
-                    f"it first, or leave it out",
+                    f"this entry of {_PIECEWISE} is never reached because the one before it holds everywhere (True); "
+                    f"put it first, or leave it out",
                     entry.col_offset,
                 )
             if not isinstance(entry, ast.Tuple):

@@ -372,8 +372,8 @@ def _check_units(curve: _Curve, begin: Array) -> None:
         size = float(np.abs(sizes).max())
         if size > 0.0 and not 1.0 / _UNITS <= scale / size <= _UNITS:
             raise ProblemError(
-                f"the measured {name} reaches {scale:.3g} and the stated body gives {size:.3g} before anything is "
-                "fitted: check the units and the order of the columns, or begin nearer to what was measured"
+                f"the measured {name} reaches {scale:.3g}, but the stated body gives {size:.3g} before the fit; "
+                f"check the units and the order of the columns, or begin nearer to what was measured"
             )
 
 

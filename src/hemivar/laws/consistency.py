@@ -22,7 +22,7 @@ _FINER = 64
 #: How far a rise may differ from the integral of the rate: of the rate there, of the largest rate.
 _ALLOWED = (0.02, 1e-3)
 
-_REMEDY = "mend the functions, or leave one of them out"
+_REMEDY = "correct the functions, or leave one of them out"
 
 _Function = Callable[[IntArray, Array], Array]
 

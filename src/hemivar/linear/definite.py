@@ -132,7 +132,6 @@ def refuse_indefinite(lowest: float | None) -> None:
     """
     if lowest is not None:
         raise ProblemError(
-            f"the stiffness is not positive semidefinite: scaled to a unit diagonal it has an eigenvalue of at most "
-            f"{lowest:.3g}, as no elastic body has, and the energy may have no lower bound; check the signs and the "
-            f"assembly of the matrix"
+            f"the stiffness is not positive semidefinite (scaled to a unit diagonal, its lowest eigenvalue is at most "
+            f"{lowest:.3g}); check the signs and the assembly of the matrix"
         )

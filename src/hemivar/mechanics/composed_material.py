@@ -207,8 +207,8 @@ class LowerElasticity(Material):
         if zero.any():
             place = points[int(zero.argmax())].tolist()
             raise ProblemError(
-                f"no lower bound of the stiffness of the material is known at x = {place}, and without one there is no "
-                "margin and no distance; give a material whose stress grows at every strain"
+                f"the stiffness of the material has no known lower bound at x = {place}, so margins and distances "
+                f"are not available; give a material whose stress grows at every strain"
             )
         return found
 

@@ -241,9 +241,8 @@ class SignedDistance(Obstacle):
         if bad.any():
             first = int(np.flatnonzero(bad)[0])
             raise ProblemError(
-                f"the distance of the obstacle has a gradient of length {size[first]:.4g} at x = "
-                f"{points[first].tolist()}; a signed distance has length 1: divide the function by the length of its "
-                f"gradient, or name as contact boundary only what can come near the obstacle"
+                f"the distance of the obstacle has a gradient of length {size[first]:.4g}, not 1, at x = "
+                f"{points[first].tolist()}; divide the function by it, or restrict the contact boundary"
             )
         return np.asarray(slope / size[:, None])
 
@@ -313,9 +312,8 @@ def obstacle_contact(
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
         raise ProblemError(
-            f"{what}: the body lies on the wrong side of the obstacle's surface at x = {points[first].tolist()}; "
-            f"turn the obstacle round (its free side is where its distance is positive: along the normal of a plane, "
-            f"outside a sphere or cylinder, or inside with inside = true) or move it"
+            f"{what}: the body lies on the wrong side of the obstacle at x = {points[first].tolist()}; move or reverse "
+            "the obstacle (its distance must be positive on the free side)"
         )
     return contact_normals, gap
 
@@ -352,9 +350,8 @@ def refuse_inside(obstacle: Obstacle, mesh: Mesh, contact_points: Array, what: s
     deepest = int(np.argmax(depth))
     if depth[deepest] > known + 1e-9 * _extent(mesh.points):
         raise ProblemError(
-            f"{what}: the obstacle lies inside the body: at x = {mesh.points[deepest].tolist()} the body is "
-            f"{depth[deepest]:.3g} deep in it, on the contact boundary {known:.3g} at most; {remedy}, or name as "
-            f"contact boundary all that touches it"
+            f"{what}: the obstacle lies {depth[deepest]:.3g} inside the body at x = {mesh.points[deepest].tolist()} "
+            f"(on the contact boundary at most {known:.3g}); {remedy}, or add all facets that touch it to the boundary"
         )
 
 
@@ -390,8 +387,8 @@ def _check_reach(obstacle: Obstacle, points: Array, what: str) -> None:
     extent = _extent(points)
     if reach * 2.0**-52 > 1e-6 * extent:
         raise ProblemError(
-            f"{what}: the obstacle has coordinates or a radius of {reach:.3g}, and distances to it are rounded to "
-            f"{reach * 2.0**-52:.2g}, too coarsely for a body of size {extent:.3g}; take a plane, or move it"
+            f"{what}: coordinates or radius of {reach:.3g} round distances to {reach * 2.0**-52:.2g}, too coarse for a "
+            f"body of size {extent:.3g}; take a plane, or move the obstacle"
         )
 
 

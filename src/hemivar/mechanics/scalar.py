@@ -105,8 +105,8 @@ class ScalarContact(PickleMixin):
         if isinstance(self.law, Friction):
             if isinstance(self.law.bound, StateBound):
                 raise ProblemError(
-                    f"the bound of friction law '{self.law.name}' depends on penetration or pressure, of which a "
-                    "problem of one component has none beside the slip; give a number, a formula or a function of x"
+                    f"the bound of friction law '{self.law.name}' depends on penetration or pressure, which a scalar "
+                    f"problem does not have; give a number, a formula or a function of x"
                 )
         elif isinstance(self.law, Superpotential):
             check_own(self.law)
@@ -430,8 +430,8 @@ class ScalarProblem(PickleMixin, ReprMixin):
                 )
         if self.order == 2 and (self.areas or (self.contact and self.mesh.dim == 3)):
             raise ProblemError(
-                "contact over an area (or on a boundary in space) is not available with elements of order 2, for the "
-                "weights of their corners vanish; take order=1"
+                "contact over an area (or on a boundary in space) is not available with elements of order 2, "
+                "whose corner weights vanish; take order=1"
             )
         used = {name: self.mesh.boundaries[name] for name in {*self.contact, *self.supports}}
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in used.values())]))

@@ -180,7 +180,7 @@ class Contact(PickleMixin):
             raise ProblemError("a contact is given a ContactLaw; give its parts, Contact(normal, friction)")
         if self.friction.acts:
             raise ProblemError(
-                f"law '{self.normal.name}' couples opening and slip and stands for both parts of the contact; leave "
+                f"law '{self.normal.name}' couples opening and slip, and is the law of both components; leave "
                 f"the friction '{self.friction.name}' out"
             )
         return self.normal

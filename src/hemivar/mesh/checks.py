@@ -175,9 +175,9 @@ def _check_cuts(points: Array, outer: IntArray, named: IntArray) -> None:
     if bare.any():
         bad = int(np.argmax(bare))
         raise ProblemError(
-            f"two facets with nodes of their own lie at one place, {_coordinates(points[outer[bad]].mean(axis=0))} "
-            f"({np.count_nonzero(bare)} such facets, the first with nodes {outer[bad].tolist()}): the body is cut "
-            f"there; join the nodes of equal coordinates, or name both faces as boundaries if it is a crack"
+            f"the body is cut at {_coordinates(points[outer[bad]].mean(axis=0))}: {np.count_nonzero(bare)} "
+            f"facets coincide (first nodes {outer[bad].tolist()}); join coincident nodes, or name both faces of a "
+            f"crack as boundaries"
         )
 
 

@@ -83,7 +83,7 @@ class _Reader:
     def read(self) -> RawMesh:
         while (name := self._section()) is not None:
             if name in self.seen and name in (*_SECTIONS, "MeshFormat", "PhysicalNames"):
-                raise ProblemError(f"the section ${name} stands in it twice; save the mesh again")
+                raise ProblemError(f"the section ${name} occurs twice; save the mesh again")
             self.seen.add(name)
             if name == "MeshFormat":
                 self._format()
@@ -182,7 +182,7 @@ class _Reader:
         if self.binary:
             one = self.data[self.place : self.place + 4]
             if one not in (b"\1\0\0\0", b"\0\0\0\1"):
-                raise ProblemError("the byte order of this binary file cannot be told; save it again")
+                raise ProblemError("the byte order of this binary file is unknown; save it again")
             self.order = "<" if one == b"\1\0\0\0" else ">"
             self.place += 4
         self._end("MeshFormat")
@@ -237,7 +237,7 @@ class _Reader:
                     what = "a whole number" if kind is np.int64 else "a number"
                     at = self.data.count(b"\n", 0, start) + number + 1
                     raise ProblemError(
-                        f"'{found}' is not {what} (${name}, line {at}); mend it or save it again"
+                        f"'{found}' is not {what} (${name}, line {at}); correct it or save it again"
                     ) from None
         raise ProblemError(f"${name} holds what is not a number; save the mesh again")
 

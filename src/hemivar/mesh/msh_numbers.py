@@ -43,7 +43,7 @@ class Numbers:
             for word in self._words[self.place - count : self.place][tags]:
                 if not word.lstrip(b"+-").isdigit():
                     found = shown(word[:30].decode("ascii", "backslashreplace"))
-                    raise ProblemError(f"'{found}' is not a whole number (${self.name}); mend it or save it again")
+                    raise ProblemError(f"'{found}' is not a whole number (${self.name}); correct it or save it again")
         return self.values[self.place - count : self.place]
 
     def size(self) -> int:

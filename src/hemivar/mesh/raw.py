@@ -141,7 +141,7 @@ def _numbering(ids: IntArray) -> Callable[[IntArray], IntArray]:
         table[ids] = np.arange(count)
         twice = table[ids] != np.arange(count)
         if twice.any():
-            raise ProblemError(f"node {ids[int(np.argmax(twice))]} stands in it twice; save the mesh again")
+            raise ProblemError(f"node {ids[int(np.argmax(twice))]} occurs twice; save the mesh again")
 
         def look_up(wanted: IntArray) -> IntArray:
             if wanted.min(initial=1) < 1 or wanted.max(initial=1) > largest:
@@ -152,7 +152,7 @@ def _numbering(ids: IntArray) -> Callable[[IntArray], IntArray]:
         ordered = ids[order]
         same = ordered[1:] == ordered[:-1]
         if same.any():
-            raise ProblemError(f"node {ordered[int(np.argmax(same))]} stands in it twice; save the mesh again")
+            raise ProblemError(f"node {ordered[int(np.argmax(same))]} occurs twice; save the mesh again")
 
         def look_up(wanted: IntArray) -> IntArray:
             place = np.minimum(np.searchsorted(ordered, wanted), count - 1)

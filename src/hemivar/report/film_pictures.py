@@ -113,8 +113,8 @@ class FilmPicture(ABC):
         reach = max(float(np.abs([part.low, part.high]).max(initial=0.0)) for part in ranges) * self.factor
         if not (reach < _FARTHEST * self.size < math.inf and self.strongest < math.inf and self.brightest < math.inf):
             raise ProblemError(
-                f"the film cannot be drawn: the body has the size {self.size:.3g}, and what is shown of it reaches "
-                f"{reach:.3g}; take a smaller scale, or look at its displacement, gap and force"
+                f"the film cannot be drawn: the body has size {self.size:.3g}, and its displacement or gap reaches "
+                f"{reach:.3g}; take a smaller scale, or check displacement, gap and force"
             )
         self.low = np.minimum(film.points, film.points + self.factor * body.low).min(axis=0)
         self.high = np.maximum(film.points, film.points + self.factor * body.high).max(axis=0)

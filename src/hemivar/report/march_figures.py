@@ -122,7 +122,7 @@ def _legend(panel: Axes, **options: Any) -> None:
 def _ledger(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
     missing = [name for name, _, _ in (*_STORED, *_LOST) if name not in table]
     if missing or "work" not in table or "moved" not in table:
-        raise ProblemError(f"the table holds no ledger (column '{(*missing, 'work')[0]}' is missing)")
+        raise ProblemError(f"the table has no energy balance (column '{(*missing, 'work')[0]}' is missing)")
     time = table["time"]
     stored = sum((table[name] for name, _, _ in _STORED), np.zeros(len(time)))
     given = stored[0] + sum((table[name] for name in _GIVEN if name in table), np.zeros(len(time)))
@@ -244,7 +244,7 @@ def _steps(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> 
         raise ProblemError(f"the table holds no steps (column '{missing[0]}' is missing)")
     time = table["time"][1:]
     if not len(time):
-        raise ProblemError("the history has no step yet; let it march first")
+        raise ProblemError("the history has no step; run hv.march first")
     fig, (first, second, third) = _panels(3, 5.2)
     first.semilogy(time, table["step"][1:], color=BLUE, drawstyle="steps-pre", label="step")
     limit = table["largest_step"][1:]

@@ -37,7 +37,7 @@ def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, 
     problem = history.discrete.problem
     boundaries = {found.name: found for found in contact_boundaries(problem)} if problem.contact_points else {}
     if not boundaries:
-        raise ProblemError("the evolution has no contact point; draw its ledger")
+        raise ProblemError("the evolution has no contact point; draw kind 'ledger'")
     name = next(iter(boundaries)) if boundary is None else boundary
     if name not in boundaries:
         raise ProblemError(f"there is no contact boundary '{name}' (known: {', '.join(boundaries)})")

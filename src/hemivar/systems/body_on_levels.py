@@ -133,7 +133,7 @@ class BodyProblem(Body):
     def for_problem(self, problem: DiscreteProblem) -> BodyProblem:
         """The same body under another load, gap or law."""
         if (problem.unknowns, problem.contact.count) != (self.problem.unknowns, self.problem.contact.count):
-            raise ProblemError("the other problem is of another size; set it up by itself")
+            raise ProblemError("the other problem is of another size; set it up separately")
         return self.posed(problem, (), time.perf_counter())
 
     def posed(self, problem: DiscreteProblem, meshes: tuple[BodyProblem, ...], began: float) -> BodyProblem:

@@ -281,7 +281,7 @@ class CondensedProblem(Equilibrium, PickleMixin):
         """
         old = self.problem
         if (problem.unknowns, problem.contact.count) != (old.unknowns, old.contact.count):
-            raise ProblemError("the other problem is of another size; condense it by itself")
+            raise ProblemError("the other problem is of another size; condense it separately")
         began = time.perf_counter()
         if problem is old:
             return self

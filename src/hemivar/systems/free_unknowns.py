@@ -46,6 +46,6 @@ def refuse_unseen(problem: DiscreteProblem) -> None:
     )
     if np.linalg.matrix_rank(seen, tol=_RESISTED) < free.shape[1]:
         raise ProblemError(
-            "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "
-            "fix it with a support (hemivar.discretize names the part unless check_coercivity = False)"
+            "the stiffness matrix is singular: a part of the body is free to move; add a support (hv.discretize "
+            "names the part unless check_coercivity=False)"
         )

@@ -134,7 +134,7 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
     for natural in naturals:
         natural.destroy()
     if sums != record["sums"] or ranks.largest(1.0 - finite)[0]:
-        raise shared(ProblemError(f"checkpoint '{shown(path)}' is damaged: numbers in it have changed; start anew"))
+        raise shared(ProblemError(f"checkpoint '{shown(path)}' is damaged: numbers in it have changed; start again"))
     with np.errstate(all="ignore"):
         return Saved(_state(body, record, arrays), tuple(_progress(line) for line in record["history"]))
 
@@ -220,7 +220,7 @@ def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], 
         if isinstance(error, ProblemError):
             raise
         reason = f"its first line lacks {error}" if isinstance(error, KeyError) else str(error)
-        raise ProblemError(f"'{name}' is no checkpoint ({reason}); give the file named by --checkpoint") from None
+        raise ProblemError(f"'{name}' is not a checkpoint ({reason}); give the file named by --checkpoint") from None
     other = f"checkpoint '{name}' belongs to another problem"
     for key, mine, what in (
         ("nodes", body.piece.total, "nodes"),

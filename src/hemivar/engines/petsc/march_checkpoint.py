@@ -74,14 +74,14 @@ class CheckpointOnRanks(Checkpoint):
             head: Record = json.loads(stream.readline(_LONGEST_LINE))
             kind, version, count, sizes = (head[key] for key in ("kind", "format", "ranks", "bytes"))
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise FileError(f"{name}: this is no checkpoint of a march over ranks ({error}); name another") from None
+            raise FileError(f"{name}: this is not a checkpoint of a run over ranks ({error}); name another") from None
         if kind != _KIND or version != _FORMAT:
-            raise FileError(f"{name}: this is no checkpoint of a march over ranks of this version; name another file")
+            raise FileError(f"{name}: this is not a checkpoint of a run over ranks of this version; name another file")
         if count != self.ranks.size:
             raise FileError(
                 f"{name}: the checkpoint was written on {count} ranks, these are {self.ranks.size}; go on with "
-                f"mpirun -n {count}, or begin anew without resume"
+                f"mpirun -n {count}, or start again without resume"
             )
         if not (isinstance(sizes, list) and len(sizes) == count and all(type(size) is int for size in sizes)):
-            raise FileError(f"{name}: the first line of the checkpoint is damaged; begin anew without resume")
+            raise FileError(f"{name}: the first line of the checkpoint is damaged; start again without resume")
         return stream, sizes

@@ -149,8 +149,8 @@ def cohesion_table(openings: Sequence[float] | Array, tractions: Sequence[float]
         raise ProblemError(f"openings of law '{name}' are {rho.tolist()}; they must increase, from 0")
     if (traction < 0.0).any() or traction[0] != 0.0 or traction[-1] != 0.0 or not traction.any():
         raise ProblemError(
-            f"tractions of law '{name}' are {traction.tolist()}; they must be at least 0, and zero at the first and at "
-            "the last opening: it starts with a finite stiffness, and lets go in the end"
+            f"tractions of law '{name}' are {traction.tolist()}; they must be at least 0, and 0 at the first and at "
+            f"the last opening"
         )
     made = _even(list(rho[1:, None]), list(traction[1:, None]), name)
     object.__setattr__(made, "stated", MappingProxyType({"law": name, "openings": rho, "tractions": traction}))
@@ -165,8 +165,8 @@ def _softening_length(name: str, values: dict[str, Array]) -> tuple[Array, Array
     if np.any(length <= 0.0):
         i = int(np.argmin(length))
         raise ProblemError(
-            f"law '{name}': the fracture energy {energy[i]:g} is not more than what is stored when the strength is "
-            f"reached, strength^2/(2 stiffness) = {0.5 * strength[i] * first[i]:g}; take a stiffer start, a lower "
+            f"law '{name}': the fracture energy {energy[i]:g} must exceed the elastic energy at the strength, "
+            f"strength^2/(2 stiffness) = {0.5 * strength[i] * first[i]:g}; take a stiffer start, a lower "
             "strength or more energy"
         )
     return strength, first, length

@@ -172,8 +172,8 @@ def _check_one(profile: Superpotential) -> None:
     if uneven.any():
         i = int(np.argmax(uneven))
         raise ProblemError(
-            f"law '{profile.name}' has the derivative {forward[i]:.6g} at r = {s[i]:.6g} and {backward[i]:.6g} at "
-            f"r = {-s[i]:.6g}; a friction law must be the same backwards, j(-r) = j(r) (give it for r >= 0, even=True)"
+            f"law '{profile.name}' is not even: its derivative is {forward[i]:.6g} at r = {s[i]:.6g} and "
+            f"{backward[i]:.6g} at r = {-s[i]:.6g}; give the friction for r >= 0, with even=True"
         )
     if isinstance(profile, PiecewiseQuadratic):  # tables are looked at where they are read; others are meant so
         return
@@ -181,6 +181,6 @@ def _check_one(profile: Superpotential) -> None:
     if negative.any():
         i = int(np.argmax(np.where(negative, -s, -np.inf)))
         raise ProblemError(
-            f"law '{profile.name}' is negative friction, {forward[i]:.6g} at the slip r = {s[i]:.6g}; it must be at "
-            f"least 0, for it opposes the slip"
+            f"law '{profile.name}' is negative friction, {forward[i]:.6g} at the slip r = {s[i]:.6g}; it must be "
+            f"at least 0 to oppose the slip"
         )

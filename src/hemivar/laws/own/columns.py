@@ -58,7 +58,7 @@ def read_columns(path: str | Path, names: tuple[Sequence[str], Sequence[str]] = 
     elif width > 2:
         raise ProblemError(
             f"{path}, line {lines[0][0]}: there are {width} columns without names; write decimal points, not commas, "
-            f"and name the columns in a first line, {names[0][0]} and {names[1][0]}, if there are more than two"
+            f"or name the columns in the first line, {names[0][0]} and {names[1][0]} among them"
         )
     columns: tuple[list[str], list[str]] = ([], [])
     for number, line in lines:

@@ -194,8 +194,8 @@ class _FormulaLaw(OwnLaw):
             found = self._supremum(2, sign, self._middle, slack=seen)
             if found.seen > 2.0 * seen:
                 raise ProblemError(
-                    f"{self._bend} {self._formula.shown} turns round at r = {found.place:.6g} within a length that "
-                    f"is too narrow for the reach {self.reach:g}; take a smaller reach, or a kink in place of the turn"
+                    f"{self._bend} {self._formula.shown} turns at r = {found.place:.6g} within too short a length "
+                    f"for the reach {self.reach:g}; take a smaller reach, or a kink in place of the turn"
                 )
 
     def _check_slopes(self) -> None:

@@ -91,7 +91,7 @@ class _FunctionLaw(OwnLaw):
                 bad = ~np.isfinite(part(r))
                 if bad.any():
                     raise ProblemError(
-                        f"law '{self.name}' is not finite at r = {r[np.argmax(bad)]:.6g}; mend its function"
+                        f"law '{self.name}' is not finite at r = {r[np.argmax(bad)]:.6g}; correct its function"
                     )
         check_joined(f"the potential of law '{self.name}'", kinks, plain, self.reach, 1e-11 * scale)
         turns: list[float] = []

@@ -59,7 +59,7 @@ def check_points(
                     f"r = {x[i]:g} is negative; a friction law is given for slips r >= 0 and is the same backwards"
                 ),
             ),
-            (y < 0.0, lambda i: f"the friction {y[i]:g} is negative; it must be at least 0, for it opposes the slip"),
+            (y < 0.0, lambda i: f"the friction {y[i]:g} is negative; it must be at least 0 to oppose the slip"),
         ]
     broken = [(int(np.argmax(bad)), words) for bad, words in rules if bad.any()]
     if broken:
@@ -113,8 +113,8 @@ def table_law(
     x, y = check_points(r, derivative, where, friction=friction)
     if friction and extend == Extension.LINEAR and y[-1] < y[-2]:
         raise ProblemError(
-            f"{where}, row {y.size}: the friction falls, and with extend = linear it would be negative farther out; "
-            f"let the table end with a constant or rising friction, or write extend = constant"
+            f"{where}, row {y.size}: with extend = linear the falling friction becomes negative farther out; "
+            f"end the table with a constant or rising friction, or write extend = constant"
         )
     stated = MappingProxyType({"law": "table", "extend": extend, "rows": (x, y), "file": file})
     if friction:

@@ -1,0 +1,64 @@
+"""The language of messages: short sentences, and none of the words that only this project used."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.messages import Message, messages, written
+
+#: Words of a sentence.
+_MOST_WORDS = 30
+#: Home-made words and phrases, and what stands in their place.
+HOME_MADE = {
+    r"\banew\b": "again",
+    r"\bmend\b": "correct",
+    r"\btold\b": "reported, stopped",
+    r"\bunsaid\b": "not expressible",
+    r"\bbooked\b": "recorded, reported",
+    r"\bput in\b": "external work",
+    r"\bgap of the ledger\b": "balance error",
+    r"\bblows?\b": "impulse",
+    r"\bat hand\b": "current",
+    r"\bno pair\b": "must be a pair (low, high)",
+    r"\bnobody\b": "no one",
+    r"\bso many\b": "a number",
+    r"\bas far as\b": "where, if",
+    r"\bis no checkpoint\b": "is not a checkpoint",
+    r"\bgoes on from there\b": "continue",
+    r"\bstands in it\b": "occurs",
+    r", for (it|they|the) ": "because",
+}
+MESSAGES = messages()
+
+
+def test_the_messages_are_all_collected(tmp_path: Path) -> None:
+    text = written()
+    (tmp_path / "messages.txt").write_text(text, encoding="utf-8")
+    kinds = {one.kind for one in MESSAGES}
+    assert {"error", "warning", "remedy", "note", "line", "help"} - kinds <= {"warning"}
+    assert len(MESSAGES) > 1000
+    for known in (
+        "give the file named by --checkpoint",  # of the engine for ranks
+        "Bound the distance to the exact solution.",  # help
+        "refine the mesh, as adaptive refinement does where it is needed",  # a remedy
+        "balance error",  # a printed line
+    ):
+        assert known in text
+
+
+@pytest.mark.parametrize("kind", sorted({one.kind for one in MESSAGES}))
+def test_sentences_are_short(kind: str) -> None:
+    def long(one: Message) -> list[str]:
+        return [sentence for sentence in one.sentences if len(sentence.split()) > _MOST_WORDS]
+
+    found = [f"{one.place}: {sentence}" for one in MESSAGES if one.kind == kind for sentence in long(one)]
+    assert not found, "\n".join(["shorten these, or make two sentences of each:", *found])
+
+
+@pytest.mark.parametrize("word", HOME_MADE)
+def test_messages_use_words_of_the_field(word: str) -> None:
+    found = [f"{one.place}: {one.text}" for one in MESSAGES if re.search(word, one.text)]
+    assert not found, "\n".join([f"write '{HOME_MADE[word]}' or the like:", *found])
