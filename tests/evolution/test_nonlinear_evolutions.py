@@ -389,7 +389,7 @@ def test_multigrid_goes_the_same_way(inertia: bool) -> None:
         return dataclasses.replace(problem, mesh=mesh)
 
     found = [
-        march(Evolution(stated(), inertia=inertia), 0.3, step=0.1, solver=method, controls=TIGHT)
+        march(Evolution(stated(), inertia=inertia), 0.3, step=0.1, method=method, controls=TIGHT)
         for method in (NonsmoothNewton(), NonsmoothMultigrid())
     ]
     assert nodal(found[0]) == pytest.approx(nodal(found[1]), abs=1e-9)
