@@ -23,6 +23,7 @@ PACKAGE = ROOT / "src" / "hemivar"
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors",),
     ("basics",),
+    ("kernels",),  # compiled code
     ("linear",),  # matrices, never problems
     ("formula",),
     ("laws",),

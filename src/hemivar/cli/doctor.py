@@ -32,6 +32,10 @@ def doctor(
     print(f"hemivar           {found.version}")
     print(f"Python            {found.python}")
     print(f"machine           {found.system}, {cores}{memory}")
+    if found.kernels is None:
+        print("kernels           pyamg, 1 thread (no compiler at installation, or HEMIVAR_KERNELS=none)")
+    else:
+        print(f"kernels           compiled, {found.kernels} thread{'s' if found.kernels != 1 else ''}")
     for library, count in found.threads:
         print(f"linear algebra    {library}, {count} thread{'s' if count != 1 else ''}")
     if found.seconds is not None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import IMPORTS
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array
+from hemivar.linear.compiled import NodeSlots
 from hemivar.linear.levels import COARSEST, Transfer
 
 __all__ = ["NodeSlots", "algebraic_levels"]
@@ -23,23 +22,6 @@ _LANCZOS = 60
 _ACCURACY = 0.01
 #: Diagonal entries below this part of the largest belong to unknowns that nothing reaches.
 _GONE = 1e-14
-
-
-@dataclass(frozen=True, eq=False)
-class NodeSlots:
-    """Where unknowns go in a vector with the same number of entries for every node.
-
-    Attributes
-    ----------
-    places : int array, shape (n,)
-    size : int
-        Entries of a node.
-    nodes : int
-    """
-
-    places: IntArray
-    size: int
-    nodes: int
 
 
 def algebraic_levels(
@@ -60,7 +42,7 @@ def algebraic_levels(
         By default each unknown is a node of its own.
     """
     n = matrix.shape[0]
-    slots = NodeSlots(np.arange(n), 1, n) if slots is None else slots
+    slots = NodeSlots.single(n) if slots is None else slots
     count, size = slots.nodes * slots.size, slots.size
     place = sp.csr_array((np.ones(n), (slots.places, np.arange(n))), shape=(count, n))
     empty = np.ones(count)

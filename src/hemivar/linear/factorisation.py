@@ -19,7 +19,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.linear.definite import positive_pivots
-from hemivar.linear.kernels import kernels
+from hemivar.linear.pyamg_kernels import kernels
 
 __all__ = [
     "CondensedLoad",

@@ -11,11 +11,14 @@ from typing import Protocol
 import numpy as np
 
 from hemivar.basics.types import Array
+from hemivar.kernels import kernels
 from hemivar.linear.vectors import WHOLE, Vectors
 
 __all__ = ["Descent", "Matrix", "conjugate_gradients", "minimal_residuals"]
 
 _FLAT = 1e-12
+#: Entries from which compiled sums are worth their call.
+_LONG = 4096
 #: By how much a residual is larger than what is enough, if the next one is still larger.
 _FAR = 8.0
 
@@ -59,6 +62,7 @@ def conjugate_gradients(
     enough: Callable[[int, Array], Array] | None = None,
     vectors: Vectors = WHOLE,
     sparing: bool = False,
+    flexible: bool = False,
 ) -> Descent:
     """Preconditioned conjugate gradients from zero (Hestenes-Stiefel; early ending as in Steihaug 1983).
 
@@ -82,11 +86,15 @@ def conjugate_gradients(
         How the parts of a vector are summed.
     sparing : bool
         Where the residual was larger by far than what is enough, that is not asked after the next step.
+    flexible : bool
+        The preconditioner may change a little from one step to the next (Notay 2000).
     """
+    compiled = kernels() if vectors.alone and b.size >= _LONG else None
     x = np.zeros_like(b)
     r = b.copy()
     p: Array | None = None
-    rz, far = 1.0, False
+    q = np.zeros(0)
+    rz, length, far = 1.0, 0.0, False
     for iteration in range(1, limit + 1):
         z = precondition(r)
         now = float(vectors.total(float(r @ z))[0])
@@ -95,17 +103,23 @@ def conjugate_gradients(
         if p is None:
             p = z
         else:
-            p *= now / rz
+            p *= -length * float(vectors.total(float(z @ q))[0]) / rz if flexible else now / rz
             p += z
         rz = now
         q = A @ p
-        curvature, stiff = vectors.total(float(p @ q), float(np.vdot(p, diagonal * p))).tolist()
+        if compiled is None:
+            curvature, stiff = vectors.total(float(p @ q), float(np.vdot(p, diagonal * p))).tolist()
+        else:
+            curvature, stiff = compiled.curvature(p, q, diagonal)
         if curvature <= _FLAT * stiff:
             return Descent(x, r, iteration, p if vectors.total(float(b @ p))[0] >= 0.0 else -p)
         length = rz / curvature
-        x += length * p
-        r -= length * q
-        square = float(r @ r)
+        if compiled is None:
+            x += length * p
+            r -= length * q
+            square = float(r @ r)
+        else:
+            square = compiled.advance(length, p, q, x, r)
         if vectors.alone and math.sqrt(square) <= tolerance:  # else it is summed with what is enough, by all at once
             return Descent(x, r, iteration)
         off = np.zeros(0) if enough is None or far else enough(iteration, x)

@@ -20,9 +20,13 @@ import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.linear.kernels import kernels
+from hemivar.kernels import kernels as compiled_kernels
+from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
+from hemivar.linear.point_smoother import Points
+from hemivar.linear.pyamg_kernels import kernels
+from hemivar.linear.truncated_level import Level, TruncatedLevel, narrow
 
-__all__ = ["COARSEST", "Levels", "Transfer", "Truncated"]
+__all__ = ["COARSEST", "LevelMatrix", "Levels", "Preconditioner", "Transfer", "Truncated"]
 
 #: Unknowns that the coarsest level, which is solved densely, should have at most.
 COARSEST = 400
@@ -32,6 +36,8 @@ _STIFF = 2.0
 #: Part of the weights of what a coarse unknown reaches that may be held before it is left out: more than one neighbour
 #: of a node on a line, two on a plane.
 _MOSTLY = 0.3
+#: Part of a residual that a cycle in single precision may leave, and how often more than that before it is given up.
+_SLOW, _PATIENCE = 0.8, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,190 +56,7 @@ class Transfer:
     @staticmethod
     def of(prolongation: sp.csr_array) -> Transfer:
         """From the prolongation alone."""
-        return Transfer(_narrow(prolongation), _narrow(sp.csr_array(prolongation.T)))
-
-
-class _Coupling:
-    """The places of a symmetric matrix between contact unknowns, and what it is for the next coarser ones.
-
-    Attributes
-    ----------
-    keys : int array (p,)
-        ``row * k + column`` of each place, in order.
-    rows, columns : int arrays (p,)
-    diagonal : int array (k,)
-        Which of them are on the diagonal.
-    """
-
-    def __init__(self, pattern: sp.csr_array) -> None:
-        self.size = pattern.shape[0]
-        entries = pattern.tocoo()
-        self.keys = np.unique(entries.row.astype(np.int64) * self.size + entries.col)
-        self.rows, self.columns = np.divmod(self.keys, max(self.size, 1))
-        self.diagonal = np.searchsorted(self.keys, np.arange(self.size) * (self.size + 1))
-
-    def values(self, matrix: sp.csr_array, place: IntArray) -> Array:
-        """The entries (p,) of a matrix whose rows and columns are the contact unknowns ``place``."""
-        entries = matrix.tocoo()
-        found = np.zeros(self.keys.size)
-        keys = place[entries.row] * self.size + place[entries.col]
-        np.add.at(found, np.searchsorted(self.keys, keys), entries.data)
-        return found
-
-    def matrix(self, values: Array) -> sp.csr_array:
-        """The matrix (k, k) with these entries."""
-        there = values != 0.0
-        return sp.csr_array((values[there], (self.rows[there], self.columns[there])), shape=(self.size,) * 2)
-
-    def galerkin(self, between: sp.csr_array, coarse: _Coupling) -> sp.csr_array:
-        """The entries (q,) of ``between' A between`` by those (p,) of A, as a matrix (q, p)."""
-        between = sp.csr_array(between)
-        count = np.diff(between.indptr).astype(np.int64)
-        first, second = count[self.rows], count[self.columns]
-        entry = np.repeat(np.arange(self.keys.size), first * second)
-        start = np.cumsum(first * second) - first * second
-        left, right = np.divmod(np.arange(entry.size) - start[entry], second[entry])
-        left += between.indptr[self.rows[entry]]
-        right += between.indptr[self.columns[entry]]
-        keys = between.indices[left].astype(np.int64) * coarse.size + between.indices[right]
-        weights = between.data[left] * between.data[right]
-        shape = (coarse.keys.size, self.keys.size)
-        return sp.csr_array((weights, (np.searchsorted(coarse.keys, keys), entry)), shape=shape)
-
-
-class _Level:
-    """One matrix, and where in it the rows of contact unknowns are; never changed."""
-
-    def __init__(self, matrix: sp.csr_array, contact: IntArray, coupling: sp.csr_array) -> None:
-        self.contact = contact
-        self.matrix = _narrow(_completed(matrix, contact, coupling))
-        starts, ends = self.matrix.indptr[contact], self.matrix.indptr[contact + 1]
-        lengths = (ends - starts).astype(np.int64)
-        first = np.concatenate([[0], np.cumsum(lengths)])
-        #: Where the entries of the contact rows are, and the row of each.
-        self.entries = np.arange(first[-1]) + np.repeat(starts - first[:-1], lengths)
-        self.rows = np.repeat(np.arange(contact.size), lengths)
-        self.columns = self.matrix.indices[self.entries].astype(np.int64)
-        self.values = self.matrix.data[self.entries]
-        keys = self.rows * matrix.shape[0] + self.columns
-        #: Which of these entries are on the diagonal.
-        self.own = np.searchsorted(keys, np.arange(contact.size) * matrix.shape[0] + contact)
-        self.coupling = _Coupling(coupling)
-        #: Which of them are those of what is added between contact unknowns.
-        self.added = np.searchsorted(keys, self.coupling.rows * matrix.shape[0] + contact[self.coupling.columns])
-        self.diagonal = np.abs(self.matrix.diagonal())
-
-    def contact_rows(self, matrix: sp.csr_array) -> sp.csr_array:
-        """The rows of the contact unknowns of a matrix with the entries of this one."""
-        first = np.searchsorted(self.rows, np.arange(self.contact.size + 1))
-        shape = (self.contact.size, matrix.shape[0])
-        return sp.csr_array((matrix.data[self.entries], self.columns, first), shape=shape)
-
-    def galerkin_change(self, held: BoolArray, added: sp.csr_array, prolongation: sp.csr_array) -> sp.csr_array:
-        """What holding and adding change in the Galerkin product with a prolongation that is cut off where held."""
-        rows = self.contact_rows(self.matrix)[held]
-        reach, cut = prolongation[self.contact], prolongation[self.contact[held]]
-        lost = cut.T @ (rows @ prolongation)
-        both = cut.T @ (rows[:, self.contact[held]] @ cut)
-        return sp.csr_array(both - lost - lost.T + reach.T @ (added @ reach))
-
-
-class _TruncatedLevel:
-    """A level with some of its contact unknowns held, and a matrix added between the others."""
-
-    def __init__(self, level: _Level) -> None:
-        self.level = level
-        self.matrix = level.matrix
-        self.held = np.zeros(level.contact.size, dtype=bool)
-        self.added = np.zeros(level.coupling.keys.size)
-        self.patch: _PointSmoother | None = None
-
-    def change(self, held: BoolArray, added: Array) -> bool:
-        """Make the rows of the held contact unknowns those of the identity, and add to the others; whether that is
-        anything new."""
-        level = self.level
-        if np.array_equal(held, self.held) and np.array_equal(added, self.added):
-            return False
-        values = level.values.copy()
-        values[level.added] += added
-        values[held[level.rows]] = 0.0
-        values[level.own[held]] = 1.0
-        if self.matrix is level.matrix:
-            parts = (level.matrix.data.copy(), level.matrix.indices, level.matrix.indptr)
-            self.matrix = sp.csr_array(parts, shape=level.matrix.shape)
-        self.matrix.data[level.entries] = values
-        self.held, self.added = held, added
-        return True
-
-    def shift(self, change: sp.csr_array) -> None:
-        """Add to the matrix of the level; unknowns that nothing is left of keep their diagonal entry."""
-        matrix = sp.csr_array(self.level.matrix + change)
-        before = self.level.diagonal
-        gone = matrix.diagonal() <= 1e-12 * before
-        if gone.any():
-            matrix = sp.csr_array(matrix + sp.diags_array(np.where(gone, before, 0.0)))
-        self.matrix = _narrow(matrix)
-
-
-class _Points:
-    """Where the contact unknowns of a level stand in blocks of one contact point each; never changed."""
-
-    def __init__(self, level: _Level, points: IntArray) -> None:
-        _, number = np.unique(points, return_inverse=True)
-        order = np.argsort(number, kind="stable")
-        start = np.searchsorted(number[order], np.arange(number.max() + 1))
-        place = np.empty_like(number)
-        place[order] = np.arange(number.size) - start[number[order]]
-        self.size, self.count = int(place.max()) + 1, int(number.max()) + 1
-        #: The row of each contact unknown in the blocks.
-        self.slots = slots = number * self.size + place
-        inside = np.full(level.matrix.shape[0], -1)
-        inside[level.contact] = np.arange(level.contact.size)
-        column = inside[level.columns]
-        #: Which of the entries of the contact rows are between contact unknowns, and between which.
-        self.entries = np.flatnonzero(column >= 0)
-        self.rows, self.columns = level.rows[self.entries], column[self.entries]
-        empty = np.setdiff1d(np.arange(self.count * self.size), slots)
-        row, col = np.append(slots[self.rows], empty), np.append(slots[self.columns], empty)
-        keys, block = np.unique(row // self.size * self.count + col // self.size, return_inverse=True)
-        #: The place of each of them among the numbers of the blocks; behind them those of rows that stand for nothing.
-        self.flat = (block * self.size + row % self.size) * self.size + col % self.size
-        self.indices = (keys % self.count).astype(np.int32)
-        self.indptr = np.searchsorted(keys, np.arange(self.count + 1) * self.count).astype(np.int32)
-        self.diagonal = np.searchsorted(keys, np.arange(self.count) * (self.count + 1))
-        self.first = np.searchsorted(level.rows, np.arange(level.contact.size + 1))
-
-
-class _PointSmoother:
-    """The contact unknowns of a level by themselves, smoothed point by point.
-
-    Friction that has hardly begun to slip is very stiff across the direction of slip, which lies anywhere between the
-    unknowns of the point: one at a time they would hardly move.
-    """
-
-    def __init__(self, changed: _TruncatedLevel, points: _Points) -> None:
-        level, values = changed.level, changed.matrix.data[changed.level.entries]
-        shape = (level.contact.size, level.matrix.shape[0])
-        self.rows = sp.csr_array((values, level.columns, points.first), shape=shape)
-        self.contact, self.points = level.contact, points
-        size = points.size
-        entries = np.append(values[points.entries], np.ones(points.flat.size - points.entries.size))
-        # Columns of held unknowns meet zeros only; left in, they would put the rounding of the inverse there.
-        entries[: points.entries.size][changed.held[points.columns] & (points.rows != points.columns)] = 0.0
-        self.data = np.zeros(points.indices.size * size**2)
-        self.data[points.flat] = entries
-        self.inverse = np.linalg.inv(self.data.reshape(-1, size, size)[points.diagonal]).ravel()
-
-    def smooth(self, x: Array, right: Array, forward: bool) -> None:
-        """One sweep over the points, in place."""
-        points = self.points
-        rest, step = np.zeros(points.count * points.size), np.zeros(points.count * points.size)
-        rest[points.slots] = right[self.contact] - self.rows @ x
-        span = (0, points.count, 1) if forward else (points.count - 1, -1, -1)
-        kernels().block_gauss_seidel(
-            points.indptr, points.indices, self.data, step, rest, self.inverse, *span, points.size
-        )
-        x[self.contact] += step[points.slots]
+        return Transfer(narrow(prolongation), narrow(sp.csr_array(prolongation.T)))
 
 
 class Levels:
@@ -256,6 +79,8 @@ class Levels:
         How many of the levels, from the coarsest, are algebraic: no mesh belongs to them, and no contact unknowns.
     sweeps : int
         Gauss-Seidel sweeps before and after each coarse correction.
+    slots : list of NodeSlots, optional
+        For each level, the nodes of its unknowns; by default each is one of its own.
     """
 
     def __init__(
@@ -266,6 +91,7 @@ class Levels:
         points: list[IntArray],
         algebraic: int = 0,
         sweeps: int = 1,
+        slots: list[NodeSlots] | None = None,
     ) -> None:
         self.transfers = transfers
         self.algebraic = algebraic
@@ -273,7 +99,7 @@ class Levels:
         self.between: list[sp.csr_array] = []
         self.own: list[IntArray] = []
         self.points: list[IntArray] = []
-        levels: list[_Level] = []
+        levels: list[Level] = []
         reached, chained = np.zeros(0, dtype=np.int64), sp.csr_array((0, 0))
         for k in range(len(matrices) - 1, -1, -1):
             contact = np.union1d(reached, contacts[k]).astype(np.int64)
@@ -284,7 +110,7 @@ class Levels:
             shape = (group.size, int(group.max(initial=-1)) + 1)
             member = sp.csr_array((np.ones(group.size), (np.arange(group.size), group)), shape=shape)
             coupling = sp.csr_array(_placed(chained, place, contact.size) + member @ member.T)
-            levels.insert(0, _Level(matrices[k], contact, coupling))
+            levels.insert(0, Level(matrices[k], contact, coupling))
             self.own.insert(0, own)
             self.points.insert(0, group)
             if k <= algebraic:
@@ -313,8 +139,13 @@ class Levels:
             self.reach[k] = sp.csr_array(abs(self.between[k]).T)
         self.whole = [np.asarray(reach.sum(axis=1)) for reach in self.reach]
         self.levels = levels
-        self._blocks: dict[int, _Points] = {}
+        self._slots = [NodeSlots.single(level.matrix.shape[0]) for level in levels] if slots is None else slots
+        self._blocks: dict[int, Points] = {}
         self._idle: list[Truncated] = []
+
+    def __getstate__(self) -> dict[str, object]:
+        """Copies make their compiled levels anew."""
+        return {name: one for name, one in vars(self).items() if name not in ("compiled", "_whole")} | {"_idle": []}
 
     def borrow(self, top: int) -> Truncated:
         """Levels for one solve to change.
@@ -351,16 +182,47 @@ class Levels:
         """One symmetric V-cycle from zero: an approximate solution for the right-hand side (n,) of a level."""
         return self._whole.cycle(k, right)
 
-    def blocks(self, k: int) -> _Points:
+    def preconditioner(self, k: int) -> Preconditioner:
+        """The cycle on a level, for one solve."""
+        return Preconditioner(self._whole, k)
+
+    def multiply(self, k: int, x: Array) -> Array:
+        """The matrix of a level times a vector (n,)."""
+        return self._whole.multiply(k, x)
+
+    def blocks(self, k: int) -> Points:
         """The contact unknowns of a level in blocks of one contact point each; found when they are first needed."""
         found = self._blocks.get(k)
         if found is None:  # two threads may both find them
-            found = self._blocks[k] = _Points(self.levels[k], self.points[k])
+            found = self._blocks[k] = Points(self.levels[k], self.points[k])
         return found
 
     @cached_property
     def _whole(self) -> Truncated:
-        return Truncated(self, len(self.levels) - 1)
+        whole = Truncated(self, len(self.levels) - 1)
+        whole.prepare()  # many threads use it
+        return whole
+
+    @cached_property
+    def compiled(self) -> CompiledLevels | None:
+        """The levels in the compiled kernels; None where these are not there, or do not know such nodes."""
+        available = compiled_kernels()
+        if available is None or self.sweeps != 1 or len(self.levels) == 1:
+            return None
+        for level, own, points, slots in zip(self.levels, self.own, self.points, self._slots, strict=True):
+            if not slots.serves(level.matrix.shape[0]) or not level.matrix.has_canonical_format:
+                return None
+            nodes = slots.places[level.contact[own]] // slots.size
+            # Stiff friction couples the unknowns of a point: they must stand in one block.
+            if np.unique(np.stack([points[own], nodes]), axis=1).shape[1] != np.unique(points[own]).size:
+                return None
+        return CompiledLevels(
+            available,
+            [level.matrix for level in self.levels],
+            self.transfers,
+            [level.contact for level in self.levels],
+            self._slots,
+        )
 
 
 class Truncated:
@@ -379,8 +241,9 @@ class Truncated:
     def __init__(self, levels: Levels, top: int, vanishing: bool = False) -> None:
         self._levels, self.top = levels, top
         self._least = 0.0 if vanishing else _MOSTLY
-        self._changed = [_TruncatedLevel(level) for level in levels.levels]
+        self._changed = [TruncatedLevel(level) for level in levels.levels]
         self._coarse: Array | None = None
+        self._compiled = None if levels.compiled is None else CompiledTruncation(levels.compiled)
 
     def matrix(self, k: int) -> sp.csr_array:
         """The matrix of a level, rows of held unknowns replaced by those of the identity."""
@@ -389,6 +252,16 @@ class Truncated:
     def diagonal(self, k: int) -> Array:
         """Its diagonal before anything was held or added, (n,)."""
         return self._levels.diagonal(k)
+
+    def multiply(self, k: int, x: Array) -> Array:
+        """The matrix of a level times a vector (n,), zero where unknowns are held; entries there mean nothing."""
+        changed, compiled = self._changed[k], self._levels.compiled
+        if compiled is None or k < self._levels.algebraic:
+            return np.asarray(changed.matrix @ x)
+        out = compiled.multiply(k, x)
+        if changed.values is not changed.level.values:
+            out[changed.level.contact] = changed.rows @ x
+        return out
 
     def change(self, held: BoolArray, added: sp.csr_array) -> None:
         """Hold contact unknowns of the top level, and add a matrix that acts between them; coarser levels follow.
@@ -410,7 +283,9 @@ class Truncated:
             level, changed = levels.levels[k], self._changed[k]
             new = changed.change(out, values)
             stiff = values[level.coupling.diagonal] > _STIFF * level.diagonal[level.contact]
-            changed.patch = _PointSmoother(changed, levels.blocks(k)) if k == top and stiff.any() else None
+            changed.stiff = k == top and bool(stiff.any())
+            if self._compiled is not None and new:
+                self._compiled.change(k, out, changed.values)
             if k > levels.algebraic:
                 reach, below = levels.reach[k], levels.levels[k - 1].coupling
                 out = np.asarray(reach @ (out | stiff).astype(float) > self._least * levels.whole[k])
@@ -424,6 +299,8 @@ class Truncated:
             change = coarsest.galerkin_change(out, coarsest.coupling.matrix(values), prolongation)
             for k in range(levels.algebraic - 1, -1, -1):
                 self._changed[k].shift(change)
+                if self._compiled is not None and k:
+                    self._compiled.replace(k, self._changed[k].matrix)
                 if k:
                     prolongation = levels.transfers[k - 1].prolongation
                     change = sp.csr_array(prolongation.T @ change @ prolongation)
@@ -436,11 +313,27 @@ class Truncated:
         """
         return self._cycle(k, np.ascontiguousarray(right, dtype=float))
 
+    def fast_cycle(self, k: int, right: Array) -> Array:
+        """The same by the compiled kernels, in single precision inside; for iterations that bear that."""
+        if self._compiled is None or k == 0:
+            return self.cycle(k, right)
+        self.prepare()
+        return self._compiled.cycle(k, right)
+
+    @property
+    def single(self) -> bool:
+        """Whether fast cycles work in single precision."""
+        return self._compiled is not None
+
+    def prepare(self) -> None:
+        """Make what a cycle needs."""
+        self._coarse_root()
+
     def _cycle(self, k: int, right: Array) -> Array:
         if k == 0:
             return self._solve_coarsest(right)
         levels, changed = self._levels, self._changed[k]
-        A, patch, transfer = changed.matrix, changed.patch, levels.transfers[k - 1]
+        A, patch, transfer = changed.matrix, changed.patch(levels.blocks, k), levels.transfers[k - 1]
         x = np.zeros_like(right)
         if patch is not None:
             patch.smooth(x, right, forward=True)
@@ -460,6 +353,10 @@ class Truncated:
         return x
 
     def _solve_coarsest(self, right: Array) -> Array:
+        root = self._coarse_root()
+        return np.asarray(root @ (root.T @ right))
+
+    def _coarse_root(self) -> Array:
         if self._coarse is None:
             changed = self._changed[0]
             free = np.ones(changed.matrix.shape[0])
@@ -467,9 +364,50 @@ class Truncated:
             dense = changed.matrix.toarray()
             dense *= free
             dense[np.diag_indices_from(dense)] += 1.0 - free
-            self._coarse = _inverse_root(dense)
-        root = self._coarse
-        return np.asarray(root @ (root.T @ right))
+            root = _inverse_root(dense)
+            if self._compiled is not None:
+                self._compiled.set_root(root)
+            self._coarse = root
+        return self._coarse
+
+
+@dataclass(frozen=True, eq=False)
+class LevelMatrix:
+    """The matrix of a level, to be multiplied with vectors."""
+
+    levels: Levels | Truncated
+    k: int
+
+    def __matmul__(self, x: Array, /) -> Array:
+        return self.levels.multiply(self.k, x)
+
+
+class Preconditioner:
+    """The cycle for one iteration of conjugate gradients.
+
+    In single precision it is blind to what is softer than the body by seven digits: a body that hardly anything holds.
+    Where residuals fall too slowly twice in turn, the rest of the cycles is computed in double precision.
+    """
+
+    def __init__(self, truncated: Truncated, k: int) -> None:
+        self._truncated, self._k = truncated, k
+        self._before, self._slow = np.inf, 0
+        #: Whether it may change from one call to the next.
+        self.flexible = truncated.single
+
+    def __call__(self, right: Array) -> Array:
+        if not self.flexible:
+            return self._truncated.cycle(self._k, right)
+        if self._slow < _PATIENCE:
+            size = float(np.linalg.norm(right))
+            self._slow = self._slow + 1 if size > _SLOW * self._before else 0
+            self._before = size
+        if self._slow < _PATIENCE:
+            found = self._truncated.fast_cycle(self._k, right)
+            if 0.0 < float(right @ found) < np.inf or not right.any():  # which nan is not
+                return found
+            self._slow = _PATIENCE
+        return self._truncated.cycle(self._k, right)
 
 
 def _placed(matrix: sp.csr_array, place: IntArray, count: int) -> sp.csr_array:
@@ -493,33 +431,3 @@ def _inverse_root(matrix: Array) -> Array:
     values, vectors = la.eigh(scaled, check_finite=False)
     size = np.maximum(np.abs(values), _PIVOT * np.abs(values).max(initial=1.0))
     return np.asarray((scale[:, None] * vectors) / np.sqrt(size))
-
-
-def _narrow(matrix: sp.csr_array) -> sp.csr_array:
-    """The matrix with 32-bit indices, which the compiled kernels ask for, in order; its numbers may be shared."""
-    matrix = sp.csr_array(matrix)
-    indices, indptr = matrix.indices.astype(np.int32, copy=False), matrix.indptr.astype(np.int32, copy=False)
-    if matrix.has_sorted_indices:
-        return sp.csr_array((matrix.data, indices, indptr), shape=matrix.shape)
-    out = sp.csr_array((matrix.data.copy(), indices.copy(), indptr), shape=matrix.shape)
-    out.sort_indices()
-    return out
-
-
-def _completed(matrix: sp.csr_array, contact: IntArray, coupling: sp.csr_array) -> sp.csr_array:
-    """The matrix with an explicit zero wherever contact unknowns are coupled and it has no entry."""
-    wanted = coupling.tocoo()
-    rows, columns = contact[wanted.row], contact[wanted.col]
-    if not rows.size:
-        return matrix
-    part = sp.csr_array(matrix[contact])
-    part.sort_indices()
-    there = np.repeat(contact, np.diff(part.indptr)) * matrix.shape[0] + part.indices
-    keys = rows * matrix.shape[0] + columns
-    missing = there[np.minimum(np.searchsorted(there, keys), len(there) - 1)] != keys
-    if not missing.any():
-        return matrix
-    entries = matrix.tocoo()
-    data = np.concatenate([entries.data, np.zeros(int(missing.sum()))])
-    index = (np.concatenate([entries.row, rows[missing]]), np.concatenate([entries.col, columns[missing]]))
-    return sp.csr_array((data, index), shape=matrix.shape)

@@ -13,7 +13,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.linear.algebraic import NodeSlots, algebraic_levels
 from hemivar.linear.krylov import conjugate_gradients
-from hemivar.linear.levels import COARSEST, Levels, Transfer
+from hemivar.linear.levels import COARSEST, LevelMatrix, Levels, Transfer
 from hemivar.linear.threads import one_thread
 
 if TYPE_CHECKING:
@@ -23,6 +23,12 @@ __all__ = ["GridLevel", "Hierarchy"]
 
 _NESTED = 1e-3
 _ITERATIONS = 100
+
+
+def _regular(n: int, near: Array | None) -> NodeSlots:
+    """The nodes of an algebraic level: as many unknowns each as there are motions that the matrix hardly resists."""
+    size = 1 if near is None else near.shape[1]
+    return NodeSlots(np.arange(n), size, n // size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +69,7 @@ class Hierarchy:
         prolongations: Sequence[sp.csr_array] = (),
         *,
         near: Array | None = None,
-        slots: NodeSlots | None = None,
+        slots: Sequence[NodeSlots | None] = (),
         contacts: Sequence[IntArray] = (),
         points: Sequence[IntArray] = (),
     ) -> Hierarchy:
@@ -79,15 +85,16 @@ class Hierarchy:
             ``prolongations[k]``, shape (n_k, n_(k+1)), leads from level k + 1 to level k.
         near : array, shape (n, q), optional
             What the coarsest given matrix hardly resists, such as rigid motions; constants by default.
-        slots : NodeSlots, optional
-            Where its unknowns stand by nodes; by default each by itself.
+        slots : sequence of NodeSlots or None, optional
+            Where the unknowns of the given matrices stand by nodes; by default each by itself.
         contacts, points : sequences of int arrays, optional
             Of each level the unknowns that may be held and the point that each belongs to; see :class:`Levels`.
         """
         given = list(matrices) if isinstance(matrices, Sequence) else [sp.csr_array(matrices)]
         for P in prolongations[len(given) - 1 :]:
             given.append(sp.csr_array(P.T @ given[-1] @ P))
-        below = algebraic_levels(given[-1], near, slots) if given[-1].shape[0] > COARSEST else []
+        nodes = [*slots, *[None] * (len(given) - len(slots))]
+        below = algebraic_levels(given[-1], near, nodes[-1]) if given[-1].shape[0] > COARSEST else []
         nothing: list[IntArray] = [np.zeros(0, dtype=np.int64)]
         none = nothing * (len(below) + (0 if contacts else len(given)))
         transfers = [transfer for _, transfer in below] + [Transfer.of(P) for P in reversed(prolongations)]
@@ -97,6 +104,8 @@ class Hierarchy:
             none + list(reversed(contacts)),
             none + list(reversed(points)),
             len(below),
+            slots=[_regular(matrix.shape[0], near) for matrix, _ in below]
+            + [NodeSlots.single(A.shape[0]) if one is None else one for A, one in zip(given, nodes, strict=True)][::-1],
         )
         return Hierarchy(stack)
 
@@ -150,11 +159,12 @@ class Hierarchy:
         if nested:
             prolongation = stack.transfers[top - 1].prolongation
             x = prolongation @ self._solve(top - 1, prolongation.T @ load, _NESTED, nested)[0]
-        A = stack.matrix(top)
+        A = LevelMatrix(stack, top)
         rest = load - A @ x if nested else load
         size = tolerance * float(np.linalg.norm(load))
         if float(np.linalg.norm(rest)) <= size:
             return x, 0
         diagonal = stack.diagonal(top)
-        found = conjugate_gradients(A, diagonal, rest, lambda v: stack.cycle(top, v), size, _ITERATIONS)
+        cycle = stack.preconditioner(top)
+        found = conjugate_gradients(A, diagonal, rest, cycle, size, _ITERATIONS, flexible=cycle.flexible)
         return x + found.solution, found.iterations

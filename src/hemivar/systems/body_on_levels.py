@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +26,7 @@ from hemivar.linear.definite import (
     refuse_indefinite,
     rounding,
 )
-from hemivar.linear.levels import COARSEST
+from hemivar.linear.levels import COARSEST, Preconditioner
 from hemivar.linear.vectors import WHOLE
 from hemivar.systems.body import Body
 from hemivar.systems.condensed import ROUNDED
@@ -198,10 +199,14 @@ class _TruncatedBody:
         self._levels.change(held, sp.csr_array((entries, (rows, columns)), shape=(body.unknown.size,) * 2))
 
     def __matmul__(self, vector: Array) -> Array:
-        return np.asarray(self._levels.matrix(self._body.top) @ vector)
+        return self._levels.multiply(self._body.top, vector)
 
     def cycle(self, right: Array) -> Array:
-        return self._levels.cycle(self._body.top, right)
+        return self._levels.fast_cycle(self._body.top, right)
+
+    def preconditioner(self) -> tuple[bool, Callable[[Array], Array]]:
+        cycle = Preconditioner(self._levels, self._body.top)
+        return cycle.flexible, cycle
 
     def release(self) -> None:
         self._body.hierarchy.levels.give_back(self._levels)

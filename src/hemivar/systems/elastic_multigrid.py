@@ -56,7 +56,7 @@ class ElasticMultigrid:
             [p.stiffness for p in problems],
             [step.prolongation for step in chain],
             near=near_kernel(coarsest) if large else None,
-            slots=node_slots(coarsest) if large else None,
+            slots=[node_slots(p) for p in problems],
             contacts=[part[0] for part in parts],
             points=[part[3] for part in parts],
         )
@@ -88,8 +88,13 @@ def node_slots(problem: DiscreteProblem) -> NodeSlots | None:
     if problem.field is None:
         return None
     basis, size = problem.field.basis.tocsc(), problem.field.components
-    node = basis.indices[basis.indptr[:-1]] // size
-    first = np.concatenate([[True], np.diff(node) != 0])
-    start = np.maximum.accumulate(np.where(first, np.arange(node.size), 0))
-    used, number = np.unique(node, return_inverse=True)
-    return NodeSlots(number * size + np.arange(node.size) - start, size, used.size)
+    node, component = np.divmod(basis.indices[basis.indptr[:-1]], size)
+    used = np.zeros(basis.shape[0] // size, dtype=bool)
+    used[node] = True
+    number, signs = np.cumsum(used) - 1, None
+    if basis.nnz > node.size:  # directions of a node that are turned: one after the other
+        first = np.concatenate([[True], np.diff(node) != 0])
+        component = np.arange(node.size) - np.maximum.accumulate(np.where(first, np.arange(node.size), 0))
+    else:
+        signs = np.sign(basis.data)
+    return NodeSlots(number[node] * size + component, size, int(number[-1]) + 1, signs)

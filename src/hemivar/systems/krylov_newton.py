@@ -54,6 +54,10 @@ class Truncation(Protocol):
         """About the inverse times a vector that is zero where held; so is the answer."""
         ...
 
+    def preconditioner(self) -> tuple[bool, Callable[[Array], Array]]:
+        """The cycle for one run of conjugate gradients, and whether it may change a little on the way."""
+        ...
+
     def release(self) -> None:
         """Give its memory back."""
         ...
@@ -102,10 +106,11 @@ class KrylovNewton:
         right[body.unknown] -= body.gather(body.weights[:, None] * at.line.gradient)
         right[body.unknown[held]] = 0.0
         scale = body.load_scale.of(float(body.vectors.norms(at.force[body.unknown])[0]))
+        flexible, cycle = self.matrix.preconditioner()
         found = conjugate_gradients(
-            self.matrix, self.matrix.diagonal, right, self.matrix.cycle, accuracy.absolute + accuracy.tolerance * scale,
+            self.matrix, self.matrix.diagonal, right, cycle, accuracy.absolute + accuracy.tolerance * scale,
             accuracy.iterations, None if accuracy.due is None else _Enough(body, at, accuracy.due), body.vectors,
-            sparing=True,
+            sparing=True, flexible=flexible,
         )  # fmt: skip
         bent = right - found.residual  # laws and held unknowns act in the contact rows only
         bent[body.unknown] = body.pull(found.solution)

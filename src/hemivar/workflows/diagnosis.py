@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.machine import cores, import_fails, system
 from hemivar.basics.memory import available_bytes
+from hemivar.kernels import kernels
+from hemivar.kernels import threads as kernel_threads
 from hemivar.workflows.events import Phase
 
 __all__ = ["Diagnosis", "Part", "diagnose"]
@@ -90,6 +92,8 @@ class Diagnosis:
     required, optional : tuple of Part
     threads : tuple of (str, int)
         Libraries of dense linear algebra and how many threads each takes.
+    kernels : int or None
+        Threads that the compiled kernels take; None where they are not there.
     seconds : float or None
         Time to solve and certify a small problem; None where that failed.
     failed : str or None
@@ -106,6 +110,7 @@ class Diagnosis:
     required: tuple[Part, ...]
     optional: tuple[Part, ...]
     threads: tuple[tuple[str, int], ...]
+    kernels: int | None
     seconds: float | None
     failed: str | None
     remarks: tuple[str, ...]
@@ -161,6 +166,7 @@ def diagnose(*, limit: float = 30.0) -> Generator[Phase, bool | None, Diagnosis]
         required=required,
         optional=tuple(optional),
         threads=threads,
+        kernels=None if kernels() is None else kernel_threads(),
         seconds=seconds,
         failed=failed,
         remarks=_remarks(required, tuple(optional), threads, cores(), failed),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from hemivar.basics.types import Array, BoolArray
@@ -57,6 +58,9 @@ class ReusedCycle:
     def cycle(self, right: Array) -> Array:
         assert self._matrix is not None
         return self._matrix.cycle(right)
+
+    def preconditioner(self) -> tuple[bool, Callable[[Array], Array]]:
+        return False, self.cycle
 
     def release(self) -> None:
         """The cycle stays."""

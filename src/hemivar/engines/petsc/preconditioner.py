@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -232,6 +233,9 @@ class Multigrid:
         own, stiffness = _diagonal(body, curvature), body.stiffness[body.active]
         other = np.abs(own - before) > _OTHER * (stiffness + np.minimum(own, before))
         return bool(body.ranks.largest(float(((held != held_then) | (other & ~held)).any()))[0])
+
+    def preconditioner(self) -> tuple[bool, Callable[[Array], Array]]:
+        return False, self.cycle
 
     def release(self) -> None:
         """Give its memory back."""

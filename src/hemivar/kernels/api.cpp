@@ -1,0 +1,167 @@
+// What Python calls. Arrays are checked there; 0 means done, 1 no memory, 2 not for these kernels.
+#include <algorithm>
+#include <new>
+#include <stdexcept>
+
+#include "levels.hpp"
+#include "pool.hpp"
+
+#ifdef _WIN32
+#define HEMIVAR_API extern "C" __declspec(dllexport)
+#else
+#define HEMIVAR_API extern "C" __attribute__((visibility("default")))
+#endif
+
+using namespace hemivar;
+
+namespace {
+
+template <class Work>
+int guarded(Work&& work) {
+    try {
+        work();
+        return 0;
+    } catch (const std::bad_alloc&) {
+        return 1;
+    } catch (...) {
+        return 2;
+    }
+}
+
+struct Pair {
+    double first, second;
+    Pair& operator+=(const Pair& other) {
+        first += other.first;
+        second += other.second;
+        return *this;
+    }
+};
+
+// Sums of pieces, added up in their order.
+template <class Work>
+auto ordered_sum(int64_t n, const Work& work) {
+    constexpr int64_t chunk = 8192, most = 512;
+    using Value = decltype(work(n, n));
+    Value parts[most], sum{};
+    for (int64_t first = 0; first < n; first += chunk * most) {
+        const int64_t last = std::min(n, first + chunk * most), pieces = (last - first + chunk - 1) / chunk;
+        share(pieces, [&](int64_t piece) {
+            const int64_t from = first + piece * chunk;
+            parts[piece] = work(from, std::min(last, from + chunk));
+        });
+        for (int64_t piece = 0; piece < pieces; ++piece) sum += parts[piece];
+    }
+    return sum;
+}
+
+}  // namespace
+
+HEMIVAR_API int hv_abi() { return 1; }
+
+HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
+
+HEMIVAR_API void hv_after_fork() { Pool::renew(); }
+
+HEMIVAR_API Levels* hv_levels_new(int64_t count) {
+    Levels* made = nullptr;
+    guarded([&] { made = new Levels(count); });
+    return made;
+}
+
+HEMIVAR_API void hv_levels_free(Levels* levels) { delete levels; }
+
+HEMIVAR_API int hv_levels_matrix(Levels* levels, int64_t k, int64_t n, const int32_t* indptr, const int32_t* indices,
+                                 const double* data, int d, int64_t nodes, const int32_t* place, const float* signs,
+                                 const int32_t* contact, int64_t contacts) {
+    return guarded([&] {
+        levels->levels[k] =
+            std::make_unique<Level>(Csr{n, n, indptr, indices, data}, d, nodes, place, signs, contact, contacts);
+    });
+}
+
+HEMIVAR_API int hv_levels_transfer(Levels* levels, int64_t k, int64_t rows, int64_t columns, const int32_t* indptr,
+                                   const int32_t* indices, const double* data) {
+    return guarded([&] {
+        levels->transfers[k] = std::make_unique<Transfer>(Csr{rows, columns, indptr, indices, data},
+                                                          *levels->levels[k + 1], *levels->levels[k]);
+    });
+}
+
+HEMIVAR_API Truncation* hv_truncation_new(const Levels* levels) {
+    Truncation* made = nullptr;
+    guarded([&] { made = new Truncation(*levels); });
+    return made;
+}
+
+HEMIVAR_API void hv_truncation_free(Truncation* truncation) { delete truncation; }
+
+HEMIVAR_API int64_t hv_contact_entries(const Levels* levels, int64_t k) {
+    return static_cast<int64_t>(levels->levels[k]->target.size());
+}
+
+HEMIVAR_API int hv_truncation_rows(Truncation* truncation, int64_t k, const uint8_t* held, const double* values) {
+    return guarded([&] { truncation->change(k, held, values); });
+}
+
+// Another matrix on a level; its scale stays that of the transfers.
+HEMIVAR_API int hv_truncation_matrix(Truncation* truncation, int64_t k, int64_t n, const int32_t* indptr,
+                                     const int32_t* indices, const double* data) {
+    return guarded([&] {
+        const Level& before = *truncation->levels.levels[k];
+        const std::vector<float> signs(n, 1.0f);
+        truncation->changed[k].level = std::make_unique<Level>(Csr{n, n, indptr, indices, data}, before.d, before.nodes,
+                                                               before.place.data(), signs.data(), nullptr, 0,
+                                                               &before.unit);
+    });
+}
+
+HEMIVAR_API int hv_truncation_root(Truncation* truncation, const double* root) {
+    return guarded([&] { truncation->set_root(root); });
+}
+
+HEMIVAR_API int hv_cycle(const Truncation* truncation, int64_t top, const double* right, double* out) {
+    return guarded([&] { truncation->cycle(top, right, out); });
+}
+
+// y = A x of a matrix by rows.
+HEMIVAR_API void hv_multiply(int64_t n, const int32_t* indptr, const int32_t* indices, const double* data,
+                             const double* x, double* y) {
+    constexpr int64_t chunk = 4 * kChunk;
+    share((n + chunk - 1) / chunk, [&](int64_t piece) {
+        for (int64_t i = piece * chunk; i < std::min(n, (piece + 1) * chunk); ++i) {
+            double sum = 0.0;
+            for (int32_t e = indptr[i]; e < indptr[i + 1]; ++e) sum += data[e] * x[indices[e]];
+            y[i] = sum;
+        }
+    });
+}
+
+// x += length p, r -= length q; the square of r.
+HEMIVAR_API double hv_advance(int64_t n, double length, const double* p, const double* q, double* x, double* r) {
+    return ordered_sum(n, [&](int64_t from, int64_t to) {
+        double sum = 0.0;
+        for (int64_t k = from; k < to; ++k) {
+            x[k] += length * p[k];
+            r[k] -= length * q[k];
+            sum += r[k] * r[k];
+        }
+        return sum;
+    });
+}
+
+// p'q and p'Dp.
+HEMIVAR_API void hv_curvature(int64_t n, const double* p, const double* q, const double* diagonal, double* out) {
+    const Pair found = ordered_sum(n, [&](int64_t from, int64_t to) {
+        Pair sum{0.0, 0.0};
+        for (int64_t k = from; k < to; ++k) {
+            sum.first += p[k] * q[k];
+            sum.second += p[k] * p[k] * diagonal[k];
+        }
+        return sum;
+    });
+    out[0] = found.first;
+    out[1] = found.second;
+}
+
+// On Windows an extension must have one; nobody imports it.
+HEMIVAR_API void* PyInit__compiled() { return nullptr; }

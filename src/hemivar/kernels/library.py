@@ -1,0 +1,130 @@
+"""The compiled library beside this module: found, checked, and told how many threads it may take."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from ctypes import c_double, c_int, c_int64, c_void_p
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from hemivar.basics.machine import cores
+from hemivar.basics.types import Array
+
+__all__ = ["Kernels", "kernels", "threads"]
+
+#: What both sides agree on; a library of another version is left alone.
+_ABI = 1
+_NAMES = ("_compiled.so", "_compiled.pyd")
+#: Most threads that are ever taken.
+_MOST = 256
+
+#: Functions with their arguments and what they return; None for nothing.
+_FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
+    "hv_set_threads": ([c_int], None),
+    "hv_after_fork": ([], None),
+    "hv_levels_new": ([c_int64], c_void_p),
+    "hv_levels_free": ([c_void_p], None),
+    "hv_levels_matrix": (
+        [c_void_p, c_int64, c_int64, *[c_void_p] * 3, c_int, c_int64, *[c_void_p] * 3, c_int64],
+        c_int,
+    ),
+    "hv_levels_transfer": ([c_void_p, c_int64, c_int64, c_int64, c_void_p, c_void_p, c_void_p], c_int),
+    "hv_truncation_new": ([c_void_p], c_void_p),
+    "hv_truncation_free": ([c_void_p], None),
+    "hv_truncation_rows": ([c_void_p, c_int64, c_void_p, c_void_p], c_int),
+    "hv_truncation_matrix": ([c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p], c_int),
+    "hv_truncation_root": ([c_void_p, c_void_p], c_int),
+    "hv_cycle": ([c_void_p, c_int64, c_void_p, c_void_p], c_int),
+    "hv_multiply": ([c_int64, *[c_void_p] * 5], None),
+    "hv_advance": ([c_int64, c_double, c_void_p, c_void_p, c_void_p, c_void_p], c_double),
+    "hv_curvature": ([c_int64, *[c_void_p] * 4], None),
+}
+
+
+class Kernels:
+    """The functions of the library.
+
+    Attributes
+    ----------
+    call : ctypes.CDLL
+        They leave the interpreter to other threads while they work.
+    """
+
+    def __init__(self, call: ctypes.CDLL) -> None:
+        self.call = call
+
+    @staticmethod
+    def address(array: np.ndarray) -> int:
+        """Where the numbers of an array are."""
+        return int(array.__array_interface__["data"][0])
+
+    @staticmethod
+    def check(status: int) -> None:
+        """Raise what a function could not do."""
+        if status == 1:
+            raise MemoryError("no memory for the compiled kernels")
+        if status:
+            raise ValueError("the compiled kernels cannot hold this matrix")
+
+    def curvature(self, p: Array, q: Array, diagonal: Array) -> tuple[float, float]:
+        """``p'q`` and ``p' diag(diagonal) p`` of arrays (n,), summed in the same order by any number of threads."""
+        at, p, q = self.address, _vector(p, p.size), _vector(q, p.size)
+        found = np.empty(2)
+        self.call.hv_curvature(p.size, at(p), at(q), at(_vector(diagonal, p.size)), at(found))
+        return float(found[0]), float(found[1])
+
+    def advance(self, length: float, p: Array, q: Array, x: Array, r: Array) -> float:
+        """``x += length p``, ``r -= length q``, in place, and the square of r; all arrays (n,)."""
+        at, n = self.address, x.size
+        for changed in (x, r):
+            if _vector(changed, n) is not changed or not changed.flags.writeable:
+                raise ValueError("what is changed in place must be a contiguous array of float64")
+        return float(self.call.hv_advance(n, length, at(_vector(p, n)), at(_vector(q, n)), at(x), at(r)))
+
+
+def _vector(x: Array, n: int) -> Array:
+    """A contiguous array (n,) of these numbers."""
+    found = np.ascontiguousarray(x, dtype=float)
+    if found.shape != (n,):
+        raise ValueError(f"a vector of {n} numbers is needed, not {found.shape}")
+    return found
+
+
+@lru_cache
+def kernels() -> Kernels | None:
+    """The compiled kernels; None where they were not built, or ``HEMIVAR_KERNELS`` is ``none``."""
+    if os.environ.get("HEMIVAR_KERNELS", "").strip().lower() == "none":
+        return None
+    for path in (Path(__file__).with_name(name) for name in _NAMES):
+        if not path.is_file():
+            continue
+        try:
+            call = ctypes.CDLL(str(path))
+            call.hv_abi.restype = c_int
+            if call.hv_abi() != _ABI:
+                continue
+            for name, (arguments, result) in _FUNCTIONS.items():
+                function = getattr(call, name)
+                function.argtypes, function.restype = arguments, result
+        except (OSError, AttributeError):  # of another machine, or damaged
+            continue
+        call.hv_set_threads(threads())
+        if hasattr(os, "register_at_fork"):
+            os.register_at_fork(after_in_child=call.hv_after_fork)
+        return Kernels(call)
+    return None
+
+
+def threads() -> int:
+    """How many threads the kernels take.
+
+    What ``HEMIVAR_NUM_THREADS`` says, else ``OMP_NUM_THREADS``, else the processors that this process may use.
+    """
+    for name in ("HEMIVAR_NUM_THREADS", "OMP_NUM_THREADS"):
+        wanted = os.environ.get(name, "").split(",")[0].strip()
+        if wanted.isascii() and wanted.isdigit() and int(wanted) > 0:
+            return min(int(wanted), _MOST)
+    return min(cores(), _MOST)

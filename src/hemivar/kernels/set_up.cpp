@@ -1,0 +1,321 @@
+// From matrices by rows to levels in blocks.
+#include "levels.hpp"
+
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "lanes.hpp"
+#include "pool.hpp"
+
+namespace hemivar {
+
+namespace {
+
+// Weights of prolongations, of order one, that are nothing but rounding.
+constexpr double kRounded = 1e-14;
+
+// Exactly, for the same numbers must come out in every unit.
+double scale_of(double value) { return value > 0.0 && std::isfinite(value) ? 1.0 / std::sqrt(value) : 1.0; }
+
+// The inverse (d, d) of a block over `weight`, on its free components; a pivot that is not positive becomes one.
+void invert(const float* own, int d, double weight, const bool* free, float* inverse) {
+    double matrix[36], right[36];
+    for (int i = 0; i < d; ++i) {
+        for (int j = 0; j < d; ++j) {
+            const bool both = free[i] && free[j];
+            matrix[i * d + j] = both ? weight * own[i * d + j] : 0.0;
+            right[i * d + j] = i == j && free[i] ? 1.0 : 0.0;
+        }
+        if (!free[i]) matrix[i * d + i] = 1.0;
+    }
+    for (int k = 0; k < d; ++k) {  // Gauss-Jordan; the block is symmetric and positive
+        double pivot = matrix[k * d + k];
+        const double size = std::abs(static_cast<double>(own[k * d + k])) * weight;
+        if (!(pivot > 1e-10 * size)) pivot = size > 0.0 ? size : 1.0;
+        for (int j = 0; j < d; ++j) {
+            matrix[k * d + j] /= pivot;
+            right[k * d + j] /= pivot;
+        }
+        for (int i = 0; i < d; ++i) {
+            const double factor = matrix[i * d + k];
+            if (i == k || factor == 0.0) continue;
+            for (int j = 0; j < d; ++j) {
+                matrix[i * d + j] -= factor * matrix[k * d + j];
+                right[i * d + j] -= factor * right[k * d + j];
+            }
+        }
+    }
+    for (int i = 0; i < d * d; ++i) inverse[i] = static_cast<float>(right[i]);
+}
+
+}  // namespace
+
+Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, const float* signs,
+             const int32_t* contact, int64_t contacts, const Array<double>* scaled)
+    : d(size), nodes(count), n(matrix.rows), place(places, places + matrix.rows), unit(signs, signs + matrix.rows) {
+    Array<double> scale(count, 1.0);
+    const int64_t dd = static_cast<int64_t>(d) * d;
+    Array<int32_t> unknown(nodes * d, -1);
+    plain = n == nodes * d;
+    for (int64_t k = 0; k < n; ++k) {
+        unknown[place[k]] = static_cast<int32_t>(k);
+        plain = plain && place[k] == k;
+    }
+    block = std::max(kSmallest, (nodes + kBlocks - 1) / kBlocks);
+    start.assign(nodes + 1, 0);
+    const int64_t work = (nodes + kChunk - 1) / kChunk;
+    // Columns of the row of a node but its own, in order.
+    auto columns_of = [&](int64_t i, std::vector<int32_t>& found) {
+        found.clear();
+        for (int c = 0; c < d; ++c) {
+            const int32_t row = unknown[i * d + c];
+            if (row < 0) continue;
+            for (int32_t e = matrix.indptr[row]; e < matrix.indptr[row + 1]; ++e) {
+                const int32_t node = place[matrix.indices[e]] / d;
+                if (node != i && (found.empty() || found.back() != node)) found.push_back(node);
+            }
+        }
+        std::sort(found.begin(), found.end());
+        found.erase(std::unique(found.begin(), found.end()), found.end());
+    };
+    share(work, [&](int64_t piece) {
+        std::vector<int32_t> found;
+        for (int64_t i = piece * kChunk; i < std::min(nodes, (piece + 1) * kChunk); ++i) {
+            columns_of(i, found);
+            start[i + 1] = static_cast<int32_t>(found.size());
+            double largest = 0.0;
+            for (int c = 0; c < d; ++c) {
+                const int32_t row = unknown[i * d + c];
+                if (row < 0) continue;
+                for (int32_t e = matrix.indptr[row]; e < matrix.indptr[row + 1]; ++e) {
+                    if (matrix.indices[e] == row) largest = std::max(largest, std::abs(matrix.data[e]));
+                }
+            }
+            scale[i] = scale_of(largest);
+        }
+    });
+    for (int64_t k = 0; k < n; ++k) unit[k] = scaled ? (*scaled)[k] : unit[k] * scale[place[k] / d];
+    int64_t total = 0, longest = 0;
+    for (int64_t i = 0; i < nodes; ++i) {
+        longest = std::max(longest, static_cast<int64_t>(start[i + 1]));
+        total += start[i + 1];
+        if (total > std::numeric_limits<int32_t>::max()) throw std::length_error("blocks");
+        start[i + 1] = static_cast<int32_t>(total);
+    }
+    if (longest > std::numeric_limits<uint16_t>::max()) throw std::length_error("row");
+    column.resize(total);
+    before.resize(nodes);
+    outside.resize(nodes);
+    weight.assign(nodes, 1.0f);
+    rows.block.assign(total * dd + kBeyond, 0.0f);
+    rows.own.assign(nodes * dd + kBeyond, 0.0f);
+    rows.inverse.assign(nodes * dd + kBeyond, 0.0f);
+    share(work, [&](int64_t piece) {
+        std::vector<int32_t> found, number;  // columns in order, and where they go
+        for (int64_t i = piece * kChunk; i < std::min(nodes, (piece + 1) * kChunk); ++i) {
+            columns_of(i, found);
+            const int64_t low = i / block * block, high = std::min(nodes, low + block);
+            auto rank = [&](int32_t j) { return j < low || j >= high ? 1 : (j < i ? 0 : 2); };
+            int count[3] = {0, 0, 0};
+            for (int32_t j : found) ++count[rank(j)];
+            before[i] = static_cast<uint16_t>(count[0]);
+            outside[i] = static_cast<uint16_t>(count[1]);
+            int32_t next[3] = {start[i], start[i] + count[0], start[i] + count[0] + count[1]};
+            number.resize(found.size());
+            for (size_t e = 0; e < found.size(); ++e) {
+                number[e] = next[rank(found[e])]++;
+                column[number[e]] = found[e];
+            }
+            bool free[6];
+            for (int c = 0; c < d; ++c) {
+                const int32_t row = unknown[i * d + c];
+                free[c] = row >= 0;
+                if (row < 0) {
+                    rows.own[i * dd + c * d + c] = 1.0f;
+                    continue;
+                }
+                for (int32_t e = matrix.indptr[row]; e < matrix.indptr[row + 1]; ++e) {
+                    const int32_t slot = place[matrix.indices[e]], j = slot / d, inside = slot % d * d + c;
+                    const double value = matrix.data[e] * unit[row] * unit[matrix.indices[e]];
+                    if (j == i) {
+                        rows.own[i * dd + inside] = static_cast<float>(value);
+                        continue;
+                    }
+                    const int64_t at = number[std::lower_bound(found.begin(), found.end(), j) - found.begin()];
+                    rows.block[at * dd + inside] = static_cast<float>(value);
+                }
+            }
+            // With all that couples blocks counted twice the sum of smoother and transpose exceeds the matrix.
+            double coupled[6] = {0, 0, 0, 0, 0, 0}, most = 0.0;
+            for (int64_t e = start[i] + before[i]; e < start[i] + before[i] + outside[i]; ++e) {
+                for (int c = 0; c < d * d; ++c) coupled[c % d] += std::abs(rows.block[e * dd + c]);
+            }
+            for (int c = 0; c < d; ++c) {
+                if (free[c]) most = std::max(most, coupled[c] / std::max(1e-30f, std::abs(rows.own[i * dd + c * d + c])));
+            }
+            weight[i] = static_cast<float>(std::max(1.0, 0.5 * (1.0 + most)));
+            invert(&rows.own[i * dd], d, weight[i], free, &rows.inverse[i * dd]);
+        }
+    });
+    // Where the entries of contact rows go.
+    for (int64_t k = 0; k < contacts; ++k) {
+        contact_slots.push_back(place[contact[k]]);
+        contact_nodes.push_back(place[contact[k]] / d);
+    }
+    std::sort(contact_nodes.begin(), contact_nodes.end());
+    contact_nodes.erase(std::unique(contact_nodes.begin(), contact_nodes.end()), contact_nodes.end());
+    contact_start.push_back(0);
+    for (int32_t i : contact_nodes) contact_start.push_back(contact_start.back() + start[i + 1] - start[i]);
+    for (int64_t k = 0; k < contacts; ++k) {
+        const int32_t i = contact_slots[k] / d, c = contact_slots[k] % d, row = contact[k];
+        const int64_t mine = std::lower_bound(contact_nodes.begin(), contact_nodes.end(), i) - contact_nodes.begin();
+        for (int32_t e = matrix.indptr[row]; e < matrix.indptr[row + 1]; ++e) {
+            const int32_t slot = place[matrix.indices[e]], j = slot / d, inside = slot % d * d + c;
+            contact_factor.push_back(unit[row] * unit[matrix.indices[e]]);
+            if (j == i) {
+                target.push_back(-1 - (mine * dd + inside));
+                continue;
+            }
+            const auto begin = column.begin() + start[i], end = column.begin() + start[i + 1];
+            const int64_t at = std::find(begin, end, j) - begin;
+            target.push_back((contact_start[mine] + at) * dd + inside);
+        }
+    }
+}
+
+Transfer::Transfer(const Csr& P, const Level& fine, const Level& coarse) {
+    struct Entry {
+        int32_t row, column;
+        float weight;
+        uint8_t first, second;
+    };
+    std::vector<Entry> entries;
+    entries.reserve(P.indptr[P.rows]);
+    for (int64_t k = 0; k < P.rows; ++k) {
+        const int32_t slot = fine.place[k];
+        for (int32_t e = P.indptr[k]; e < P.indptr[k + 1]; ++e) {
+            const int32_t below = coarse.place[P.indices[e]];
+            const float w = static_cast<float>(P.data[e] * coarse.unit[P.indices[e]] / fine.unit[k]);
+            if (std::abs(P.data[e]) > kRounded) entries.push_back({slot, below, w, 0, 0});
+        }
+    }
+    // By nodes if each block is a multiple of the identity, but for unknowns that do not exist.
+    bool alike = fine.d == coarse.d && fine.d > 1;
+    if (alike) {
+        const int d = fine.d;
+        std::vector<Entry> nodal;
+        std::vector<uint8_t> there(fine.nodes * d, 0), below(coarse.nodes * d, 0);
+        for (int32_t slot : fine.place) there[slot] = 1;
+        for (int32_t slot : coarse.place) below[slot] = 1;
+        for (const Entry& e : entries) {
+            alike = alike && e.row % d == e.column % d;
+            nodal.push_back({e.row / d, e.column / d, e.weight, 1, 0});
+        }
+        if (alike) {
+            auto by = [](const Entry& a, const Entry& b) {
+                return a.row != b.row ? a.row < b.row : a.column < b.column;
+            };
+            if (!std::is_sorted(nodal.begin(), nodal.end(), by)) std::sort(nodal.begin(), nodal.end(), by);
+            std::vector<Entry> once;
+            for (const Entry& e : nodal) {
+                if (!once.empty() && once.back().row == e.row && once.back().column == e.column) {
+                    alike = alike && std::abs(once.back().weight - e.weight) <= 1e-6f * std::abs(e.weight);
+                    once.back().first++;
+                } else {
+                    once.push_back(e);
+                }
+            }
+            for (const Entry& e : once) {
+                int both = 0;
+                for (int c = 0; c < d; ++c) both += there[e.row * d + c] && below[e.column * d + c];
+                alike = alike && both == e.first;
+            }
+            if (alike) entries.swap(once);
+        }
+    }
+    components = alike ? fine.d : 1;
+    const int64_t above = alike ? fine.nodes : fine.nodes * fine.d, under = alike ? coarse.nodes : coarse.nodes * coarse.d;
+    auto put = [&](int64_t count, bool turned, Array<int32_t>& begin, Array<int32_t>& to, Array<float>& w) {
+        begin.assign(count + 1, 0);
+        for (const Entry& e : entries) ++begin[(turned ? e.column : e.row) + 1];
+        for (int64_t i = 0; i < count; ++i) begin[i + 1] += begin[i];
+        std::vector<int32_t> next(begin.begin(), begin.end() - 1);
+        to.resize(entries.size());
+        w.resize(entries.size());
+        for (const Entry& e : entries) {
+            const int32_t at = next[turned ? e.column : e.row]++;
+            to[at] = turned ? e.row : e.column;
+            w[at] = e.weight;
+        }
+    };
+    put(above, false, start, column, weight);
+    put(under, true, back_start, back_column, back_weight);
+}
+
+void Truncation::change(int64_t k, const uint8_t* held, const double* values) {
+    const Level& level = *levels.levels[k];
+    Changed& changed = this->changed[k];
+    const int d = level.d;
+    const int64_t dd = static_cast<int64_t>(d) * d, count = static_cast<int64_t>(level.contact_nodes.size());
+    Rows& rows = changed.rows;
+    rows.block.assign(level.contact_start.back() * dd + kBeyond, 0.0f);
+    rows.own.assign(count * dd + kBeyond, 0.0f);
+    rows.inverse.assign(count * dd + kBeyond, 0.0f);
+    // Rows of components that are no contact unknowns stay.
+    for (int64_t m = 0; m < count; ++m) {
+        const int64_t i = level.contact_nodes[m];
+        std::copy_n(&level.rows.own[i * dd], dd, &rows.own[m * dd]);
+        const int64_t length = (level.start[i + 1] - level.start[i]) * dd;
+        if (length == 0) continue;
+        std::copy_n(&level.rows.block[level.start[i] * dd], length, &rows.block[level.contact_start[m] * dd]);
+    }
+    for (size_t e = 0; e < level.target.size(); ++e) {
+        const float value = static_cast<float>(values[e] * level.contact_factor[e]);
+        const int64_t at = level.target[e];
+        if (at >= 0) {
+            rows.block[at] = value;
+        } else {
+            rows.own[-1 - at] = value;
+        }
+    }
+    std::vector<uint8_t> free(count * d, 0), there(level.nodes * d, 0);
+    for (int32_t slot : level.place) there[slot] = 1;
+    for (int64_t m = 0; m < count; ++m) {
+        for (int c = 0; c < d; ++c) free[m * d + c] = there[level.contact_nodes[m] * d + c];
+    }
+    changed.held.clear();
+    for (size_t u = 0; u < level.contact_slots.size(); ++u) {
+        if (!held[u]) continue;
+        const int32_t slot = level.contact_slots[u];
+        const auto begin = level.contact_nodes.begin();
+        const int64_t m = std::lower_bound(begin, level.contact_nodes.end(), slot / d) - begin;
+        changed.held.push_back(slot);
+        free[m * d + slot % d] = 0;
+    }
+    for (int64_t m = 0; m < count; ++m) {
+        bool mine[6];
+        for (int c = 0; c < d; ++c) mine[c] = free[m * d + c] != 0;
+        invert(&rows.own[m * dd], d, level.weight[level.contact_nodes[m]], mine,
+               &rows.inverse[m * dd]);
+    }
+    changed.active = true;
+}
+
+void Truncation::set_root(const double* given) {
+    const Level& coarsest = level(0);
+    const int64_t n = coarsest.n;
+    root.resize(n * n);
+    first.resize(n);
+    for (int64_t i = 0; i < n; ++i) {
+        const double scale = coarsest.unit[i];
+        int64_t begin = 0;
+        while (begin < n && given[i * n + begin] == 0.0) ++begin;
+        first[i] = static_cast<int32_t>(begin);
+        for (int64_t j = 0; j < n; ++j) root[i * n + j] = static_cast<float>(given[i * n + j] / scale);
+    }
+}
+
+}  // namespace hemivar

@@ -1,0 +1,192 @@
+"""One level of a hierarchy, and the rows of its contact unknowns, which a solve changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.linear.point_smoother import Points, PointSmoother
+
+__all__ = ["Coupling", "Level", "TruncatedLevel", "narrow"]
+
+
+class Coupling:
+    """The places of a symmetric matrix between contact unknowns, and what it is for the next coarser ones.
+
+    Attributes
+    ----------
+    keys : int array (p,)
+        ``row * k + column`` of each place, in order.
+    rows, columns : int arrays (p,)
+    diagonal : int array (k,)
+        Which of them are on the diagonal.
+    """
+
+    def __init__(self, pattern: sp.csr_array) -> None:
+        self.size = pattern.shape[0]
+        entries = pattern.tocoo()
+        self.keys = np.unique(entries.row.astype(np.int64) * self.size + entries.col)
+        self.rows, self.columns = np.divmod(self.keys, max(self.size, 1))
+        self.diagonal = np.searchsorted(self.keys, np.arange(self.size) * (self.size + 1))
+
+    def values(self, matrix: sp.csr_array, place: IntArray) -> Array:
+        """The entries (p,) of a matrix whose rows and columns are the contact unknowns ``place``."""
+        entries = matrix.tocoo()
+        found = np.zeros(self.keys.size)
+        keys = place[entries.row] * self.size + place[entries.col]
+        np.add.at(found, np.searchsorted(self.keys, keys), entries.data)
+        return found
+
+    def matrix(self, values: Array) -> sp.csr_array:
+        """The matrix (k, k) with these entries."""
+        there = values != 0.0
+        return sp.csr_array((values[there], (self.rows[there], self.columns[there])), shape=(self.size,) * 2)
+
+    def galerkin(self, between: sp.csr_array, coarse: Coupling) -> sp.csr_array:
+        """The entries (q,) of ``between' A between`` by those (p,) of A, as a matrix (q, p)."""
+        between = sp.csr_array(between)
+        count = np.diff(between.indptr).astype(np.int64)
+        first, second = count[self.rows], count[self.columns]
+        entry = np.repeat(np.arange(self.keys.size), first * second)
+        start = np.cumsum(first * second) - first * second
+        left, right = np.divmod(np.arange(entry.size) - start[entry], second[entry])
+        left += between.indptr[self.rows[entry]]
+        right += between.indptr[self.columns[entry]]
+        keys = between.indices[left].astype(np.int64) * coarse.size + between.indices[right]
+        weights = between.data[left] * between.data[right]
+        shape = (coarse.keys.size, self.keys.size)
+        return sp.csr_array((weights, (np.searchsorted(coarse.keys, keys), entry)), shape=shape)
+
+
+class Level:
+    """One matrix, and where in it the rows of contact unknowns are; never changed."""
+
+    def __init__(self, matrix: sp.csr_array, contact: IntArray, coupling: sp.csr_array) -> None:
+        self.contact = contact
+        self.matrix = narrow(_completed(matrix, contact, coupling))
+        starts, ends = self.matrix.indptr[contact], self.matrix.indptr[contact + 1]
+        lengths = (ends - starts).astype(np.int64)
+        first = np.concatenate([[0], np.cumsum(lengths)])
+        #: Where the entries of the contact rows are, the first of each row, and the row of each.
+        self.entries = np.arange(first[-1]) + np.repeat(starts - first[:-1], lengths)
+        self.first = first
+        self.rows = np.repeat(np.arange(contact.size), lengths)
+        self.columns = self.matrix.indices[self.entries].astype(np.int64)
+        self.values = self.matrix.data[self.entries]
+        keys = self.rows * matrix.shape[0] + self.columns
+        #: Which of these entries are on the diagonal.
+        self.own = np.searchsorted(keys, np.arange(contact.size) * matrix.shape[0] + contact)
+        self.coupling = Coupling(coupling)
+        #: Which of them are those of what is added between contact unknowns.
+        self.added = np.searchsorted(keys, self.coupling.rows * matrix.shape[0] + contact[self.coupling.columns])
+        self.diagonal = np.abs(self.matrix.diagonal())
+
+    def contact_rows(self, matrix: sp.csr_array) -> sp.csr_array:
+        """The rows of the contact unknowns of a matrix with the entries of this one."""
+        shape = (self.contact.size, matrix.shape[0])
+        return sp.csr_array((matrix.data[self.entries], self.columns, self.first), shape=shape)
+
+    def galerkin_change(self, held: BoolArray, added: sp.csr_array, prolongation: sp.csr_array) -> sp.csr_array:
+        """What holding and adding change in the Galerkin product with a prolongation that is cut off where held."""
+        rows = self.contact_rows(self.matrix)[held]
+        reach, cut = prolongation[self.contact], prolongation[self.contact[held]]
+        lost = cut.T @ (rows @ prolongation)
+        both = cut.T @ (rows[:, self.contact[held]] @ cut)
+        return sp.csr_array(both - lost - lost.T + reach.T @ (added @ reach))
+
+
+class TruncatedLevel:
+    """A level with some of its contact unknowns held, and a matrix added between the others."""
+
+    def __init__(self, level: Level) -> None:
+        self.level = level
+        self.held = np.zeros(level.contact.size, dtype=bool)
+        self.added = np.zeros(level.coupling.keys.size)
+        #: Entries of the contact rows.
+        self.values = level.values
+        #: Whether what is added is much stiffer than the body.
+        self.stiff = False
+        self._patch: PointSmoother | None = None
+        self._matrix = level.matrix
+        self._current = True
+
+    @property
+    def matrix(self) -> sp.csr_array:
+        """The matrix, made when it is asked for."""
+        if not self._current:
+            level = self.level
+            if self._matrix is level.matrix:
+                parts = (level.matrix.data.copy(), level.matrix.indices, level.matrix.indptr)
+                self._matrix = sp.csr_array(parts, shape=level.matrix.shape)
+            self._matrix.data[level.entries] = self.values
+            self._current = True
+        return self._matrix
+
+    @property
+    def rows(self) -> sp.csr_array:
+        """Those of the contact unknowns, (k, n)."""
+        level = self.level
+        shape = (level.contact.size, level.matrix.shape[0])
+        return sp.csr_array((self.values, level.columns, level.first), shape=shape)
+
+    def change(self, held: BoolArray, added: Array) -> bool:
+        """Make the rows of the held contact unknowns those of the identity, and add to the others; whether that is
+        anything new."""
+        level = self.level
+        if np.array_equal(held, self.held) and np.array_equal(added, self.added):
+            return False
+        values = level.values.copy()
+        values[level.added] += added
+        values[held[level.rows]] = 0.0
+        values[level.own[held]] = 1.0
+        self.held, self.added, self.values, self._current = held, added, values, False
+        self._patch = None
+        return True
+
+    def patch(self, blocks: Callable[[int], Points], k: int) -> PointSmoother | None:
+        """What smooths the contact points beforehand, where they are stiff."""
+        if self.stiff and self._patch is None:
+            self._patch = PointSmoother(self, blocks(k))
+        return self._patch if self.stiff else None
+
+    def shift(self, change: sp.csr_array) -> None:
+        """Add to the matrix of the level; unknowns that nothing is left of keep their diagonal entry."""
+        matrix = sp.csr_array(self.level.matrix + change)
+        before = self.level.diagonal
+        gone = matrix.diagonal() <= 1e-12 * before
+        if gone.any():
+            matrix = sp.csr_array(matrix + sp.diags_array(np.where(gone, before, 0.0)))
+        self._matrix = narrow(matrix)
+
+
+def narrow(matrix: sp.csr_array) -> sp.csr_array:
+    """The matrix with 32-bit indices, which the compiled kernels ask for, in order; its numbers may be shared."""
+    matrix = sp.csr_array(matrix)
+    indices, indptr = matrix.indices.astype(np.int32, copy=False), matrix.indptr.astype(np.int32, copy=False)
+    if matrix.has_sorted_indices:
+        return sp.csr_array((matrix.data, indices, indptr), shape=matrix.shape)
+    out = sp.csr_array((matrix.data.copy(), indices.copy(), indptr), shape=matrix.shape)
+    out.sort_indices()
+    return out
+
+
+def _completed(matrix: sp.csr_array, contact: IntArray, coupling: sp.csr_array) -> sp.csr_array:
+    """The matrix with an explicit zero wherever contact unknowns are coupled and it has no entry."""
+    wanted = coupling.tocoo()
+    rows, columns = contact[wanted.row], contact[wanted.col]
+    if not rows.size:
+        return matrix
+    part = sp.csr_array(matrix[contact])
+    part.sort_indices()
+    there = np.repeat(contact, np.diff(part.indptr)) * matrix.shape[0] + part.indices
+    keys = rows * matrix.shape[0] + columns
+    missing = there[np.minimum(np.searchsorted(there, keys), len(there) - 1)] != keys
+    if not missing.any():
+        return matrix
+    entries = matrix.tocoo()
+    data = np.concatenate([entries.data, np.zeros(int(missing.sum()))])
+    index = (np.concatenate([entries.row, rows[missing]]), np.concatenate([entries.col, columns[missing]]))
+    return sp.csr_array((data, index), shape=matrix.shape)

@@ -1,0 +1,315 @@
+"""The compiled kernels against those of pyamg: the same answers, the same bits, nothing read that is not there."""
+
+from __future__ import annotations
+
+import copy
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import hemivar as hv
+from hemivar import gallery
+from hemivar.discrete.contact import contact_unknowns
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.kernels import kernels, threads
+from hemivar.kernels import library as library_module
+from hemivar.linear import Hierarchy
+from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
+from hemivar.linear.krylov import conjugate_gradients
+from hemivar.linear.levels import Levels, Preconditioner, Transfer, Truncated
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
+
+built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
+
+
+@pytest.fixture
+def forget() -> Iterator[None]:
+    """What is known of the library is found out anew, and forgotten at the end."""
+    kernels.cache_clear()
+    yield
+    kernels.cache_clear()
+    kernels()
+
+
+def square(n: int = 64) -> DiscreteProblem:
+    return hv.discretize(gallery.survey("5.1", n, "right"))
+
+
+def cube(n: int = 12) -> DiscreteProblem:
+    return hv.discretize(gallery.survey_cube("5.1", n))
+
+
+def energy_norm(problem: DiscreteProblem, v: np.ndarray) -> float:
+    return float(np.sqrt(v @ (problem.stiffness @ v)))
+
+
+def test_the_environment_says_how_many_threads_and_whether_at_all(
+    monkeypatch: pytest.MonkeyPatch, forget: None
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "3,2")
+    monkeypatch.delenv("HEMIVAR_NUM_THREADS", raising=False)
+    assert threads() == 3
+    monkeypatch.setenv("HEMIVAR_NUM_THREADS", "2")
+    assert threads() == 2
+    monkeypatch.setenv("HEMIVAR_NUM_THREADS", "many")
+    assert threads() == 3
+    monkeypatch.delenv("OMP_NUM_THREADS")
+    assert 1 <= threads() <= (os.cpu_count() or 1)
+    monkeypatch.setenv("HEMIVAR_KERNELS", "none")
+    assert kernels() is None
+
+
+def test_a_library_that_is_damaged_or_of_another_version_is_left_alone(
+    monkeypatch: pytest.MonkeyPatch, forget: None, tmp_path: Path
+) -> None:
+    (tmp_path / "_compiled.so").write_bytes(b"no library")
+    monkeypatch.setattr(library_module, "__file__", str(tmp_path / "library.py"))
+    assert kernels() is None
+
+
+@built
+@pytest.mark.parametrize("make", [square, cube])
+@pytest.mark.parametrize("law", ["stated", "stiff friction"])
+def test_contact_and_linear_solves_agree_with_those_without(
+    make: object, law: str, monkeypatch: pytest.MonkeyPatch, forget: None
+) -> None:
+    problem = make()  # type: ignore[operator]
+    if law == "stiff friction":
+        stiff = hv.laws.ContactLaw(hv.laws.Signorini(), hv.laws.Tresca(0.05))
+        problem = problem.with_(law=stiff.at(problem.contact.points))
+    found = {}
+    for kind in ("none", "auto"):
+        monkeypatch.setenv("HEMIVAR_KERNELS", kind)
+        kernels.cache_clear()
+        hierarchy = ElasticMultigrid.of(problem)
+        assert (hierarchy.levels.compiled is None) == (kind == "none")
+        method = hv.solvers.NonsmoothMultigrid(tolerance=1e-12)
+        solution = hv.solve(problem, method, hv.Controls(rtol=1e-11))
+        assert solution.status is hv.Status.CONVERGED
+        found[kind] = hierarchy.solve(problem.load, 1e-12)[0], solution.unknowns
+    for one, other in zip(found["none"], found["auto"], strict=True):
+        assert energy_norm(problem, one - other) <= 1e-9 * energy_norm(problem, one)
+
+
+@built
+@pytest.mark.parametrize("make", [square, cube])
+def test_rows_of_contact_unknowns_are_changed_as_without(make: object) -> None:
+    problem = make()  # type: ignore[operator]
+    levels = ElasticMultigrid.of(problem).levels
+    top = len(levels.sizes) - 1
+    unknown = contact_unknowns(problem.contact)[0]
+    rng = np.random.default_rng(3)
+    held = rng.uniform(size=unknown.size) < 0.4
+    added = sp.diags_array(np.where(held, 0.0, problem.stiffness.diagonal()[unknown]))
+    truncated = Truncated(levels, top)
+    truncated.change(held, sp.csr_array(added))
+    x = rng.standard_normal(problem.unknowns)
+    x[unknown[held]] = 0.0
+    expected = truncated.matrix(top) @ x
+    np.testing.assert_allclose(truncated.multiply(top, x), expected, atol=1e-12 * np.abs(expected).max())
+    assert not truncated.fast_cycle(top, x)[unknown[held]].any()
+
+
+_RUN = """
+import sys, hashlib, numpy as np, hemivar as hv
+from hemivar import gallery
+from hemivar.kernels import kernels, threads
+for problem in hv.discretize(gallery.survey("5.1", 96, "right")), hv.discretize(gallery.survey_cube("5.1", 14)):
+    found = hv.solve(problem, hv.solvers.NonsmoothMultigrid())
+    print(hashlib.sha256(found.unknowns.tobytes()).hexdigest())
+assert kernels() is not None
+print(threads(), file=sys.stderr)
+"""
+
+
+@built
+def test_bits_do_not_depend_on_the_number_of_threads() -> None:
+    outputs = set()
+    for count in ("1", "2", "5"):
+        environment = os.environ | {"HEMIVAR_NUM_THREADS": count, "HEMIVAR_KERNELS": "auto", "OMP_NUM_THREADS": "1"}
+        run = subprocess.run(
+            [sys.executable, "-c", _RUN], env=environment, capture_output=True, text=True, timeout=300, check=False
+        )
+        assert run.returncode == 0, run.stderr
+        assert run.stderr.split() == [count]
+        outputs.add(run.stdout)
+    assert len(outputs) == 1
+
+
+_FORK = """
+import os, sys, threading, numpy as np, hemivar as hv
+from hemivar import gallery
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
+problem = hv.discretize(gallery.survey("5.1", 96, "right"))
+levels = ElasticMultigrid.of(problem).levels
+top = len(levels.sizes) - 1
+whole = levels._whole
+expected = whole.fast_cycle(top, problem.load)
+ends = []
+def turn():
+    for _ in range(50):
+        ends.append(np.array_equal(whole.fast_cycle(top, problem.load), expected))
+others = [threading.Thread(target=turn) for _ in range(3)]
+for one in others: one.start()
+for _ in range(5):
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if np.array_equal(whole.fast_cycle(top, problem.load), expected) else 3)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+for one in others: one.join()
+assert all(ends) and len(ends) == 150
+"""
+
+
+@built
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_threads_share_a_hierarchy_and_forked_children_go_on_with_it() -> None:
+    environment = os.environ | {"HEMIVAR_NUM_THREADS": "3", "HEMIVAR_KERNELS": "auto"}
+    run = subprocess.run(
+        [sys.executable, "-c", _FORK], env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert run.returncode == 0, run.stderr
+
+
+@built
+def test_a_body_that_hardly_anything_holds_is_solved_in_double_precision() -> None:
+    """Springs of 1e-11 of its stiffness hold it: what single precision sees of them is rounding."""
+    n = 40
+    one = sp.diags_array([-np.ones(n - 1), 2.0 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1]).toarray()
+    one[0, 0] = one[-1, -1] = 1.0
+    A = sp.csr_array(sp.kron(one, sp.eye_array(n)) + sp.kron(sp.eye_array(n), one) + 1e-11 * sp.eye_array(n * n))
+    hierarchy = Hierarchy.of(A)
+    assert hierarchy.stack.compiled is not None
+    b = np.random.default_rng(1).standard_normal(n * n)
+    b += 1e-9 - b.mean()
+    x, _ = hierarchy.solve(b, 1e-10)
+    assert np.linalg.norm(b - A @ x) <= 2e-10 * np.linalg.norm(b)
+
+
+class _Bad:
+    """A cycle in single precision that does nothing, and one in double precision that is exact."""
+
+    single = True
+
+    def __init__(self, answer: float) -> None:
+        self.answer, self.exact = answer, 0
+
+    def fast_cycle(self, k: int, right: np.ndarray) -> np.ndarray:
+        return self.answer * np.arange(1.0, right.size + 1.0) * right
+
+    def cycle(self, k: int, right: np.ndarray) -> np.ndarray:
+        self.exact += 1
+        return right / np.arange(1.0, right.size + 1.0) ** 2
+
+
+@pytest.mark.parametrize("answer", [1.0, -1.0, np.nan, np.inf])
+def test_cycles_that_are_no_good_are_given_up(answer: float) -> None:
+    A, b = sp.diags_array(np.arange(1.0, 41.0) ** 2), np.ones(40)
+    bad = _Bad(answer)
+    cycle = Preconditioner(bad, 0)  # type: ignore[arg-type]
+    found = conjugate_gradients(sp.csr_array(A), A.diagonal(), b, cycle, 1e-10, 100, flexible=True)
+    assert bad.exact > 0
+    np.testing.assert_allclose(A @ found.solution, b, atol=1e-9)
+
+
+def levels_of_a_line(n: int = 9) -> tuple[list[sp.csr_array], list[Transfer]]:
+    fine = sp.csr_array(sp.diags_array([-np.ones(n - 1), 2.0 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1]))
+    P = sp.csr_array(np.kron(np.eye((n + 1) // 2), np.ones((2, 1)))[:n])
+    fine.indices, fine.indptr = fine.indices.astype(np.int32), fine.indptr.astype(np.int32)
+    coarse = sp.csr_array(P.T @ fine @ P)
+    coarse.sort_indices()
+    coarse.indices, coarse.indptr = coarse.indices.astype(np.int32), coarse.indptr.astype(np.int32)
+    return [coarse, fine], [Transfer.of(P)]
+
+
+@built
+def test_wrong_arrays_are_refused_at_the_door() -> None:
+    library = kernels()
+    assert library is not None
+
+    def make(change: str) -> CompiledLevels:
+        matrices, transfers = levels_of_a_line()
+        A, n = matrices[1], 9
+        contacts = [np.zeros(0, dtype=int), np.array([1, 4])]
+        slots = [NodeSlots.single(5), NodeSlots.single(n)]
+        scope = {"A": A, "P": transfers[0].prolongation, "np": np, "contacts": contacts, "slots": slots}
+        scope |= {"NodeSlots": NodeSlots, "n": n}
+        exec(change, scope)
+        return CompiledLevels(library, matrices, transfers, contacts, slots)
+
+    levels = make("pass")
+    for change in (
+        "A.indices[3] = 9",
+        "A.indices[3] = -1",
+        "A.indptr[2] = 99",
+        "A.indptr[-1] += 1",
+        "A.indptr[0] = 1",
+        "A.data = A.data.astype(np.float32)",
+        "A.indices = A.indices.astype(np.int64)",
+        "A.data = np.repeat(A.data, 2)[::2]",
+        "A.data = A.data[:-1]",
+        "P.indices[0] = 5",
+        "contacts[1] = np.array([4, 1])",
+        "contacts[1] = np.array([1, 9])",
+        "contacts[1] = np.array([-1])",
+        "slots[1] = NodeSlots(np.arange(n), 1, n - 1)",
+        "slots[1] = NodeSlots(np.zeros(n, dtype=int), 1, n)",
+        "slots[1] = NodeSlots(np.arange(n), 4, n)",
+        "slots[1] = NodeSlots(np.arange(n - 1), 1, n)",
+        "slots[0] = NodeSlots.single(4)",
+    ):
+        with pytest.raises(ValueError, match=r"must|places|shape"):
+            make(change)
+    truncation = CompiledTruncation(levels)
+    entries = levels.entries[1][1]
+    for held, values in (
+        (np.zeros(3, dtype=bool), np.zeros(entries)),
+        (np.zeros(2, dtype=bool), np.zeros(entries + 1)),
+    ):
+        with pytest.raises(ValueError, match="contact unknowns and entries"):
+            truncation.change(1, held, values)
+    with pytest.raises(ValueError, match="another size"):
+        truncation.set_root(np.eye(4))
+    truncation.set_root(np.eye(5))
+    for wrong in (np.zeros(8), np.zeros(10), np.zeros((9, 1))):
+        with pytest.raises(ValueError, match="9 unknowns"):
+            truncation.cycle(1, wrong)
+        with pytest.raises(ValueError, match="9 unknowns"):
+            levels.multiply(1, wrong)
+    x = np.zeros(9)
+    with pytest.raises(ValueError, match="vector of 9"):
+        library.advance(1.0, np.zeros(8), x, x.copy(), x.copy())
+    with pytest.raises(ValueError, match="in place"):
+        library.advance(1.0, x, x, np.zeros(18)[::2], x.copy())
+    assert np.isfinite(truncation.cycle(1, np.arange(9)[::-1])).all()
+
+
+@built
+def test_copies_of_a_hierarchy_work_by_themselves() -> None:
+    problem = square(24)
+    hierarchy = ElasticMultigrid.of(problem).hierarchy
+    expected = hierarchy.solve(problem.load)[0]
+    for other in (copy.deepcopy(hierarchy), pickle.loads(pickle.dumps(hierarchy))):
+        assert other.stack.compiled is not hierarchy.stack.compiled
+        np.testing.assert_array_equal(other.solve(problem.load)[0], expected)
+    with pytest.raises(TypeError, match="this process"):
+        pickle.dumps(hierarchy.stack.compiled)
+
+
+@built
+def test_sizes_and_units_do_not_matter() -> None:
+    matrices, transfers = levels_of_a_line()
+    none = [np.zeros(0, dtype=int)] * 2
+    b = np.random.default_rng(2).standard_normal(9)
+    expected = Levels(matrices, transfers, none, none)._whole.fast_cycle(1, b)
+    for size, load in ((2.0**200, 1.0), (2.0**-200, 2.0**-300), (1.0, 2.0**-900)):
+        scaled = [sp.csr_array((size * A.data, A.indices, A.indptr), shape=A.shape) for A in matrices]
+        found = Levels(scaled, transfers, none, none)._whole.fast_cycle(1, load * b)
+        np.testing.assert_allclose(found * (size / load), expected, rtol=1e-6)
