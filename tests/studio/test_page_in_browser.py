@@ -400,6 +400,7 @@ def test_pictures_and_text_are_saved(open_page: Callable[..., Page], server: Ser
         assert saved.value.suggested_filename == name
         saved.value.save_as(tmp_path / name)
         if KEPT:
+            Path(KEPT).mkdir(parents=True, exist_ok=True)
             saved.value.save_as(Path(KEPT) / f"saved-{name}")
     assert (tmp_path / "survey.png").read_bytes().startswith(b"\x89PNG")
     svg = (tmp_path / "survey.svg").read_text(encoding="utf-8")
@@ -462,6 +463,7 @@ def test_how_long_a_slider_takes(open_page: Callable[..., Page], server: Server)
     told = {"median_ms": statistics.median(times), "p95_ms": times[int(0.95 * len(times))], "most_ms": times[-1]}
     print(json.dumps(told))
     if KEPT:
+        Path(KEPT).mkdir(parents=True, exist_ok=True)
         (Path(KEPT) / "latency.json").write_text(json.dumps(told), encoding="utf-8")
 
 
