@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from hemivar.basics.disk import shown
@@ -17,6 +17,7 @@ from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
+    from hemivar.basics.types import Array
     from hemivar.identification import Fit, Parameter
 
 __all__ = ["identify"]
@@ -119,8 +120,8 @@ def _read(text: str) -> Parameter:
 def _record(found: Fit) -> dict[str, object]:
     """All numbers of a fit, null where one is infinite or not known."""
 
-    def numbers(values: np.ndarray) -> object:  # type: ignore[type-arg]
-        return [numbers(one) for one in values] if values.ndim else (float(values) if np.isfinite(values) else None)
+    def numbers(values: Array) -> object:
+        return _plain(values.tolist())
 
     return {
         "parameters": {
@@ -138,3 +139,10 @@ def _record(found: Fit) -> dict[str, object]:
         "predicted": dict(zip(found.measurements.measured, map(numbers, found.predicted.T), strict=True)),
         "messages": list(found.messages),
     }  # fmt: skip
+
+
+def _plain(value: object) -> object:
+    """Lists of numbers, null where one is not finite."""
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return value if isinstance(value, float) and math.isfinite(value) else None
