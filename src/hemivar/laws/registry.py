@@ -429,9 +429,7 @@ _NORMAL = (
 )
 
 
-def _orthotropic(
-    bound: Parameter | StateBound, ratio: Parameter = 1.0, axis: Sequence[float] = (1.0, 0.0, 0.0)
-) -> Friction:
+def _orthotropic(bound: Parameter | StateBound, ratio: Parameter, axis: Sequence[float]) -> Friction:
     return OrthotropicFriction(bound, ratio=ratio, axis=axis)
 
 
