@@ -252,10 +252,11 @@ def test_what_was_put_in_is_told_whole(folder: Path, capsys: pytest.CaptureFixtu
     assert main(["march", "timed.toml", "-q", "--scheme", "implicit-euler"]) == 0
     lines = {line[:18].strip(): line[18:] for line in capsys.readouterr().out.splitlines()}
     put, stored, lost = (
-        sum(float(word) for word in re.findall(r"-?\d[\d.e-]*", lines[name])) for name in ("put in", "stored", "lost")
+        sum(float(word) for word in re.findall(r"-?\d[\d.e-]*", lines[name]))
+        for name in ("external work", "stored", "dissipated")
     )
-    assert "by thermal stress" in lines["put in"]
-    assert "at the start" in lines["put in"]
+    assert "by thermal stress" in lines["external work"]
+    assert "at the start" in lines["external work"]
     assert put == pytest.approx(stored + lost, rel=1e-4)
 
 
