@@ -120,7 +120,7 @@ class MixedMode(CoupledLaw):
             raise ProblemError(f"the cohesion '{name}' of law '{self.name}' is not even with a knot at 0")
         if table.jumps.any() or np.isfinite(table.lower).any() or np.isfinite(table.upper).any():
             raise ProblemError(
-                f"the cohesion '{name}' of law '{self.name}' jumps or ends; let it fall along a line because the "
+                f"the cohesion '{name}' of law '{self.name}' jumps or ends; let it fall along a line instead, for "
                 "tractions are one curve"
             )
         if (rise < -1e-12 * np.abs(rise).max(axis=1, keepdims=True)).any() or (slopes[:, middle] <= 0.0).any():
