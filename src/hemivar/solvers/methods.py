@@ -60,6 +60,14 @@ def method_named(name: str) -> Solver:
 def as_method(method: object) -> Solver | None:
     """A method given by its name or as an object, as an object; None stays None.
 
+    Parameters
+    ----------
+    method : Solver, str or None
+
+    Returns
+    -------
+    Solver or None
+
     Raises
     ------
     MethodError

@@ -296,7 +296,18 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
 
 
 def method_for(method: Solver | str | None, problem: DiscreteProblem) -> Solver | None:
-    """The method as an object; one given by its name is made :func:`suited` to the problem."""
+    """The method as an object; one given by its name is made :func:`suited` to the problem.
+
+    Parameters
+    ----------
+    method : Solver, str or None
+    problem : DiscreteProblem
+
+    Returns
+    -------
+    Solver or None
+        None stays None.
+    """
     solver = as_method(method)
     return suited(solver, problem) if isinstance(method, str) and solver is not None else solver
 

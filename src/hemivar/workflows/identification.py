@@ -86,7 +86,22 @@ def identifying(
     changes: Sequence[Change] = (),
     controls: Controls | None = None,
 ) -> Generator[Event, object, Fit]:
-    """As :func:`identify`, and tells of every start that is done."""
+    """As :func:`identify`, and tells of every start that is done.
+
+    Parameters
+    ----------
+    problem : path or callable
+    data : Measurements or path
+    parameters : mapping of key to (low, high), or sequence of Parameter
+    options : FitOptions, optional
+    changes : sequence of Change, optional
+    controls : Controls, optional
+
+    Yields
+    ------
+    Event
+        A :class:`Phase` for every start; the generator returns a :class:`Fit`.
+    """
     measured = read_measurements(data) if isinstance(data, str | Path) else data
     measured = expect(measured, Measurements, "the measured curve", "pass Measurements(...) or the path of a CSV file")
     wanted = _parameters(parameters, measured)
