@@ -228,7 +228,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
 
     @cached_property
     def debonding(self) -> Mapping[str, Array]:  # type: ignore[override]
-        """``damage``, ``dissipated`` and, of mixed-mode glue, ``mode_ratio`` of each contact point; empty without glue."""
+        """``damage``, ``dissipated`` and, of mixed-mode glue, ``mode_ratio`` of each contact point; else empty."""
         return self.problem.law.debonding(self.local) if self.problem.contact_points else {}
 
     def on(self, boundary: str) -> BoundaryResult:
