@@ -154,7 +154,7 @@ def test_a_mesh_that_does_not_fit_is_refused_with_the_place() -> None:
     assert isinstance(mesh, hv.Mesh)
     no_name = hv.Mesh(mesh.points, mesh.cells, {"left": mesh.boundaries["left"]})
     for change, words in (
-        ({"numbering": twice}, "stands at no node|stands at 2 places"),
+        ({"numbering": twice}, "unknown 0 occurs at 2 places"),
         ({"numbering": beyond}, "numbering holds 99"),
         ({"numbering": lost}, "numbering holds -2"),
         ({"numbering": numbers[:-1]}, "must hold integers, shape"),
