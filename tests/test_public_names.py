@@ -16,7 +16,7 @@ import hemivar
 MODULES = [
     module.name
     for module in pkgutil.walk_packages(hemivar.__path__, "hemivar.")
-    if not module.name.endswith("__main__") and ".distributed" not in module.name
+    if not module.name.endswith(("__main__", "kernels._compiled")) and ".distributed" not in module.name
 ]
 
 KINDS = """

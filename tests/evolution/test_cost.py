@@ -243,7 +243,7 @@ def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
 
 @pytest.mark.parametrize("law", ["survey", "softening", "cube"])
 def test_near_solutions_are_those_of_the_search(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    options = {"step": STEP, "save": NONE, "solver": hv.solvers.NonsmoothNewton(), "controls": hv.Controls(rtol=1e-11)}
+    options = {"step": STEP, "save": NONE, "method": hv.solvers.NonsmoothNewton(), "controls": hv.Controls(rtol=1e-11)}
     quick = march(body(law), 20 * STEP, **options)
     monkeypatch.setattr("hemivar.evolution.stage_solver.active_set_newton", lambda *_: None)
     searched = march(body(law), 20 * STEP, **options)

@@ -46,7 +46,7 @@ class Told:
 
 
 def marched(evolution: Evolution, steps: int, **given: object) -> History:
-    options = {"step": 0.01, "solver": hv.solvers.NonsmoothMultigrid(), "controls": TIGHT}
+    options = {"step": 0.01, "method": hv.solvers.NonsmoothMultigrid(), "controls": TIGHT}
     return march(evolution, steps * float(given.get("step", 0.01)), **options | given)  # type: ignore[arg-type]
 
 

@@ -83,7 +83,7 @@ def test_many_facets_are_drawn_without_lines_between_them(
 
 
 def test_maps_show_pressure_states_and_slip(cube: Solution, tmp_path: Path) -> None:
-    from matplotlib.collections import PolyCollection
+    from matplotlib.collections import TriMesh
     from matplotlib.quiver import Quiver
 
     figure = plot_contact(cube, title="A title", unit="mm", stress_unit="MPa")
@@ -98,8 +98,8 @@ def test_maps_show_pressure_states_and_slip(cube: Solution, tmp_path: Path) -> N
     u = cube.displacement[np.isclose(cube.problem.field.mesh.points[:, 2], 0.0)]
     along = u[np.linalg.norm(u[:, :2], axis=1) > 1e-9][:, :2]
     np.testing.assert_allclose(np.column_stack([quiver.U, quiver.V]), along, atol=1e-12)
-    pressure = next(c for c in figure.findobj(PolyCollection) if c.get_array() is not None).get_array()
-    assert len(pressure) == 2 * 4 * 4
+    pressure = next(c for c in figure.findobj(TriMesh) if c.get_array() is not None).get_array()
+    assert len(pressure) == 3 * 2 * 4 * 4  # the corners of each triangle
     assert cube.pressure.min() <= pressure.min() <= pressure.max() <= cube.pressure.max()
     save(figure, tmp_path / "maps.png", dpi=40)
 
@@ -143,7 +143,7 @@ def test_maps_of_two_boundaries() -> None:
 
 def test_maps_of_a_slanted_boundary() -> None:
     """Turning the body turns nothing in the maps but their names: areas and pressures stay."""
-    from matplotlib.collections import PolyCollection
+    from matplotlib.collections import TriMesh
 
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
@@ -152,7 +152,7 @@ def test_maps_of_a_slanted_boundary() -> None:
     shown = []
     for problem in (straight, turned):
         figure = plot_contact(solve(discretize(problem)))
-        (first, *_) = (part for part in figure.findobj(PolyCollection) if part.get_array() is not None)
+        (first, *_) = (part for part in figure.findobj(TriMesh) if part.get_array() is not None)
         corners = np.array([path.vertices[:3] for path in first.get_paths()])
         sides = corners[:, 1:] - corners[:, :1]
         shown.append((np.sort(first.get_array()), 0.5 * abs(np.linalg.det(sides)).sum()))

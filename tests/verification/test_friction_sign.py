@@ -141,8 +141,8 @@ def test_a_multiplier_that_is_read_back_keeps_its_sign(
 def test_in_pictures(plane: hv.Solution) -> None:
     from matplotlib.quiver import Quiver
 
-    upper = plot_contact(plane).axes[0]
-    (curve,) = (line for line in upper.lines if line.get_label() == "friction")
+    lines = [line for panel in plot_contact(plane).axes for line in panel.lines]
+    (curve,) = (line for line in lines if line.get_label() == "friction on the body")
     np.testing.assert_allclose(np.asarray(curve.get_ydata(), dtype=float), BOUND)
     (quiver,) = plot_solution(plane).axes[0].findobj(Quiver)
     assert (np.asarray(quiver.U) > 0.0).all()

@@ -13,7 +13,6 @@ from scipy.stats import norm as normal
 from scipy.stats import t as student
 
 from hemivar.basics.arguments import expect, whole_number
-from hemivar.basics.display import ReprMixin
 from hemivar.basics.handed_on import above
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.recent import Recent
@@ -143,7 +142,7 @@ class FitOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit(PickleMixin, ReprMixin):
+class Fit(PickleMixin):
     """Parameters that fit a measured curve, and what the curve says of them.
 
     Attributes

@@ -80,7 +80,8 @@ class Kernels:
         """``x += length p``, ``r -= length q``, in place, and the square of r; all arrays (n,)."""
         at, n = self.address, x.size
         for changed in (x, r):
-            if _vector(changed, n) is not changed or not changed.flags.writeable:
+            flags = changed.flags
+            if changed.dtype != float or changed.shape != (n,) or not (flags.c_contiguous and flags.writeable):
                 raise ValueError("what is changed in place must be a contiguous array of float64")
         return float(self.call.hv_advance(n, length, at(_vector(p, n)), at(_vector(q, n)), at(x), at(r)))
 

@@ -199,7 +199,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: secant(PiecewiseQuadratic([0.0], [-1.0, 0.0], [0.0]), 0.2), "pushes with 0.2 at the opening 0.2"),
     (lambda: secant(affine(Bilateral(), 1.0, 0.5), 0.2), "does not allow r = 0"),
     (lambda: slipped(FRICTION["slip weakening"], -1.0), "must be at least 0"),
-    (lambda: envelope(Softening(2.0, 0.1, 0.5), 2.0), "snaps in series; keep the compliance below 2"),
+    (lambda: envelope(Softening(2.0, 0.1, 0.5), 2.0), "keep the compliance below 2, by a shorter step"),
     (lambda: envelope(Capped(2.0, 0.1), 1e-6), "snaps in series"),
     (lambda: envelope(Signorini(), -1.0), "must be at least 0"),
     (lambda: bonded(NoContact(), 1.0, 1.0, 0.0, 1.0, 0.1), "must be positive"),

@@ -83,7 +83,7 @@ class Friction(PickleMixin):
         """Whether there is friction: a bound that is not the number zero, or zeros alone."""
         return not isinstance(self.bound, int | float | np.ndarray) or bool(np.any(self.bound))
 
-    @property
+    @cached_property
     def state_dependent(self) -> bool:
         """Whether the bound depends on penetration or pressure."""
         return isinstance(self.bound, StateBound)
