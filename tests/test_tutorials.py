@@ -27,6 +27,10 @@ def test_every_image_of_a_tutorial_is_drawn_by_its_code_and_described() -> None:
     assert told == {path.name for path in drawn}
 
 
+#: Figures with the seconds of a machine in them.
+TIMED = ("figure-adaptive.png",)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", FIGURES["PAGES"])
 def test_the_files_are_what_the_code_draws(page: str, tmp_path: Path) -> None:
@@ -39,7 +43,7 @@ def test_the_files_are_what_the_code_draws(page: str, tmp_path: Path) -> None:
             for folder in (tmp_path, IMAGES)
         )
         # another version of the plotter may move a letter; another number of an axis or a node moves more
-        assert np.abs(now - kept).mean() < 1.5, f"{name}: python docs/tutorial_figures.py"
+        assert name in TIMED or np.abs(now - kept).mean() < 1.5, f"{name}: python docs/tutorial_figures.py"
         assert now.std() > 5.0
 
 
