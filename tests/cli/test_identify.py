@@ -68,6 +68,14 @@ def test_what_the_curve_does_not_tell_is_said(folder: Path, capsys: pytest.Captu
     assert "softening is not identifiable from this curve" in capsys.readouterr().out
 
 
+def test_what_is_set_is_not_fitted(folder: Path) -> None:
+    """``--law`` fits all numbers of the law but those that ``--set`` gives."""
+    given = ["--set", "contact.bottom.normal.strength=2", "--starts", "1", "--json", "p.json"]
+    assert main(["identify", "glue.toml", "--data", "curve.csv", "--law", "adhesive", *given]) == 0
+    found = json.loads((folder / "p.json").read_text())["parameters"]
+    assert sorted(key.rpartition(".")[2] for key in found) == ["softening", "stiffness"]
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -74,15 +74,15 @@ def identify(
     wanted = [_read(text) for text in fitted or ()]
     if law is None and not wanted:
         raise ProblemError("identify: say what to fit, by --law NAME or by --fit KEY=LOW:HIGH, once for each parameter")
+    changes = [read_change(text) for text in given or ()]
     session = Session(problem, outputs, rtol, max_time, given=given, solution=data)
     if law is not None:
-        named = {one.key for one in wanted}
+        named = {one.key for one in wanted} | {one.key for one in changes}  # what is set stays as it is set
         wanted = [*(one for one in parameters_of_law(problem, law, contact) if one.key not in named), *wanted]
     terminal = console()
     stated, writer = session.stated, session.writer
     print(one_line(stated.problem.title) or shown(stated.name))
     print(f"fit               {', '.join(f'{one.key} ({one.low:.4g} to {one.high:.4g})' for one in wanted)}")
-    changes = [read_change(text) for text in given or ()]
     with StageView(terminal) as view:
         work = identifying(problem, data, wanted, options, changes=changes, controls=session.controls)
         found = result_of(work, view)
