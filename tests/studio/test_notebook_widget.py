@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -78,6 +81,27 @@ def test_messages_of_the_widget_go_there_and_back(monkeypatch: pytest.MonkeyPatc
     kernel.ask(["no", "request"])
     assert "no object" in str(kernel.wait("refused")[0]["message"])
     widget.close()
+
+
+ENDING = """
+import time
+import hemivar as hv
+from hemivar.files.sample import template
+from hemivar.studio import show
+widget = show()
+widget.send = lambda *message: None
+widget._handle_custom_msg({"type": "path", "generation": 1, "text": template("survey")}, [])
+time.sleep(0.5)
+print("the end")
+"""
+
+
+def test_a_kernel_may_end_while_the_widget_computes() -> None:
+    """A thread that went on into the end of the interpreter made it fail there."""
+    pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install 'hemivar[notebook]'")
+    quiet = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, env=quiet, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "the end\n", "")
 
 
 def test_problem_files_and_what_cannot_be_shown(tmp_path: Path) -> None:

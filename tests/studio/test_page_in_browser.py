@@ -527,3 +527,4 @@ def test_the_widget_of_a_notebook_shows_the_same(browser: Browser, monkeypatch: 
     assert not complaints
     keep(page, "widget")
     page.close()
+    kernel.widget.close()  # type: ignore[attr-defined]
