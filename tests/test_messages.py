@@ -31,6 +31,21 @@ HOME_MADE = {
     r"\bstands in it\b": "occurs",
     r", for (it|they|the) ": "because",
 }
+#: Words by which an error says what to do.
+_WHAT_TO_DO = re.compile(
+    r"\b(give|take|write|name|make|must|leave|remove|save|choose|add|check|use|pass|lower|raise|install|correct|state|put"
+    r"|join|fix|keep|refine|start|solve|go|exchange|let|begin|subtract|list|simplify|widen|look|see|measure|move|turn"
+    r"|rename|resolve|separate|swap|divide|fill|narrow|define|draw|run|map|discretize|interpolate|wrap|return|overwrite"
+    r"|change|restrict|split|renumber|animate|wait|condense|set|multiply|sweep|search|wants|needs?|it can be|try|follow"
+    r"|end|stop|compare|build|mesh|wrap|has its own|continue|evaluate|frees?|free some|send|say|shorten)\b"
+    r"|known|\{\}$|allowed|lists the|parameters: |written as|at \{\} points it has|belongs in|not looked for"
+)
+#: Errors that say why something is not what it should be: another one, which says what to do, is put around them.
+_REASONS = (
+    "basics/packed", "basics/deprecation", "engines/petsc/checkpoint", "files/kept_solution", "files/sweep_point",
+    "files/contact_table.py", "files/problem_file", "files/scalar_tables", "files/thermal_table", "files/quantities",
+    "kernels/library", "linear/compiled", "certificates/__init__", "files/toml", "fem/energy_integral",
+)  # fmt: skip
 MESSAGES = messages()
 
 
@@ -62,3 +77,11 @@ def test_sentences_are_short(kind: str) -> None:
 def test_messages_use_words_of_the_field(word: str) -> None:
     found = [f"{one.place}: {one.text}" for one in MESSAGES if re.search(word, one.text)]
     assert not found, "\n".join([f"write '{HOME_MADE[word]}' or the like:", *found])
+
+
+def test_errors_say_what_to_do() -> None:
+    """In the last of their parts, or as what must be in the place of what is."""
+    errors = [one for one in MESSAGES if one.kind == "error" and not one.place.startswith(_REASONS)]
+    assert len(errors) > 1000
+    found = [f"{one.place}: {one.text}" for one in errors if not _WHAT_TO_DO.search(one.text.split(";")[-1])]
+    assert not found, "\n".join(["say what to do:", *found])

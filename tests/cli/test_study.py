@@ -181,7 +181,7 @@ def test_a_sweep_with_failed_points_is_told(block: Path, way: str, capsys: pytes
         (["--set", "contact.bottom.friction.bound=-1:-2:3"], "friction.bound: is -1"),
         (
             ["--set", "contact.bottom.friction.bound=0:1:3", "--label", "a", "--label", "b"],
-            "--label is there 2 times, and 1 parameters have a range",
+            "--label is there 2 times, and 1 parameters have a range; give one for each",
         ),
     ],
     ids=["points", "both ends", "labels"],

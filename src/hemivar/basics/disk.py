@@ -129,7 +129,8 @@ def regular_file(path: str | Path, what: str = "file", most_bytes: int = MOST_BY
         raise FileError(f"cannot read {what} {shown(path)}: it is {kind}; give the name of a regular file")
     if found.st_size > most_bytes:
         raise FileError(
-            f"{what} {shown(path)} has {found.st_size / 2**20:.0f} MiB; at most {most_bytes / 2**20:.0f} MiB are read"
+            f"{what} {shown(path)} has {found.st_size / 2**20:.0f} MiB; at most {most_bytes / 2**20:.0f} MiB are read: "
+            "give a shorter file"
         )
     noted = _noted.get()
     if noted is not None:
@@ -145,7 +146,7 @@ def read_bytes(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTE
         descriptor = os.open(name, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with os.fdopen(descriptor, "rb") as stream:
             if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                raise FileError(f"cannot read {what} {shown(path)}: it is not a regular file")
+                raise FileError(f"cannot read {what} {shown(path)}: it is not a regular file; name another")
             parts, left = [], most_bytes + 1  # in portions, for a buffer of the limit may not fit where the file does
             while left > 0 and (part := stream.read(min(left, _PORTION))):
                 parts.append(part)
@@ -153,7 +154,9 @@ def read_bytes(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTE
     except OSError as error:
         raise FileError(f"cannot read {what} {shown(path)}: {_reason(error)}") from error
     if left <= 0:
-        raise FileError(f"{what} {shown(path)} grew beyond {most_bytes / 2**20:.0f} MiB while it was read")
+        raise FileError(
+            f"{what} {shown(path)} grew beyond {most_bytes / 2**20:.0f} MiB while it was read; wait for its end"
+        )
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
@@ -270,9 +273,9 @@ def _target(path: str | Path) -> tuple[Path, int | None]:
     except FileNotFoundError:
         return target, None
     if stat.S_ISDIR(mode):
-        raise FileError(f"cannot write {shown(path)}: it is a directory")
+        raise FileError(f"cannot write {shown(path)}: it is a directory; name a file in it")
     if not os.access(target, os.W_OK):
-        raise FileError(f"cannot write {shown(path)}: it is write-protected")
+        raise FileError(f"cannot write {shown(path)}: it is write-protected; name another file")
     return target, mode
 
 
@@ -356,7 +359,7 @@ def append_line(path: str | Path, line: str) -> None:
         with os.fdopen(descriptor, "wb", buffering=0) as stream:
             text = f"{line}\n".encode()
             if stream.write(text) != len(text):
-                raise FileError(f"cannot write {shown(path)}: the disk is full")
+                raise FileError(f"cannot write {shown(path)}: the disk is full; make room, and go on from what is kept")
             os.fsync(stream.fileno())
     except (OSError, ValueError) as error:
         if isinstance(error, FileError):

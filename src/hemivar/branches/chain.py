@@ -262,7 +262,10 @@ def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # t
     """
     m, d = system.shape
     if d > 2:
-        raise MethodError("the graph of the law is a curve only in one and two dimensions; this problem has three")
+        raise MethodError(
+            "the graph of the law is a curve only in one and two dimensions; this problem has three: take "
+            "hemivar.solve or hemivar.find_solutions"
+        )
     point, column = np.divmod(system.free, d)
     tau = kind.lengths(system, point, column)
     laws = kind.graph_law(system).scalar_laws(d)

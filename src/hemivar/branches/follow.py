@@ -158,7 +158,9 @@ def following(
     kept = Workspace.given(workspace)
     low, high = options.load_factor
     if problem.contact_points == 0:
-        raise ProblemError("a path needs contact points; without contact the solution is proportional to the load")
+        raise ProblemError(
+            "a path needs contact points; solve once, for without contact the solution is proportional to the load"
+        )
     if problem.law.state_dependent:
         raise MethodError(
             "path following needs a friction bound that does not depend on the solution; take one that is a number, or "
@@ -207,7 +209,9 @@ def following(
     if follower.stopped is PathEnd.INTERRUPTED and not track.stretches:
         raise KeyboardInterrupt
     if follower.stopped and not track.stretches:
-        raise ProblemError(f"the time limit of {options.max_time:g} s was reached before the path left its first point")
+        raise ProblemError(
+            f"the time limit of {options.max_time:g} s was reached before the path left its first point; give more time"
+        )
     if perturbation.any():
         _unperturb(track, Follower(chain, force0, force1, low, high, options.max_points, options.largest_step))
     return _assemble(line, chain, track, bool(perturbation.any()))

@@ -338,7 +338,7 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
         nodes = "" if nodal is None else f", the displacement of the nodes has shape {nodal}"
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {shape}{nodes}")
     if not np.isfinite(u).all():
-        raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
+        raise ProblemError("the displacement holds nan or infinity; give finite numbers")
     if field is None or u.shape == shape:
         return u
     unknowns = field.restrict(u)

@@ -90,7 +90,9 @@ class AdaptRun:
         from hemivar.workflows import AdaptOptions
 
         if not isinstance(stated.problem, ContactProblem):
-            raise ProblemError(f"{stated.name}: --adaptive refines meshes of elastic bodies; this is a scalar problem")
+            raise ProblemError(
+                f"{stated.name}: --adaptive is for elastic bodies, and this is a scalar problem; leave it out"
+            )
         self.problem = stated.problem
         most = asked["max_memory"]
         given: dict[str, Any] = {name: asked[name] for name in ("goal", "max_unknowns", "max_time")}

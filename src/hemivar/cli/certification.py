@@ -86,5 +86,5 @@ def _checked(path: Path | None) -> Path | None:
     if path is not None and path.suffix.lower() not in (".json", ".vtu"):
         raise ProblemError(f"--solution {path}: the name must end in .json or .vtu")
     if path is not None and not path.is_file():
-        raise ProblemError(f"--solution {path}: there is no such file")
+        raise ProblemError(f"--solution {path}: there is no such file; write it with 'hemivar solve'")
     return path

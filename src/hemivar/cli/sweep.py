@@ -79,7 +79,9 @@ def sweep(
     if plot is not None and len(axes) > 2:
         raise ProblemError(f"--plot draws one or two parameters, and {len(axes)} have ranges; leave it out")
     if len(label or ()) > len(axes):
-        raise ProblemError(f"--label is there {len(label or ())} times, and {len(axes)} parameters have a range")
+        raise ProblemError(
+            f"--label is there {len(label or ())} times, and {len(axes)} parameters have a range; give one for each"
+        )
     outputs = {"--csv": csv, "--latex": latex, "--plot": plot}
     fixed = [text for text, one in zip(given or (), read, strict=True) if isinstance(one, Change)]
 

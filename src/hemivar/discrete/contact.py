@@ -192,7 +192,9 @@ class ContactPoints(PickleMixin):
     def global_vectors(self, local: Array) -> Array:
         """Vectors (m, d) in the coordinates of the mesh of local ones (m, c)."""
         if self.frames is None:
-            raise ProblemError("these contact points have no frames: local components cannot be turned into vectors")
+            raise ProblemError(
+                "these contact points have no frames, which turn local components into vectors; give frames"
+            )
         return np.asarray(np.einsum("mc,mcd->md", local, self.frames))
 
 

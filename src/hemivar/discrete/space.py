@@ -137,7 +137,7 @@ class Field(PickleMixin):
         """
         vector = real_array(unknowns, "the unknowns", finite=False)
         if vector.shape != (self.basis.shape[1],):
-            raise ProblemError(f"the unknowns have shape {vector.shape}; this field expects ({self.basis.shape[1]},)")
+            raise ProblemError(f"the unknowns have shape {vector.shape}; they must have ({self.basis.shape[1]},)")
         return np.asarray(self.basis @ vector + self.prescribed).reshape(-1, self.components)
 
     def restrict(self, values: Array) -> Array:
@@ -157,8 +157,7 @@ class Field(PickleMixin):
         field = real_array(values, f"the {self.name}", finite=False)
         if field.shape != (self.number_of_nodes, self.components):
             raise ProblemError(
-                f"the {self.name} has shape {field.shape}; "
-                f"this field expects ({self.number_of_nodes}, {self.components})"
+                f"the {self.name} has shape {field.shape}; it must be ({self.number_of_nodes}, {self.components})"
             )
         return np.asarray(self.lift @ (field.ravel() - self.prescribed))
 

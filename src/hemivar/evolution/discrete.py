@@ -232,7 +232,7 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
     blocks = tuple((name, contact.on(name)) for name in contact.names if contact.on(name).size)
     for name, index in blocks:
         if np.any(np.diff(index) != 1):
-            raise ProblemError(f"contact points of boundary '{name}' are not numbered one after another")
+            raise ProblemError(f"contact points of boundary '{name}' do not follow one another; renumber them")
     return DiscreteEvolution(evolution, problem, family, blocks, heat=_heat(evolution, stated, problem, family.moved))
 
 

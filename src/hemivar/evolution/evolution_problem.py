@@ -147,8 +147,8 @@ class Evolution(PickleMixin):
         """
         if isinstance(self.problem, ScalarProblem):
             raise ProblemError(
-                f"this is a scalar problem ({self.problem.kind}), and an evolution of a body is needed; the engine "
-                "'numpy' marches scalar problems"
+                f"this is a scalar problem ({self.problem.kind}), and an evolution of a body is needed; leave "
+                "the engine out"
             )
         return self.problem
 

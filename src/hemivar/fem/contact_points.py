@@ -94,7 +94,8 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         gap = evaluate_scalar(contact.gap, points, f"gap of contact '{name}'")
         if not (np.abs(gap) < LARGEST).all():
             raise ProblemError(
-                f"gap of contact '{name}': {gap[np.argmax(np.abs(gap))]:g} is beyond the range of numbers"
+                f"gap of contact '{name}': {gap[np.argmax(np.abs(gap))]:g} is beyond the range of numbers; "
+                "take another unit of length"
             )
     else:
         assert contact.normals is not None

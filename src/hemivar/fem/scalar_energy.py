@@ -240,7 +240,9 @@ def contact_of(
         where = f"level of contact '{place.name}'"
         level = evaluate_scalar(contact.level, at, where)
         if not (np.abs(level) < LARGEST).all():
-            raise ProblemError(f"{where}: {level[np.argmax(np.abs(level))]:g} is beyond the range of numbers")
+            raise ProblemError(
+                f"{where}: {level[np.argmax(np.abs(level))]:g} is beyond the range of numbers; take another unit"
+            )
         sign = 1.0 if contact.side is Side.ABOVE else -1.0
         stated = contact.law
         with error_context(f"contact '{place.name}'", stated):

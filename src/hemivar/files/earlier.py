@@ -62,9 +62,9 @@ def _numbers(value: object, what: str, path: Path) -> Array:
             raise ValueError
         array = array.astype(float)
     except (TypeError, ValueError, OverflowError):
-        raise ProblemError(f"result file '{path}': '{what}' is not an array of numbers") from None
+        raise ProblemError(f"result file '{path}': '{what}' is not an array of numbers; write it again") from None
     if not np.isfinite(array).all():
-        raise ProblemError(f"result file '{path}': '{what}' holds entries that are not finite numbers")
+        raise ProblemError(f"result file '{path}': '{what}' holds entries that are not finite numbers; solve again")
     return array
 
 

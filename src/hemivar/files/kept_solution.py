@@ -91,7 +91,7 @@ class KeptSolution:
         unknowns, multiplier = _array(data.pop("unknowns")), _array(data.pop("multiplier"))
         number = data.pop("number")
         if type(number) is not int or number < 0:
-            raise ValueError("the number of the mesh is none")
+            raise ValueError("the number of the mesh is no whole number")
         found = KeptSolution(number, unknowns, multiplier, data)
         status, _, _ = found._told()
         finite = np.isfinite(unknowns).all() and np.isfinite(multiplier).all()
@@ -139,7 +139,7 @@ class KeptSolution:
         if not isinstance(self.said["method"], str):
             raise TypeError
         if any(type(count) is not int or count < 0 for count in (self.said["steps"], self.said["evaluations"])):
-            raise ValueError("numbers of steps and evaluations are none")
+            raise ValueError("steps and evaluations are no whole numbers")
         for seconds in self.said["timings"].values():
             float(seconds)
         return (

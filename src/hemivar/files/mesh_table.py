@@ -77,7 +77,7 @@ def read_mesh_table(table: TomlTable, folder: Path) -> StatedMesh:
     scale = table.positive("scale") if "scale" in table else 1.0
     order = table.whole("order", table.data.get("order", 1), 1)
     if order > 2:
-        raise table.error("order", f"is {order}; elements of order 1 and 2 exist")
+        raise table.error("order", f"is {order}; write 1 or 2")
     quadrature = Quadrature(table.text("quadrature", "nodal", [q.value for q in Quadrature]))
     source = _file(table, folder) if sources[0] == "file" else _grid(table, sources[0])
     return StatedMesh(MeshRecipe(source, scale, refine), order, quadrature, table)

@@ -75,7 +75,7 @@ class Reader:
         if not self.code:
             raise self.error(f"it is empty; give a number or a formula of {' and '.join(self.variables[:2])}")
         if len(self.code) > _LONGEST:
-            raise self.error(f"it has {len(self.code)} characters; at most {_LONGEST} are read")
+            raise self.error(f"it has {len(self.code)} characters; at most {_LONGEST} are read: shorten it")
         foreign = (_FOREIGN_TO_PIECES if self.pieces else _FOREIGN).search(self.code)
         if foreign:
             raise self.error(
@@ -102,14 +102,14 @@ class Reader:
             raise self.error("it is nested too deeply; simplify it")
         match node:
             case ast.Constant(value=bool()):
-                raise self.error("True and False are not numbers", node.col_offset)
+                raise self.error("True and False are not numbers; write 1 and 0", node.col_offset)
             case ast.Constant(value=int() | float() as value):
                 try:
                     finite = bool(np.isfinite(float(value)))
                 except OverflowError:
                     finite = False
                 if not finite:
-                    raise self.error("the number is too large", node.col_offset)
+                    raise self.error("the number is too large; take other units", node.col_offset)
             case ast.Name(id=name):
                 self.check_name(name, node.col_offset)
             case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
@@ -160,7 +160,7 @@ class Reader:
                     for side in (left, *others):
                         self.check(side, depth + 1)
                 case other:
-                    raise self.error("a condition compares with < <= > >=, or is True", other.col_offset)
+                    raise self.error("this is no condition; write one with < <= > >=, or True", other.col_offset)
 
     def check_name(self, name: str, column: int) -> None:
         known = [*self.variables, *CONSTANTS]

@@ -145,7 +145,7 @@ def elastic_bar_penetrations(
         The softening equals the stiffness.
     """
     if softening == kappa:
-        raise ProblemError("softening equals kappa: the falling branch holds a whole interval of solutions or none")
+        raise ProblemError("softening equals kappa: take another of the two")
     end = limit * (1.0 + stiffness / softening)
     found = []
     if free <= 0.0 or free >= end:
@@ -202,7 +202,9 @@ def weighted_block(
     """
     law = ThresholdCompliance(0.3, 2.0) if law is None else law
     if not isinstance(law, ThresholdCompliance) or callable(law.q_max) or callable(law.p_const):
-        raise ProblemError("weighted_block has a closed form for ThresholdCompliance with constant parameters only")
+        raise ProblemError(
+            "weighted_block has a closed form for ThresholdCompliance with numbers only; give such a law"
+        )
     lam, mu = lame
     modulus = lam + 2.0 * mu
     kappa = modulus / height

@@ -360,7 +360,7 @@ def jumping_block(
         There is no jump.
     """
     if not softening > modulus:
-        raise ProblemError(f"softening = {softening:g} does not exceed the modulus {modulus:g}: there is no jump")
+        raise ProblemError(f"softening = {softening:g} makes no jump; take more than the modulus {modulus:g}")
     up, down = limit * (1.0 + stiffness / modulus), limit * (1.0 + stiffness / softening)
     lost = modulus * stiffness * (up**2 - down**2) / (2.0 * (modulus + stiffness))
     problem = _block(

@@ -315,7 +315,7 @@ class MindlinSphere:
             Length of a side of the cube, over the radius.
         """
         if not 0.0 < share < 1.0:
-            raise ProblemError(f"share = {share:g}: the force lies between 0 and that of full slip, 1")
+            raise ProblemError(f"share = {share:g}: give the part of the force of full slip, between 0 and 1")
         largest = self.shift(share)
         a = self.radius
 

@@ -200,7 +200,7 @@ def _displacement(
 def _roots(function: Callable[[float, bool], float], last: float) -> list[float]:
     """All zeros between 0 and a place, found by the sign at 200 places between them, where values may be rough."""
     if not 0.0 < last < np.inf:
-        raise ProblemError(f"pushed must be positive, so that there is contact; {last:g} is not")
+        raise ProblemError(f"pushed is {last:g}; it must be positive, so that there is contact")
     places = np.linspace(0.0, last, 201)[1:].tolist()
     signs = np.sign([function(s, True) for s in places])
     return [

@@ -72,7 +72,8 @@ class Measurements(PickleMixin):
         for key, values in self.measured.items():
             if self.count > 1 and np.ptp(values) == 0.0:
                 raise ProblemError(
-                    f"column '{key}' is {values[0]:g} in every row: a curve that does not change tells nothing of a law"
+                    f"column '{key}' is {values[0]:g} in every row, which tells nothing of a law; measure "
+                    "where it changes"
                 )
 
     @property

@@ -99,7 +99,7 @@ def check_consistency(law: Superpotential, reach: float, alpha: float | None = N
     if down.any():
         raise ProblemError(
             f"alpha of {who} is {alpha:g}, but its derivative jumps down at r = {law.knots[0][np.argmax(down)]:.6g}: "
-            f"alpha is infinite"
+            "give alpha = inf"
         )
     wide = high - low > 1e-4 * reach
     worst = int(np.argmax(np.where(wide, fall, -np.inf)))

@@ -83,7 +83,7 @@ class PiecewiseQuadratic(Superpotential):
             ("start", np.asarray(self.start)),
         ):
             if not np.isfinite(values).all():
-                raise ProblemError(f"law '{self.name}': a {what} is not a finite number")
+                raise ProblemError(f"law '{self.name}': a {what} is not finite; give finite numbers")
         if (np.diff(knots, axis=-1) <= 0).any():
             raise ProblemError(f"law '{self.name}': the knots must increase strictly, got {knots[0]}")
         if not knots.ndim == slopes.ndim == jumps.ndim == 2:
@@ -105,7 +105,7 @@ class PiecewiseQuadratic(Superpotential):
             if (np.isfinite(end) & ~np.any(knots == end[..., None], axis=-1)).any():
                 raise ProblemError(f"law '{self.name}': a finite end of the domain must be one of the knots")
         if (lower > upper).any():
-            raise ProblemError(f"law '{self.name}': the domain is empty (lower > upper)")
+            raise ProblemError(f"law '{self.name}': the domain is empty; lower must be at most upper")
         left, right = _summed(knots, slopes, jumps, start)
         self._lay_out(knots, slopes, left, right, (lower, upper), jumps)
 
@@ -319,7 +319,9 @@ class PiecewiseQuadratic(Superpotential):
             self._told, times * self.slopes, times * self._left, times * self._right, ends, self.name
         )
         if not np.isfinite(made.slopes).all() or not np.isfinite(made.start).all():
-            raise ProblemError(f"law '{self.name}': with the factor {factor.max():g} a slope is not a finite number")
+            raise ProblemError(
+                f"law '{self.name}': with the factor {factor.max():g} a slope overflows; take other units"
+            )
         return made
 
     def take(self, index: IntArray) -> PiecewiseQuadratic:

@@ -157,7 +157,7 @@ class FunctionEnergy(RelativeEnergy):
         if bad.any():
             dim = 2 if strain.shape[1] == 3 else 3
             where = strain_text(strain[int(np.argmax(bad))] / np.diag(once(dim)), dim)
-            raise ProblemError(f"the function of the {name} is not finite at the strain {where}")
+            raise ProblemError(f"the function of the {name} is not finite at the strain {where}; correct it")
         return found
 
     def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:

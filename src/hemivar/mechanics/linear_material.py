@@ -214,7 +214,7 @@ def _check_matrices(matrices: Array, points: Array, where: str | None) -> None:
 
     bad = ~np.isfinite(matrices).all(axis=(1, 2))
     if bad.any():
-        raise ProblemError(f"the elasticity matrix is not finite{place(bad)}")
+        raise ProblemError(f"the elasticity matrix is not finite{place(bad)}; give finite numbers")
     scale = np.abs(matrices).max(axis=(1, 2))
     bad = ~((scale < LARGEST) & (scale > 1.0 / LARGEST))
     if bad.any():
@@ -229,5 +229,6 @@ def _check_matrices(matrices: Array, points: Array, where: str | None) -> None:
     bad = ~(lowest > 1e-14 * scale)
     if bad.any():
         raise ProblemError(
-            f"the elasticity matrix is not positive definite{place(bad)} (lowest eigenvalue {lowest[bad][0]:g})"
+            f"the elasticity matrix is not positive definite{place(bad)} (lowest eigenvalue {lowest[bad][0]:g}); "
+            "check its signs"
         )

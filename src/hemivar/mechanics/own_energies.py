@@ -67,7 +67,7 @@ def own_energy(
             "give the energy as a formula in quotes, or three functions of the strain: energy, stress and tangent"
         )
     if plane_state(plane) is PlaneState.STRESS:
-        raise ProblemError("plane is for formulas; functions of strains in the plane say themselves what they assume")
+        raise ProblemError("plane is for formulas; leave it out, for functions of strains in the plane have their own")
     return FunctionEnergy(energy, stress, tangent, reach, **more)  # type: ignore[arg-type]
 
 

@@ -101,7 +101,7 @@ class ScalarContact(PickleMixin):
 
     def __post_init__(self) -> None:
         if isinstance(self.law, OrthotropicFriction):
-            raise ProblemError("orthotropic friction depends on a direction, of which a scalar problem has none")
+            raise ProblemError("orthotropic friction has a direction, and a scalar problem none; take Tresca")
         if isinstance(self.law, Friction):
             if isinstance(self.law.bound, StateBound):
                 raise ProblemError(
@@ -211,7 +211,7 @@ class ScalarProblem(PickleMixin, ReprMixin):
         if self.mesh.dim == 3 and self.kind is not ScalarKind.HEAT:
             raise ProblemError(f"kind = '{self.kind}' needs a plane mesh, and this one lies in space; take a rectangle")
         if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
-            raise ProblemError(f"order = {self.order!r}; elements of order 1 and 2 exist")
+            raise ProblemError(f"order = {self.order!r}; give 1 or 2")
         put(self, "coefficient", self._checked_coefficient())
         for name in ("contact", "supports", "fluxes"):
             given = getattr(self, name)

@@ -267,7 +267,7 @@ class ContactProblem(PickleMixin, ReprMixin):
                 f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
             )
         if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
-            raise ProblemError(f"order = {self.order!r}; elements of order 1 and 2 exist")
+            raise ProblemError(f"order = {self.order!r}; give 1 or 2")
         try:
             object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
         except ValueError as error:

@@ -73,7 +73,7 @@ class HeatContact(PickleMixin):
         share = number(self.share, "the share of the heat of friction", "give a number between 0 and 1")
         if not 0.0 <= share <= 1.0:
             raise ProblemError(
-                f"share = {share:g}; the part of the heat of friction that the body takes lies between 0 and 1"
+                f"share = {share:g}; give the part of the heat of friction that the body takes, between 0 and 1"
             )
         object.__setattr__(self, "share", share)
         object.__setattr__(

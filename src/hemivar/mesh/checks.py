@@ -59,7 +59,8 @@ def check_grid(size: tuple[float, ...], cells: tuple[int, ...], origin: tuple[fl
     shape = steps / steps.max()
     if shape.prod() / simplices <= _FLAT * float(np.linalg.norm(shape)) ** len(size):
         raise ProblemError(
-            f"{where}: this makes cells without volume, {steps.max():.3g} long and {steps.min():.3g} wide"
+            f"{where}: this makes cells without volume, {steps.max():.3g} long and {steps.min():.3g} wide; "
+            "take other sizes"
         )
 
 

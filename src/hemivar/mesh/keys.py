@@ -94,7 +94,7 @@ def facet_keys(facets: IntArray, count: int) -> IntArray:
     if facets.shape[1] == 2:
         return pair_keys(facets, count)
     if count > 2_000_000:
-        raise ProblemError(f"the mesh has {count} nodes; its boundaries can be found on up to two million")
+        raise ProblemError(f"the mesh has {count} nodes; boundaries are found on up to two million: take fewer")
     low, middle, high = np.sort(facets, axis=1).T
     return np.asarray((low * count + middle) * count + high)
 

@@ -141,7 +141,9 @@ def _by_meshio(path: Path) -> RawMesh:
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         if isinstance(error, ProblemError):
             raise
-        raise ProblemError(f"{_named(path)} cannot be read: what it holds does not fit together") from error
+        raise ProblemError(
+            f"{_named(path)} cannot be read: what it holds does not fit together; save it again"
+        ) from error
 
 
 def _within(data: IntArray, count: int) -> bool:

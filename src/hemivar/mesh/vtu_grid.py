@@ -90,7 +90,9 @@ def _read(data: bytes, budget: int) -> meshio.Mesh:
     if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
         raise ProblemError("it is no unstructured grid of VTK (VTKFile, UnstructuredGrid); save it as VTU")
     if root.get("version", "0.1") not in _VERSIONS:
-        raise ProblemError(f"it is in version {short(root.get('version'))} of the format; versions 0.1 to 2.3 are read")
+        raise ProblemError(
+            f"it is in version {short(root.get('version'))} of the format; save it in one from 0.1 to 2.3"
+        )
     packing = Packing(root, appended, budget)
     grids = root.findall("UnstructuredGrid")
     pieces = [_Piece(packing, piece) for grid in grids for piece in grid.findall("Piece")]

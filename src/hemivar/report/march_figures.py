@@ -122,7 +122,9 @@ def _legend(panel: Axes, **options: Any) -> None:
 def _ledger(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
     missing = [name for name, _, _ in (*_STORED, *_LOST) if name not in table]
     if missing or "work" not in table or "moved" not in table:
-        raise ProblemError(f"the table has no energy balance (column '{(*missing, 'work')[0]}' is missing)")
+        raise ProblemError(
+            f"the table has no energy balance (column '{(*missing, 'work')[0]}' is missing); draw other columns"
+        )
     time = table["time"]
     stored = sum((table[name] for name, _, _ in _STORED), np.zeros(len(time)))
     given = stored[0] + sum((table[name] for name in _GIVEN if name in table), np.zeros(len(time)))
@@ -170,7 +172,7 @@ def _boundaries(table: Mapping[str, Array], quantity: str) -> list[tuple[str, st
 
 def _forces(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
     if "normal_force" not in table:
-        raise ProblemError("the table holds no forces (column 'normal_force' is missing)")
+        raise ProblemError("the table holds no forces (column 'normal_force' is missing); draw other columns")
     time = table["time"]
     friction = np.any(table["friction_force"] != 0.0)
     fig, (upper, lower) = _panels(2, 4.2, (2.0, 1.0))
@@ -241,7 +243,7 @@ def _loop(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> F
 def _steps(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
     missing = [name for name in _OF_STEPS if name not in table]
     if missing:
-        raise ProblemError(f"the table holds no steps (column '{missing[0]}' is missing)")
+        raise ProblemError(f"the table holds no steps (column '{missing[0]}' is missing); draw other columns")
     time = table["time"][1:]
     if not len(time):
         raise ProblemError("the history has no step; run hv.march first")

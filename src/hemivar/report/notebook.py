@@ -354,7 +354,7 @@ def _adaptive(found: AdaptiveSolution) -> _Shown:
 def _stated_of(problem: DiscreteProblem) -> Figure:
     """The picture of what a discrete problem was made of."""
     if problem.origin is None:
-        raise ProblemError("the problem was made of arrays and has no mesh to draw; its solution has solution.plot()")
+        raise ProblemError("the problem was made of arrays and has no mesh to draw; draw its solution, solution.plot()")
     return plot_problem(problem.origin)
 
 

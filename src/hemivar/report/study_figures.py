@@ -61,9 +61,7 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
     curves = {name: np.where(values > 0.0, values, np.nan) for name, values in curves.items()}
     curves = {name: values for name, values in curves.items() if np.isfinite(values).any()}
     if not curves and not any(study.norms[name] > 0.0 for name in study.quantities):
-        raise ProblemError(
-            "the figure shows errors relative to the reference, which is zero; the table has them as they are"
-        )
+        raise ProblemError("the figure shows errors relative to the reference, which is zero; take the table")
     if not curves:
         raise ProblemError("the study has no errors to draw: take at least one finer mesh")
     with drawing():
@@ -204,7 +202,7 @@ def plot_sweep(sweep: Sweep, *, labels: Sequence[str] = (), title: str | None = 
     if len(sweep.axes) > 2:
         raise ProblemError(f"a sweep over {len(sweep.axes)} parameters cannot be drawn; sweep one or two")
     if not any(point.count for point in sweep.points):
-        raise ProblemError("no point of the sweep has a result that could be drawn")
+        raise ProblemError("no point of the sweep has a result to draw; see its notes")
     names = [*labels, *(axis.key for axis in sweep.axes[len(labels) :])]
     with drawing():
         return _curves(sweep, names[0], title) if len(sweep.axes) == 1 else _maps(sweep, names, title)

@@ -80,7 +80,8 @@ class Table:
         for number, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise ProblemError(
-                    f"row {number} of table '{self.title}' has {len(row)} entries for {len(self.columns)} columns"
+                    f"row {number} of table '{self.title}' has {len(row)} entries for {len(self.columns)} columns; "
+                    "give one each"
                 )
 
     def write_csv(self, path: str | Path) -> Path:
@@ -300,7 +301,7 @@ def comparison_table(
     """
     named = list(solutions.items()) if isinstance(solutions, Mapping) else [(s.method, s) for s in solutions]
     if not named:
-        raise ProblemError("there is no solution to compare")
+        raise ProblemError("there is no solution to compare; give at least one")
     reference = named[0][1] if reference is None else reference
     rows = tuple(
         (

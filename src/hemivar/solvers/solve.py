@@ -336,7 +336,7 @@ def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None
             "between meshes use hemivar.solvers.transfer_solution"
         )
     if not np.isfinite(u).all():
-        raise ProblemError("the initial guess holds nan or infinity")
+        raise ProblemError("the initial guess holds nan or infinity; give finite numbers")
     r = system.start(system.of_unknowns(u))
     return State(r, system.multiplier(r))
 

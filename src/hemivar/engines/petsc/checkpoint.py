@@ -228,13 +228,15 @@ def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], 
         ("unknowns", body.unknowns, "unknowns"),
     ):
         if record[key] != mine:
-            raise ProblemError(f"{other}: it has {record[key]} {what}, this one {mine}")
+            raise ProblemError(f"{other}: it has {record[key]} {what}, this one {mine}; name another")
     if not _alike(record["load"], body.load_scale.load):
-        raise ProblemError(f"{other}: its load is {record['load']:.6g}, this one's {body.load_scale.load:.6g}")
+        raise ProblemError(
+            f"{other}: its load is {record['load']:.6g}, this one's {body.load_scale.load:.6g}; name another"
+        )
     if len(record["marks"]) != len(marks) or not all(map(_alike, record["marks"], marks)):
-        raise ProblemError(f"{other}: body, supports or laws differ")
+        raise ProblemError(f"{other}: body, supports or laws differ; name another")
     if record["state"] is not dependent:
-        raise ProblemError(f"{other}: a bound depends on the solution in one of the two only")
+        raise ProblemError(f"{other}: a bound depends on the solution in one of the two only; name another")
     count = 1 + body.dim if record["state"] else 2 + record["built"]
     size = path.stat().st_size - stream.tell()
     if len(record["sums"]) != count or size != count * 8 * body.dim * body.piece.total:

@@ -290,7 +290,9 @@ def renumber(ranks: Ranks, piece: Piece, numbers: IntArray) -> Piece:
 
     def check() -> None:
         if np.unique(numbers).size < numbers.size or (numbers >= piece.total).any():
-            raise ProblemError("two nodes of the mesh got the same number; its cells are too small for the arithmetic")
+            raise ProblemError(
+                "two nodes of the mesh got the same number; move the body nearer to the origin, or take fewer cells"
+            )
 
     ranks.agree(check)
     found = _shared(ranks, piece.mesh, numbers, piece.total, piece.ends)

@@ -117,7 +117,10 @@ class MixedMode(CoupledLaw):
         middle = knots.shape[1] // 2
         even = knots.shape[1] % 2 == 1 and knots.shape[1] >= 5 and np.array_equal(knots, -knots[:, ::-1])
         if not even or not np.array_equal(slopes, slopes[:, ::-1]) or knots[:, middle].any():
-            raise ProblemError(f"the cohesion '{name}' of law '{self.name}' is not even with a knot at 0")
+            raise ProblemError(
+                f"the cohesion '{name}' of law '{self.name}' is not even with a knot at 0; give the "
+                "same curve for both signs"
+            )
         if table.jumps.any() or np.isfinite(table.lower).any() or np.isfinite(table.upper).any():
             raise ProblemError(
                 f"the cohesion '{name}' of law '{self.name}' jumps or ends; let it fall along a line instead, for "

@@ -164,7 +164,7 @@ class PenetrationBound(StateBound):
             first, second = source
         except (TypeError, ValueError):
             raise ProblemError(
-                "a friction bound is a table (s, bound), a formula of s in quotes, or a function of s"
+                "a friction bound is none of a table, a formula and a function; give (s, bound), text, or callable"
             ) from None
         s = real_array(first, "s of the friction bound", finite=False)
         bound = real_array(second, "the friction bound", finite=False)

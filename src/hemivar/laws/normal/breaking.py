@@ -219,7 +219,9 @@ def Layered(  # noqa: N802 - a law, named as the others are
     if (thick <= 0.0).any():
         raise ProblemError(f"thicknesses of law 'layered' hold {thick.min():g}; every layer needs a positive thickness")
     if (lost < 0.0).any():
-        raise ProblemError(f"drops of law 'layered' hold {lost.min():g}; a drop is the pressure lost, at least 0")
+        raise ProblemError(
+            f"drops of law 'layered' hold {lost.min():g}; a drop is the pressure lost: it must be at least 0"
+        )
     knots = np.concatenate([[0.0], np.cumsum(thick)])
     slopes = np.concatenate([[0.0], stiff, [0.0 if base is None else number(base, "base of law 'layered'")]])
     upper = np.inf if base is not None else knots[-1]
