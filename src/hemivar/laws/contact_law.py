@@ -9,22 +9,23 @@ import numpy as np
 
 from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.neighbourhood import Neighbourhood, lengths, polar
+from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.scalar_graph import downhill, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
 
 __all__ = ["ContactLaw", "separable"]
 
 
 @dataclass(frozen=True, eq=False)
-class ContactLaw(VectorLaw):
+class ContactLaw(NormalAndFriction):
     """The law that splits: j(r) = j_nu(r_nu) + h_tau j_tau(|r_tau|) at every contact point.
 
     The bound h_tau may depend on penetration or pressure (:class:`~hemivar.laws.StateBound`); then only the parts
@@ -61,20 +62,12 @@ class ContactLaw(VectorLaw):
         check_own(self.normal)
 
     @property
-    def name(self) -> str:  # type: ignore[override]
-        """Name of the normal law, used in messages."""
-        return self.normal.name
-
-    @property
     def tangential_name(self) -> str:
         return self.tangential.name
 
     @property
     def splits(self) -> bool:
         return True
-
-    def at(self, points: Array | None) -> ContactLaw:
-        return ContactLaw(self.normal.at(points), self.friction.at(points))
 
     @cached_property
     def tangential(self) -> Superpotential:
@@ -84,13 +77,6 @@ class ContactLaw(VectorLaw):
     def scalar_laws(self, components: int) -> tuple[Superpotential, ...]:
         """The normal law, and the tangential one where there are tangents."""
         return (self.normal,) if components == 1 else (self.normal, self.tangential)
-
-    def take(self, index: IntArray) -> ContactLaw:
-        return ContactLaw(self.normal.take(index), self.friction.take(index))
-
-    @property
-    def state_dependent(self) -> bool:
-        return self.friction.state_dependent
 
     @property
     def follows_state(self) -> bool:
@@ -102,34 +88,6 @@ class ContactLaw(VectorLaw):
         if not isinstance(bound, StateBound) or not bound.differentiable:
             return False
         return bool(np.isfinite(profile.weak_convexity).all() and np.isposinf(profile.domain.upper).all())
-
-    def frozen(self, r: Array, lam: Array) -> ContactLaw:
-        if not self.state_dependent:
-            return self
-        r, lam = np.asarray(r, dtype=float), np.asarray(lam, dtype=float)
-        return ContactLaw(self.normal, self.friction.frozen(r[:, 0], lam[:, 0]))
-
-    def frozen_at(self, r: Array) -> ContactLaw:
-        if not self.state_dependent:
-            return self
-        lam = np.zeros(r.shape)
-        bound = self.normal.domain
-        interval = self.normal.subdifferential(np.clip(r[:, 0], bound.lower, bound.upper))
-        lam[:, 0] = np.clip(0.0, interval.lower, interval.upper)
-        return self.frozen(r, lam)
-
-    @property
-    def lipschitz(self) -> Array:
-        bound = self.friction.bound
-        return bound.lipschitz if isinstance(bound, StateBound) else np.zeros(1)
-
-    @property
-    def lipschitz_sampled(self) -> bool:
-        bound = self.friction.bound
-        if not isinstance(bound, StateBound):
-            return False
-        rises = np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf))
-        return bound.lipschitz_sampled or (bool(rises) and self.friction.profile.growth_sampled)
 
     @staticmethod
     def concatenate(laws: Sequence[tuple[ContactLaw, int]]) -> ContactLaw:
@@ -251,44 +209,11 @@ class ContactLaw(VectorLaw):
             hessian[:, 1:, 1:] = across[:, None, None] * (np.eye(d - 1) - outer) + curvature[:, None, None] * outer
         return Linearisation(smooth, gradient, hessian)
 
-    def admissible(self, r: Array) -> Array:
-        out = np.array(r, dtype=float)
-        domain = self.normal.domain
-        out[:, 0] = np.clip(out[:, 0], domain.lower, domain.upper)
-        if out.shape[1] > 1:
-            limit = np.broadcast_to(self.friction.profile.domain.upper, (len(out),))
-            size = lengths(out[:, 1:])
-            outside = size > limit
-            out[outside, 1:] *= (limit[outside] / size[outside])[:, None]
-        return out
-
     def recession(self, direction: Array) -> Array:
         rate = self.normal.recession(direction[:, 0])
         if self.state_dependent:
             return rate
         return rate + self.tangential.recession(lengths(direction[:, 1:])) if direction.shape[1] > 1 else rate
-
-    @property
-    def by_differences(self) -> bool:
-        return self.normal.by_differences or self.friction.profile.by_differences
-
-    def derivative_error(self, r: Array) -> Array:
-        normal = np.broadcast_to(self.normal.derivative_error(r[:, 0]), r.shape[:1])
-        if r.shape[1] == 1 or not self.friction.profile.by_differences:
-            return normal
-        return np.hypot(normal, self.tangential.derivative_error(lengths(r[:, 1:])))
-
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        return self.normal.alpha_reach, self.friction.profile.alpha_reach
-
-    @property
-    def alpha_sampled(self) -> bool:
-        return self.normal.alpha_sampled or self.friction.profile.alpha_sampled
-
-    @property
-    def constants_sampled(self) -> bool:
-        return self.normal.constants_sampled or self.friction.profile.constants_sampled
 
     def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
         parts = (self.normal, self.tangential)
@@ -321,23 +246,6 @@ class ContactLaw(VectorLaw):
 
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
         return self.normal.asymptotic_curvature(sign), self.tangential.asymptotic_curvature(sign)
-
-    @property
-    def softens(self) -> bool:
-        normal, profile = self.normal.weak_convexity, self.friction.profile.weak_convexity
-        return bool((normal > 0.0).any() or (profile > 0.0).any())
-
-    @property
-    def penetrations(self) -> Interval:
-        return self.normal.domain
-
-    @property
-    def penetration_knots(self) -> Array:
-        return self.normal.knots
-
-    @property
-    def rubs(self) -> BoolArray:
-        return np.asarray(self.state_dependent or self.friction.bounds > 0.0)
 
     # ---- where a pair lies ------------------------------------------------------------------------------
 
@@ -386,22 +294,6 @@ class ContactLaw(VectorLaw):
         normal = one_sided(self.normal, r[:, 0], tau[:, 0], slack)
         found = [Sides(index, axis, lam[index, 0], *(values[index] for values in normal))]
         return found if d == 1 else found + radial_sides(self.tangential, r, lam, active, tau[:, 1], slack)
-
-    def at_normal_kink(self, r: Array) -> BoolArray:
-        return self.normal.at_kink(r[:, 0])
-
-    def pulls(self, r: Array) -> BoolArray:
-        ends = self.normal.domain
-        return np.asarray(self.normal.subdifferential(np.clip(r[:, 0], ends.lower, ends.upper)).lower < 0.0)
-
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
-        return self.normal.past_peak(r[:, 0], pull, near, slack)
-
-    def debonding(self, r: Array) -> dict[str, Array]:
-        return self.normal.debonding(r[:, 0])
-
-    def resistance(self, r: Array, lam: Array) -> Array:
-        return self.friction.frozen(r[:, 0], lam[:, 0]).bounds
 
 
 def separable(law: VectorLaw, what: str) -> ContactLaw:

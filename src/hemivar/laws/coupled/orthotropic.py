@@ -19,12 +19,12 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw, separable
 from hemivar.laws.coupled.near_mixed_mode import principal_sides
-from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.friction_law import Friction
 from hemivar.laws.friction.orthotropic_friction import OrthotropicFriction
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.neighbourhood import lengths
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.normal_and_friction import NormalAndFriction
+from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Linearisation, Near, Sides, VectorLaw
 
 __all__ = ["OrthotropicLaw", "bounded"]
@@ -38,7 +38,7 @@ _FIRST = np.array([[1.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
-class OrthotropicLaw(VectorLaw):
+class OrthotropicLaw(NormalAndFriction):
     """``j(r) = j_nu(r_nu) + h sqrt(s_1^2 + ratio^2 s_2^2)`` in space: slip s_1 along an axis and s_2 across it.
 
     Parameters
@@ -58,11 +58,6 @@ class OrthotropicLaw(VectorLaw):
         _ = self._plain
 
     @property
-    def name(self) -> str:  # type: ignore[override]
-        """Name of the normal law, used in messages."""
-        return self.normal.name
-
-    @property
     def tangential_name(self) -> str:
         return self.friction.name
 
@@ -74,9 +69,6 @@ class OrthotropicLaw(VectorLaw):
     def _plain(self) -> ContactLaw:
         """The normal law alone."""
         return ContactLaw(self.normal)
-
-    def at(self, points: Array | None) -> OrthotropicLaw:
-        return replace(self, normal=self.normal.at(points), friction=self.friction.at(points))
 
     def in_frames(self, frames: Array) -> OrthotropicLaw:
         along = np.einsum("mtd,d->mt", frames[:, 1:], self.friction.axis) if frames.shape[2] == 3 else np.zeros((1, 2))
@@ -90,9 +82,9 @@ class OrthotropicLaw(VectorLaw):
             )
         return replace(self, heading=along / size[:, None])
 
-    def take(self, index: IntArray) -> OrthotropicLaw:
+    def take(self, index: IntArray) -> Self:
         heading = self.heading if self.heading is None or len(self.heading) == 1 else self.heading[index]
-        return OrthotropicLaw(self.normal.take(index), self.friction.take(index), heading)
+        return replace(super().take(index), heading=heading)
 
     @staticmethod
     def concatenate(laws: Sequence[tuple[VectorLaw, int]]) -> OrthotropicLaw | None:
@@ -119,32 +111,9 @@ class OrthotropicLaw(VectorLaw):
     # ---- the bound ---------------------------------------------------------------------------------------
 
     @property
-    def state_dependent(self) -> bool:
-        return self.friction.state_dependent
-
-    def frozen(self, r: Array, lam: Array) -> Self:
-        if not self.state_dependent:
-            return self
-        return replace(self, friction=self.friction.frozen(r[:, 0], lam[:, 0]))
-
-    def frozen_at(self, r: Array) -> Self:
-        lam = np.zeros(r.shape)
-        if self.state_dependent:
-            ends = self.normal.domain
-            interval = self.normal.subdifferential(np.clip(r[:, 0], ends.lower, ends.upper))
-            lam[:, 0] = np.clip(0.0, interval.lower, interval.upper)
-        return self.frozen(r, lam)
-
-    @property
     def lipschitz(self) -> Array:
         """Of the larger of both bounds."""
-        bound = self.friction.bound
-        return bound.lipschitz * np.maximum(self.friction.ratios, 1.0) if isinstance(bound, StateBound) else np.zeros(1)
-
-    @property
-    def lipschitz_sampled(self) -> bool:
-        bound = self.friction.bound
-        return isinstance(bound, StateBound) and bound.lipschitz_sampled
+        return super().lipschitz * np.maximum(self.friction.ratios, 1.0)
 
     # ---- the ellipse -------------------------------------------------------------------------------------
 
@@ -248,11 +217,6 @@ class OrthotropicLaw(VectorLaw):
         jacobian[:, 1:, 1:] = np.where(np.asarray(r[:, 1:].any(axis=1))[:, None, None], np.linalg.inv(bend), 0.0)
         return jacobian
 
-    def admissible(self, r: Array) -> Array:
-        out = np.array(r, dtype=float)
-        out[:, :1] = self._plain.admissible(r[:, :1])
-        return out
-
     def local_argmin(self, a: Array, b: Array) -> Array:
         out = np.empty(b.shape)
         out[:, 0] = self.normal.local_argmin(a[:, 0], b[:, 0])
@@ -300,33 +264,6 @@ class OrthotropicLaw(VectorLaw):
         far = reach[0]
         return self.normal.weak_convexity if far == np.inf else self.normal.weak_convexity_within(far), np.zeros(1)
 
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        return self.normal.alpha_reach, np.inf
-
-    @property
-    def constants_sampled(self) -> bool:
-        return self.normal.constants_sampled
-
-    @property
-    def by_differences(self) -> bool:
-        return self.normal.by_differences
-
-    def derivative_error(self, r: Array) -> Array:
-        return self._plain.derivative_error(r[:, :1])
-
-    @property
-    def penetrations(self) -> Interval:
-        return self.normal.domain
-
-    @property
-    def penetration_knots(self) -> Array:
-        return self.normal.knots
-
-    @property
-    def rubs(self) -> BoolArray:
-        return np.asarray(self.state_dependent or self.friction.bounds > 0.0)
-
     # ---- where a pair lies -------------------------------------------------------------------------------
 
     def snap_to_kinks(self, r: Array, near: float) -> Array:
@@ -365,21 +302,6 @@ class OrthotropicLaw(VectorLaw):
             along[:, 0] = False
             found += principal_sides(rows, hessian, along, np.zeros(rows.size, dtype=bool))
         return found
-
-    def at_normal_kink(self, r: Array) -> BoolArray:
-        return self.normal.at_kink(r[:, 0])
-
-    def pulls(self, r: Array) -> BoolArray:
-        return self._plain.pulls(r[:, :1])
-
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
-        return self.normal.past_peak(r[:, 0], pull, near, slack)
-
-    def debonding(self, r: Array) -> dict[str, Array]:
-        return self.normal.debonding(r[:, 0])
-
-    def resistance(self, r: Array, lam: Array) -> Array:
-        return self.friction.frozen(r[:, 0], lam[:, 0]).bounds
 
 
 @dataclass(frozen=True, eq=False)
