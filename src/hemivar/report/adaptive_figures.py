@@ -159,7 +159,7 @@ def _compared(
             _scales(ax, np.concatenate(places))
         sure = all(level.guaranteed for one in solves.values() for level in one.levels)
         left.set_ylabel("relative error, guaranteed bound" if sure else "relative error, bound or estimate")
-        left.legend(loc="lower left")
+        left.legend(loc="best")
         if title:
             fig.suptitle(title, fontsize=10.0)
         write_foot(fig, certificate_line(found.solution, certificate, statement_of(found.distance)))
