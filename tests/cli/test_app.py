@@ -252,7 +252,7 @@ BAD_FILES: dict[str, tuple[str, list[str]]] = {
         changed(("[4, 4]", '[4, 4]\npattern = "crss"')),
         ["[mesh] pattern", "did you mean 'cross'?"],
     ),
-    "order 3": (changed(("[4, 4]", "[4, 4]\norder = 3")), ["[mesh] order", "1 and 2"]),
+    "order 3": (changed(("[4, 4]", "[4, 4]\norder = 3")), ["[mesh] order", "1 or 2"]),
     "unknown quadrature": (
         changed(("[4, 4]", '[4, 4]\nquadrature = "mid-point"')),
         ["[mesh] quadrature", "did you mean 'midpoint'?"],

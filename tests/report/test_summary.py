@@ -28,6 +28,16 @@ def test_the_summary_is_what_the_command_prints(tmp_path: Path, capsys: pytest.C
     assert set(plain) < set(said)
 
 
+def test_the_summary_has_the_forces_that_balance_and_the_largest_stress(plane: Solution) -> None:
+    rows = dict(plane.summary().rows)
+    name, _, force = rows["support forces"].partition(" ")
+    assert name == "left"
+    read = np.array([float(part) for part in force.strip("()").split(",")])
+    whole = read + plane.on("bottom").force + square().mesh.volumes.sum() * np.asarray(square().body_force)
+    np.testing.assert_allclose(whole, 0.0, atol=1e-5)
+    assert float(rows["max von Mises"]) == pytest.approx(plane.von_mises().max(), rel=1e-5)
+
+
 def test_a_summary_is_text_at_a_prompt_and_a_table_in_a_notebook(plane: Solution) -> None:
     summary = plane.summary()
     assert repr(summary) == str(summary)

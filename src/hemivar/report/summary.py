@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
+from hemivar.basics.disk import shown
+from hemivar.basics.types import Array
 from hemivar.basics.units import Units
 from hemivar.certificates import Certificate
+from hemivar.errors import ProblemError
+from hemivar.mechanics import ContactProblem
 from hemivar.solvers import NormalState, Solution, Status, TangentialState
 from hemivar.solvers.contact_states import state_words
 
 __all__ = ["Summary", "contact_rows", "extreme_rows", "summary_of"]
 
 _WIDTH = 18
+#: Supports whose forces are shown.
+_SUPPORTS = 6
 
 Row = tuple[str, str]
 
@@ -65,6 +74,7 @@ def summary_of(solution: Solution, certificate: Certificate | None = None, units
         rows += [(line[:_WIDTH].rstrip(), line[_WIDTH:]) for line in certificate.lines()]
     if solution.problem.contact_points:
         rows += _contact_part(solution, units)
+    rows += _body_part(solution, units)
     return Summary(tuple(rows))
 
 
@@ -91,11 +101,29 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
     if friction.size == 1:
         yield "friction force", _with(f"{friction[0]:.6g}", units.force)
     elif friction.size:
-        vector = solution.problem.contact.weights @ solution.friction_vectors
-        yield "friction force", _with(f"({', '.join(f'{c:.6g}' for c in vector)})", units.force)
+        yield "friction force", _vector(solution.problem.contact.weights @ solution.friction_vectors, units.force)
     whole = float(solution.contact.weights.sum())
     yield from contact_rows(solution.measured, solution.contact_length, whole, solution.states.counts, units)
     yield from extreme_rows(float(solution.penetration.max()), float(solution.pressure.max()), units)
+
+
+def _body_part(solution: Solution, units: Units) -> Iterator[Row]:
+    """Forces of the supports and the largest stress, of a body whose material and supports are known."""
+    if not isinstance(solution.problem.origin, ContactProblem):
+        return
+    with contextlib.suppress(ProblemError):  # under another load than the stated one reactions are not known
+        for number, (name, force) in enumerate(solution.reactions.items()):
+            if number == _SUPPORTS:
+                yield "", f"(and {len(solution.reactions) - number} more; --json holds all)"
+                break
+            yield "" if number else "support forces", f"{shown(name)} {_vector(force, units.force)}"
+    yield "max von Mises", _with(f"{float(solution.von_mises().max()):.6g}", units.stress)
+
+
+def _vector(components: Array, unit: str) -> str:
+    """A vector of forces; what is rounding beside the largest of them is zero."""
+    zero = 1e-10 * float(np.abs(components).max(initial=0.0))
+    return _with(f"({', '.join(f'{0.0 if abs(c) <= zero else c:.6g}' for c in components)})", unit)
 
 
 def contact_rows(
