@@ -13,7 +13,7 @@ from hemivar.certificates.linear_bodies import at_tangent
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.residual import Residual, residual
-from hemivar.solvers import Controls, NonsmoothNewton, Solution, solve, suited
+from hemivar.solvers import Controls, NonsmoothNewton, Search, Solution, solve, suited
 from hemivar.solvers.controls import Budget
 from hemivar.systems import CondensedProblem
 from hemivar.systems.contact_moves import smooth_components
@@ -105,10 +105,12 @@ def polish_by_solver(
     """
     problem = solution.problem
     tight = replace(controls, rtol=min(_TIGHT, controls.rtol), atol=0.0, max_time=budget.left, callback=None)
-    again = solve(problem, suited(NonsmoothNewton(), problem), tight, initial=solution, workspace=workspace)
+    splits = problem.law.splits
+    onward = NonsmoothNewton() if splits else NonsmoothNewton(search=Search.DOWNHILL)  # not to a lower one elsewhere
+    again = solve(problem, suited(onward, problem), tight, initial=solution, workspace=workspace)
     if again.residual.total < solution.residual.total:
         better = replace(again, status=solution.status, method=solution.method)
-        near = isinstance(problem.bulk, Quadratic) or _near(system, better, solution)
+        near = (isinstance(problem.bulk, Quadratic) and splits) or _near(system, better, solution)
         if near and better.residual.below(controls.atol, controls.rtol):
             solution = better
     if not isinstance(problem.bulk, Quadratic):

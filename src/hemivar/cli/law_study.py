@@ -15,7 +15,7 @@ from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.laws import MixedMode, Superpotential
+    from hemivar.laws import MixedMode, OwnCoupledLaw, Superpotential
     from hemivar.laws.registry import LawEntry
     from hemivar.workflows import LawStudy
     from hemivar.workflows.law_study import Value
@@ -127,14 +127,20 @@ def print_examples(examples: Mapping[str, Value]) -> None:
         print(f"\nshown with        {told}  (change them with --set)")
 
 
-def _draw(curve: Superpotential | MixedMode, reach: float | None, plot: Path, writer: Writer) -> None:
-    from hemivar.laws import MixedMode
+def _draw(curve: Superpotential | MixedMode | OwnCoupledLaw, reach: float | None, plot: Path, writer: Writer) -> None:
+    from hemivar.laws import MixedMode, OwnCoupledLaw
     from hemivar.report.law_figures import plot_law
-    from hemivar.report.mixed_mode_figure import plot_mixed_mode
+    from hemivar.report.mixed_mode_figure import plot_coupled_law, plot_mixed_mode
     from hemivar.report.saving import save
 
     def draw(path: Path) -> None:
-        fig = plot_mixed_mode(curve, reach=reach) if isinstance(curve, MixedMode) else plot_law(curve, reach=reach)
+        match curve:
+            case MixedMode():
+                fig = plot_mixed_mode(curve, reach=reach)
+            case OwnCoupledLaw():
+                fig = plot_coupled_law(curve, reach=reach)
+            case _:
+                fig = plot_law(curve, reach=reach)
         save(fig, path)
 
     writer.write("--plot", plot, draw, picture=True)

@@ -10,7 +10,7 @@ from hemivar.basics.types import Array
 from hemivar.formula.graph import Graph, Leaf
 from hemivar.formula.intervals import ENCLOSED, Pair, mended, power
 
-__all__ = ["enclosed", "tail"]
+__all__ = ["enclosed", "enclosed_on_boxes", "tail"]
 
 #: (c, p, q) for the bound ``exp(c) |r|^p exp(-q |r|)``.
 _Growth = tuple[float, float, float]
@@ -36,6 +36,32 @@ def enclosed(graph: Graph, node: int, low: Array, high: Array) -> tuple[Array, A
     with np.errstate(all="ignore"):
         for i, op, arguments, leaf, done in graph.program(node):
             kept[i] = _one_enclosed(graph, op, leaf, arguments, kept, low, high)
+            for a in done:
+                del kept[a]
+    return kept[node]
+
+
+def enclosed_on_boxes(graph: Graph, node: int, sides: Mapping[str, Pair]) -> Pair:
+    """Bounds of an expression in several variables on boxes, rounding included.
+
+    Parameters
+    ----------
+    graph : Graph
+    node : int
+    sides : mapping of name to pair of arrays (k,)
+        Ends of the boxes by variable.
+
+    Returns
+    -------
+    lower, upper : arrays (k,)
+        As :func:`enclosed`.
+    """
+    kept: dict[int, Pair] = {}
+    low, high = next(iter(sides.values()))
+    with np.errstate(all="ignore"):
+        for i, op, arguments, leaf, done in graph.program(node):
+            one = sides[str(leaf)] if op == "name" else None
+            kept[i] = _one_enclosed(graph, op, leaf, arguments, kept, low, high) if one is None else one
             for a in done:
                 del kept[a]
     return kept[node]

@@ -344,23 +344,27 @@ class Graph:
 
     def branches(self, node: int, variable: str, places: Array) -> IntArray:
         """The nodes without switches that hold at some places, one for each of them."""
-        program = self.program(node)
+        return self.branches_at(node, {variable: places})
+
+    def branches_at(self, node: int, at: Mapping[str, Array]) -> IntArray:
+        """As :meth:`branches`, for values (k,) of several variables."""
+        program, size = self.program(node), next(iter(at.values())).size
         if not any(op in _SWITCHES for _, op, _, _, _ in program):
-            return np.full(places.size, node, dtype=np.int64)
+            return np.full(size, node, dtype=np.int64)
         kept: dict[int, Value] = {}
         taken: list[tuple[int, str, tuple[int, ...], IntArray]] = []
         with np.errstate(all="ignore"):
             for i, op, arguments, leaf, _ in program:
                 inner = [kept[a] for a in arguments]
-                value = _applied(op, leaf, inner, {variable: places})
-                kept[i] = cast(Array, np.broadcast_to(value, places.shape))
+                value = _applied(op, leaf, inner, at)
+                kept[i] = cast(Array, np.broadcast_to(value, (size,)))
                 if op == "abs":
                     taken.append((i, op, arguments, np.where(inner[0] >= 0.0, 0, 1)))
                 elif op in ("min", "max"):
                     second = inner[1] < inner[0] if op == "min" else inner[1] > inner[0]
                     taken.append((i, op, arguments, np.where(second, 1, 0)))
                 elif op == "piecewise":
-                    taken.append((i, op, arguments, _first_true(inner, places.size)))
+                    taken.append((i, op, arguments, _first_true(inner, size)))
         choices = np.stack([choice for *_, choice in taken], axis=1)
         rows, which = np.unique(choices, axis=0, return_inverse=True)
         resolved = [

@@ -7,7 +7,14 @@ from types import MappingProxyType
 
 from hemivar.basics.types import Parameter
 from hemivar.errors import ProblemError
-from hemivar.laws.coupled import BilinearCohesion, ExponentialCohesion, MixedMode, TrapezoidalCohesion
+from hemivar.laws.coupled import (
+    BilinearCohesion,
+    CoupledFormulaLaw,
+    ExponentialCohesion,
+    MixedMode,
+    OwnCoupledLaw,
+    TrapezoidalCohesion,
+)
 from hemivar.laws.normal import Compliance, Signorini
 from hemivar.laws.registry import LawEntry, LawKind, LawParameter, ParameterForm
 from hemivar.laws.superpotential import Superpotential
@@ -43,6 +50,10 @@ def _mixed_mode(
     return MixedMode(cohesion, ratio, Signorini() if compression is None else Compliance(compression))
 
 
+def _formula(potential: str, reach: float, penetration: str = "formula", where: str = "") -> OwnCoupledLaw:
+    return CoupledFormulaLaw(potential, reach=reach, rigid=penetration == "rigid", where=where)
+
+
 _COUPLED = (
     LawEntry(
         "mixed-mode",
@@ -62,6 +73,25 @@ _COUPLED = (
             ),
             LawParameter("plateau", "length of the plateau of a trapezoid", "length", minimum=0.0, optional=True),
             LawParameter("compression", "stiffness in penetration; left out: rigid", _RATE, minimum=0.0, optional=True),
+        ),
+    ),
+    LawEntry(
+        "coupled-formula",
+        LawKind.NORMAL,
+        _formula,
+        "any potential of penetration and slip, as a formula of r (negative: opening) and the length s of the slip; "
+        "stands for friction, too",
+        "j(r, s) = potential",
+        (
+            LawParameter(
+                "potential", "formula of the penetration r and the slip s", "force/length", form=ParameterForm.TEXT,
+                example="0.5*(1 - exp(-(min(r, 0)^2 + 4*s^2)/2e-4)) + 5e3*max(r, 0)^2",
+            ),
+            LawParameter("reach", "length up to which constants and minimisers are looked for", "length", example=0.1),
+            LawParameter(
+                "penetration", "what stops it: the formula, or nothing penetrates", "formula or rigid", "formula",
+                form=ParameterForm.TEXT, choices=("formula", "rigid"),
+            ),
         ),
     ),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Mixed-mode laws in figures: tractions over opening and slip, and the failure envelope."""
+"""Laws that couple opening and slip in figures: tractions over both, the failure envelope, or the potential."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.errors import ProblemError
-from hemivar.laws import MixedMode
+from hemivar.laws import MixedMode, OwnCoupledLaw
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, drawing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["plot_mixed_mode"]
+__all__ = ["plot_coupled_law", "plot_mixed_mode"]
 
 #: Slips, as parts of the largest one, under which the normal traction is drawn.
 _UNDER = (0.0, 0.4, 0.8)
@@ -71,6 +71,64 @@ def plot_mixed_mode(law: MixedMode, *, point: int = 0, reach: float | None = Non
         told = f"$G_c$ = {one.fracture_energy.item():.4g}, shear over normal strength {beta:g}"
         fig.suptitle(f"{title}\n{told}" if title else told, fontsize=9)
     return fig
+
+
+def plot_coupled_law(law: OwnCoupledLaw, *, reach: float | None = None, title: str | None = None) -> Figure:
+    """Normal traction over the opening, shear over the slip, and contours of the potential.
+
+    Parameters
+    ----------
+    law : OwnCoupledLaw
+    reach : float, optional
+        Opening and slip up to which it is drawn; where the tractions have fallen to a fiftieth by default.
+    title : str, optional
+
+    Raises
+    ------
+    ProblemError
+        If ``reach`` is not a positive number.
+    """
+    far = _seen_reach(law) if reach is None else reach
+    if not 0.0 < far < math.inf:
+        raise ProblemError(f"reach = {reach}; it must be a positive length")
+    last = 0.0 if law.rigid else 0.3 * far
+    along = np.linspace(1e-9, 1.0, 400) * far
+    opening = np.linspace(far, -last, 521)
+    with drawing():
+        fig = new_figure((8.4, 3.1), layout="constrained")
+        normal, shear, potential = fig.subplots(1, 3)
+        for part, style in zip((0.0, 0.15, 0.3), ("-", "--", ":"), strict=True):
+            fixed = np.full(opening.size, part * far)
+            pull = -law.slopes_at(-opening, fixed, -1.0)[0]
+            normal.plot(opening, pull, color=BLUE, ls=style, label=f"slip {part * far:.3g}")
+            fixed = np.full(along.size, -part * far)
+            shear.plot(
+                along, law.slopes_at(fixed, along, -1.0)[1], color=BLUE, ls=style, label=f"opening {part * far:.3g}"
+            )
+        normal.set(xlabel="opening $w$ (negative: penetration)", ylabel="normal traction")
+        shear.set(xlabel="slip $s$", ylabel="shear traction")
+        w, s = np.meshgrid(np.linspace(-last, far, 121), np.linspace(0.0, far, 101))
+        stored = law.potential_at(-w.ravel(), s.ravel()).reshape(w.shape)
+        lines = potential.contour(w, s, stored, levels=12, colors=[BLUE], linewidths=0.8)
+        potential.clabel(lines, fontsize=6)
+        potential.set(xlabel="opening $w$", ylabel="slip $s$", title="potential $j$")
+        for panel in (normal, shear):
+            panel.axhline(0.0, color=GREY, lw=0.6, zorder=0)
+            panel.spines[["top", "right"]].set_visible(False)
+            panel.legend(frameon=False, fontsize=7)
+        if title:
+            fig.suptitle(title, fontsize=9)
+    return fig
+
+
+def _seen_reach(law: OwnCoupledLaw) -> float:
+    """Where the tractions of opening and slip alone have fallen to a fiftieth; the reach where they do not."""
+    at = law.reach * np.geomspace(1e-5, 1.0, 2000)
+    zero = np.zeros(at.size)
+    pull = np.abs(law.slopes_at(-at, zero, -1.0)[0])
+    drag = np.abs(law.slopes_at(zero, at, -1.0)[1])
+    ends = [at[part > 0.02 * part.max()].max(initial=at[0]) for part in (pull, drag) if part.any()]
+    return float(1.1 * max(ends, default=law.reach))
 
 
 def _pure(law: MixedMode, r: np.ndarray) -> np.ndarray:

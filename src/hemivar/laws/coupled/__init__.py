@@ -5,14 +5,19 @@ from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.joined import JoinedLaw, join_laws
 from hemivar.laws.coupled.mixed_mode import MixedMode
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw, bounded
+from hemivar.laws.coupled.own_coupled import OwnCoupledLaw
+from hemivar.laws.coupled.own_coupled_makers import CoupledFormulaLaw, CoupledFunctionLaw
 
 __all__ = [
     "BilinearCohesion",
+    "CoupledFormulaLaw",
+    "CoupledFunctionLaw",
     "CoupledLaw",
     "ExponentialCohesion",
     "JoinedLaw",
     "MixedMode",
     "OrthotropicLaw",
+    "OwnCoupledLaw",
     "TrapezoidalCohesion",
     "bounded",
     "cohesion_table",

@@ -1,0 +1,496 @@
+"""Laws of one's own that couple opening and slip: a potential of the penetration and of the length of the slip."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.arguments import described, number
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws.coupled.coupled_law import CoupledLaw
+from hemivar.laws.coupled.local_search import descend
+from hemivar.laws.coupled.near_mixed_mode import principal_sides
+from hemivar.laws.coupled.near_own_coupled import NearOwnCoupled
+from hemivar.laws.coupled.plane_bounds import (
+    best_ratio,
+    check_plane_potential,
+    least_eigenvalues,
+    proved_alpha,
+    sample_places,
+    tiny,
+)
+from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotential
+from hemivar.laws.neighbourhood import lengths, polar
+from hemivar.laws.superpotential import Interval
+from hemivar.laws.vector_law import Linearisation, Sides
+
+__all__ = ["OwnCoupledLaw", "checked_reach"]
+
+#: Lines of the grid on which the minimisers of a local problem are looked for, to either side, and starts taken of it.
+_GRID, _STARTS = 70, 8
+#: Local problems that are looked at together.
+_TOGETHER = 200
+#: Lengths, as parts of the reach, at which growth far away is looked at.
+_FAR = (1e4, 1e6, 1e8)
+#: Directions and places at which is looked how much resists at rest.
+_TURNS, _ALONG = 9, np.concatenate([[1e-9], np.geomspace(1e-4, 1.0, 60)])
+
+
+def checked_reach(reach: object, name: str) -> float:
+    """The reach of a law, a positive length."""
+    found = number(reach, f"reach of law '{name}'", "give a length")
+    if not 0.0 < found < np.inf:
+        raise ProblemError(f"reach of law '{name}' is {found}; it must be a positive length")
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class OwnCoupledLaw(CoupledLaw):
+    """``j(r) = f(r_nu, |r_tau|) - f(0, 0)``, the same at all contact points; see :func:`CoupledFormulaLaw`.
+
+    Attributes
+    ----------
+    plane : PlanePotential
+        f.
+    reach : float
+        Length up to which constants and minimisers are looked for.
+    rigid : bool
+        Whether nothing penetrates.
+    name : str
+    kinked : bool
+        Whether the derivative by r jumps at r = 0.
+    resting : bool
+        Whether something resists the first slip.
+    size : float
+        Largest slope that was seen.
+    stated : mapping or None
+    """
+
+    plane: PlanePotential
+    reach: float
+    rigid: bool
+    name: str
+    kinked: bool
+    resting: bool
+    size: float
+    stated: Mapping[str, object] | None = None  # type: ignore[assignment]
+
+    @classmethod
+    def of(
+        cls, plane: PlanePotential, reach: object, rigid: object, name: str, stated: Mapping[str, object] | None = None
+    ) -> OwnCoupledLaw:
+        """The law of a potential, which is checked first."""
+        far = checked_reach(reach, name)
+        if not isinstance(rigid, bool | np.bool_):
+            raise ProblemError(f"rigid of law '{name}' is {described(rigid)}; give True or False")
+        return cls(plane, far, bool(rigid), name, *check_plane_potential(plane, far, bool(rigid)), stated)
+
+    def at(self, points: Array | None) -> OwnCoupledLaw:
+        return self
+
+    def take(self, index: IntArray) -> OwnCoupledLaw:
+        return self
+
+    def describe(self, point: int = 0) -> str:
+        """Kinks and constants, in words."""
+        normal, tangential = (float(alpha[0]) for alpha in self.weak_convexity)
+        how = f"shown by intervals up to r, s = {self.reach:g}" if self._alpha[2] else "sampled"
+        shut = "rigid" if self.rigid else "as the potential says"
+        kinks = [text for text, there in (("r = 0", self.hooked), ("s = 0", self.resting)) if there]
+        return "\n".join(
+            (
+                f"law {self.name}: j(r, s) = {self.plane.shown}",
+                f"in penetration    {shut}",
+                f"kinks             {' and '.join(kinks) or 'none'}",
+                f"alpha             {normal:.6g} for r, {tangential:.6g} for s ({how})",
+                f"reach             {self.reach:g}",
+            )
+        )
+
+    # ---- the potential -----------------------------------------------------------------------------------
+
+    def _nonzero(self, r: Array, s: Array, side: Array | float) -> tuple[Array, Array]:
+        least = tiny(self.reach)
+        return np.where(np.abs(r) < least, side * least, r), np.maximum(s, least)
+
+    @cached_property
+    def _at_zero(self) -> float:
+        one = np.full(1, tiny(self.reach))
+        return float(self.plane.value(-one, one)[0])
+
+    def potential_at(self, r: Array, s: Array) -> Array:
+        """j at penetrations and lengths of the slip; +inf outside the domain."""
+        left, s = self._nonzero(r, s, -1.0)
+        value = self.plane.value(np.minimum(left, 0.0) if self.rigid else left, s) - self._at_zero
+        value = np.where(np.isnan(value), np.inf, value)
+        return np.where(r > 0.0, np.inf, value) if self.rigid else value
+
+    def slopes_at(self, r: Array, s: Array, side: Array | float) -> tuple[Array, Array]:
+        """f_r and f_s, at r = 0 those of a side."""
+        by_r, by_s = self.plane.gradient(*self._nonzero(r, s, -1.0 if self.rigid else side))
+        return by_r, by_s
+
+    def bends_at(self, r: Array, s: Array, side: Array | float) -> tuple[Array, Array, Array]:
+        """f_rr, f_rs and f_ss, at r = 0 those of a side."""
+        return self.plane.hessian(*self._nonzero(r, s, -1.0 if self.rigid else side))
+
+    @property
+    def hooked(self) -> bool:
+        """Whether r = 0 is a kink."""
+        return self.kinked or self.rigid
+
+    @cached_property
+    def _samples(self) -> tuple[tuple[Array, Array], tuple[Array, Array, Array]]:
+        places = sample_places(self.reach, self.rigid, 121)
+        return places, self.plane.hessian(*places)
+
+    @cached_property
+    def _alpha(self) -> tuple[float, float, bool]:
+        """alpha of r and of s, and whether they are proved up to the reach."""
+        hessian = self._samples[1]
+        ratio = best_ratio(hessian)
+        seen = max(0.0, -float(least_eigenvalues(hessian, ratio).min()))
+        if seen <= 1e-12 * max(float(np.abs(part).max()) for part in (hessian[0], hessian[2] / ratio**2)):
+            seen = 0.0
+        if isinstance(self.plane, FormulaPotential):
+            found = proved_alpha(self.plane, self.reach, self.rigid, ratio, seen)
+            if found < np.inf:
+                return found, ratio**2 * found, True
+        return seen, ratio**2 * seen, False
+
+    # ---- value and subdifferential -----------------------------------------------------------------------
+
+    @staticmethod
+    def split(r: Array) -> tuple[Array, Array, Array]:
+        """Penetration, length of the slip and its direction."""
+        if r.shape[1] == 1:
+            return r[:, 0], np.zeros(len(r)), np.zeros((len(r), 0))
+        size, heading = polar(r[:, 1:])
+        return r[:, 0], size, heading
+
+    def value(self, r: Array) -> Array:
+        return self.potential_at(*self.split(r)[:2])
+
+    def near(self, r: Array) -> NearOwnCoupled:
+        return NearOwnCoupled(self, np.asarray(r, dtype=float))
+
+    def distance(self, r: Array, lam: Array) -> Array:
+        off = lengths(lam - self.near(r).nearest_multiplier(lam))
+        return np.where(r[:, 0] > 0.0, np.inf, off) if self.rigid else off
+
+    def _shut(self, r: Array) -> list[Array]:
+        """r itself, and with what is a kink closed."""
+        found = [r]
+        for there, columns in ((self.hooked, slice(0, 1)), (self.resting, slice(1, None))):
+            if there:
+                for one in list(found):
+                    shut = one.copy()
+                    shut[:, columns] = 0.0
+                    found.append(shut)
+        return found
+
+    def _offers(self, r: Array, lam: Array, tau: Array) -> tuple[list[Array], Array]:
+        places = self._shut(r)
+        columns = [0, *[1] * (r.shape[1] - 1)]
+        offers = [np.hypot(lengths((r - place) / tau[:, columns]), self.distance(place, lam)) for place in places]
+        return places, np.stack(offers)
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        """An upper bound: the distance to the pair at r itself, or with the opening or the slip closed."""
+        return np.asarray(self._offers(r, lam, tau)[1].min(axis=0))
+
+    def graph_distance_bracket(self, r: Array, lam: Array, tau: Array) -> tuple[Array, Array]:
+        """Between what the distance to the graph lies, (m,) each, for displacements within the reach.
+
+        The gradient changes by no more than H per length (H from samples of the second derivative), so that no pair is
+        nearer than ``graph_distance / (1 + H tau)``.
+        """
+        rr, rs, ss = self._samples[1]
+        steep = float(np.max(0.5 * np.abs(rr + ss) + np.hypot(0.5 * (rr - ss), rs)))
+        high = self.graph_distance(r, lam, tau)
+        return high / (1.0 + steep * tau.max(axis=1)), high
+
+    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
+        places, offers = self._offers(r, lam, tau)
+        best = np.argmin(offers, axis=0)
+        return np.asarray(np.stack(places)[best, np.arange(len(r))])
+
+    def linearise(self, r: Array) -> Linearisation:
+        c = r.shape[1]
+        smooth = np.ones((len(r), 2), dtype=bool)
+        smooth[:, 0] = ~self.at_normal_kink(r)
+        smooth[:, 1] = ~self._at_rest(r)
+        keep = smooth[:, [0, *[1] * (c - 1)]]
+        hessian = self.hessian(r) * (keep[:, :, None] & keep[:, None, :])
+        return Linearisation(smooth, self.near(r).gradient(r), hessian)
+
+    def hessian(self, r: Array, side: Array | None = None) -> Array:
+        """Second derivative (m, c, c); at r = 0 that of a side, by default the one of opening."""
+        normal, size, heading = self.split(r)
+        side = np.where(normal > 0.0, 1.0, -1.0) if side is None else side
+        rr, rs, ss = self.bends_at(normal, size, side)
+        out = np.zeros((*r.shape, r.shape[1]))
+        out[:, 0, 0] = rr
+        if r.shape[1] > 1:
+            slope = self.slopes_at(normal, size, side)[1]
+            across = np.where(size > 0.0, slope / np.where(size > 0.0, size, 1.0), ss)
+            out[:, 0, 1:] = out[:, 1:, 0] = np.where(size > 0.0, rs, 0.0)[:, None] * heading
+            out[:, 1:, 1:] = (ss - across)[:, None, None] * heading[:, :, None] * heading[:, None, :]
+            out[:, 1:, 1:] += across[:, None, None] * np.eye(r.shape[1] - 1)
+        return out
+
+    def _at_rest(self, r: Array) -> BoolArray:
+        return np.asarray(~r[:, 1:].any(axis=1) & self.resting)
+
+    def prox_jacobian(self, x: Array, tau: Array) -> Array:
+        c = x.shape[1]
+        line, stiffness = self.linearise(self.prox(x, tau)), 1.0 / tau[:, [0, *[1] * (c - 1)]]
+        free = line.smooth[:, [0, *[1] * (c - 1)]]
+        matrix = line.hessian + np.where(free, stiffness, 1.0)[:, :, None] * np.eye(c)
+        return np.asarray(np.linalg.inv(matrix) * np.where(free, stiffness, 0.0)[:, None, :] * free[:, :, None])
+
+    def admissible(self, r: Array) -> Array:
+        out = np.array(r, dtype=float)
+        if self.rigid:
+            out[:, 0] = np.minimum(out[:, 0], 0.0)
+        return out
+
+    # ---- the local problem -------------------------------------------------------------------------------
+
+    @cached_property
+    def _grid(self) -> tuple[Array, Array, Array]:
+        """Penetrations (k,), slips (n,) and j (k, n) there."""
+        half = np.unique(np.concatenate([np.linspace(0.0, 1.0, _GRID // 2), np.geomspace(1e-4, 1.0, _GRID // 2)]))
+        one = self.reach * half
+        r = -one[::-1] if self.rigid else np.concatenate([-one[:0:-1], one])
+        at = np.meshgrid(r, one, indexing="ij")
+        return r, one, self.potential_at(*(part.ravel() for part in at)).reshape(at[0].shape)
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        flat, force, heading = self._plane_problem(a, b)
+        free = force / flat
+        if self.rigid:
+            free[:, 0] = np.minimum(free[:, 0], 0.0)
+        normal, tangential, _ = self._alpha
+        x = descend(self, flat, force, free)
+        sure = (flat > 1.000001 * np.array([normal, tangential])).all(axis=1)
+        sure &= (np.abs(x) <= self.reach).all(axis=1)  # elsewhere nothing is known of the convexity
+        rows = np.flatnonzero(~sure)
+        for start in range(0, rows.size, _TOGETHER):
+            some = rows[start : start + _TOGETHER]
+            x[some] = self._searched(flat[some], force[some], x[some])
+        return self._vector(x, heading)
+
+    def _searched(self, a: Array, b: Array, x: Array) -> Array:
+        """The lowest of the minimisers that the lowest valleys of a grid lead to, and of the one that is known."""
+        r, s, stored = self._grid
+        energy = stored[None] + (0.5 * a[:, 0, None] * r**2 - b[:, 0, None] * r)[:, :, None]
+        energy = energy + (0.5 * a[:, 1, None] * s**2 - b[:, 1, None] * s)[:, None, :]
+        padded = np.pad(energy, ((0, 0), (1, 1), (1, 1)), constant_values=np.inf)
+        low = np.isfinite(energy)
+        for i, k in ((0, 1), (2, 1), (1, 0), (1, 2)):
+            low &= energy <= padded[:, i : i + r.size, k : k + s.size]
+        valley = np.where(low, energy, np.inf).reshape(len(a), -1)
+        best = np.argsort(valley, axis=1)[:, :_STARTS]
+        used = np.isfinite(np.take_along_axis(valley, best, axis=1))
+        row, column = np.nonzero(used)
+        place = best[row, column]
+        starts = np.concatenate([np.column_stack([r[place // s.size], s[place % s.size]]), x, np.zeros(x.shape)])
+        owner = np.concatenate([row, np.arange(len(a)), np.arange(len(a))])
+        ends = descend(self, a[owner], b[owner], starts)
+        energies = (0.5 * a[owner] * ends**2 - b[owner] * ends).sum(axis=1) + self.potential_at(ends[:, 0], ends[:, 1])
+        order = np.lexsort((np.where(np.isnan(energies), np.inf, energies), owner))
+        _, first = np.unique(owner[order], return_index=True)
+        return ends[order[first]]
+
+    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+        flat, force, heading = self._plane_problem(a, b)
+        normal, size, own = self.split(self.admissible(r))
+        if r.shape[1] > 1:
+            still = ~heading.any(axis=1)
+            heading[still] = own[still]
+        return self._vector(descend(self, flat, force, np.column_stack([normal, size])), heading)
+
+    @staticmethod
+    def _plane_problem(a: Array, b: Array) -> tuple[Array, Array, Array]:
+        """Stiffness (m, 2), force (m, 2) and the direction of the slip (m, c - 1), along the force."""
+        if b.shape[1] == 1:
+            return np.column_stack([a[:, 0], np.ones(len(a))]), np.column_stack([b[:, 0], np.zeros(len(b))]), b[:, 1:]
+        pull, heading = polar(b[:, 1:])
+        return np.array(a[:, :2], dtype=float), np.column_stack([b[:, 0], pull]), heading
+
+    @staticmethod
+    def _vector(x: Array, heading: Array) -> Array:
+        if heading.shape[1] and (still := (x[:, 1] > 0.0) & ~heading.any(axis=1)).any():
+            heading = heading.copy()
+            heading[still, 0] = 1.0
+        return np.concatenate([x[:, :1], x[:, 1:] * heading], axis=1)
+
+    # ---- far away ----------------------------------------------------------------------------------------
+
+    def _growth(self, r: float, s: float) -> float:
+        """Growth per length along a direction, from slopes far away."""
+        far = self.reach * np.array(_FAR)
+        with np.errstate(all="ignore"):
+            by_r, by_s = self.slopes_at(r * far, s * far, 1.0 if r > 0.0 else -1.0)
+            slope = r * by_r + s * by_s
+        if not np.isfinite(slope).all():
+            return np.inf if self.potential_at(far[-1:] * r, far[-1:] * s)[0] > 0.0 else -np.inf
+        near, last = float(slope[1]), float(slope[2])
+        if abs(last) <= 1e-3 * self.size and abs(last) <= abs(near):
+            return 0.0
+        return last if abs(last - near) <= 0.5 * abs(near) else float(np.copysign(np.inf, last))
+
+    @cached_property
+    def rates(self) -> tuple[Array, Array, Array]:
+        up = np.inf if self.rigid else self._growth(1.0, 0.0)
+        return np.array([up]), np.array([self._growth(-1.0, 0.0)]), np.array([self._growth(0.0, 1.0)])
+
+    def recession(self, direction: Array) -> Array:
+        normal, size, _ = self.split(direction)
+        found, back = np.unique(np.column_stack([normal, size]), axis=0, return_inverse=True)
+        grown = [np.inf if self.rigid and r > 0.0 else self._growth(r, s) for r, s in found.tolist()]
+        return np.array(grown)[back.ravel()]
+
+    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
+        """By samples: the largest slopes along ways of every direction, less where ways aslant meet less."""
+        normal, slip, _ = self.split(self.admissible(rest))
+        far = max(size, self.reach) * _ALONG
+        angle = np.linspace(0.0, np.pi, _TURNS)
+        most = np.zeros((_TURNS, len(rest)))
+        for i, (up, along) in enumerate(zip(np.cos(angle).tolist(), np.sin(angle).tolist(), strict=True)):
+            if up > 0.0 and self.rigid:
+                most[i] = np.inf
+                continue
+            at_r, at_s = normal[:, None] + up * far, slip[:, None] + along * far
+            with np.errstate(all="ignore"):
+                by_r, by_s = self.slopes_at(at_r.ravel(), at_s.ravel(), 1.0 if up > 0.0 else -1.0)
+                slope = np.nan_to_num((up * by_r + along * by_s).reshape(at_r.shape), posinf=np.inf)
+            most[i] = np.maximum(slope.max(axis=1), 0.0)
+        middle = _TURNS // 2
+        up, slide, down = most[0], most[middle], most[-1]
+        shares = []
+        for ends, rows in ((up, range(middle + 1)), (down, range(middle, _TURNS))):
+            share = np.ones(len(rest))
+            for i in rows:
+                with np.errstate(invalid="ignore"):
+                    whole = np.where(np.isinf(ends), 0.0, ends * abs(np.cos(angle[i]))) + slide * np.sin(angle[i])
+                    share = np.minimum(share, np.where(whole > 0.0, most[i] / np.where(whole > 0.0, whole, 1.0), 1.0))
+            shares.append(share)
+        with np.errstate(invalid="ignore"):
+            held = [
+                np.where(np.isinf(ends), np.inf, ends * share) for ends, share in zip((up, down), shares, strict=True)
+            ]
+        return held[0], held[1], slide * np.minimum(*shares)
+
+    def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
+        far = self.reach * np.array(_FAR[:2])
+        zero = np.zeros(far.size)
+        with np.errstate(all="ignore"):
+            normal = self.bends_at(sign * far, zero, sign)[0] if not (self.rigid and sign > 0.0) else zero
+            tangential = self.bends_at(zero, far, -1.0)[2]
+        return tuple(np.array([float(np.nan_to_num(part).min())]) for part in (normal, tangential))  # type: ignore[return-value]
+
+    @property
+    def weak_convexity(self) -> tuple[Array, Array]:
+        return np.array([self._alpha[0]]), np.array([self._alpha[1]])
+
+    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
+        if reach == (np.inf, np.inf) or (self._alpha[2] and max(reach) <= self.reach):
+            return self.weak_convexity
+        return np.full(1, np.inf), np.full(1, np.inf)
+
+    @property
+    def alpha_reach(self) -> tuple[float, float]:
+        far = self.reach if self._alpha[2] else 0.0
+        return far, far
+
+    @property
+    def constants_sampled(self) -> bool:
+        return True
+
+    @property
+    def penetrations(self) -> Interval:
+        return Interval(np.array([-np.inf]), np.array([0.0 if self.rigid else np.inf]))
+
+    @property
+    def penetration_knots(self) -> Array:
+        return np.zeros((1, 1))
+
+    @cached_property
+    def rubs(self) -> BoolArray:
+        r, s = self._samples[0]
+        return np.array([bool((np.abs(self.plane.gradient(r, s)[1]) > 1e-12 * self.size).any())])
+
+    # ---- where a pair lies -------------------------------------------------------------------------------
+
+    def snap_to_kinks(self, r: Array, near: float) -> Array:
+        out = r.copy()
+        if self.hooked:
+            out[np.abs(r[:, 0]) <= near, 0] = 0.0
+        if self.resting:
+            out[lengths(r[:, 1:]) <= near, 1:] = 0.0
+        return out
+
+    def at_normal_kink(self, r: Array) -> BoolArray:
+        return np.asarray((r[:, 0] == 0.0) & self.hooked)
+
+    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
+        c = r.shape[1]
+        normal, size, _ = self.split(r)
+        hooked, resting = self.at_normal_kink(r), self._at_rest(r)
+        found = []
+        index = np.flatnonzero(hooked & active[:, 0])
+        below, above = (self.slopes_at(normal[index], size[index], side)[0] for side in (-1.0, 1.0))
+        bends = [self.bends_at(normal[index], size[index], side)[0] for side in (-1.0, 1.0)]
+        above = np.full(index.size, np.inf) if self.rigid else above
+        axis = np.broadcast_to(np.eye(c)[0], (index.size, c))
+        found.append(Sides(index, axis, lam[index, 0], below, above, *bends))
+        if c > 1:
+            still, column = np.nonzero(active[:, 1:] & resting[:, None])
+            most = self.slopes_at(normal[still], size[still], -1.0)[1]
+            bend = self.bends_at(normal[still], size[still], -1.0)[2]
+            force = lengths(np.where(active[still, 1:], lam[still, 1:], 0.0))
+            found.append(Sides(still, np.eye(c)[1:][column], force, -most, most, bend, bend))
+        free = active & ~np.concatenate([hooked[:, None], np.repeat(resting[:, None], c - 1, axis=1)], axis=1)
+        rows = np.flatnonzero(free.any(axis=1))
+        if rows.size:
+            hessian, jumps = self._lowest_hessian(r[rows])
+            found += principal_sides(rows, hessian, free[rows], jumps)
+        return found
+
+    def _lowest_hessian(self, r: Array) -> tuple[Array, BoolArray]:
+        """The second derivative with the least eigenvalue right beside r (m, c), and whether it jumps there."""
+        step, best = 1e-9 * self.reach, self.hessian(r)
+        least = np.linalg.eigvalsh(best)[:, 0]
+        jumps = np.zeros(len(r), dtype=bool)
+        sides = [(way, sign) for way in range(r.shape[1]) for sign in (-1.0, 1.0)]
+        for way, sign in sides:
+            beside = r.copy()
+            beside[:, way] += sign * step
+            other = self.hessian(self.admissible(beside), np.where(beside[:, 0] > 0.0, 1.0, -1.0))
+            jumps |= np.abs(other - best).max(axis=(1, 2)) > 1e-4 * np.abs(best).max(axis=(1, 2))
+            low = np.linalg.eigvalsh(other)[:, 0]
+            best = np.where((low < least)[:, None, None], other, best)
+            least = np.minimum(low, least)
+        return best, jumps
+
+    def pulls(self, r: Array) -> BoolArray:
+        normal, size, _ = self.split(self.admissible(r))
+        return np.asarray(self.slopes_at(normal, size, -1.0)[0] < -1e-9 * self.size)
+
+    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+        """Where the law is open and pulls less the more it opens."""
+        normal, size, _ = self.split(self.admissible(r))
+        return np.asarray((normal < 0.0) & (self.bends_at(normal, size, -1.0)[0] < 0.0))
+
+    def resistance(self, r: Array, lam: Array) -> Array:
+        normal, _, _ = self.split(self.admissible(r))
+        slip = self._grid[1]
+        at = np.broadcast_arrays(normal[:, None], slip[None, :])
+        slope = self.slopes_at(at[0].ravel(), at[1].ravel(), -1.0)[1].reshape(at[0].shape).max(axis=1)
+        return np.where(slope > 1e-9 * self.size, slope, 0.0)
