@@ -46,7 +46,7 @@ from hemivar.basics.generators import result_of
 from hemivar.certificates import certify
 from hemivar.files import history_record, solution_record
 from hemivar.files.problem_file import read_problem_file
-from hemivar.workflows import MarchSettings, evolution_of, plan_of
+from hemivar.workflows import evolution_of, plan_of
 from hemivar.workflows import march as work
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -123,7 +123,7 @@ def record_files() -> dict[str, Any]:
         if read.time is None:
             found[path.stem] = solved(hv.discretize(hv.read_problem(path)))
         else:
-            history = result_of(work(evolution_of(read), plan_of(read, MarchSettings())), lambda event: False)
+            history = result_of(work(evolution_of(read), plan_of(read)), lambda event: False)
             found[path.stem] = {"end": end_of(history), "table": history_record(history)["table"]}
     return found
 
@@ -168,8 +168,9 @@ def record_adaptive() -> dict[str, Any]:
     for name in ("bounce", "delayed_failure", "relaxation", "wear"):
         read = read_problem_file(ROOT / "examples" / "problems" / f"{name}.toml")
         assert read.time is not None
-        first = read.time.step if isinstance(read.time.step, float) else None
-        history = hv.march(evolution_of(read), read.time.until, step=hv.evolution.AdaptiveStep(1e-3, first_step=first))
+        first = getattr(read.time.march.step, "step", None)
+        steps = hv.evolution.AdaptiveStep(1e-3, first_step=first)
+        history = hv.march(evolution_of(read), read.time.march.until, step=steps)
         found[name] = end_of(history)
     return found
 

@@ -376,6 +376,7 @@ UNTYPED = {
     "evolution.save": (4, "places as users give them"),
     "files.material_table": (1, "keywords of a dataclass, read from a file"),
     "files.memory_table": (3, "dataclasses found by their names"),
+    "files.schema": (1, "keywords of a dataclass, read from a file"),
     "files.thermal_table": (2, "keywords of a dataclass, read from a file"),
     "linear.pyamg_kernels": (1, "compiled kernels without types"),
     "linear.threads": (4, "libraries of threadpoolctl"),
@@ -388,6 +389,7 @@ UNTYPED = {
     "report.style": (3, "parameters and keywords of matplotlib"),
     "solvers.base": (6, "each method has its own system and memory"),
     "solvers.fixed_point": (1, "the memory of the method inside"),
+    "workflows.marching": (1, "keywords of a plan"),
 }
 
 

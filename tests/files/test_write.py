@@ -18,7 +18,8 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.errors import FileError, HemivarError, ProblemError
 from hemivar.files.not_expressible import difference
-from hemivar.files.problem_file import SolverSettings, parse_problem_file, read_problem_file
+from hemivar.files.problem_file import parse_problem_file, read_problem_file
+from hemivar.files.settings import SolverSettings
 from hemivar.files.toml import text_of
 from hemivar.formula import Formula, FormulaArray
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, ParameterForm, friction_law, normal_law

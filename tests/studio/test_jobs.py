@@ -190,11 +190,7 @@ def test_an_evolution_comes_frame_by_frame_with_its_history() -> None:
     assert len(times) > 50
     history = one(messages, "history")
     assert history.head["ended"] == "finished"
-    march = hv.workflows.result_of(
-        hv.workflows.march(
-            hv.workflows.evolution_of(stated), hv.workflows.plan_of(stated, hv.workflows.MarchSettings())
-        )
-    )
+    march = hv.workflows.result_of(hv.workflows.march(hv.workflows.evolution_of(stated), hv.workflows.plan_of(stated)))
     assert isinstance(march, hv.evolution.History)
     assert history.arrays["normal_force"].max() == pytest.approx(march["normal_force"].max(), rel=1e-5)
     badge = one(messages, "certificate").head

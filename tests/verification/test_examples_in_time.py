@@ -19,7 +19,7 @@ from hemivar.files import read_film, read_history_table
 from hemivar.files.problem_file import ProblemFile, read_problem_file
 from hemivar.files.snapshot import moving_states
 from hemivar.solvers import TangentialState
-from hemivar.workflows import MarchSettings, evolution_of, plan_of
+from hemivar.workflows import evolution_of, plan_of
 from hemivar.workflows import march as work
 
 ROOT = Path(__file__).parents[2]
@@ -32,7 +32,7 @@ def stated(name: str) -> ProblemFile:
 
 
 def marched(problem: ProblemFile) -> History:
-    return result_of(work(evolution_of(problem), plan_of(problem, MarchSettings())), lambda event: False)
+    return result_of(work(evolution_of(problem), plan_of(problem)), lambda event: False)
 
 
 @cache
@@ -55,8 +55,9 @@ def test_all_examples_in_time_are_here() -> None:
 def test_the_command_marches_it(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Some steps of each, with the table and the frames."""
     monkeypatch.chdir(tmp_path)
-    step = stated(name).time.step  # type: ignore[union-attr]
-    assert isinstance(step, float)
+    steps = stated(name).time.march.step  # type: ignore[union-attr]
+    assert isinstance(steps, hv.evolution.FixedStep)
+    step = steps.step
     options = ["--until", f"{4 * step:g}", "--every", f"{2 * step:g}", "--output", "a", "-q"]
     assert main(["march", str(PROBLEMS / f"{name}.toml"), *options]) == 0
     for times, wanted in (

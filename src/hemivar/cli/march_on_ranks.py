@@ -56,7 +56,7 @@ def march_file_on_ranks(
         ranks.agree(begin)
         ranks.agree(lambda: _check(given, path, "leave it out"))
         with noting_files_read() as read:
-            stated, pieces = stated_on_ranks(path, ranks, options.given)
+            stated, pieces = stated_on_ranks(path, ranks, options.given or ())
         inputs = [path, *read]
         outputs = ranks.agree(lambda: _checked(stated_outputs(stated, given), path, inputs))
         plan, base = ranks.agree(lambda: _planned(stated, options, outputs))
@@ -173,10 +173,9 @@ class _Run:
 
 def _planned(stated: ProblemFile, options: MarchOptions, outputs: Mapping[str, Path | None]) -> tuple[March, Evolution]:
     """How the evolution is computed, and what it is."""
-    from hemivar.workflows import evolution_of, plan_of
+    from hemivar.workflows import evolution_of
 
-    settings = options.settings(outputs["--checkpoint"], controls_of(stated, options.rtol))
-    return plan_of(stated, settings), evolution_of(stated)
+    return options.plan(stated, outputs["--checkpoint"], controls_of(stated, options.rtol)), evolution_of(stated)
 
 
 def _checked(outputs: dict[str, Path | None], path: Path, inputs: list[Path]) -> dict[str, Path | None]:

@@ -10,25 +10,26 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from hemivar.basics.arguments import suggest
 from hemivar.basics.disk import protecting
 from hemivar.cli.march_view import Bar, MarchView, code_of, print_history
-from hemivar.cli.options import check_limits
+from hemivar.cli.options import Given, MaxTime, Resume, Rtol, StepLength, Tolerance, Until, check_limits
 from hemivar.cli.outputs import Writer, check_outputs
 from hemivar.cli.session import Session, naming_file
 from hemivar.cli.show import print_head
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.evolution import History
+    from hemivar.evolution import History, March
     from hemivar.evolution.discrete import DiscreteEvolution
     from hemivar.files.film import Film
     from hemivar.files.problem_file import ProblemFile
     from hemivar.files.series import Series
     from hemivar.solvers import Controls, Solver
-    from hemivar.workflows import MarchSettings
 
 __all__ = ["MarchOptions", "MarchRun", "check_tools", "stated_outputs", "write_film"]
 
@@ -40,17 +41,19 @@ _COALESCE = 2.0
 class MarchOptions:
     """Options of the command that go before the file; None where that holds."""
 
-    until: float | None = None
-    step: float | None = None
-    adaptive: float | None = None
-    every: float | None = None
-    scheme: str | None = None
-    jump: str | None = None
-    minutes: float | None = None
-    resume: bool = False
-    rtol: float | None = None
-    max_time: float | None = None
-    given: tuple[str, ...] = ()
+    until: Until = None
+    step: StepLength = None
+    adaptive: Tolerance = None
+    scheme: Annotated[str | None, typer.Option(metavar="NAME", help="implicit-euler, generalized-alpha ...")] = None
+    every: Annotated[float | None, typer.Option(metavar="T", help="Time between frames (200 frames at most).")] = None
+    minutes: Annotated[float | None, typer.Option(metavar="X", help="Least time between checkpoints (10).")] = None
+    resume: Resume = False
+    jump: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Where a step may have several solutions: local, stop ...")
+    ] = None
+    rtol: Rtol = None
+    max_time: MaxTime = None
+    given: Given = None
 
     def check(self) -> None:
         """Refuse options that make no sense, whatever the file says.
@@ -74,46 +77,54 @@ class MarchOptions:
             if name is not None and name not in known:
                 raise ProblemError(f"{option} {name}: it is not known{suggest(name, known)}")
 
-    def settings(self, checkpoint: Path | None, controls: Controls, solver: Solver | None = None) -> MarchSettings:
-        """These options as the workflow takes them.
+    def plan(
+        self, stated: ProblemFile, checkpoint: Path | None, controls: Controls, solver: Solver | None = None
+    ) -> March:
+        """How the evolution of a file is computed with these options.
 
         Raises
         ------
         ProblemError
-            There is no checkpoint whose writing could wait.
+            There is no checkpoint whose writing could wait, or to go on from.
         """
-        from hemivar.evolution import SCHEMES, SelectionRule
-        from hemivar.workflows import MarchSettings
+        from hemivar.evolution import SCHEMES, AdaptiveStep, Checkpoint
+        from hemivar.workflows import plan_of
 
-        if self.minutes is not None and checkpoint is None:
+        if checkpoint is None and self.minutes is not None:
             raise ProblemError("--minutes goes with a checkpoint; name it by --checkpoint FILE")
-        return MarchSettings(
-            until=self.until,
-            step=self.step,
-            rtol=self.adaptive,
+        if checkpoint is None and self.resume:
+            raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE, or in the table [output]")
+        kept = None if stated.time is None else stated.time.march.checkpoint
+        minutes = kept.minutes if self.minutes is None and isinstance(kept, Checkpoint) else self.minutes
+        given = {
+            "until": self.until,
+            "step": self.step if self.adaptive is None else AdaptiveStep(self.adaptive, first_step=self.step),
+            "scheme": None if self.scheme is None else SCHEMES[self.scheme],
+            "jump": self.jump,
+            "max_time": self.max_time,
+            "method": solver,
+        }
+        return plan_of(
+            stated,
             every=self.every,
-            scheme=None if self.scheme is None else SCHEMES[self.scheme],
-            jump=None if self.jump is None else SelectionRule(self.jump),
-            checkpoint=checkpoint,
-            minutes=self.minutes,
+            checkpoint=checkpoint if checkpoint is None or minutes is None else Checkpoint(checkpoint, minutes),
             resume=self.resume,
-            max_time=math.inf if self.max_time is None else self.max_time,
-            method=solver,
             controls=controls,
+            **{name: value for name, value in given.items() if value is not None},
         )
 
 
 def stated_outputs(stated: ProblemFile, given: Mapping[str, Path | None]) -> dict[str, Path | None]:
     """Files to write by option, ``--checkpoint`` among them: those given, else those of the table ``[output]``."""
+    from hemivar.evolution import Checkpoint
+
     found = dict(given)
-    if stated.output is None:
-        return found
-    kept = stated.output.checkpoint
+    kept = None if stated.time is None else stated.time.march.checkpoint
     for option, name in (
         ("--fields", stated.output.fields),
         ("--table", stated.output.table),
         ("--animation", stated.output.animation),
-        ("--checkpoint", None if kept is None else kept.file),
+        ("--checkpoint", kept.file if isinstance(kept, Checkpoint) else None),
     ):
         if found.get(option) is None and name is not None:
             found[option] = Path(name)
@@ -171,22 +182,25 @@ class MarchRun:
         self.outputs = stated_outputs(self.session.stated, given) if own else given
         check_outputs(self.outputs, path)
         check_tools(self.outputs)
-        self.settings = options.settings(self.outputs["--checkpoint"], self.session.controls, self.session.method)
+        self.plan = options.plan(
+            self.session.stated, self.outputs["--checkpoint"], self.session.controls, self.session.method
+        )
         self.found: History | None = None
 
     def march(self, quiet: bool, *, write: bool = True) -> int:
         """March, and write what was asked for."""
-        from hemivar.workflows import evolution_of, plan_of, result_of
+        from hemivar.workflows import evolution_of, result_of
         from hemivar.workflows import march as work
 
         session, writer = self.session, self.session.writer
-        plan = plan_of(session.stated, self.settings)
         view = MarchView(
             lambda discrete: print_head(session.stated, discrete.problem), self._series, writer.failed, quiet
         )
         with view, _ends_after_the_step() as asked, protecting(writer.inputs):
             try:
-                found = result_of(work(evolution_of(session.stated), plan), lambda event: view(event) or bool(asked))
+                found = result_of(
+                    work(evolution_of(session.stated), self.plan), lambda event: view(event) or bool(asked)
+                )
             except ProblemError as error:
                 raise naming_file(error, session.stated.name) from error
         self.found = found

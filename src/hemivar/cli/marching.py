@@ -13,29 +13,20 @@ from hemivar.cli.options import (
     ENGINES,
     Checkpoint,
     EngineName,
-    Given,
     Json,
-    MaxTime,
     ProblemPath,
     Quiet,
-    Resume,
-    Rtol,
-    StepLength,
-    Tolerance,
-    Until,
     check_engine,
+    each_field_an_option,
 )
 
 __all__ = ["march"]
 
 
+@each_field_an_option
 def march(
     problem: ProblemPath,
-    until: Until = None,
-    step: StepLength = None,
-    adaptive: Tolerance = None,
-    scheme: Annotated[str | None, typer.Option(metavar="NAME", help="implicit-euler, generalized-alpha ...")] = None,
-    every: Annotated[float | None, typer.Option(metavar="T", help="Time between frames (200 frames at most).")] = None,
+    options: MarchOptions,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="DIR/NAME", help="Write NAME.pvd, NAME.csv and NAME.ckpt in a folder."),
@@ -48,16 +39,8 @@ def march(
     ] = None,
     animation: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a film (.gif or .mp4).")] = None,
     checkpoint: Checkpoint = None,
-    minutes: Annotated[float | None, typer.Option(metavar="X", help="Least time between checkpoints (10).")] = None,
-    resume: Resume = False,
-    jump: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Where a step may have several solutions: local, stop ...")
-    ] = None,
-    rtol: Rtol = None,
-    max_time: MaxTime = None,
     quiet: Quiet = False,
     engine: EngineName = ENGINES[0],
-    given: Given = None,
 ) -> int:
     """Integrate a problem in time, with a uniqueness margin per step and an energy balance.
 
@@ -70,9 +53,6 @@ def march(
             for given, suffix in ((fields, ".pvd"), (table, ".csv"), (checkpoint, ".ckpt"))
         )
     outputs = {"--fields": fields, "--table": table, "--json": json, "--plot": plot, "--animation": animation}
-    options = MarchOptions(
-        until, step, adaptive, every, scheme, jump, minutes, resume, rtol, max_time, tuple(given or ())
-    )
     check_engine(engine)
 
     def begin() -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, get_type_hints
 
 import typer
 
@@ -48,6 +51,7 @@ __all__ = [
     "check_engine",
     "check_limits",
     "controls_of",
+    "each_field_an_option",
     "method_named",
 ]
 
@@ -123,6 +127,27 @@ class Exit(IntEnum):
     BAD_INPUT = 2
     INTERNAL = 70
     INTERRUPTED = 130
+
+
+def each_field_an_option(command: Callable[..., int]) -> Callable[..., int]:
+    """The command, whose argument ``options``, a dataclass of options, becomes an option for each of its fields."""
+    signature = inspect.signature(command, eval_str=True)
+    kind = signature.parameters["options"].annotation
+    hints = get_type_hints(kind, include_extras=True)
+    own = [
+        inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=hints[one.name])
+        for one in fields(kind)
+    ]
+    others = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in signature.parameters.values()]
+
+    @functools.wraps(command)
+    def spread(**arguments: object) -> int:
+        return command(options=kind(**{one.name: arguments.pop(one.name) for one in own}), **arguments)
+
+    spread.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[new for one in others for new in (own if one.name == "options" else (one,))]
+    )
+    return spread
 
 
 def check_engine(name: str) -> None:

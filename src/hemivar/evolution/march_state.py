@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from hemivar.basics import disk
 from hemivar.basics.arguments import number
 from hemivar.basics.packed import read_arrays, write_arrays
+from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.energy_balance import EnergyBalance
@@ -85,8 +86,8 @@ class Checkpoint:
         Least time between two writings; 0 writes after every step. It is written at the end as well.
     """
 
-    file: Path
-    minutes: float = 10.0
+    file: Path = field(metadata=stated(Form.FILE))
+    minutes: float = field(default=10.0, metadata=stated(Form.NUMBER, least=0.0))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "file", disk.path_of(self.file))

@@ -10,18 +10,21 @@ from pathlib import Path
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.disk import path_of
 from hemivar.basics.known_keywords import known_fields
+from hemivar.basics.stated import Form, stated
 from hemivar.errors import ProblemError
 from hemivar.evolution.evolution_problem import Evolution, Mass
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march_events import Event
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.save import Save
-from hemivar.evolution.schemes import ImplicitEuler, Scheme
+from hemivar.evolution.schemes import SCHEMES, ImplicitEuler, Scheme
 from hemivar.evolution.steps import FixedStep, StepSizeController
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.solvers import Controls, Solver, as_method
 
 __all__ = ["March", "refuse_plan"]
+
+_SCHEMES = ", ".join(f'`"{name}"`{"" if one.takes_mass else " (without inertia)"}' for name, one in SCHEMES.items())
 
 
 @known_fields
@@ -62,13 +65,45 @@ class March:
         An option is of the wrong kind or out of its range.
     """
 
-    until: float
-    scheme: Scheme = field(default_factory=ImplicitEuler)
-    step: StepSizeController | float | None = None
+    until: float = field(metadata=stated(Form.NUMBER, "the end of time", above=0.0, left_out="must be there"))
+    scheme: Scheme = field(
+        default_factory=ImplicitEuler,
+        metadata=stated(
+            Form.OWN,
+            f'{_SCHEMES}; with parameters `{{ name = "generalized-alpha", rho = 0.8 }}`, '
+            '`{ name = "newmark", beta = 0.25, gamma = 0.5 }`, '
+            '`{ name = "moreau-jean", restitution = 0.5, theta = 0.5 }`, `{ name = "midpoint", conserving = true }`',
+            left_out=f'`"{ImplicitEuler.name}"`',
+        ),
+    )
+    step: StepSizeController | float | None = field(
+        default=None,
+        metadata=stated(
+            Form.OWN,
+            "length of all steps, or `{ rtol = 1e-3, first = 1e-3, min = 1e-6, max = 0.05 }`: lengths that follow a "
+            "relative tolerance of the error, of which only `rtol` must be given",
+            left_out="a hundredth of the whole",
+        ),
+    )
     save: Save = field(default_factory=Save)
-    stops: Sequence[float] = ()
+    stops: Sequence[float] = field(
+        default=(),
+        metadata=stated(
+            Form.OWN,
+            "times at which a step ends exactly: jumps of loads, kinks of formulas that depend on the place as well; "
+            "kinks where what `min`, `max` or `abs` compare depends on t alone are met anyway",
+        ),
+    )
     events: Sequence[Event] = ()
-    jump: SelectionRule | str = SelectionRule.LOCAL
+    jump: SelectionRule | str = field(
+        default=SelectionRule.LOCAL,
+        metadata=stated(
+            Form.TEXT,
+            "what happens where the problem of a step has several solutions and nothing is viscous: "
+            + ", ".join(f'`"{rule}"`' for rule in SelectionRule),
+            choices=tuple(SelectionRule),
+        ),
+    )
     method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
     max_time: float = math.inf

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.basics.arrays import real_array
+from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
@@ -55,9 +56,16 @@ class Save:
         Columns ``name.u_x``, ``name.u_y`` ...: the displacement at each point of the body.
     """
 
-    every: float | None = None
+    every: float | None = field(
+        default=None, metadata=stated(Form.NUMBER, "time between two states that are kept", above=0.0)
+    )
     most: int = 200
-    probes: Mapping[str, Any] = field(default_factory=dict)
+    probes: Mapping[str, Any] = field(
+        default_factory=dict,
+        metadata=stated(
+            Form.OWN, "points by name, whose displacement stands in the table: `probes = { tip = [1.0, 1.0] }`"
+        ),
+    )
 
     def __post_init__(self) -> None:
         if self.every is not None and not 0.0 < number(self.every, "every of Save") < math.inf:

@@ -13,13 +13,14 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 
@@ -149,6 +150,7 @@ class StageRule:
         return ratio if abs(b.velocity + ratio) <= _ROUNDED * ratio else None
 
 
+@dataclass(frozen=True)
 class Scheme(ABC):
     """A scheme: a frozen dataclass of options."""
 
@@ -233,7 +235,7 @@ class Midpoint(Scheme):
     name: ClassVar[str] = "midpoint"
     rings_on_rigid_obstacles: ClassVar[bool] = True
 
-    conserving: bool = False
+    conserving: bool = field(default=False, metadata=stated(Form.FLAG))
 
     def __post_init__(self) -> None:
         expect(self.conserving, bool, "conserving of Midpoint", "write True or False")
@@ -275,8 +277,8 @@ class Newmark(Scheme):
     needs_mass: ClassVar[bool] = True
     rings_on_rigid_obstacles: ClassVar[bool] = True
 
-    beta: float = 0.25
-    gamma: float = 0.5
+    beta: float = field(default=0.25, metadata=stated(Form.NUMBER, least=0.0, most=0.5))
+    gamma: float = field(default=0.5, metadata=stated(Form.NUMBER, least=0.5, most=1.0))
 
     def __post_init__(self) -> None:
         beta, gamma = number(self.beta, "beta of Newmark"), number(self.gamma, "gamma of Newmark")
@@ -305,7 +307,7 @@ class GeneralizedAlpha(Scheme):
     needs_mass: ClassVar[bool] = True
     rings_on_rigid_obstacles: ClassVar[bool] = True
 
-    rho: float = 0.8
+    rho: float = field(default=0.8, metadata=stated(Form.NUMBER, least=0.0, most=1.0))
 
     def __post_init__(self) -> None:
         if not 0.0 <= number(self.rho, "rho of GeneralizedAlpha") <= 1.0:
@@ -389,8 +391,8 @@ class MoreauJean(Scheme):
     needs_mass: ClassVar[bool] = True
     is_impact_law: ClassVar[bool] = True
 
-    restitution: float = 0.0
-    theta: float = 0.5
+    restitution: float = field(default=0.0, metadata=stated(Form.NUMBER, least=0.0, most=1.0))
+    theta: float = field(default=0.5, metadata=stated(Form.NUMBER, least=0.5, most=1.0))
 
     def __post_init__(self) -> None:
         restitution, theta = number(self.restitution, "restitution"), number(self.theta, "theta of MoreauJean")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from hemivar.basics.arguments import number
+from hemivar.basics.stated import Form, stated
 from hemivar.errors import ProblemError
 
 __all__ = ["AdaptiveStep", "FixedStep", "StepSizeController", "StepSizeState"]
@@ -128,10 +129,10 @@ class AdaptiveStep(StepSizeController):
         Limits; by default no step is shorter than a millionth of the first one.
     """
 
-    rtol: float = 1e-3
-    first_step: float | None = None
-    least: float | None = None
-    most: float | None = None
+    rtol: float = field(default=1e-3, metadata=stated(Form.NUMBER, above=0.0, below=1.0))
+    first_step: float | None = field(default=None, metadata=stated(Form.NUMBER, key="first", above=0.0))
+    least: float | None = field(default=None, metadata=stated(Form.NUMBER, key="min", above=0.0))
+    most: float | None = field(default=None, metadata=stated(Form.NUMBER, key="max", above=0.0))
 
     estimates = True
 

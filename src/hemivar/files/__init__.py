@@ -11,8 +11,9 @@ from hemivar.files.history_table import (
     write_history,
     write_history_json,
 )
-from hemivar.files.problem_file import ProblemFile, SolverSettings, read_problem, read_problem_file, write_problem
+from hemivar.files.problem_file import ProblemFile, read_problem, read_problem_file, write_problem
 from hemivar.files.record import read_json, solution_record, write_json
+from hemivar.files.settings import SolverSettings
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.files.vtu import write_vtu
 

@@ -28,8 +28,10 @@ from hemivar.files.material_table import material_record, read_material
 from hemivar.files.mesh_table import StatedMesh, mesh_record, read_mesh_table
 from hemivar.files.not_expressible import difference, not_expressible
 from hemivar.files.scalar_tables import SCALAR_KEYS, read_scalar, scalar_record
+from hemivar.files.schema import decode, encode
+from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.files.thermal_table import HEAT_KEYS, heat_record, read_heat
-from hemivar.files.time_table import OutputSettings, TimeSettings, output_record, read_output, read_time, time_record
+from hemivar.files.time_table import output_record, read_in_time, time_record
 from hemivar.files.toml import KEYS, TomlTable, context, printable, text_of
 from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -39,7 +41,6 @@ from hemivar.solvers import METHODS, Controls, Solver
 
 __all__ = [
     "ProblemFile",
-    "SolverSettings",
     "parse_problem",
     "parse_problem_file",
     "problem_text",
@@ -53,27 +54,6 @@ __all__ = [
 _MOST_BYTES = 16 * 2**20
 #: Tables and lists in one another that are read.
 _DEEPEST = 50
-
-
-@dataclass(frozen=True)
-class SolverSettings:
-    """What the ``[solver]`` table of a problem file asks for; ``None`` where it says nothing.
-
-    Attributes
-    ----------
-    method : str or None
-        Name of a method, as in :data:`hemivar.solvers.METHODS`.
-    rtol : float or None
-        Relative tolerance of the residual.
-    max_steps : int or None
-    max_time : float or None
-        Seconds.
-    """
-
-    method: str | None = None
-    rtol: float | None = None
-    max_steps: int | None = None
-    max_time: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +71,8 @@ class ProblemFile:
         with half the numbers of cells.
     time : TimeSettings or None
         How the problem goes through time; None for a static one.
-    output : OutputSettings or None
-        What is kept of it on the way.
+    output : OutputSettings
+        Files to write on the way.
     heat : Heat or None
         Heat in the body.
     changes : tuple of Change
@@ -106,7 +86,7 @@ class ProblemFile:
     name: str = "problem"
     levels: int = 0
     time: TimeSettings | None = None
-    output: OutputSettings | None = None
+    output: OutputSettings = field(default_factory=OutputSettings)
     heat: Heat | None = None
     changes: tuple[Change, ...] = ()
     units: Units = field(default_factory=Units)
@@ -220,7 +200,7 @@ def parse_problem_file(
     for key in ("mesh", "material"):
         if key not in data:
             raise ProblemError(f"{name}: the table [{key}] is missing; add it")
-    solver = _solver(top.table("solver", KEYS["solver"]))
+    solver = SolverSettings(**decode(SolverSettings, top.table("solver", KEYS["solver"])))
     units = _units(top.table("units", KEYS["units"]))
     folder, table = Path(base_dir), top.table("mesh", KEYS["mesh"])
     stated = read_mesh_table(table, folder)
@@ -230,7 +210,7 @@ def parse_problem_file(
         if stated.quadrature is Quadrature.MIDPOINT:
             raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
         one = read_scalar(top, mesh, stated.order, folder)
-        through = _in_time(top, mesh, one.inert, one.kind)
+        through = read_in_time(top, mesh, one.inert, one.kind)
         return ProblemFile(one, solver, name, levels, *through, changes=tuple(changes), units=units)
     material = read_material(top.table("material", KEYS["material"]), mesh)
     loads = top.table("loads", KEYS["loads"])
@@ -238,7 +218,7 @@ def parse_problem_file(
     bedding = read_bedding(loads, mesh)
     supports = read_supports(top.table("supports", None), mesh)
     contact = read_contacts(top.table("contact", None), mesh, folder)
-    time, output = _in_time(top, mesh, material.inert)
+    time, output = read_in_time(top, mesh, material.inert)
     if stated.order == 2 and mesh.dim == 3 and contact:
         raise table.error("order", "contact in 3D needs elements of order 1; write order = 1")
     if stated.quadrature is Quadrature.MIDPOINT and mesh.dim == 3 and contact:
@@ -281,17 +261,6 @@ def _inside(value: object) -> Iterable[object]:
     return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
 
 
-def _in_time(
-    top: TomlTable, mesh: Mesh, inert: bool, scalar: ScalarKind | None = None
-) -> tuple[TimeSettings | None, OutputSettings | None]:
-    """The tables [time] and [output]."""
-    time = read_time(top.table("time", KEYS["time"]), mesh, inert, scalar) if "time" in top else None
-    output = read_output(top.table("output", KEYS["output"]), mesh) if "output" in top else None
-    if output is not None and time is None:
-        raise top.error("output", "says what is kept on the way through time; add a table [time], or remove it")
-    return time, output
-
-
 def _units(table: TomlTable) -> Units:
     """Units for labels, one checked by one so that the message names its key."""
     found = Units()
@@ -302,15 +271,6 @@ def _units(table: TomlTable) -> Units:
         except ProblemError:
             raise table.error(key, "is no unit; give a short text, such as 'mm', without '$'") from None
     return found
-
-
-def _solver(table: TomlTable) -> SolverSettings:
-    return SolverSettings(
-        method=table.text("method", None, list(METHODS)) if "method" in table else None,
-        rtol=table.positive("rtol") if "rtol" in table else None,
-        max_steps=table.whole("max_steps", table.data["max_steps"], 1) if "max_steps" in table else None,
-        max_time=table.positive("max_time") if "max_time" in table else None,
-    )
 
 
 # ---- writing ----------------------------------------------------------------------------------------------
@@ -464,13 +424,12 @@ def _time_records(stated: ProblemFile, scalar: ScalarKind | None = None) -> dict
     found: dict[str, object] = {"units": units} if units else {}
     if stated.time is not None:
         found["time"] = time_record(stated.time, scalar)
-    if stated.output is not None:
-        found["output"] = output_record(stated.output)
+        found["output"] = output_record(stated.time.march, stated.output)
     return found
 
 
 def _encoded(data: dict[str, object], settings: SolverSettings) -> str:
-    data["solver"] = {key: value for key, value in vars(settings).items() if value is not None}
+    data["solver"] = encode(settings, "solver")
     text = text_of(data)
     try:
         text.encode()

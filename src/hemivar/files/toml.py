@@ -7,13 +7,19 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
 from types import MappingProxyType
 
 import numpy as np
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.stated import keys_of
 from hemivar.basics.types import Array
+from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
+from hemivar.evolution.plan import March
+from hemivar.evolution.save import Save
+from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.formula import TIME, VARIABLES, Formula, FormulaArray
 from hemivar.mechanics.material_registry import MATERIAL_LAWS
 
@@ -43,10 +49,10 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "material.regions.*": _MATERIAL,
         "loads": ("body", "traction", "pressure", "bedding"),
         "contact.*": ("normal", "friction", "gap", "belt", "obstacle", "normals", "damping", "memory"),
-        "time": ("until", "step", "scheme", "inertia", "initial", "jump", "stops"),
-        "output": ("every", "fields", "animation", "table", "checkpoint", "probes"),
-        "solver": ("method", "rtol", "max_steps", "max_time"),
-        "units": ("time", "length", "force", "stress", "energy"),
+        "time": keys_of(March, TimeSettings),
+        "output": (*keys_of(Save, OutputSettings), "checkpoint"),
+        "solver": keys_of(SolverSettings),
+        "units": tuple(one.name for one in fields(Units)),
     }
 )
 

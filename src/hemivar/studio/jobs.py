@@ -37,7 +37,6 @@ from hemivar.workflows import (
     CertificateEvent,
     Event,
     FoundEvent,
-    MarchSettings,
     PathOptions,
     PathProgress,
     ProgressEvent,
@@ -143,8 +142,6 @@ class Bench:
                 f"problem: [mesh] cells: the body has about {size} unknowns; the studio solves up to {MOST_UNKNOWNS}: "
                 "take fewer cells, or the command 'hemivar solve'"
             )
-        # files are not written from a page
-        file = replace(file, output=None)
         body = [data.get(key) for key in ("kind", "mesh", "material", "supports")]
         return _Stated(request.text, file, _keys(request.text), body)
 
@@ -315,8 +312,8 @@ class Bench:
     def _march(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
         time = stated.file.time
         assert time is not None
-        every = time.until / _FRAMES
-        plan = plan_of(stated.file, MarchSettings(every=every, max_time=_SECONDS))
+        # files are not written from a page
+        plan = plan_of(stated.file, every=time.march.until / _FRAMES, max_time=_SECONDS, checkpoint=None)
         work = _Watched(march(evolution_of(stated.file), plan), stopped)
         problem: DiscreteProblem | None = None
         for event in work:

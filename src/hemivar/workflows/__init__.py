@@ -30,7 +30,7 @@ from hemivar.workflows.events import (
 )
 from hemivar.workflows.identification import identify, identifying
 from hemivar.workflows.law_study import LawStudy, study_law
-from hemivar.workflows.marching import MarchSettings, ProgressEvent, ReadyEvent, evolution_of, march, plan_of
+from hemivar.workflows.marching import ProgressEvent, ReadyEvent, evolution_of, march, plan_of
 from hemivar.workflows.solving import RunOptions, RunResult, run
 from hemivar.workflows.study import Study, StudyLevel, StudyOptions, study, studying
 from hemivar.workflows.survey_runs import SurveyEvent, SurveyOptions, SurveyRuns, survey
@@ -49,7 +49,6 @@ __all__ = [
     "Event",
     "FoundEvent",
     "LawStudy",
-    "MarchSettings",
     "MethodEvent",
     "Notice",
     "Part",

@@ -4,37 +4,25 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from hemivar.errors import ProblemError
 from hemivar.evolution import (
-    SCHEMES,
-    AdaptiveStep,
-    Checkpoint,
     Evolution,
-    FixedStep,
     History,
-    ImplicitEuler,
     March,
-    Save,
-    Scheme,
-    SelectionRule,
     StepEvent,
-    StepSizeController,
     marching,
 )
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
 from hemivar.evolution.march import Backend, refuse_plan
-from hemivar.solvers import Controls, Solver
 from hemivar.workflows.events import Notice, WarningEvent, Work
 
 if TYPE_CHECKING:
     from hemivar.files.problem_file import ProblemFile
 
-__all__ = ["MarchSettings", "ProgressEvent", "ReadyEvent", "evolution_of", "march", "plan_of"]
+__all__ = ["ProgressEvent", "ReadyEvent", "evolution_of", "march", "plan_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,42 +55,6 @@ class ProgressEvent(Notice):
     left: float
 
 
-@dataclass(frozen=True, eq=False)
-class MarchSettings:
-    """What goes before the tables ``[time]`` and ``[output]`` of a problem file; None where they hold.
-
-    Attributes
-    ----------
-    until, step, every : float or None
-    rtol : float or None
-        Of the error of a step, for steps of adaptive length.
-    scheme : Scheme or None
-    jump : Jump or None
-    checkpoint : Path or None
-    minutes : float or None
-        Least time between two checkpoints.
-    resume : bool
-    max_time : float
-        Seconds.
-    method : Solver, str or None
-    controls : Controls
-        Of every step.
-    """
-
-    until: float | None = None
-    step: float | None = None
-    rtol: float | None = None
-    every: float | None = None
-    scheme: Scheme | None = None
-    jump: SelectionRule | None = None
-    checkpoint: Path | None = None
-    minutes: float | None = None
-    resume: bool = False
-    max_time: float = math.inf
-    method: Solver | str | None = None
-    controls: Controls = field(default_factory=Controls)
-
-
 def evolution_of(stated: ProblemFile) -> Evolution:
     """The evolution that a problem file states; without a table ``[time]`` the body has no inertia and starts at rest.
 
@@ -118,26 +70,23 @@ def evolution_of(stated: ProblemFile) -> Evolution:
     ------
     ProblemError
     """
-    time, problem = stated.time, stated.problem
+    time = stated.time
     if time is None:
-        return Evolution(problem)
-    return Evolution(
-        problem,
-        inertia=time.inertia,
-        displacement=time.displacement,
-        velocity=time.velocity,
-        heat=stated.heat,
-    )
+        return Evolution(stated.problem)
+    start = time.initial
+    return Evolution(stated.problem, time.inertia, start.get("displacement"), start.get("velocity"), heat=stated.heat)
 
 
-def plan_of(stated: ProblemFile, settings: MarchSettings) -> March:
+def plan_of(stated: ProblemFile, *, every: float | None = None, **given: Any) -> March:
     """How the evolution of a problem file is computed.
 
     Parameters
     ----------
     stated : ProblemFile
-    settings : MarchSettings
-        What goes before the file.
+    every : float, optional
+        Time between frames, in place of that of the file.
+    **given
+        Options of :class:`March`, which go before those of the file.
 
     Returns
     -------
@@ -148,67 +97,13 @@ def plan_of(stated: ProblemFile, settings: MarchSettings) -> March:
     ProblemError
         A static file and no end or step; an option out of its range; ``resume`` without a checkpoint.
     """
-    time, output = stated.time, stated.output
-    if time is None and (settings.until is None or (settings.step is None and settings.rtol is None)):
+    if stated.time is None and not {"until", "step"} <= given.keys():
         raise ProblemError(
             f"{stated.name}: it says nothing of time; add a table [time] with until and step, or give --until and "
             "--step"
         )
-    until = settings.until
-    if until is None:
-        assert time is not None
-        until = time.until
-    kept = None if output is None else output.checkpoint
-    file, minutes = settings.checkpoint, settings.minutes
-    if kept is not None:
-        file = Path(kept.file) if file is None else file
-        minutes = kept.minutes if minutes is None else minutes
-    checkpoint = None
-    if file is not None:
-        checkpoint = Checkpoint(file) if minutes is None else Checkpoint(file, minutes)
-    if settings.resume and checkpoint is None:
-        raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE, or in the table [output]")
-    every = settings.every
-    probes: Mapping[str, object] = {}
-    if output is not None:
-        every = output.every if every is None else every
-        probes = dict(output.probes)
-    jump = settings.jump
-    if jump is None:
-        jump = SelectionRule.LOCAL if time is None or time.jump is None else SelectionRule(time.jump)
-    return March(
-        until=until,
-        scheme=_scheme(stated, settings),
-        step=_stepping(stated, settings),
-        save=Save(every=every, probes=probes),
-        stops=() if time is None else time.stops,
-        jump=jump,
-        method=settings.method,
-        controls=settings.controls,
-        max_time=settings.max_time,
-        checkpoint=checkpoint,
-        resume=settings.resume,
-    )
-
-
-def _scheme(stated: ProblemFile, settings: MarchSettings) -> Scheme:
-    if settings.scheme is not None:
-        return settings.scheme
-    if stated.time is None or stated.time.scheme is None:
-        return ImplicitEuler()
-    given = stated.time.scheme
-    return replace(SCHEMES[given.name], **given.parameters)  # type: ignore[type-var]
-
-
-def _stepping(stated: ProblemFile, settings: MarchSettings) -> StepSizeController | None:
-    given = None if stated.time is None else stated.time.step
-    if settings.rtol is not None:
-        return AdaptiveStep(settings.rtol, first_step=settings.step)
-    if settings.step is not None:
-        return FixedStep(settings.step)
-    if given is None or isinstance(given, int | float):
-        return None if given is None else FixedStep(given)
-    return AdaptiveStep(given.rtol, first_step=given.first, least=given.min, most=given.max)
+    plan = March(**given) if stated.time is None else replace(stated.time.march, **given)
+    return plan if every is None else replace(plan, save=replace(plan.save, every=every))
 
 
 def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Backend | None = None) -> Work[History]:
