@@ -432,12 +432,21 @@ def test_a_run_in_time_is_played(open_page: Callable[..., Page], server: Server)
     ready(page, ".good")
 
 
-def test_how_long_a_slider_takes(open_page: Callable[..., Page], server: Server) -> None:
-    """From a change of a slider to the picture, with 10^4 unknowns in the plane; printed, and kept if wanted."""
-    text = template("survey").replace("cells = [32, 32]", "cells = [50, 50]")
-    page = open_page(server.address, text)
-    ready(page, ".good")
-    assert "10100 unknowns" in page.locator(".status").inner_text()
+@pytest.mark.parametrize(
+    ("name", "cells", "finer", "unknowns"),
+    [
+        ("survey", "cells = [32, 32]", "cells = [50, 50]", 10100),
+        ("cube", "cells = [8, 8, 8]", "cells = [14, 14, 14]", 9450),
+    ],
+)
+def test_how_long_a_slider_takes(
+    open_page: Callable[..., Page], server: Server, name: str, cells: str, finer: str, unknowns: int
+) -> None:
+    """From a change of a slider to the picture, with 10^4 unknowns; printed, and kept if wanted."""
+    assert cells in template(name)
+    page = open_page(server.address, template(name).replace(cells, finer))
+    ready(page)
+    assert f"{unknowns} unknowns" in page.locator(".status").inner_text()
     times = []
     for k in range(60):
         times.append(
@@ -464,7 +473,7 @@ def test_how_long_a_slider_takes(open_page: Callable[..., Page], server: Server)
     print(json.dumps(told))
     if KEPT:
         Path(KEPT).mkdir(parents=True, exist_ok=True)
-        (Path(KEPT) / "latency.json").write_text(json.dumps(told), encoding="utf-8")
+        (Path(KEPT) / f"latency-{name}.json").write_text(json.dumps(told), encoding="utf-8")
 
 
 NOTEBOOK = """<!doctype html><meta charset="utf-8"><div id="cell"></div><script type="module">
