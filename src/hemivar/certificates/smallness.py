@@ -75,7 +75,8 @@ class Smallness:
         The survey's m_alpha, the larger of both.
     m_L : float
         The survey's m_L: Lipschitz constant of the friction bound in the penetration times the largest slope of the
-        friction profile; 0 for bounds that do not depend on the solution, inf for those that jump or need the pressure.
+        friction profile, or of the tractions of glue in the state whose mode it takes. It is 0 for laws that do not
+        depend on the solution, inf for those that jump or need the pressure.
     m_A : float or None
         Smallest eigenvalue of the elasticity tensor over the body, ``eps : C eps >= m_A eps : eps``; None for a
         problem made of arrays.
@@ -219,7 +220,7 @@ def _constants_at(
 ) -> Smallness:
     """The constants without those of the survey."""
     bounds: Array | None = None
-    if problem.contact_points and problem.law.state_dependent:
+    if _bound_depends(problem):
         point: Point | None = None
         if displacement is not None:
             u = np.asarray(displacement, dtype=float)
@@ -279,8 +280,14 @@ def _trace_bound(statement: Statement, workspace: Workspace | None) -> float | N
 
 def unknown_constants(problem: DiscreteProblem) -> Smallness:
     """What is known of the constants without any work on K: alpha and m_L, and no margin."""
-    dependent = bool(problem.contact_points and problem.law.state_dependent)
-    return _constants(problem, None, np.full(problem.contact_points, np.inf) if dependent else None)
+    bounds = np.full(problem.contact_points, np.inf) if _bound_depends(problem) else None
+    return _constants(problem, None, bounds)
+
+
+def _bound_depends(problem: DiscreteProblem) -> bool:
+    """Whether a friction bound depends on the state, beside a normal law that does not."""
+    law = problem.law
+    return bool(problem.contact_points and law.state_dependent and not law.depends_on_whole_state)
 
 
 def largest_bounds(
@@ -373,7 +380,9 @@ def _constants(
         c = top(normal, tangential) if both and np.isfinite(c_normal + c_tangential) else max(c_normal, c_tangential)
     slips = bool(d > 1 and np.any(seen_normal & seen_tangential))
     coupling = 0.0
-    if np.any(coupling_weight):
+    if np.any(coupling_weight) and law.depends_on_whole_state:
+        coupling = top(coupling_weight, coupling_weight)
+    elif np.any(coupling_weight):
         coupling = float(np.sqrt(top(coupling_weight, none)) * np.sqrt(top(none, coupling_weight)))
     alpha_normal, alpha_tangential = float(normal.max(initial=0.0)), float(tangential.max(initial=0.0))
     m_alpha, m_l = max(alpha_normal, alpha_tangential), float(coupling_weight.max(initial=0.0))
@@ -471,7 +480,7 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
         near = float(f"{factor * max(sizes):.3g}")
         reach = tuple(min(limit, near) if limit < np.inf else limit for limit in limits)
         if min(reach) > 0.0:
-            bounds = largest_bounds(problem, point.energy, point, reach) if law.state_dependent else None
+            bounds = largest_bounds(problem, point.energy, point, reach) if _bound_depends(problem) else None
             found = replace(
                 _constants(problem, point.energy, bounds, reach),
                 alpha_sampled=False,
@@ -484,10 +493,15 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
 
 
 def _coupling(law: VectorLaw) -> Array:
-    """Lipschitz constant in the penetration of the friction force: that of the bound times the steepest profile."""
+    """Lipschitz constant in the penetration of the friction force: that of the bound times the steepest profile.
+
+    Of a law all of which depends on the state, that of the tractions.
+    """
     if not law.state_dependent:
         return np.zeros(1)
     rate = law.lipschitz
+    if law.depends_on_whole_state:
+        return rate
     steepest, growing = bounded(law).friction.profile.growth
     steepest = np.where(growing > 0.0, np.inf, steepest)
     return np.where(rate > 0.0, rate * np.maximum(steepest, np.finfo(float).tiny), 0.0)

@@ -15,7 +15,7 @@ from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.laws import MixedMode, OwnCoupledLaw, Superpotential
+    from hemivar.laws import MixedMode, ModeDependentGlue, OwnCoupledLaw, Superpotential
     from hemivar.laws.registry import LawEntry
     from hemivar.workflows import LawStudy
     from hemivar.workflows.law_study import Value
@@ -127,16 +127,23 @@ def print_examples(examples: Mapping[str, Value]) -> None:
         print(f"\nshown with        {told}  (change them with --set)")
 
 
-def _draw(curve: Superpotential | MixedMode | OwnCoupledLaw, reach: float | None, plot: Path, writer: Writer) -> None:
-    from hemivar.laws import MixedMode, OwnCoupledLaw
+def _draw(
+    curve: Superpotential | MixedMode | ModeDependentGlue | OwnCoupledLaw,
+    reach: float | None,
+    plot: Path,
+    writer: Writer,
+) -> None:
+    from hemivar.laws import MixedMode, ModeDependentGlue, OwnCoupledLaw
     from hemivar.report.law_figures import plot_law
-    from hemivar.report.mixed_mode_figure import plot_coupled_law, plot_mixed_mode
+    from hemivar.report.mixed_mode_figure import plot_coupled_law, plot_mixed_mode, plot_mode_dependent
     from hemivar.report.saving import save
 
     def draw(path: Path) -> None:
         match curve:
             case MixedMode():
                 fig = plot_mixed_mode(curve, reach=reach)
+            case ModeDependentGlue():
+                fig = plot_mode_dependent(curve, reach=reach)
             case OwnCoupledLaw():
                 fig = plot_coupled_law(curve, reach=reach)
             case _:

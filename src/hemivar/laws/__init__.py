@@ -10,13 +10,17 @@ laws by name for problem files, and ``testing`` checks a law of one's own.
 
 from hemivar.laws.contact_law import ContactLaw, separable
 from hemivar.laws.coupled import (
+    BenzeggaghKenane,
     BilinearCohesion,
     CoupledFormulaLaw,
     CoupledFunctionLaw,
     ExponentialCohesion,
+    FractureCriterion,
     MixedMode,
+    ModeDependentGlue,
     OrthotropicLaw,
     OwnCoupledLaw,
+    PowerCriterion,
     TrapezoidalCohesion,
     cohesion_table,
     join_laws,
@@ -73,6 +77,7 @@ from hemivar.laws.vector_law import Linearisation, VectorLaw
 
 __all__ = [
     "Adhesive",
+    "BenzeggaghKenane",
     "Bilateral",
     "BilinearCohesion",
     "Bonding",
@@ -87,6 +92,7 @@ __all__ = [
     "ExponentialCohesion",
     "FinitePenetration",
     "FormulaLaw",
+    "FractureCriterion",
     "Friction",
     "FunctionLaw",
     "Interval",
@@ -100,6 +106,7 @@ __all__ = [
     "MemoryChain",
     "MemoryState",
     "MixedMode",
+    "ModeDependentGlue",
     "NoContact",
     "NoFriction",
     "OrthotropicFriction",
@@ -108,6 +115,7 @@ __all__ = [
     "PenetrationBound",
     "PenetrationMemory",
     "PiecewiseQuadratic",
+    "PowerCriterion",
     "RateAndState",
     "SawTooth",
     "Secant",

@@ -8,11 +8,14 @@ from types import MappingProxyType
 from hemivar.basics.types import Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled import (
+    BenzeggaghKenane,
     BilinearCohesion,
     CoupledFormulaLaw,
     ExponentialCohesion,
     MixedMode,
+    ModeDependentGlue,
     OwnCoupledLaw,
+    PowerCriterion,
     TrapezoidalCohesion,
 )
 from hemivar.laws.normal import Compliance, Signorini
@@ -54,6 +57,24 @@ def _formula(potential: str, reach: float, penetration: str = "formula", where: 
     return CoupledFormulaLaw(potential, reach=reach, rigid=penetration == "rigid", where=where)
 
 
+def _mode_dependent(
+    strength: Parameter,
+    shear_strength: Parameter,
+    energy: Parameter,
+    shear_energy: Parameter,
+    stiffness: Parameter,
+    exponent: Parameter,
+    criterion: str = "benzeggagh-kenane",
+    shear_stiffness: Parameter | None = None,
+    compression: Parameter | None = None,
+) -> ModeDependentGlue:
+    of = PowerCriterion if criterion == PowerCriterion.name else BenzeggaghKenane
+    shut = Signorini() if compression is None else Compliance(compression)
+    return ModeDependentGlue(
+        strength, shear_strength, stiffness, of(energy, shear_energy, exponent), shear_stiffness, shut
+    )
+
+
 _COUPLED = (
     LawEntry(
         "mixed-mode",
@@ -72,6 +93,31 @@ _COUPLED = (
                 form=ParameterForm.TEXT, choices=("bilinear", "exponential", "trapezoidal"),
             ),
             LawParameter("plateau", "length of the plateau of a trapezoid", "length", minimum=0.0, optional=True),
+            LawParameter("compression", "stiffness in penetration; left out: rigid", _RATE, minimum=0.0, optional=True),
+        ),
+    ),
+    LawEntry(
+        "mode-dependent",
+        LawKind.NORMAL,
+        _mode_dependent,
+        "bilinear glue with one fracture energy for opening and another for shear, by the mode of the solution (no "
+        "potential: solved by fixed point); stands for friction, too",
+        "J(w, v) = Phi_B(w)(rho(v)), with the mode B of the state w",
+        (
+            LawParameter("strength", "largest traction in opening", _PRESSURE, minimum=0.0, example=80.0),
+            LawParameter("shear_strength", "largest traction in shear", _PRESSURE, minimum=0.0, example=100.0),
+            LawParameter("energy", "fracture energy in opening, G_Ic", "force/length", minimum=0.0, example=0.969),
+            LawParameter("shear_energy", "fracture energy in shear, G_IIc", "force/length", minimum=0.0, example=1.719),
+            LawParameter("stiffness", "initial stiffness in opening", _RATE, minimum=0.0, example=1e6),
+            LawParameter("exponent", "eta or p of the criterion", "1", minimum=0.0, example=2.284),
+            LawParameter(
+                "criterion", "how modes mix", "benzeggagh-kenane or power", "benzeggagh-kenane",
+                form=ParameterForm.TEXT, choices=("benzeggagh-kenane", "power"),
+            ),
+            LawParameter(
+                "shear_stiffness", "initial stiffness in shear; left out: as Turon et al.", _RATE, minimum=0.0,
+                optional=True,
+            ),
             LawParameter("compression", "stiffness in penetration; left out: rigid", _RATE, minimum=0.0, optional=True),
         ),
     ),

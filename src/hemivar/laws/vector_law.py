@@ -132,7 +132,15 @@ class VectorLaw(PickleMixin, ABC):
     @property
     @abstractmethod
     def state_dependent(self) -> bool:
-        """Whether the friction bound depends on penetration or pressure, so that J(w, v) has two arguments."""
+        """Whether the friction bound, or the whole law, depends on the state, so that J(w, v) has two arguments."""
+
+    @property
+    def depends_on_whole_state(self) -> bool:
+        """Whether all tractions depend on the state, as on the mode of glue, and not the friction bound alone.
+
+        :attr:`lipschitz` is then the constant of the tractions in the whole local displacement.
+        """
+        return False
 
     @abstractmethod
     def frozen(self, r: Array, lam: Array) -> VectorLaw:
@@ -151,7 +159,10 @@ class VectorLaw(PickleMixin, ABC):
     @property
     @abstractmethod
     def lipschitz(self) -> Array:
-        """Lipschitz constant of the friction bound in the penetration, shape (m or 1,); 0 if it has none."""
+        """Lipschitz constant of the friction bound in the penetration, shape (m or 1,); 0 if it has none.
+
+        See :attr:`depends_on_whole_state`.
+        """
 
     @property
     @abstractmethod

@@ -16,7 +16,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula, FormulaArray
-from hemivar.laws import CoulombBound, Friction, MixedMode, Superpotential
+from hemivar.laws import CoulombBound, Friction, MixedMode, ModeDependentGlue, Superpotential
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.named import ParameterLaw
 
@@ -89,7 +89,7 @@ def _parts(law: object) -> Iterator[tuple[str, object, bool]]:
     """What a law is made of: name, value, and whether it is a parameter, which may be a function of place and time."""
     if not is_dataclass(law):
         return
-    parameters = isinstance(law, ParameterLaw | CoulombBound | MixedMode)
+    parameters = isinstance(law, ParameterLaw | CoulombBound | MixedMode | ModeDependentGlue)
     for one in fields(law):
         if one.init and not one.name.startswith("_"):
             yield (

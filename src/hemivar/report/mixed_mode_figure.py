@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.errors import ProblemError
-from hemivar.laws import MixedMode, OwnCoupledLaw
+from hemivar.laws import MixedMode, ModeDependentGlue, OwnCoupledLaw
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, drawing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["plot_coupled_law", "plot_mixed_mode"]
+__all__ = ["plot_coupled_law", "plot_mixed_mode", "plot_mode_dependent"]
 
 #: Slips, as parts of the largest one, under which the normal traction is drawn.
 _UNDER = (0.0, 0.4, 0.8)
@@ -70,6 +70,53 @@ def plot_mixed_mode(law: MixedMode, *, point: int = 0, reach: float | None = Non
             panel.legend(frameon=False, fontsize=7)
         told = f"$G_c$ = {one.fracture_energy.item():.4g}, shear over normal strength {beta:g}"
         fig.suptitle(f"{title}\n{told}" if title else told, fontsize=9)
+    return fig
+
+
+def plot_mode_dependent(
+    law: ModeDependentGlue, *, point: int = 0, reach: float | None = None, title: str | None = None
+) -> Figure:
+    """Tractions of both pure modes and an even one over the effective opening, and the energy over the mode.
+
+    Parameters
+    ----------
+    law : ModeDependentGlue
+        With resolved parameters.
+    point : int
+    reach : float, optional
+        Effective opening up to which it is drawn; a little beyond the break by default.
+    title : str, optional
+
+    Raises
+    ------
+    ProblemError
+        If ``reach`` is not a positive number.
+    """
+    one, modes = law.take(np.array([point])), np.linspace(0.0, 1.0, 201)
+    ends = [one.at_mode(mode).opening_at_break.item() for mode in modes.tolist()]
+    far = 1.1 * max(ends) if reach is None else reach
+    if not 0.0 < far < math.inf:
+        raise ProblemError(f"reach = {reach}; it must be a positive length")
+    with drawing():
+        fig = new_figure((8.4, 3.1), layout="constrained")
+        traction, energy, break_ = fig.subplots(1, 3)
+        for mode, style, name in ((0.0, "-", "opening"), (0.5, "--", "even"), (1.0, ":", "shear")):
+            frozen = one.at_mode(mode)
+            knots = frozen.curve_knots.ravel()
+            rho = np.unique(np.concatenate([[0.0, far], knots[knots <= far]]))
+            traction.plot(rho, frozen.cohesion.derivative(rho), color=BLUE, ls=style, label=f"{name}, $B$ = {mode:g}")
+        traction.set(xlabel="effective opening $\\rho$", ylabel="traction $\\Phi_B'$")
+        energy.plot(modes, one.criterion.energy(modes)[0], color=BLUE)
+        energy.set(xlabel="mode $B$ (0 opening, 1 shear)", ylabel="fracture energy $G_c$", ylim=(0.0, None))
+        last = np.array(ends)
+        break_.plot(last * np.sqrt(1.0 - modes), last * np.sqrt(modes) / one.ratio, color=RED, label="broken")
+        break_.set(xlabel="opening $w$", ylabel="slip $s$", xlim=(0.0, None), ylim=(0.0, None))
+        for panel in (traction, energy, break_):
+            panel.spines[["top", "right"]].set_visible(False)
+        for panel in (traction, break_):
+            panel.legend(frameon=False, fontsize=7)
+        if title:
+            fig.suptitle(title, fontsize=9)
     return fig
 
 

@@ -10,7 +10,7 @@ from hemivar.basics.arguments import suggest
 from hemivar.basics.display import brief
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
-from hemivar.laws import Friction, MixedMode, OwnCoupledLaw, Superpotential
+from hemivar.laws import Friction, MixedMode, ModeDependentGlue, OwnCoupledLaw, Superpotential
 from hemivar.laws.coupled_registry import COUPLED_LAWS
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
 from hemivar.workflows.events import Notice, Work
@@ -29,7 +29,7 @@ class LawStudy(Notice):
     ----------
     entry : LawEntry
         Its line in the registry.
-    curve : Superpotential, MixedMode, OwnCoupledLaw or None
+    curve : Superpotential, MixedMode, ModeDependentGlue, OwnCoupledLaw or None
         The function j of one contact point, for friction of the size of the slip; None if the law is a file that was
         not given.  ``curve.describe()`` has the constants, and says which of them are sampled.
     examples : mapping of name to value
@@ -39,7 +39,7 @@ class LawStudy(Notice):
     """
 
     entry: LawEntry
-    curve: Superpotential | MixedMode | OwnCoupledLaw | None
+    curve: Superpotential | MixedMode | ModeDependentGlue | OwnCoupledLaw | None
     examples: Mapping[str, Value] = field(default_factory=dict)
     unit_bound: bool = False
 
@@ -102,7 +102,7 @@ def _study(entry: LawEntry, given: Mapping[str, Value], label: str) -> LawStudy:
     values, examples = values_shown(entry, given, label)
     if any(p.form is ParameterForm.FILE and p.name not in values for p in entry.parameters):
         return LawStudy(entry, None)
-    law = cast(Superpotential | Friction | MixedMode | OwnCoupledLaw, entry.make(**values)).at(None)
+    law = cast(Superpotential | Friction | MixedMode | ModeDependentGlue | OwnCoupledLaw, entry.make(**values)).at(None)
     if not isinstance(law, Friction):
         return LawStudy(entry, law, examples)
     curve = law.profile if law.state_dependent else law.radial

@@ -36,6 +36,12 @@ class JoinedLaw(CoupledLaw):
     name: ClassVar[str] = "several laws"  # type: ignore[misc]
 
     def __post_init__(self) -> None:
+        moded = next((law.name for law in self.parts if law.depends_on_whole_state), "")
+        if moded:
+            raise ProblemError(
+                f"law '{moded}' depends on the mode of the solution and stands alone on a body; take one law for all "
+                "contact boundaries, or glue with one fracture energy (MixedMode)"
+            )
         coupled = next((law.name for law in self.parts if not law.splits), "")
         if any(law.state_dependent for law in self.parts):
             raise ProblemError(

@@ -13,6 +13,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled.coupled_law import CoupledLaw
+from hemivar.laws.coupled.criteria import FractureCriterion
 from hemivar.laws.coupled.near_mixed_mode import NearMixedMode, principal_sides, row_entries
 from hemivar.laws.coupled.opening import OpeningProblem
 from hemivar.laws.named import NamedLaw
@@ -63,6 +64,11 @@ class MixedMode(CoupledLaw):
     name: ClassVar[str] = "mixed-mode"  # type: ignore[misc]
 
     def __post_init__(self) -> None:
+        if isinstance(self.cohesion, FractureCriterion):
+            raise ProblemError(
+                f"the cohesion of law '{self.name}' is the criterion '{self.cohesion.name}', which has two fracture "
+                "energies, and a superpotential that lets go has one; take ModeDependentGlue(..., criterion=...)"
+            )
         for what, law in (("cohesion", self.cohesion), ("compression", self.compression)):
             if not isinstance(law, Superpotential):
                 raise ProblemError(

@@ -1,0 +1,114 @@
+"""How the fracture energy of glue depends on the mode: criteria with two energies, for opening and for shear.
+
+The mode B is the share of the shear in the energy release rate, ``G_II / (G_I + G_II)``: 0 in opening, 1 in shear.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray, Parameter
+from hemivar.errors import ProblemError
+from hemivar.laws.parameters import evaluate
+
+__all__ = ["BenzeggaghKenane", "FractureCriterion", "PowerCriterion"]
+
+
+@dataclass(frozen=True, eq=False)
+class FractureCriterion(ABC):
+    """A fracture energy G_c(B), and the effective opening of first damage between those of both pure modes.
+
+    Parameters
+    ----------
+    opening, shear : Parameter
+        G_Ic and G_IIc, > 0 (force per length).
+    exponent : Parameter
+        > 0.
+    """
+
+    opening: Parameter
+    shear: Parameter
+    exponent: Parameter
+    name: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        if not any(callable(value) for value in (self.opening, self.shear, self.exponent)):
+            self.values(None)
+
+    def values(self, points: Array | None = None) -> tuple[Array, Array, Array]:
+        """G_Ic, G_IIc and the exponent at the contact points, (m or 1,) each."""
+        found = []
+        for what in ("opening", "shear", "exponent"):
+            value = evaluate(getattr(self, what), points, f"{what} of criterion '{self.name}'")
+            if (value <= 0.0).any():
+                raise ProblemError(f"{what} of criterion '{self.name}' is {value.min():g}; it must be positive")
+            found.append(value)
+        return found[0], found[1], found[2]
+
+    def at(self, points: Array | None) -> Self:
+        """The criterion with every parameter evaluated at ``points (m, d)``."""
+        return replace(self, **dict(zip(("opening", "shear", "exponent"), self.values(points), strict=True)))
+
+    def take(self, index: IntArray) -> Self:
+        """The criterion at some of the contact points."""
+        taken = (value if value.size == 1 else value[index] for value in self.values())
+        return replace(self, **dict(zip(("opening", "shear", "exponent"), taken, strict=True)))
+
+    @abstractmethod
+    def energy(self, mode: Array) -> tuple[Array, Array]:
+        """G_c and its derivative by the mode, of modes that broadcast with (m or 1,)."""
+
+    @abstractmethod
+    def onset(self, mode: Array, first: Array, second: Array) -> tuple[Array, Array]:
+        """rho of first damage and its derivative by the mode; ``first`` and ``second`` are those of both modes."""
+
+
+@dataclass(frozen=True, eq=False)
+class BenzeggaghKenane(FractureCriterion):
+    """``G_c = G_Ic + (G_IIc - G_Ic) B^eta`` (Benzeggagh and Kenane 1996).
+
+    The squares of the openings of first damage are mixed likewise (Turon et al. 2006).
+    """
+
+    name: ClassVar[str] = "benzeggagh-kenane"
+
+    def _share(self, mode: Array) -> tuple[Array, Array]:
+        eta = self.values()[2]
+        with np.errstate(divide="ignore"):
+            return mode**eta, eta * mode ** (eta - 1.0)
+
+    def energy(self, mode: Array) -> tuple[Array, Array]:
+        one, two, _ = self.values()
+        share, rate = self._share(mode)
+        return one + (two - one) * share, np.where(two == one, 0.0, (two - one) * np.where(two == one, 0.0, rate))
+
+    def onset(self, mode: Array, first: Array, second: Array) -> tuple[Array, Array]:
+        share, rate = self._share(mode)
+        apart = second**2 - first**2
+        place = np.sqrt(first**2 + apart * share)
+        return place, np.where(apart == 0.0, 0.0, apart * np.where(apart == 0.0, 0.0, rate)) / (2.0 * place)
+
+
+@dataclass(frozen=True, eq=False)
+class PowerCriterion(FractureCriterion):
+    """``(G_I/G_Ic)^p + (G_II/G_IIc)^p = 1``.
+
+    First damage is where the squares of both stresses over their strengths add to 1.
+    """
+
+    name: ClassVar[str] = "power"
+
+    def energy(self, mode: Array) -> tuple[Array, Array]:
+        one, two, p = self.values()
+        with np.errstate(divide="ignore"):
+            found = (((1.0 - mode) / one) ** p + (mode / two) ** p) ** (-1.0 / p)
+            rate = (mode / two) ** (p - 1.0) / two - ((1.0 - mode) / one) ** (p - 1.0) / one
+        return found, -(found ** (p + 1.0)) * rate
+
+    def onset(self, mode: Array, first: Array, second: Array) -> tuple[Array, Array]:
+        place = ((1.0 - mode) / first**2 + mode / second**2) ** -0.5
+        return place, -0.5 * place**3 * (second**-2 - first**-2)

@@ -1,0 +1,374 @@
+"""Glue whose fracture energy depends on the mode: J(w, v) with the mode of a state w."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, NoReturn
+
+import numpy as np
+
+from hemivar.basics.arguments import described
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
+from hemivar.errors import ProblemError
+from hemivar.laws.coupled.cohesion import BilinearCohesion
+from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion
+from hemivar.laws.coupled.mixed_mode import MixedMode
+from hemivar.laws.coupled.near_mixed_mode import NearMixedMode
+from hemivar.laws.neighbourhood import lengths
+from hemivar.laws.normal import Signorini
+from hemivar.laws.parameters import evaluate
+from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
+
+__all__ = ["ModeDependentGlue"]
+
+#: Modes at which constants are looked for.
+_MODES = np.linspace(0.0, 1.0, 2001)
+
+
+@dataclass(frozen=True, eq=False)
+class ModeDependentGlue(VectorLaw):
+    """Bilinear glue with a fracture energy for opening and another one for shear, as ``J(w, v)``.
+
+    In a state w the mode is ``B(w) = ratio^2 s^2 / max(rho, rho_min)^2`` with the effective opening
+    ``rho = sqrt(<w_n>^2 + ratio^2 |s|^2)`` and ``ratio^2 = shear stiffness / stiffness``; rho_min is the least rho at
+    which any mode is damaged; below it the mode has no effect. The law in v is :class:`MixedMode` with the fracture
+    energy G_c(B) and the first damage of that mode.  A solution is a fixed point, w = v; :class:`FixedPoint` finds it.
+
+    There is no potential of both modes: a superpotential that lets go has one fracture energy.  The work to break
+    depends on the way.  The shear stiffness is by default that of Turon, Camanho, Costa and Renart (2010),
+    ``stiffness (G_Ic/G_IIc) (shear strength / strength)^2``: the damage at a given rho/rho_0 is then the same in all
+    modes of Benzeggagh and Kenane's criterion.
+
+    Parameters
+    ----------
+    strength, shear_strength : Parameter
+        Largest tractions in opening and in shear, > 0 (force per area).
+    stiffness : Parameter
+        Initial stiffness in opening, > 0 (force per area and length).
+    criterion : FractureCriterion
+        :class:`BenzeggaghKenane` or :class:`PowerCriterion`.
+    shear_stiffness : Parameter, optional
+    compression : Superpotential
+        As that of :class:`MixedMode`.
+
+    Raises
+    ------
+    ProblemError
+        A parameter is not positive, or the fracture energy of a mode is less than what is stored at its strength.
+    """
+
+    strength: Parameter
+    shear_strength: Parameter
+    stiffness: Parameter
+    criterion: FractureCriterion
+    shear_stiffness: Parameter | None = None
+    compression: Superpotential = field(default_factory=Signorini)
+    name: ClassVar[str] = "mode-dependent"  # type: ignore[misc]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.criterion, FractureCriterion):
+            raise ProblemError(
+                f"the criterion of law '{self.name}' is {described(self.criterion)}; give "
+                "BenzeggaghKenane(opening, shear, exponent) or PowerCriterion(opening, shear, exponent)"
+            )
+        MixedMode(BilinearCohesion(1.0, 1.0, 1.0), compression=self.compression)  # refuses another compression
+
+    _numbers: ClassVar[tuple[str, ...]] = ("strength", "shear_strength", "stiffness", "shear_stiffness")
+
+    def _values(self, points: Array | None) -> dict[str, Array]:
+        found = {}
+        for what in self._numbers:
+            if getattr(self, what) is None:
+                continue
+            found[what] = evaluate(getattr(self, what), points, f"{what} of law '{self.name}'")
+            if (found[what] <= 0.0).any():
+                raise ProblemError(f"{what} of law '{self.name}' is {found[what].min():g}; it must be positive")
+        return found
+
+    def at(self, points: Array | None) -> ModeDependentGlue:
+        made = replace(
+            self,
+            **self._values(points),  # type: ignore[arg-type]
+            criterion=self.criterion.at(points),
+            compression=self.compression.at(points),
+        )
+        place, last = made._table[0], made._table[2]
+        if (last <= place).any():
+            mode = float(_MODES[int(np.argmax((last <= place).any(axis=1)))])
+            raise ProblemError(
+                f"law '{self.name}': in the mode {mode:g} (0 opening, 1 shear) the fracture energy is less than what "
+                "is stored at the strength; take a stiffer start, a lower strength or more energy"
+            )
+        made._frozen(np.zeros(1))
+        return made
+
+    def take(self, index: IntArray) -> ModeDependentGlue:
+        taken = {key: value if value.size == 1 else value[index] for key, value in self._values(None).items()}
+        return replace(
+            self,
+            **taken,  # type: ignore[arg-type]
+            criterion=self.criterion.take(index),
+            compression=self.compression.take(index),
+        )
+
+    @property
+    def stated(self) -> Mapping[str, object] | None:
+        """The law by its name and parameters, as problem files have it; None where a part has no name."""
+        if self.compression.name not in ("signorini", "compliance"):
+            return None
+        compression = self.compression.stated
+        pushes = None if self.compression.name == "signorini" or compression is None else compression["stiffness"]
+        one = self.criterion
+        return {
+            "law": self.name,
+            **{what: getattr(self, what) for what in self._numbers},
+            "energy": one.opening,
+            "shear_energy": one.shear,
+            "exponent": one.exponent,
+            "criterion": one.name,
+            "compression": pushes,
+        }
+
+    @property
+    def not_separable(self) -> str:
+        return f"law '{self.name}' couples opening and slip, and depends on the mode"
+
+    # ---- the mode ----------------------------------------------------------------------------------------
+
+    @cached_property
+    def _own(self) -> dict[str, Array]:
+        """Parameters at the contact points, (m or 1,)."""
+        return self._values(None)
+
+    @cached_property
+    def ratio(self) -> Array:
+        """Root of the shear stiffness over the stiffness, (m or 1,)."""
+        own = self._own
+        if "shear_stiffness" in own:
+            return np.sqrt(own["shear_stiffness"] / own["stiffness"])
+        one, two, _ = self.criterion.values()
+        return np.asarray(np.sqrt(one / two) * own["shear_strength"] / own["strength"])
+
+    @cached_property
+    def _first(self) -> tuple[Array, Array]:
+        """rho of first damage in opening and in shear, (m or 1,) each."""
+        own = self._own
+        return own["strength"] / own["stiffness"], own["shear_strength"] / (self.ratio * own["stiffness"])
+
+    @property
+    def least_damage(self) -> Array:
+        """rho_min, the least effective opening at which some mode is damaged, (m or 1,)."""
+        return np.minimum(*self._first)
+
+    def _curve(self, mode: Array) -> tuple[Array, Array, Array, Array]:
+        """rho of first damage and of the break, each with its derivative by the mode."""
+        stiffness, (first, second) = self._own["stiffness"], self._first
+        place, rate = self.criterion.onset(mode, first, second)
+        energy, energy_rate = self.criterion.energy(mode)
+        last = 2.0 * energy / (stiffness * place)
+        with np.errstate(invalid="ignore"):
+            return place, rate, last, last * (energy_rate / energy - rate / place)
+
+    @cached_property
+    def _table(self) -> tuple[Array, Array, Array, Array]:
+        """:meth:`_curve` at the modes that are looked at, (k, m or 1)."""
+        place, rate, last, last_rate = self._curve(_MODES[:, None])
+        return place, rate, last, last_rate
+
+    def mode(self, r: Array) -> Array:
+        """B of states (m, c): 0 in opening, 1 in shear; below the first damage of any mode it falls to 0."""
+        if r.shape[1] == 1:
+            return np.zeros(len(r))
+        shear = self.ratio * lengths(r[:, 1:])
+        rho = np.maximum(np.hypot(np.maximum(-r[:, 0], 0.0), shear), self.least_damage)
+        return np.asarray(np.minimum((shear / rho) ** 2, 1.0))
+
+    def at_mode(self, mode: float) -> MixedMode:
+        """The law of all states of one mode, 0 in opening and 1 in shear.
+
+        Raises
+        ------
+        ProblemError
+            The mode is not between 0 and 1.
+        """
+        if not 0.0 <= mode <= 1.0:
+            raise ProblemError(f"mode = {mode}; give a number between 0, opening, and 1, shear")
+        return self._frozen(np.full(1, float(mode)))
+
+    def _frozen(self, mode: Array) -> MixedMode:
+        stiffness = self._own["stiffness"]
+        place, _, _, _ = self._curve(mode)
+        cohesion = BilinearCohesion(stiffness * place, self.criterion.energy(mode)[0], stiffness)
+        return MixedMode(cohesion, self.ratio, self.compression).at(None)
+
+    @property
+    def state_dependent(self) -> bool:
+        return True
+
+    @property
+    def depends_on_whole_state(self) -> bool:
+        return True
+
+    def frozen(self, r: Array, lam: Array) -> MixedMode:
+        return self._frozen(self.mode(r))
+
+    def frozen_at(self, r: Array) -> MixedMode:
+        return self._frozen(self.mode(r))
+
+    def traction(self, r: Array) -> Array:
+        """Multipliers (m, c) of states whose mode is their own; where the compression leaves a choice, the least."""
+        return self.frozen_at(r).near(r).nearest_multiplier(np.zeros(r.shape))
+
+    @cached_property
+    def lipschitz(self) -> Array:
+        """Lipschitz constant of the tractions of J(w, v) in the state w, (m or 1,): for the smallness condition (H_s).
+
+        The traction changes with the mode by ``max((K + k) |rho_0'|, k |rho_f'|)`` at most, the mode with the state by
+        ``max(2 ratio, 1) / rho_min``.  Sampled over the modes; infinite for a Benzeggagh-Kenane exponent below 1.
+        """
+        place, rate, last, last_rate = self._table
+        stiffness, largest = self._own["stiffness"], np.maximum(self.ratio, 1.0)
+        fall = stiffness * place / (last - place)
+        by_mode = np.maximum((stiffness + fall) * np.abs(rate), fall * np.abs(last_rate)).max(axis=0)
+        found = np.asarray(largest * by_mode * np.maximum(2.0 * self.ratio, largest) / self.least_damage)
+        return np.where(np.isnan(found), np.inf, found)
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        return True
+
+    def describe(self, point: int = 0) -> str:
+        """Energies, openings and constants at one contact point, in words."""
+        one = self.take(np.array([point]))
+        place, _, last, _ = one._table
+        energies = one.criterion.values()
+        alphas = [float(alpha[0]) for alpha in one.weak_convexity]
+        return "\n".join(
+            (
+                f"law {self.name}: {self.criterion.name}, exponent {float(energies[2][0]):g}; in penetration "
+                f"{self.compression.name}",
+                f"fracture energy   {float(energies[0][0]):.6g} in opening, {float(energies[1][0]):.6g} in shear",
+                f"shear stiffness   {float((one.ratio**2 * one._own['stiffness'])[0]):.6g}",
+                f"softens           from the opening {place[0, 0]:.6g} on, or the slip "
+                f"{place[-1, 0] / float(one.ratio[0]):.6g}",
+                f"lets go           at the opening {last[0, 0]:.6g}, or the slip "
+                f"{last[-1, 0] / float(one.ratio[0]):.6g}",
+                f"alpha             {alphas[0]:.6g} for the opening, {alphas[1]:.6g} for the slip, whatever the mode",
+                f"m_L               {float(one.lipschitz[0]):.6g}, Lipschitz constant in the state (sampled)",
+            )
+        )
+
+    # ---- there is no potential ---------------------------------------------------------------------------
+
+    def _refuse(self) -> NoReturn:
+        raise ProblemError(
+            f"law '{self.name}' has no potential: a superpotential that lets go has one fracture energy, and this one "
+            "depends on the mode; freeze the mode of a state, frozen(r, lam), or take MixedMode with one energy"
+        )
+
+    def value(self, r: Array) -> Array:
+        self._refuse()
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        self._refuse()
+
+    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+        self._refuse()
+
+    def prox_jacobian(self, x: Array, tau: Array) -> Array:
+        self._refuse()
+
+    # ---- what is asked of a state, in its own mode -------------------------------------------------------
+
+    def near(self, r: Array) -> NearMixedMode:
+        return self.frozen_at(r).near(r)
+
+    def distance(self, r: Array, lam: Array) -> Array:
+        return self.frozen_at(r).distance(r, lam)
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        return self.frozen_at(r).graph_distance(r, lam, tau)
+
+    def linearise(self, r: Array) -> Linearisation:
+        """At the mode of r, which counts as constant."""
+        return self.frozen_at(r).linearise(r)
+
+    def admissible(self, r: Array) -> Array:
+        return self._frozen(np.zeros(1)).admissible(r)
+
+    def snap_to_kinks(self, r: Array, near: float) -> Array:
+        return self.frozen_at(r).snap_to_kinks(r, near)
+
+    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
+        return self.frozen_at(r).fitted(r, lam, tau)
+
+    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
+        return self.frozen_at(r).sides(r, lam, active, tau, slack)
+
+    def at_normal_kink(self, r: Array) -> BoolArray:
+        return self.compression.at_kink(r[:, 0])
+
+    def moves(self, r: Array, small: float) -> BoolArray:
+        return self.frozen_at(r).moves(r, small)
+
+    def pulls(self, r: Array) -> BoolArray:
+        return self.frozen_at(r).pulls(r)
+
+    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+        return self.frozen_at(r).past_peak(r, pull, near, slack)
+
+    def debonding(self, r: Array) -> dict[str, Array]:
+        return self.frozen_at(r).debonding(r)
+
+    def resistance(self, r: Array, lam: Array) -> Array:
+        return self.frozen_at(r).resistance(r, lam)
+
+    # ---- whatever the mode -------------------------------------------------------------------------------
+
+    @property
+    def _pure(self) -> tuple[MixedMode, MixedMode]:
+        return self._frozen(np.zeros(1)), self._frozen(np.ones(1))
+
+    def recession(self, direction: Array) -> Array:
+        return self._pure[0].recession(direction)
+
+    @property
+    def rates(self) -> tuple[Array, Array, Array]:
+        return self._pure[0].rates
+
+    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
+        one, two = (law.strongest(rest, size) for law in self._pure)
+        return np.minimum(one[0], two[0]), np.minimum(one[1], two[1]), np.minimum(one[2], two[2])
+
+    def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
+        return self._pure[0].asymptotic_curvature(sign)
+
+    @cached_property
+    def _falls(self) -> Array:
+        place, _, last, _ = self._table
+        return np.asarray(self._own["stiffness"] * place / (last - place))
+
+    @property
+    def weak_convexity(self) -> tuple[Array, Array]:
+        fall = self._falls.max(axis=0)
+        return fall, np.asarray(fall * self.ratio**2)
+
+    @property
+    def alpha_reach(self) -> tuple[float, float]:
+        turon = self.shear_stiffness is None and isinstance(self.criterion, BenzeggaghKenane)  # one rate in all modes
+        return (np.inf, np.inf) if turon else (0.0, 0.0)
+
+    @property
+    def penetrations(self) -> Interval:
+        return self.compression.domain
+
+    @property
+    def penetration_knots(self) -> Array:
+        return self._pure[0].penetration_knots
+
+    @property
+    def rubs(self) -> BoolArray:
+        return np.ones(1, dtype=bool)

@@ -1,0 +1,323 @@
+"""Glue whose fracture energy depends on the mode: work along paths, fixed points by other means, and refusals."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import fsolve
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.cli.app import main
+from hemivar.discrete import DiscreteProblem
+from hemivar.laws import (
+    BenzeggaghKenane,
+    Compliance,
+    ContactLaw,
+    MixedMode,
+    ModeDependentGlue,
+    PowerCriterion,
+    Signorini,
+    Softening,
+    Tresca,
+    join_laws,
+)
+from hemivar.report.mixed_mode_figure import plot_mode_dependent
+
+#: AS4/PEEK: N, mm, MPa.
+PEEK = BenzeggaghKenane(0.969, 1.719, 2.284)
+SOFT = BenzeggaghKenane(0.5, 0.9, 2.0)
+
+
+def peek(shear_stiffness: float | None = None) -> ModeDependentGlue:
+    return ModeDependentGlue(80.0, 100.0, 1e6, PEEK, shear_stiffness).at(None)
+
+
+def soft(shear_stiffness: float | None = None) -> ModeDependentGlue:
+    return ModeDependentGlue(30.0, 45.0, 1e4, SOFT, shear_stiffness).at(None)
+
+
+def work(law: ModeDependentGlue, corners: list[tuple[float, float]]) -> float:
+    """Work of the tractions along a path of openings and slips, by Gauss's rule on parts dense at the start."""
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    parts = np.unique(np.concatenate([np.linspace(0.0, 1.0, 6000), np.geomspace(1e-8, 1.0, 4000)]))
+    t = (0.5 * (parts[1:] + parts[:-1])[:, None] + 0.5 * np.diff(parts)[:, None] * nodes).ravel()
+    found = 0.0
+    for start, end in itertools.pairwise(np.array(corners) * [-1.0, 1.0]):
+        force = law.traction(start + t[:, None] * (end - start))
+        found += float(((force @ (end - start)).reshape(-1, 4) @ weights * 0.5 * np.diff(parts)).sum())
+    return found
+
+
+def test_opening_costs_the_energy_of_opening_and_shear_that_of_shear() -> None:
+    for law in (peek(), peek(1e6)):
+        assert work(law, [(0.0, 0.0), (0.05, 0.0)]) == pytest.approx(0.969, rel=1e-7)
+        assert work(law, [(0.0, 0.0), (0.0, 0.05)]) == pytest.approx(1.719, rel=1e-7)
+
+
+def test_the_work_to_break_depends_on_the_way() -> None:
+    """Shear to 0.01 mm, opening to separation, and back: more than opening alone, so that there is no potential."""
+    there_and_back = [(0.0, 0.0), (0.0, 0.01), (0.08, 0.01), (0.08, 0.0), (0.04, 0.0)]
+    assert work(peek(1e6), there_and_back) == pytest.approx(1.263735, abs=2e-6)
+    opened_first = [(0.0, 0.0), (0.08, 0.0), (0.08, 0.01)]
+    assert work(peek(1e6), opened_first) == pytest.approx(0.969, rel=1e-7)
+
+
+def test_one_mode_all_along_costs_the_energy_of_the_criterion() -> None:
+    for criterion in (SOFT, PowerCriterion(0.5, 0.9, 1.0), PowerCriterion(0.5, 0.9, 1.6)):
+        law = ModeDependentGlue(30.0, 45.0, 1e4, criterion).at(None)
+        ratio = float(law.ratio[0])
+        for mode in (0.2, 0.5, 0.9):
+            way = np.array([np.sqrt(1.0 - mode), np.sqrt(mode) / ratio])
+            assert work(law, [(0.0, 0.0), tuple(0.2 * way)]) == pytest.approx(
+                float(criterion.energy(np.array([mode]))[0][0]), rel=1e-6
+            )
+    linear = PowerCriterion(0.5, 0.9, 1.0).energy(np.array([0.5]))[0][0]
+    assert linear == pytest.approx(1.0 / (0.5 / 0.5 + 0.5 / 0.9), rel=1e-12)
+    assert SOFT.energy(np.array([0.5]))[0][0] == pytest.approx(0.5 + 0.4 * 0.25, rel=1e-12)
+
+
+def test_strengths_and_stiffnesses_are_those_stated() -> None:
+    law = soft(2e4)
+    small = 1e-6
+    assert law.traction(np.array([[-small, 0.0]]))[0, 0] == pytest.approx(-1e4 * small, rel=1e-9)
+    assert law.traction(np.array([[0.0, small]]))[0, 1] == pytest.approx(2e4 * small, rel=1e-9)
+    grid = np.linspace(0.0, 0.05, 100_001)
+    zero = np.zeros(grid.size)
+    assert -law.traction(np.column_stack([-grid, zero]))[:, 0].min() == pytest.approx(30.0, rel=1e-3)
+    assert law.traction(np.column_stack([zero, grid]))[:, 1].max() == pytest.approx(45.0, rel=1e-3)
+    turon = soft()
+    assert float(turon.ratio[0]) ** 2 == pytest.approx(0.5 / 0.9 * (45.0 / 30.0) ** 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("criterion", [SOFT, PowerCriterion(0.5, 0.9, 1.5), PowerCriterion(0.9, 0.5, 2.0)])
+def test_rates_by_the_mode_are_derivatives(criterion: BenzeggaghKenane | PowerCriterion) -> None:
+    mode, step = np.linspace(0.05, 0.95, 19), 1e-6
+    first, second = np.array([0.003]), np.array([0.004])
+    for of in (criterion.energy, lambda b: criterion.onset(b, first, second)):
+        slope = (of(mode + step)[0] - of(mode - step)[0]) / (2.0 * step)
+        assert of(mode)[1] == pytest.approx(slope, rel=1e-6)
+
+
+@pytest.mark.parametrize("shear_stiffness", [None, 3e4])
+def test_tractions_change_no_faster_than_the_constants_say(shear_stiffness: float | None) -> None:
+    """Pairs of states, near to each other and far apart: the frozen tractions of one place differ by L at most."""
+    random = np.random.default_rng(8)
+    law = soft(shear_stiffness)
+    limit, steepest = float(law.lipschitz[0]), 0.0
+    low = float(law.least_damage[0])
+    for size in (1e-5, 1e-3, 1e-1, 3.0):
+        one = random.uniform(-1.0, 1.0, (4000, 2)) * low * 10.0 ** random.uniform(-1.0, 1.0, (4000, 1))
+        two = one + random.normal(size=one.shape) * size * low
+        v = np.abs(random.uniform(-1.0, 1.0, one.shape)) * [-1.0, 1.0] * 0.05
+        forces = [law.frozen(state, state).near(v).gradient(v) for state in (one, two)]
+        apart = np.linalg.norm(one - two, axis=1)
+        steepest = max(steepest, float((np.linalg.norm(forces[0] - forces[1], axis=1) / apart).max()))
+    assert 0.15 * limit <= steepest <= limit
+    for mode in np.linspace(0.0, 1.0, 7):
+        frozen = law.at_mode(float(mode))
+        assert (frozen.weak_convexity[0] <= law.weak_convexity[0] * (1.0 + 1e-12)).all()
+        assert (frozen.weak_convexity[1] <= law.weak_convexity[1] * (1.0 + 1e-12)).all()
+
+
+def test_a_benzeggagh_kenane_exponent_below_one_has_no_lipschitz_constant() -> None:
+    law = ModeDependentGlue(30.0, 45.0, 1e4, BenzeggaghKenane(0.5, 0.9, 0.8)).at(None)
+    assert np.isinf(law.lipschitz).all()
+    same = ModeDependentGlue(30.0, 30.0, 1e4, BenzeggaghKenane(0.5, 0.5, 0.8)).at(None)
+    assert (same.lipschitz == 0.0).all()  # one energy, one strength: the mode is of no effect
+
+
+# ---- solutions ----------------------------------------------------------------------------------------------
+
+
+def point(springs: float, load: tuple[float, float], law: ModeDependentGlue) -> DiscreteProblem:
+    return DiscreteProblem.of_arrays(
+        springs * np.eye(2), np.array([-load[0], load[1]]), np.eye(2), np.ones(1), np.zeros(1), law
+    )
+
+
+def by_hand(w: float, s: float, ratio: float) -> Array:
+    """Tractions of soft glue at the opening w > 0 and the slip s > 0, written out."""
+    rho = np.hypot(w, ratio * s)
+    mode = (ratio * s / rho) ** 2
+    first, second = 30.0 / 1e4, 45.0 / (ratio * 1e4)
+    onset = np.sqrt(first**2 + (second**2 - first**2) * mode**2)
+    last = 2.0 * (0.5 + 0.4 * mode**2) / (1e4 * onset)
+    pull = 1e4 * rho if rho <= onset else 1e4 * onset * max(last - rho, 0.0) / (last - onset)
+    return np.array([pull / rho * w, ratio**2 * pull / rho * s])
+
+
+@pytest.mark.parametrize("load", [(60.0, 30.0), (40.0, 60.0), (20.0, 75.0), (90.0, 90.0)])
+def test_a_point_on_springs_is_the_root_of_its_equations(load: tuple[float, float]) -> None:
+    law, springs = soft(), 5000.0
+    ratio = float(law.ratio[0])
+    found = hv.solve(point(springs, load, law))
+    assert found.status.name == "CONVERGED"
+    w, s = found.local[0] * [-1.0, 1.0]
+
+    def balance(x: Array) -> Array:
+        return springs * x + by_hand(x[0], x[1], ratio) - np.array(load)
+
+    assert np.abs(balance(np.array([w, s]))).max() <= 1e-8 * max(load)
+    root = fsolve(balance, np.array(load) / (springs + 1e4), xtol=1e-13)
+    assert found.local[0] * [-1.0, 1.0] == pytest.approx(root, rel=1e-8)
+
+
+def block(law: ModeDependentGlue, load: tuple[float, float] = (60.0, 60.0), cells: int = 4) -> hv.ContactProblem:
+    return hv.ContactProblem(
+        hv.rectangle((1.0, 0.5), (2 * cells, cells)),
+        hv.Material.young(3000.0, 0.3),
+        {"bottom": hv.Contact(law)},
+        {"left": hv.Clamped()},
+        tractions={"top": load},
+    )
+
+
+def test_a_body_is_solved_by_the_fixed_point() -> None:
+    found = hv.solve(block(soft()))
+    again = hv.solve(block(soft()), hv.solvers.FixedPoint(hv.solvers.NonsmoothMultigrid(), relaxation=0.8))
+    assert found.status.name == again.status.name == "CONVERGED"
+    assert found.method == "fixed-point(newton)"
+    assert again.local == pytest.approx(found.local, abs=1e-8 * np.abs(found.local).max())
+    law = soft()
+    assert np.abs(law.traction(found.local) - found.multiplier).max() <= 1e-8 * np.abs(found.multiplier).max()
+    assert found.debonding["damage"].max() > 0.0
+    assert "softening" in found.states.names[0] or "debonded" in found.states.names[0]
+
+
+def test_a_stiff_body_has_a_margin_with_the_lipschitz_constant_in_it() -> None:
+    """The coupling is L times the largest eigenvalue of the trace over the stiffness, here L/springs; sampled."""
+    law = soft()
+    springs = 2.0 * float(law.lipschitz[0])
+    problem = point(springs, (10.0, 10.0), law)
+    found = hv.certificates.smallness(problem)
+    assert found.m_L == pytest.approx(float(law.lipschitz[0]), rel=1e-12)
+    assert found.coupling == pytest.approx(0.5, rel=1e-9)
+    alpha = max(float(part[0]) for part in law.weak_convexity)
+    assert found.margin == pytest.approx(0.5 - alpha / springs, rel=1e-6)
+    assert found.sampled
+    certificate = hv.certify(hv.solve(problem))
+    assert certificate.unique is not True
+    assert hv.certify(hv.solve(point(100.0, (10.0, 10.0), law))).margin < 0.0
+
+
+def test_one_energy_and_strength_for_both_modes_is_mixed_mode() -> None:
+    law = ModeDependentGlue(30.0, 30.0, 1e4, BenzeggaghKenane(0.5, 0.5, 2.0))
+    one = MixedMode(hv.laws.BilinearCohesion(30.0, 0.5, 1e4))
+    here, there = hv.solve(block(law)), hv.solve(block(one))  # type: ignore[arg-type]
+    assert here.local == pytest.approx(there.local, abs=1e-9 * np.abs(there.local).max())
+
+
+def test_laws_may_vary_over_the_boundary() -> None:
+    law = ModeDependentGlue(
+        lambda x: 30.0 * (1.0 + x[:, 0]), 45.0, 1e4, BenzeggaghKenane(0.5, lambda x: 0.9 + x[:, 0], 2.0)
+    )
+    assert hv.solve(block(law)).status.name == "CONVERGED"
+    both = law.at(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    r = np.array([[-0.01, 0.003], [-0.01, 0.003]])
+    for i in range(2):
+        assert both.take(np.array([i])).traction(r[i : i + 1]) == pytest.approx(both.traction(r)[i : i + 1])
+
+
+# ---- what is refused, files, the command ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: MixedMode(PEEK), "has two fracture energies, and a superpotential that lets go has one"),  # type: ignore[arg-type]
+        (lambda: soft().value(np.zeros((1, 2))), "has no potential: a superpotential that lets go has one fracture"),
+        (lambda: soft().prox(np.zeros((1, 2)), np.ones((1, 2))), "has no potential"),
+        (lambda: soft().downhill(np.ones((1, 2)), np.zeros((1, 2)), np.zeros((1, 2))), "has no potential"),
+        (lambda: ModeDependentGlue(80.0, 100.0, 1e6, "bk"), "the criterion of law 'mode-dependent' is 'bk'"),  # type: ignore[arg-type]
+        (lambda: ModeDependentGlue(0.0, 100.0, 1e6, PEEK).at(None), "strength of law 'mode-dependent' is 0"),
+        (lambda: ModeDependentGlue(80.0, -1.0, 1e6, PEEK).at(None), "it must be positive"),
+        (lambda: ModeDependentGlue(80.0, 100.0, np.nan, PEEK).at(None), "finite number"),
+        (lambda: ModeDependentGlue(80.0, 100.0, 1e6, PEEK, 0.0).at(None), "shear_stiffness"),
+        (lambda: ModeDependentGlue(80.0, 100.0, 1e3, PEEK).at(None), "less than what is stored at the strength"),
+        (lambda: ModeDependentGlue(80.0, 100.0, 1e6, PEEK, compression=Softening(2.0, 0.1, 0.5)).at(None), "not con"),
+        (lambda: ModeDependentGlue(80.0, 100.0, 1e6, PEEK, compression=3.0), "the compression"),  # type: ignore[arg-type]
+        (lambda: BenzeggaghKenane(0.0, 1.0, 2.0), "opening of criterion 'benzeggagh-kenane' is 0"),
+        (lambda: BenzeggaghKenane(1.0, 1.0, -2.0), "exponent of criterion"),
+        (lambda: PowerCriterion(1.0, "much", 1.0), "shear of criterion 'power'"),  # type: ignore[arg-type]
+        (lambda: peek().at_mode(1.5), "give a number between 0"),
+        (lambda: hv.Contact(soft(), Tresca(0.3)), "leave the friction 'tresca' out"),
+        (lambda: hv.march(hv.Evolution(block(soft())), 1.0), "depends on the mode"),
+        (lambda: join_laws([(soft(), 2), (ContactLaw(Signorini()).at(None), 2)]), "stands alone on a body"),
+        (lambda: plot_mode_dependent(soft(), reach=0.0), "positive length"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(hv.HemivarError, match=words):
+        make()
+
+
+FILE = """
+[mesh]
+rectangle = [1.0, 0.5]
+cells = [8, 4]
+
+[material]
+young = 3000.0
+poisson = 0.3
+
+[supports]
+left = "clamped"
+
+[loads.traction]
+top = [60.0, 60.0]
+
+[contact.bottom.normal]
+law = "mode-dependent"
+strength = 30.0
+shear_strength = 45.0
+energy = 0.5
+shear_energy = 0.9
+stiffness = 1e4
+exponent = 2.0
+"""
+
+
+def test_problem_files_state_it(tmp_path: Path) -> None:
+    path = tmp_path / "glued.toml"
+    for more in ("", "shear_stiffness = 2e4\n", 'criterion = "power"\ncompression = 5e3\n'):
+        path.write_text(FILE + more)
+        problem = hv.read_problem(path)
+        hv.write_problem(problem, tmp_path / "again.toml")
+        again = hv.read_problem(tmp_path / "again.toml")
+        law = problem.contact["bottom"].law  # type: ignore[union-attr]
+        assert isinstance(law, ModeDependentGlue)
+        assert again.contact["bottom"].law.stated == law.stated  # type: ignore[union-attr]
+    assert isinstance(law.compression, Compliance)
+    path.write_text(FILE)
+    here = hv.solve(hv.read_problem(path))
+    assert here.local == pytest.approx(hv.solve(block(soft())).local, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("there", "instead", "words"),
+    [
+        ("exponent = 2.0\n", "", "exponent"),
+        ("exponent = 2.0", "exponent = 0", "positive"),
+        ("exponent = 2.0", 'exponent = 2.0\ncriterion = "maximum"', "criterion"),
+        ("energy = 0.5", "energy = 0.01", "less than what is stored"),
+        ("stiffness = 1e4", "stiffness = -1", "at least 0"),
+        ("exponent = 2.0", "eta = 2.0", "eta"),
+    ],
+)
+def test_mistakes_in_files_are_named(tmp_path: Path, there: str, instead: str, words: str) -> None:
+    path = tmp_path / "glued.toml"
+    path.write_text(FILE.replace(there, instead))
+    with pytest.raises(hv.errors.ProblemError, match=words):
+        hv.discretize(hv.read_problem(path))
+
+
+def test_the_command_shows_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "law.png"
+    assert main(["laws", "mode-dependent", "--plot", str(picture)]) == 0
+    assert "1.719 in shear" in capsys.readouterr().out
+    assert picture.stat().st_size > 10_000
