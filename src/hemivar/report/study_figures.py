@@ -76,12 +76,12 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
             ax.plot(sizes, values, color=colour, marker=_MARKS[number], ms=5.0, label=text)
             shared = np.logical_not(study.trusted)
             ax.plot(sizes[shared], values[shared], ls="", color=colour, marker=_MARKS[number], ms=5.0, mfc="white")
-        _triangles(ax, sizes, curves, study.orders)
         drawn = list(curves.values())
         if np.isfinite(study.bounds).any() and study.norms["energy"] > 0.0:
             bounds = np.where(np.isfinite(study.bounds), study.bounds, np.nan) / study.norms["energy"]
             ax.plot(sizes, bounds, color=SERIES[0], ls="--", marker="x", ms=5.0, label="energy norm, guaranteed bound")
             drawn.append(bounds)
+        _triangles(ax, sizes, curves, study.orders, drawn)
         ax.set_xscale("log")
         ax.set_yscale("log")
         shown = sizes[np.isfinite(np.array(drawn)).any(axis=0)]
@@ -112,7 +112,9 @@ def _decimal(value: float) -> str:
     return f"{value:g}" if 1e-3 <= value <= 1e3 else rf"$10^{{{round(math.log10(value))}}}$"
 
 
-def _triangles(ax: Axes, sizes: Array, curves: Mapping[str, Array], orders: Mapping[str, float]) -> None:
+def _triangles(
+    ax: Axes, sizes: Array, curves: Mapping[str, Array], orders: Mapping[str, float], drawn: Sequence[Array]
+) -> None:
     """Triangles of the fitted orders, each beside its curve where nothing else is; none where there is no such place.
 
     Taken in turn are the stretches of a curve, the finest but one first, with the triangle below and above it.
@@ -137,7 +139,7 @@ def _triangles(ax: Axes, sizes: Array, curves: Mapping[str, Array], orders: Mapp
             ramp = foot + np.clip((x - left) / (right - left), 0.0, 1.0) * rise
             flat = np.full(len(x), foot + rise + letters if above else foot - letters)
             band = np.stack([x, ramp, flat] if above else [x, flat, ramp])
-            if not any(_meet(band, one) for one in taken + [_line(sizes, other) for other in curves.values()]):
+            if not any(_meet(band, one) for one in taken + [_line(sizes, other) for other in drawn]):
                 taken.append(band)
                 ends, heights = (math.exp(left), math.exp(right)), (math.exp(foot), math.exp(rise))
                 _triangle(ax, ends, heights, slope, SERIES[number], above=above)
