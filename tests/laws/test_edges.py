@@ -92,7 +92,7 @@ def test_pieces_beyond_the_end_of_a_law_are_empty() -> None:
     few = PiecewiseQuadratic(np.array([-0.1, 0.0, 0.2]), np.ones(4), np.zeros(3), lower=-0.1, upper=0.2)
     knots = np.linspace(-0.1, 0.2, 61)
     many = PiecewiseQuadratic(knots, np.ones(62), np.zeros(61), lower=-0.1, upper=0.2)
-    assert many.shared_knots is not None
+    assert many.searched
     for law in (few, many):
         last = law.knots.shape[-1]
         low, high = law.piece_bounds(np.array([0, 1, last]))
@@ -364,7 +364,7 @@ def test_of_many_knots_one_on_which_the_force_vanishes_is_the_minimiser() -> Non
     """A steep valley with its bottom exactly on a knot, among slopes that fall elsewhere."""
     r = np.linspace(-3.0, 3.0, 61)
     law = table_law(r, np.where(np.abs(r) < 0.35, 100.0 * r, 35.0 * np.sign(r) * (1.0 - 0.3 * np.abs(r))))
-    assert law.shared_knots is not None
+    assert law.searched
     at: IntArray = np.flatnonzero(np.abs(law.knots[0]) < 1e-12)
     knot = law.knots[0][at]
     a = np.ones(1)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hemivar.laws import FormulaLaw, Superpotential, superpotential, table_law
+from hemivar.laws.transformed import affine
 
 M = 60
 
@@ -26,17 +27,20 @@ def random_table(seed: int, rows: int, kind: str) -> Superpotential:
 
 
 @pytest.mark.parametrize("kind", ["convex", "smooth", "rough"])
-@pytest.mark.parametrize("scaled", [False, True])
+@pytest.mark.parametrize("made", ["itself", "scaled", "moved"])
 @given(seed=st.integers(0, 10_000))
 @settings(max_examples=8, deadline=None)
-def test_searching_answers_what_going_through_answers(kind: str, scaled: bool, seed: int) -> None:
+def test_searching_answers_what_going_through_answers(kind: str, made: str, seed: int) -> None:
     random = np.random.default_rng(seed)
     law = random_table(seed, 90, kind)
-    if scaled:
+    if made == "moved":
+        law = affine(law, random.uniform(0.1, 3.0, M), random.uniform(-2.0, 2.0, M))
+    if made != "itself":
         law = law.scaled(np.where(np.arange(M) % 7 == 0, 0.0, random.uniform(0.1, 3.0, M)))
-    assert law.shared_knots is not None
-    knots = law.knots[0]
-    r = np.where(random.random(M) < 0.5, random.choice(knots, M), random.uniform(-1.5, 1.5, M))
+    assert law.searched
+    knots = np.broadcast_to(law.knots, (M, law.knots.shape[-1]))
+    some = knots[np.arange(M), random.integers(knots.shape[-1], size=M)]
+    r = np.where(random.random(M) < 0.5, some, some + random.normal(size=M))
     lam, tau = random.normal(size=M), 10.0 ** random.uniform(-3.0, 2.0, M)
     a, b = 10.0 ** random.uniform(-1.0, 3.0, M), 3.0 * random.normal(size=M)
     questions = {
@@ -44,6 +48,7 @@ def test_searching_answers_what_going_through_answers(kind: str, scaled: bool, s
         "at_kink": (r,),
         "value": (r,),
         "kink_within": (r + 1e-13, 1e-11),
+        "derivative": (r,),
         "distance": (r, lam),
         "graph_distance": (r, lam, tau),
         "local_argmin": (a, b),
@@ -53,7 +58,7 @@ def test_searching_answers_what_going_through_answers(kind: str, scaled: bool, s
     bounds = law.piece_bounds(law.piece_of(r))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(superpotential, "_MANY", 1000)
-        assert law.shared_knots is None
+        assert not law.searched
         for name, given in questions.items():
             np.testing.assert_allclose(found[name], getattr(law, name)(*given), rtol=1e-11, atol=1e-12, err_msg=name)
         np.testing.assert_array_equal(bounds, law.piece_bounds(law.piece_of(r)))
@@ -61,7 +66,7 @@ def test_searching_answers_what_going_through_answers(kind: str, scaled: bool, s
 
 def test_formulas_with_many_kinks() -> None:
     law = FormulaLaw("abs(sin(4*r)) + 0.05*r^2")
-    assert law.shared_knots is not None
+    assert law.searched
     random = np.random.default_rng(3)
     a, b = 10.0 ** random.uniform(-1.0, 2.0, 40), 5.0 * random.normal(size=40)
     r = law.local_argmin(a, b)

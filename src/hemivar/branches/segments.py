@@ -12,6 +12,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import Superpotential
+from hemivar.laws.scalar_graph import straightness
 
 __all__ = ["Segments", "graph_segments", "joined_rows"]
 
@@ -132,7 +133,7 @@ def graph_segments(law: Superpotential, m: int, point: IntArray, tau: Array) -> 
         here = 2 * k
         low[:, here] = knots[:, k - 1] if k else -np.inf
         high[:, here] = np.where(finite[:, k], knots[:, k], np.inf) if k < width else np.inf
-        bend[:, here], affine[:, here] = _curvature(law, m, k, point)
+        bend[:, here], affine[:, here] = (found[point] for found in straightness(law, np.full(m, k)))
         there = finite[:, k - 1] if k else np.ones(n, dtype=bool)
         met = there & (high[:, here] > lower) & (low[:, here] < upper)
         same = (
@@ -182,21 +183,6 @@ def graph_segments(law: Superpotential, m: int, point: IntArray, tau: Array) -> 
     beyond = np.arange(order.shape[1]) >= count[:, None]
     taken = {name: np.take_along_axis(table, order, axis=1) for name, table in every.items()}
     return Segments(count, **{name: np.where(beyond, _PADDING[name], table) for name, table in taken.items()})
-
-
-def _curvature(law: Superpotential, m: int, k: int, point: IntArray) -> tuple[Array, BoolArray]:
-    """Curvature of piece k at some of the m points, and whether it is constant, as far as three places show."""
-    piece = np.full(m, k, dtype=np.int64)
-    low, high = (np.broadcast_to(end, (m,)) for end in law.piece_bounds(piece))
-    with np.errstate(invalid="ignore"):
-        width = high - low
-    reach = np.where(np.isfinite(width), width, 1.0 + np.abs(np.where(np.isfinite(low), low, 0.0)))
-    base = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - reach, -0.5 * reach))
-    at = [base + part * np.where(reach > 0.0, reach, 1.0) for part in (0.13, 0.41, 0.77)]
-    with np.errstate(all="ignore"):
-        found = np.array([np.broadcast_to(law.piece_curvature(piece, x), (m,)) for x in at])
-        affine = np.ptp(found, axis=0) <= 1e-13 * np.abs(found).max(axis=0)
-    return found[1][point], affine[point]
 
 
 def joined_rows(parts: list[Segments], order: list[IntArray]) -> Segments:

@@ -14,7 +14,17 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 if TYPE_CHECKING:
     from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["AT_ONCE", "FAR", "convex_part", "local_argmin", "local_minimisers", "place_on_piece", "stationary_point"]
+__all__ = [
+    "AT_ONCE",
+    "FAR",
+    "convex_part",
+    "knot_forces",
+    "local_argmin",
+    "local_minimisers",
+    "place_inside",
+    "place_on_piece",
+    "stationary_point",
+]
 
 #: Distance, in units of the law, at which an unbounded piece is taken to have reached its limit.
 FAR = 1e8
@@ -23,6 +33,17 @@ AT_ONCE = 1 << 18
 #: Places on each side of zero at which a minimiser that no piece holds is looked for, and how its part shrinks.
 _PLACES = 600
 _GOLDEN = 0.6180339887498949
+
+
+def knot_forces(law: Superpotential, a: Array) -> tuple[Array, Array]:
+    """The forces b at which ``a r + j'(r) = b`` on both sides of every knot, (..., K) each; +inf where it is unused.
+
+    Where ``a r + j'(r)`` grows, the point of the graph comes to a knot at the first one and leaves it at the other:
+    counting the forces that b exceeds sorts the points onto pieces and knots.
+    """
+    finite, (left, right) = np.isfinite(law.knots), law.knot_slopes()
+    at = a[..., None] * np.where(finite, law.knots, 0.0)
+    return np.where(finite, at + left, np.inf), np.where(finite, at + right, np.inf)
 
 
 def local_minimisers(law: Superpotential, a: Array, b: Array) -> tuple[Array, Array]:
@@ -34,10 +55,7 @@ def local_minimisers(law: Superpotential, a: Array, b: Array) -> tuple[Array, Ar
     a, b = np.broadcast_to(a, shape), np.broadcast_to(b, shape)
     finite = np.isfinite(knots)
     at = np.where(finite, knots, 0.0)
-    left, right = law.knot_slopes()
-    residual = a[..., None] * at - b[..., None]
-    psi_left = np.where(finite, residual + left, np.inf)
-    psi_right = np.where(finite, residual + right, np.inf)
+    psi_left, psi_right = (force - b[..., None] for force in knot_forces(law, a))
     points = np.empty((*shape, 2 * count + 1))
     energies = np.full((*shape, 2 * count + 1), np.inf)
     for i in range(count + 1):
@@ -71,8 +89,10 @@ def convex_part(
     """The part of each piece on which ``a r - b + j'(r)`` increases, and its values at the ends.
 
     As j'' is monotone on a piece, this is the piece, or what lies on one side of a point, or nothing (then
-    ``low == high``).
+    ``low == high``).  Straight pieces are left as they are: those that fall have no :func:`stationary_point`.
     """
+    if law.straight:
+        return low, high, start, end
     with np.errstate(all="ignore"):
         size = FAR * (1.0 + np.abs(b) / np.maximum(a, 1e-12))
         first = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0) - size)
@@ -99,7 +119,7 @@ def convex_part(
 def local_argmin(law: Superpotential, a: Array, b: Array) -> Array:
     """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-    return _bounded(law, a, b, _argmin_of_many(law, a, b) if law.shared_knots is not None else _argmin(law, a, b))
+    return _bounded(law, a, b, _argmin_of_many(law, a, b) if law.searched else _argmin(law, a, b))
 
 
 def _bounded(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
@@ -111,7 +131,7 @@ def _bounded(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     if not lost.any() or not (lost := lost & law.coercive_against(a)).any():
         return r
     a, b = (np.broadcast_to(x, r.shape)[lost] for x in (a, b))
-    part = law.take(np.flatnonzero(lost)) if law.knots.shape[0] > 1 else law
+    part = law.take(np.flatnonzero(lost)) if law.rows > 1 else law
     knots = np.where(np.isfinite(part.knots), np.abs(part.knots), 0.0).max(axis=-1)
     size = np.maximum(knots, np.abs(b) / np.where(a > 0.0, a, np.inf))
     size = np.where(size > 0.0, size, 1.0)
@@ -157,29 +177,27 @@ def _argmin_of_many(law: Superpotential, a: Array, b: Array) -> Array:
     for index in (rows[monotone], rows[~monotone]):
         if not index.size:
             continue
-        part = law if law.knots.shape[0] == 1 else law.take(index)
+        part = law if law.rows == 1 else law.take(index)
         if monotone[index[0]]:
             out[index] = _bisected(part, a[index], b[index])
             continue
-        size = max(1, AT_ONCE // part.knots.shape[-1])
+        size = max(1, AT_ONCE // law.searched)
         for start in range(0, index.size, size):
             some = index[start : start + size]
-            part = law if law.knots.shape[0] == 1 else law.take(some)
+            part = law if law.rows == 1 else law.take(some)
             out[some] = _lowest_of_many(part, a[some], b[some])
     return out.reshape(shape)
 
 
 def _bisected(law: Superpotential, a: Array, b: Array) -> Array:
     """The minimiser where ``a r + j'(r)`` grows: the number of knots passed, by bisection."""
-    knots = law.shared_knots
-    assert knots is not None
-    count = knots.size
+    count = law.searched
     found = []
     for side in (1, 0):  # knots with b above the right slope; knots with b not below the left one
         low, high = np.full(a.shape, -1), np.full(a.shape, count)
         while np.any(high - low > 1):
             middle = np.clip((low + high) // 2, 0, count - 1)
-            force = a * np.where(np.isfinite(knots[middle]), knots[middle], np.inf) + law.slopes_at(middle)[side]
+            force = a * law.place_of(middle) + law.slopes_at(middle)[side]
             passed = (b > force) if side else (b >= force)
             passed = passed & (high - low > 1)
             low, high = np.where(passed, middle, low), np.where(passed | (high - low <= 1), high, middle)
@@ -190,34 +208,29 @@ def _bisected(law: Superpotential, a: Array, b: Array) -> Array:
 
 def _lowest_of_many(law: Superpotential, a: Array, b: Array) -> Array:
     """The lowest of all local minimisers: every piece and knot that can hold one, for all points at once."""
-    knots = law.shared_knots
-    assert knots is not None
-    m = a.size
-    left, right = law.knot_slopes()
-    finite = np.isfinite(knots)
-    at = a[:, None] * np.where(finite, knots, 0.0)
-    below, above = np.where(finite, at + left, np.inf), np.where(finite, at + right, np.inf)  # forces at the knots
+    m, count = a.size, law.searched
+    below, above = knot_forces(law, a)
     passed, ahead = b[:, None] > above, b[:, None] < below
-    candidate = np.ones((m, knots.size + 1), dtype=bool)
+    candidate = np.ones((m, count + 1), dtype=bool)
     if law.straight:
         candidate[:, 1:] = passed
         candidate[:, :-1] &= ahead
     row, piece = np.nonzero(candidate)
     start = np.where(piece > 0, above[row, np.maximum(piece - 1, 0)] - b[row], -np.inf)
-    end = np.where(piece < knots.size, below[row, np.minimum(piece, knots.size - 1)] - b[row], np.inf)
-    some = law if law.knots.shape[0] == 1 else law.take(row)
+    end = np.where(piece < count, below[row, np.minimum(piece, count - 1)] - b[row], np.inf)
+    some = law if law.rows == 1 else law.take(row)
     low, high = some.piece_bounds(piece)
     low, high, first, last = some.convex_part(piece, a[row], b[row], low, high, start, end)
     keep = (low < high) & (first < 0.0) & (last > 0.0)
-    some = some if some.knots.shape[0] == 1 else some.take(np.flatnonzero(keep))
+    some = some if some.rows == 1 else some.take(np.flatnonzero(keep))
     row, piece, low, high = row[keep], piece[keep], low[keep], high[keep]
     root, found = some.stationary_point(piece, a[row], b[row], low, high, np.ones(row.size, dtype=bool))
     with np.errstate(invalid="ignore", over="ignore"):
         energy = 0.5 * a[row] * root**2 - b[row] * root + some.piece_value(piece, root)
     places, rows, energies = [root], [row], [np.where(found, energy, np.inf)]
-    row, knot = np.nonzero(~(passed | ahead) & finite)
-    some = law if law.knots.shape[0] == 1 else law.take(row)
-    t = knots[knot]
+    row, knot = np.nonzero(~(passed | ahead))
+    some = law if law.rows == 1 else law.take(row)
+    t = some.place_of(knot)
     valid = np.ones(row.size, dtype=bool)
     for force, side in ((below[row, knot], knot), (above[row, knot], knot + 1)):
         valid &= ~((force == b[row]) & (a[row] + some.piece_curvature(side, t) < 0.0))
@@ -252,11 +265,9 @@ def _classified(law: Superpotential, a: Array, b: Array) -> tuple[IntArray, Bool
 
     Where ``a r + j'(r)`` grows, the force b grows with it, and the knots that it has passed tell the piece.
     """
-    finite = np.isfinite(law.knots)
-    at_knots = a[..., None] * np.where(finite, law.knots, 0.0)
-    low, high = law.knot_slopes()
-    passed = np.sum((b[..., None] > at_knots + high) & finite, axis=-1)
-    return passed, passed < np.sum((b[..., None] >= at_knots + low) & finite, axis=-1)
+    below, above = knot_forces(law, a)
+    passed = np.sum(b[..., None] > above, axis=-1)
+    return passed, passed < np.sum(b[..., None] >= below, axis=-1)
 
 
 def place_on_piece(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
@@ -265,7 +276,7 @@ def place_on_piece(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     Else the minimiser with the law as straight as it begins at the end of the piece.  That costs much less than the
     minimiser, and is as good a place to linearise the law at.  Asks for ``a > alpha``.
     """
-    if law.shared_knots is not None:
+    if law.searched:
         return law.local_argmin(a, b)
     piece, held = _classified(law, a, b)
     lower, upper = law.piece_bounds(piece)
@@ -273,12 +284,25 @@ def place_on_piece(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     out = np.where(held, upper, r) if held.any() else r
     if there.all():
         return out
+    end = np.where(np.isfinite(lower), lower, upper)
     with np.errstate(invalid="ignore", over="ignore"):
-        end = np.where(np.isfinite(lower), lower, upper)
-        rest = b - a * end - law.piece_derivative(piece, end)
-        place = end + rest / (a + law.piece_curvature(piece, end))
-        other = np.where(np.isfinite(lower) & np.isfinite(upper), 0.5 * (lower + upper), r)
-    return np.where(there, out, np.where((place > lower) & (place < upper), place, other))
+        line = law.piece_line(piece, end)
+    return np.where(there, out, place_inside(a, b, r, (lower, upper), end, line))
+
+
+def place_inside(
+    a: Array, b: Array, r: Array, bounds: tuple[Array, Array], end: Array, line: tuple[Array, Array]
+) -> Array:
+    """The minimiser on pieces that go on as they begin at an end, with that slope and curvature, if it lies inside.
+
+    Else the middle of the piece, or r where it has none.
+    """
+    (lower, upper), (slope, bend) = bounds, line
+    with np.errstate(invalid="ignore", over="ignore"):
+        place = end + (b - a * end - slope) / (a + bend)
+        middle = 0.5 * (lower + upper)
+    inside = (place > lower) & (place < upper)
+    return np.where(inside, place, np.where(np.isfinite(middle), middle, r))
 
 
 def stationary_point(
@@ -286,9 +310,15 @@ def stationary_point(
 ) -> tuple[Array, BoolArray]:
     """Zero of ``a r - b + j'(r)`` inside each piece, where it changes sign from minus to plus.
 
-    Safeguarded Newton iteration from the lower end: every step stays inside a bracket that at least halves in two
-    steps.
+    On a straight piece it is known; else by a safeguarded Newton iteration from the lower end: every step stays inside
+    a bracket that at least halves in two steps.
     """
+    if law.straight:
+        at = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
+        slope, bend = law.piece_line(piece, at)
+        valid = admissible & (a + bend > 0.0)
+        root = at + (b - a * at - slope) / np.where(valid, a + bend, 1.0)
+        return np.clip(np.where(valid, root, 0.0), np.where(valid, low, 0.0), np.where(valid, high, 0.0)), valid
     shape = np.broadcast_shapes(a.shape, low.shape)
     admissible = np.broadcast_to(admissible, shape).copy()
     if not admissible.any():

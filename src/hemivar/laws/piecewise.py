@@ -12,7 +12,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.scaled import ScaledLaw
+from hemivar.laws.rescaled import RescaledLaw
 from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["PiecewiseQuadratic"]
@@ -224,6 +224,11 @@ class PiecewiseQuadratic(Superpotential):
         curvature = self._pick(self.slopes, piece)
         return np.broadcast_to(curvature, np.broadcast_shapes(curvature.shape, np.shape(r)))
 
+    def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
+        (t, slope), bend = self._anchor(piece), self._pick(self.slopes, piece)
+        line = slope + bend * (r - t)
+        return line, np.broadcast_to(bend, line.shape)
+
     def knot_slopes(self) -> tuple[Array, Array]:
         return self._slopes
 
@@ -292,11 +297,6 @@ class PiecewiseQuadratic(Superpotential):
             return f"{k:.6g} r"
         return f"{constant:.6g} {'+' if k > 0 else '-'} {abs(k):.6g} r"
 
-    def convex_part(
-        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        return low, high, start, end  # straight pieces; those that fall are left out below
-
     def recession(self, sign: Array) -> Array:
         sign = np.asarray(sign, dtype=float)
         up = _rate(self.slopes[..., -1], self._right[..., -1], np.isfinite(self.upper))
@@ -312,8 +312,8 @@ class PiecewiseQuadratic(Superpotential):
 
     def scaled(self, factor: Array | float) -> Superpotential:
         factor = np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False))
-        if self.shared_knots is not None and factor.size > 1:  # one table for all points, not one for each
-            return ScaledLaw(self, factor)
+        if self.searched and factor.size > 1:  # one table for all points, not one for each
+            return RescaledLaw(self, factor)
         times, ends = factor[:, None], (self.lower, self.upper)
         made = self.with_sides(
             self._told, times * self.slopes, times * self._left, times * self._right, ends, self.name
@@ -331,15 +331,6 @@ class PiecewiseQuadratic(Superpotential):
         return self.with_sides(
             self._told[index], self.slopes[index], self._left[index], self._right[index], ends, self.name
         )
-
-    def stationary_point(
-        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, admissible: BoolArray
-    ) -> tuple[Array, BoolArray]:
-        t, slope = self._anchor(piece)
-        stiffness = a + self._pick(self.slopes, piece)
-        valid = admissible & (stiffness > 0.0)
-        root = t + (b - a * t - slope) / np.where(valid, stiffness, 1.0)
-        return np.clip(np.where(valid, root, 0.0), np.where(valid, low, 0.0), np.where(valid, high, 0.0)), valid
 
 
 def _summed(knots: Array, slopes: Array, jumps: Array, start: Array) -> tuple[Array, Array]:

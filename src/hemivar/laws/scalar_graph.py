@@ -1,4 +1,8 @@
-"""Where a pair lies on the graph of a scalar law: the way downhill from it, the knot next to it, its two sides."""
+"""The graph of a scalar law: its pieces and knots in turn, and where a pair lies on it.
+
+Part 2 i of a graph is its piece i, and part 2 i + 1 the knot that ends it.  By the displacement :func:`part_of` finds
+the part, by the force :func:`~hemivar.laws.minimisers.knot_forces` does.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Sides
 
-__all__ = ["downhill", "nearest_knot", "one_sided", "radial_sides", "steepest"]
+__all__ = ["downhill", "nearest_knot", "one_sided", "part_of", "radial_sides", "steepest", "straightness"]
 
 #: Pairs of a point and a knot that are looked at together.
 _PAIRS = 1 << 20
@@ -17,6 +21,28 @@ _PAIRS = 1 << 20
 _SLOPE_NOISE = 1e-12
 #: Parts of a way at which a law is looked at.
 _SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
+
+#: How far out, in units of the knots, an endless piece is looked at.
+_FAR = 1e3
+
+
+def part_of(law: Superpotential, r: Array) -> IntArray:
+    """The part of the graph that holds each ``r (m,)``, pieces and knots counted in turn."""
+    piece = law.piece_of(r)
+    return np.asarray(2 * piece + (law.piece_bounds(piece)[1] == r))
+
+
+def straightness(law: Superpotential, piece: IntArray) -> tuple[Array, BoolArray]:
+    """j'' on one piece (m,) for each point, and whether it is the same all along it: j'' is monotone there."""
+    low, high = law.piece_bounds(piece)
+    near = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
+    size = np.where(np.isfinite(high), -1.0, 1.0) * (1.0 + np.abs(near))
+    with np.errstate(all="ignore"):
+        width = np.where(np.isfinite(high - low), high - low, size)
+        end = np.where(np.isfinite(high - low), high, near + _FAR * size)
+        places = (near, near + 0.41 * width, end)
+        found = np.array([np.broadcast_to(law.piece_curvature(piece, at), piece.shape) for at in places])
+        return found[1], np.asarray(np.ptp(found, axis=0) <= 1e-13 * np.abs(found).max(axis=0))
 
 
 def _one_sided_slopes(law: Superpotential, r: Array) -> tuple[Array, Array]:

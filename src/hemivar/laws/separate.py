@@ -15,6 +15,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.minimisers import knot_forces, place_inside
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["GraphPosition", "RadialLaw", "SeparateLaw"]
@@ -128,11 +129,12 @@ class SeparateLaw:
         if components > 2 or law.state_dependent:
             return None
         laws = law.scalar_laws(components)
-        if any(one.shared_knots is not None for one in laws):
+        if any(one.searched for one in laws):
             return None
         m, count = len(stiffness), max(one.knots.shape[-1] for one in laws)
         shape = (m, components)
         knots, left, right = (np.full((count, *shape), fill) for fill in (np.inf, 0.0, 0.0))
+        first, last = np.full((2, count, *shape), np.inf)
         anchor, base, slope = (np.zeros((2 * count + 1, *shape)) for _ in range(3))
         lower, upper = np.empty(shape), np.empty(shape)
         curved = []
@@ -141,12 +143,13 @@ class SeparateLaw:
             knots[:own, :, c] = one.knots.T
             below, above = one.knot_slopes()
             left[:own, :, c], right[:own, :, c] = below.T, above.T
+            first[:own, :, c], last[:own, :, c] = (force.T for force in knot_forces(one, stiffness[:, c]))
             ends = one.domain
             lower[:, c], upper[:, c] = ends.lower, ends.upper
             if not one.straight:
                 places = np.clip(knots[:own, :, c], ends.lower, ends.upper)
-                first, last = (np.broadcast_to(end, (1, m)) for end in (ends.lower, ends.upper))
-                curved.append(_Curved.of(one, c, np.concatenate([first, places]), np.concatenate([places, last])))
+                start, end = (np.broadcast_to(end, (1, m)) for end in (ends.lower, ends.upper))
+                curved.append(_Curved.of(one, c, np.concatenate([start, places]), np.concatenate([places, end])))
                 continue
             finite = np.isfinite(knots[:own, :, c])
             at = np.where(finite, knots[:own, :, c], 0.0)
@@ -156,20 +159,13 @@ class SeparateLaw:
                 anchor[2 * i, :, c] = near
                 base[2 * i, :, c] = one.piece_derivative(piece, near)
                 slope[2 * i, :, c] = one.piece_curvature(piece, near)
-        used = np.isfinite(knots)
-        at = np.where(used, knots, 0.0)
-        anchor[1::2] = at
-        pair = stiffness[:, :components]
-        bounds = np.full((2 * count, *shape), np.inf)
-        first, last = pair * at + left, pair * at + right
-        bounds[::2] = np.where(used, np.where(left == right, last, np.nextafter(first, -np.inf)), np.inf)
-        bounds[1::2] = np.where(used, last, np.inf)
+        anchor[1::2] = np.where(np.isfinite(knots), knots, 0.0)
         n = m * components
         return cls(
             law,
             shape,
-            pair.ravel(),
-            bounds.reshape(-1, n),
+            stiffness[:, :components].ravel(),
+            _bounds(first, last).reshape(-1, n),
             knots.reshape(-1, n),
             np.minimum(left, right).reshape(-1, n),
             np.maximum(left, right).reshape(-1, n),
@@ -187,13 +183,16 @@ class SeparateLaw:
         by[:, 1:] = factor[:, None]
         flat, at = by.ravel(), self.stiffness * self.anchor[1::2]
         low, high = flat * self.low, flat * self.high
-        bounds, used = np.full(self.bounds.shape, np.inf), np.isfinite(self.knots)
-        first, last = at + low, at + high
-        bounds[::2] = np.where(used, np.where(low == high, last, np.nextafter(first, -np.inf)), np.inf)
-        bounds[1::2] = np.where(used, last, np.inf)
+        first, last = (np.where(np.isfinite(self.knots), at + end, np.inf) for end in (low, high))
         curved = tuple(one.times(factor) if one.column else one for one in self.curved)
         return replace(
-            self, bounds=bounds, low=low, high=high, base=flat * self.base, slope=flat * self.slope, curved=curved
+            self,
+            bounds=_bounds(first, last),
+            low=low,
+            high=high,
+            base=flat * self.base,
+            slope=flat * self.slope,
+            curved=curved,
         )
 
     @cached_property
@@ -251,11 +250,8 @@ class SeparateLaw:
 
     def _on_piece(self, one: _Curved, row: IntArray, p: Array, r: Array, lower: Array, upper: Array) -> Array:
         """What :meth:`Superpotential.place_on_piece` says of points whose pieces are known and do not hold r."""
-        a, end = self.stiffness[one.column :: self.shape[1]], one.start.take(row)
-        with np.errstate(invalid="ignore", over="ignore"):
-            place = end + (p - a * end - one.tangent.take(row)) / (a + one.bend.take(row))
-            other = np.where(np.isfinite(lower) & np.isfinite(upper), 0.5 * (lower + upper), r)
-        return np.where((place > lower) & (place < upper), place, other)
+        a, line = self.stiffness[one.column :: self.shape[1]], (one.tangent.take(row), one.bend.take(row))
+        return place_inside(a, p, r, (lower, upper), one.start.take(row), line)
 
     def _derivative(self, r: Array) -> Array:
         """j' (N,) at r (N,), inside the domain; at a knot that of the piece to its left."""
@@ -380,6 +376,14 @@ class RadialLaw:
         least = self.lengths.least_multiplier(size)
         found = _directions(r, size[:, 1]) * least[:, 1:]
         return np.concatenate([least[:, :1], np.where(size[:, 1:] > 0.0, found, 0.0)], axis=1)
+
+
+def _bounds(first: Array, last: Array) -> Array:
+    """Forces (2 K, ...) from which on a component is in the next part: it comes to a knot at one, and leaves it."""
+    bounds = np.empty((2 * len(first), *first.shape[1:]))
+    bounds[::2] = np.where(first == last, last, np.nextafter(first, -np.inf))
+    bounds[1::2] = last
+    return bounds
 
 
 def _lengths(x: Array) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.description import LawDescription
@@ -23,71 +24,69 @@ class StackedLaw(Superpotential):
     indices: tuple[IntArray, ...]
     name: str = "several laws"
 
-    @property
-    def _count(self) -> int:
+    @cached_property
+    def rows(self) -> int:  # type: ignore[override]
+        """Number of contact points."""
         return int(sum(index.size for index in self.indices))
 
-    def _gather(self, evaluate: Callable[[Superpotential, IntArray], Array]) -> Array:
-        first: Array | None = None
-        for part, index in zip(self.parts, self.indices, strict=True):
-            values = np.asarray(evaluate(part, index))
-            if first is None:
-                first = np.empty((self._count, *values.shape[1:]), dtype=values.dtype)
-            first[index] = values
-        assert first is not None
-        return first
-
-    def _columns(self, pick: Callable[[Superpotential], Array], width: int, fill: float) -> Array:
-        out = np.full((self._count, width), fill)
-        for part, index in zip(self.parts, self.indices, strict=True):
-            values = pick(part)
-            out[index, : values.shape[-1]] = values
+    def _gather(self, ask: Callable[[Superpotential, IntArray], Array]) -> Array:
+        """What each part says of its contact points, (m,)."""
+        found = [
+            np.broadcast_to(ask(part, index), index.shape) for part, index in zip(self.parts, self.indices, strict=True)
+        ]
+        out = np.empty(self.rows, dtype=np.result_type(*found))
+        for index, values in zip(self.indices, found, strict=True):
+            out[index] = values
         return out
+
+    def _ask(self, name: str, *arguments: Array) -> Array:
+        """The same of a method, given arguments (m,)."""
+        given = [np.broadcast_to(np.asarray(x), (self.rows,)) for x in arguments]
+        return self._gather(lambda law, i: getattr(law, name)(*(x[i] for x in given)))
+
+    def _on_piece(self, name: str, piece: IntArray, r: Array) -> Array:
+        on, at = np.broadcast_to(piece, (self.rows,)), np.broadcast_to(r, (self.rows,))
+        return self._gather(lambda law, i: getattr(law, name)(np.minimum(on[i], law.knots.shape[-1]), at[i]))
 
     @property
     def knots(self) -> Array:
-        return self._columns(lambda law: law.knots, max(law.knots.shape[-1] for law in self.parts), np.inf)
+        return self._knots
 
-    @property
-    def domain(self) -> Interval:
-        lower = self._gather(lambda law, i: np.broadcast_to(law.domain.lower, i.shape))
-        upper = self._gather(lambda law, i: np.broadcast_to(law.domain.upper, i.shape))
-        return Interval(lower, upper)
+    @cached_property
+    def _knots(self) -> Array:
+        out = np.full((self.rows, max(law.knots.shape[-1] for law in self.parts)), np.inf)
+        for part, index in zip(self.parts, self.indices, strict=True):
+            out[index, : part.knots.shape[-1]] = part.knots
+        return out
 
-    def _scatter(self, name: str, *arguments: Array) -> Array:
-        rows = [np.broadcast_to(np.asarray(x), (self._count,)) for x in arguments]
-        return self._gather(lambda law, i: np.broadcast_to(getattr(law, name)(*(x[i] for x in rows)), i.shape))
-
-    def _clipped(self, name: str, piece: IntArray, r: Array) -> Array:
-        piece = np.broadcast_to(piece, (self._count,))
-        r = np.broadcast_to(r, (self._count,))
-        return self._gather(
-            lambda law, i: np.broadcast_to(getattr(law, name)(np.minimum(piece[i], law.knots.shape[-1]), r[i]), i.shape)
-        )
+    @cached_property
+    def domain(self) -> Interval:  # type: ignore[override]
+        """Where j is finite, see there."""
+        return Interval(self._gather(lambda law, i: law.domain.lower), self._gather(lambda law, i: law.domain.upper))
 
     def piece_value(self, piece: IntArray, r: Array) -> Array:
-        return self._clipped("piece_value", piece, r)
+        return self._on_piece("piece_value", piece, r)
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
-        return self._clipped("piece_derivative", piece, r)
+        return self._on_piece("piece_derivative", piece, r)
 
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
-        return self._clipped("piece_curvature", piece, r)
+        return self._on_piece("piece_curvature", piece, r)
 
     def derivative_error(self, r: Array) -> Array:
-        return self._scatter("derivative_error", r)
+        return self._ask("derivative_error", r)
 
     def recession(self, sign: Array) -> Array:
-        return self._scatter("recession", sign)
+        return self._ask("recession", sign)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
-        return self._scatter("local_argmin", a, b)
+        return self._ask("local_argmin", a, b)
 
     def asymptotic_curvature(self, sign: float) -> Array:
-        return self._gather(lambda law, i: np.broadcast_to(law.asymptotic_curvature(sign), i.shape))
+        return self._gather(lambda law, i: law.asymptotic_curvature(sign))
 
     def debonding(self, r: Array) -> dict[str, Array]:
-        r = np.broadcast_to(np.asarray(r, dtype=float), (self._count,))
+        r = np.broadcast_to(np.asarray(r, dtype=float), (self.rows,))
         return gathered_debonding(
             [part.debonding(r[i]) for part, i in zip(self.parts, self.indices, strict=True)], self.indices
         )
@@ -97,7 +96,7 @@ class StackedLaw(Superpotential):
             here = np.flatnonzero(index == point)
             if here.size:
                 return part.describe(int(here[0]))
-        raise ProblemError(f"law '{self.name}' has {self._count} contact points; there is none with number {point}")
+        raise ProblemError(f"law '{self.name}' has {self.rows} contact points; there is none with number {point}")
 
     @property
     def straight(self) -> bool:
@@ -109,36 +108,31 @@ class StackedLaw(Superpotential):
 
     @property
     def weak_convexity(self) -> Array:
-        return self._gather(lambda law, i: np.broadcast_to(law.weak_convexity, i.shape))
+        return self._gather(lambda law, i: law.weak_convexity)
 
     @property
     def alpha_reach(self) -> float:
         return min(law.alpha_reach for law in self.parts)
 
     def weak_convexity_within(self, reach: float) -> Array:
-        return self._gather(lambda law, i: np.broadcast_to(law.weak_convexity_within(reach), i.shape))
+        return self._gather(lambda law, i: law.weak_convexity_within(reach))
 
     @property
     def growth(self) -> tuple[Array, Array]:
-        return (
-            self._gather(lambda law, i: np.broadcast_to(law.growth[0], i.shape)),
-            self._gather(lambda law, i: np.broadcast_to(law.growth[1], i.shape)),
-        )
+        return self._gather(lambda law, i: law.growth[0]), self._gather(lambda law, i: law.growth[1])
 
     def at(self, points: Array | None) -> StackedLaw:
         return self
 
     def scaled(self, factor: Array | float) -> StackedLaw:
-        factor = np.broadcast_to(np.asarray(factor, dtype=float), (self._count,))
+        factor = np.broadcast_to(np.asarray(factor, dtype=float), (self.rows,))
         parts = tuple(law.scaled(factor[index]) for law, index in zip(self.parts, self.indices, strict=True))
         return StackedLaw(parts, self.indices, name=self.name)
 
     def take(self, index: IntArray) -> Superpotential:
-        where = np.empty(self._count, dtype=np.int64)
-        owner = np.empty(self._count, dtype=np.int64)
+        where, owner = np.empty((2, self.rows), dtype=np.int64)
         for k, rows in enumerate(self.indices):
-            owner[rows] = k
-            where[rows] = np.arange(rows.size)
+            owner[rows], where[rows] = k, np.arange(rows.size)
         index = np.atleast_1d(np.asarray(index, dtype=np.int64))
         parts: list[Superpotential] = []
         indices: list[IntArray] = []

@@ -116,9 +116,9 @@ class Superpotential(PickleMixin, ABC):
         """Knots in increasing order, shape ``(m or 1, K)`` with K >= 1; unused trailing entries are +inf."""
 
     @property
-    @abstractmethod
     def domain(self) -> Interval:
-        """Where j is finite; bounds of shape ``(m or 1,)``, each of them infinite or a knot."""
+        """Where j is finite; bounds of shape ``(m or 1,)``, each of them infinite or a knot; everywhere by default."""
+        return Interval(np.array([-np.inf]), np.array([np.inf]))
 
     @abstractmethod
     def piece_value(self, piece: IntArray, r: Array) -> Array:
@@ -179,7 +179,7 @@ class Superpotential(PickleMixin, ABC):
         ends = np.isfinite(bound.upper if sign > 0.0 else bound.lower)
         if np.all(np.isfinite(rate)):
             return np.where(ends, np.inf, 0.0)
-        far = np.full(self.knots.shape[0], sign * FAR)
+        far = np.full(self.rows, sign * FAR)
         with np.errstate(all="ignore"):
             measured = 2.0 * self.value(far) / far**2
             further = self.value(10.0 * far) * 0.02 / far**2
@@ -206,16 +206,29 @@ class Superpotential(PickleMixin, ABC):
         """What the derivative at each ``r`` may be off by, an estimate where it is found by differences; else 0."""
         return np.zeros(np.shape(r))
 
-    # ---- many knots, the same at every point: they are searched, not gone through ---------------------------
+    # ---- many knots, alike at every point: they are searched, not gone through -----------------------------
 
     @property
-    def shared_knots(self) -> Array | None:
-        """The knots (K,) if there are many, the same at all points; places among them are found by bisection."""
+    def rows(self) -> int:
+        """Number of rows of the knots: 1 where they are the same at all points."""
+        return int(self.knots.shape[0])
+
+    @property
+    def searched(self) -> int:
+        """Number of knots if they are many, in a row for all points, and found by bisection; else 0."""
         knots = self.knots
-        return knots[0] if knots.shape[0] == 1 and knots.shape[-1] > _MANY else None
+        return knots.shape[-1] if knots.shape[0] == 1 and knots.shape[-1] > _MANY else 0
+
+    def knots_before(self, r: Array) -> IntArray:
+        """How many knots lie before each ``r (m,)``; only if they are searched."""
+        return np.asarray(np.searchsorted(self.knots[0], r, side="left"), dtype=np.int64)
+
+    def place_of(self, knot: IntArray) -> Array:
+        """Where one knot for each point lies, (m,); only if they are searched."""
+        return np.asarray(self.knots[0].take(knot))
 
     def slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
-        """Derivatives to the left and to the right of one knot for each point, (m,); only if all points share them."""
+        """Derivatives to the left and to the right of one knot for each point, (m,); only if they are searched."""
         left, right = self.knot_slopes()
         return left[0].take(knot), right[0].take(knot)
 
@@ -224,19 +237,16 @@ class Superpotential(PickleMixin, ABC):
     def piece_of(self, r: Array) -> IntArray:
         """Index of the piece that holds each ``r``; at a knot, the piece to its left."""
         r = np.asarray(r, dtype=float)
-        shared = self.shared_knots
-        if shared is not None:
-            return np.asarray(np.searchsorted(shared, r, side="left"), dtype=np.int64)
+        if self.searched:
+            return self.knots_before(r)
         return np.asarray(np.sum(r[..., None] > self.knots, axis=-1), dtype=np.int64)
 
     def piece_bounds(self, piece: IntArray) -> tuple[Array, Array]:
         """End points of each piece, cut at the domain."""
         piece = np.asarray(piece)
-        shared = self.shared_knots
-        if shared is not None:
-            last = shared.size - 1
-            low = np.where(piece > 0, shared.take(np.maximum(piece - 1, 0)), -np.inf)
-            high = np.where(piece <= last, shared.take(np.minimum(piece, last)), np.inf)
+        if count := self.searched:
+            low = np.where(piece > 0, self.place_of(np.maximum(piece - 1, 0)), -np.inf)
+            high = np.where(piece < count, self.place_of(np.minimum(piece, count - 1)), np.inf)
             ends = self.domain
             return np.clip(low, ends.lower, ends.upper), np.clip(high, ends.lower, ends.upper)
         knots = self.knots
@@ -287,30 +297,29 @@ class Superpotential(PickleMixin, ABC):
     def at_kink(self, r: Array) -> BoolArray:
         """Whether each ``r`` sits exactly on a kink, so that j has no derivative there."""
         r = np.asarray(r, dtype=float)
-        shared = self.shared_knots
-        if shared is not None:
-            near = np.minimum(np.searchsorted(shared, r, side="left"), shared.size - 1)
+        if count := self.searched:
+            near = np.minimum(self.knots_before(r), count - 1)
             left, right = self.slopes_at(near)
-            return np.asarray((shared.take(near) == r) & np.isfinite(r) & (left != right))
+            return np.asarray((self.place_of(near) == r) & np.isfinite(r) & (left != right))
         return np.asarray(np.any((r[..., None] == self.knots) & self.kinks(), axis=-1))
 
     def kink_within(self, r: Array, near: float) -> Array:
         """The kink nearest to each ``r (m,)`` if it is not farther than ``near``, else nan."""
-        shared = self.shared_knots
-        if shared is None:
+        if not (count := self.searched):
             off = np.where(self.kinks(), np.abs(r[:, None] - self.knots), np.inf)
             at = np.argmin(off, axis=1)
             knots = np.broadcast_to(self.knots, off.shape)
             rows = np.arange(r.size)
             return np.where(off[rows, at] <= near, knots[rows, at], np.nan)
         best, place = np.full(r.shape, near), np.full(r.shape, np.nan)
-        after = np.searchsorted(shared, r, side="left")
+        after = self.knots_before(r)
         for knot in (after - 1, after):  # knots nearer to each other than that cannot be told apart anyway
-            inside = np.clip(knot, 0, shared.size - 1)
-            off = np.abs(r - shared[inside])
+            inside = np.clip(knot, 0, count - 1)
+            there = self.place_of(inside)
+            off = np.abs(r - there)
             left, right = self.slopes_at(inside)
             better = (left != right) & (off <= best)
-            best, place = np.where(better, off, best), np.where(better, shared[inside], place)
+            best, place = np.where(better, off, best), np.where(better, there, place)
         return place
 
     def derivative(self, r: Array) -> Array:
@@ -327,10 +336,9 @@ class Superpotential(PickleMixin, ABC):
         """Clarke subdifferential dj(r), an interval for each point (empty, ``[inf, -inf]``, outside the domain)."""
         r = np.asarray(r, dtype=float)
         slope = self.derivative(r)
-        shared = self.shared_knots
-        if shared is not None:
-            near = np.minimum(np.searchsorted(shared, r, side="left"), shared.size - 1)
-            here = (shared.take(near) == r) & np.isfinite(r)
+        if count := self.searched:
+            near = np.minimum(self.knots_before(r), count - 1)
+            here = (self.place_of(near) == r) & np.isfinite(r)
             left, right = self.slopes_at(near)
             low, high = np.where(here, np.minimum(left, right), slope), np.where(here, np.maximum(left, right), slope)
             ends = self.domain
@@ -401,9 +409,8 @@ class Superpotential(PickleMixin, ABC):
         lam = np.asarray(lam, dtype=float)
         tau = np.asarray(tau, dtype=float)
         best = self.distance(r, lam)
-        shared = self.shared_knots
-        if shared is not None:
-            return self._nearest_of_many(shared, r, lam, tau, best)
+        if self.searched:
+            return self._nearest_of_many(r, lam, tau, best)
         left, right = self.knot_slopes()
         knots = self.knots
         for i in range(knots.shape[-1]):
@@ -412,26 +419,25 @@ class Superpotential(PickleMixin, ABC):
             best = np.minimum(best, np.hypot((r - knots[..., i]) / tau, off))
         return best
 
-    def _nearest_of_many(self, shared: Array, r: Array, lam: Array, tau: Array, best: Array) -> Array:
+    def _nearest_of_many(self, r: Array, lam: Array, tau: Array, best: Array) -> Array:
         """:meth:`graph_distance`, from the knots nearest to r outwards until the next one is farther than the best."""
         r, lam, tau, best = np.broadcast_arrays(r, lam, tau, best)
-        out, place = best.ravel().copy(), np.searchsorted(shared, r.ravel(), side="left")
-        r, lam, tau = r.ravel(), lam.ravel(), tau.ravel()
-        rows = None if self.knots.shape[0] == 1 else np.arange(r.size)
+        out, r, lam, tau = best.ravel().copy(), r.ravel(), lam.ravel(), tau.ravel()
+        place, count, rows = self.knots_before(r), self.searched, None if self.rows == 1 else np.arange(r.size)
         for step in (-1, 1):
             first = place - 1 if step < 0 else place
             open_, done, width = np.arange(r.size), 0, 4
             while True:
                 knot = first[open_, None] + step * np.arange(done, done + width)
-                valid = (knot >= 0) & (knot < shared.size)
-                knot = np.clip(knot, 0, shared.size - 1)
+                valid = (knot >= 0) & (knot < count)
+                knot = np.clip(knot, 0, count - 1)
                 law = self if rows is None else self.take(np.repeat(rows[open_], width))
                 left, right = (s.reshape(knot.shape) for s in law.slopes_at(knot.ravel()))
                 off = np.maximum(
                     np.maximum(np.minimum(left, right) - lam[open_, None], 0.0),
                     lam[open_, None] - np.maximum(left, right),
                 )
-                apart = (r[open_, None] - shared[knot]) / tau[open_, None]
+                apart = (r[open_, None] - law.place_of(knot.ravel()).reshape(knot.shape)) / tau[open_, None]
                 found = np.where(valid, np.hypot(apart, off), np.inf).min(axis=1)
                 out[open_] = np.minimum(out[open_], found)
                 going = valid[:, -1] & (np.abs(apart[:, -1]) < out[open_])

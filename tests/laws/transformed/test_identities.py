@@ -30,10 +30,10 @@ from hemivar.laws import (
     slipped,
 )
 from hemivar.laws.memory import LocalStep, MemoryChain, ViscousFoundation, Wear
+from hemivar.laws.rescaled import RescaledLaw, separated
 from hemivar.laws.stacked import StackedLaw, stack
 from hemivar.laws.testing import check_law
-from hemivar.laws.transformed.affine import AffineLaw
-from hemivar.laws.transformed.exact_table import separated, table_of
+from hemivar.laws.transformed.exact_table import table_of
 from hemivar.laws.transformed.turns import steepest_fall
 
 #: Convex and not, as tables, smooth, with an end.
@@ -79,7 +79,7 @@ def test_an_affine_law_asked_by_itself_is_the_table(name: str) -> None:
     """The class that hands questions on, of laws that need it not too: all answers, minimisers among them."""
     law = SOME[name]
     theta, c = np.array([1.7]), np.array([0.06])
-    made = AffineLaw(law, theta, c)
+    made = RescaledLaw(law, np.ones(1), theta, c)
     alike(made, affine(law, 1.7, 0.06))
     check_law(made)
     a, b = np.array([3.0]), np.array([0.9])
@@ -228,7 +228,7 @@ def test_some_points_of_a_transformed_law(kind: str) -> None:
         smooth: Superpotential = SlipWeakening(strength, 1.0, 0.4, 3.0).radial
         power: Superpotential = Compliance(10.0 * strength, 2.5)
         made = {
-            "affine": lambda s=smooth: AffineLaw(s, 1.0 + numbers, numbers),
+            "affine": lambda s=smooth: RescaledLaw(s, np.ones(1), 1.0 + numbers, numbers),
             "envelope": lambda p=power: envelope(p, numbers),
             "secant": lambda p=power: secant(affine(p, 1.0, -0.2), numbers),
             "slipped": lambda s=smooth: slipped(s, numbers),
@@ -256,13 +256,13 @@ def test_every_knot_is_met_in_spite_of_rounding() -> None:
     many = PiecewiseQuadratic(np.array([[0.0, 0.1, 0.3], [0.1, 0.2, 0.7]]), [0.0, 1.0, 2.0, 0.0], [0.5, 0.25, 1.0])
     random = np.random.default_rng(2)
     for theta, c in random.uniform(0.1, 3.0, (40, 2)):
-        made = AffineLaw(law, np.array([theta]), np.array([c]))
+        made = RescaledLaw(law, np.ones(1), np.array([theta]), np.array([c]))
         for k in range(3):
             at = made.knots[:, k]
             assert made.at_kink(at).all()
             interval = made.subdifferential(at)
             assert interval.upper[0] - interval.lower[0] == pytest.approx([0.5, 0.25, 1.0][k], rel=1e-12)
-        rows = AffineLaw(many, np.array([theta]), np.array([c]))
+        rows = RescaledLaw(many, np.ones(1), np.array([theta]), np.array([c]))
         assert all(rows.at_kink(rows.knots[:, k]).all() for k in range(3))
 
 

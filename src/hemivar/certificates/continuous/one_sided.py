@@ -16,13 +16,12 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.contact_traces import ContactTraces, radial_parts
 from hemivar.laws import Superpotential
+from hemivar.laws.scalar_graph import straightness
 
 __all__ = ["one_sided", "one_sided_constants"]
 
 #: Part of the largest slope by which a multiplier may miss the end of its interval by rounding.
 _ROUNDING = 1e-12
-#: How far out, in units of the knots, an endless piece is looked at.
-_FAR = 1e3
 
 
 def one_sided(law: Superpotential, r: Array, zeta: Array) -> Array:
@@ -60,19 +59,9 @@ def one_sided(law: Superpotential, r: Array, zeta: Array) -> Array:
 
 
 def _straight(law: Superpotential) -> bool:
-    """Whether j' is straight on every piece: j'' is monotone there, so it is if both ends have the same one."""
-    if law.straight:
-        return True
-    knots = np.where(np.isfinite(law.knots), law.knots, np.nan)
-    size = 1.0 + np.nanmax(np.abs(knots), axis=-1, keepdims=True)
-    ends = np.concatenate([knots[:, :1] - _FAR * size, knots, knots[:, -1:] + _FAR * size], axis=1)
-    for number in range(knots.shape[-1] + 1):
-        piece = np.full(len(knots), number)
-        first, last = (law.piece_curvature(piece, ends[:, number + side]) for side in (0, 1))
-        there = np.isfinite(ends[:, number : number + 2]).all(axis=1)
-        if not (np.abs(last - first) <= _ROUNDING * np.abs(first))[there].all():
-            return False
-    return bool(np.isfinite(knots).all())
+    """Whether j' is straight on every piece."""
+    pieces = (np.full(law.rows, number) for number in range(law.knots.shape[-1] + 1))
+    return law.straight or all(bool(straightness(law, piece)[1].all()) for piece in pieces)
 
 
 def one_sided_constants(traces: ContactTraces, zeta: Array) -> tuple[Array, Array]:

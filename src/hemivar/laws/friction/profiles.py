@@ -9,13 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.laws.named import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.scaled import ScaledLaw
-from hemivar.laws.superpotential import Interval
+from hemivar.laws.rescaled import RescaledLaw
 
 __all__ = ["ABSOLUTE_VALUE", "ExponentialWeakening", "LogarithmicWeakening", "StaticKineticProfile"]
 
@@ -45,10 +43,6 @@ class _EvenLaw(ParameterLaw):
     def knots(self) -> Array:
         return np.zeros((self._rows, 1))
 
-    @property
-    def domain(self) -> Interval:
-        return Interval(np.array([-np.inf]), np.array([np.inf]))
-
     def piece_value(self, piece: IntArray, r: Array) -> Array:
         return self._half(_along(np.asarray(piece) > 0, r), 0)
 
@@ -69,8 +63,8 @@ class _EvenLaw(ParameterLaw):
         """First and second derivative at s = |r|."""
         return self._half(s, 1), self._half(s, 2)
 
-    def scaled(self, factor: Array | float) -> ScaledLaw:
-        return ScaledLaw(self, np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False)))
+    def scaled(self, factor: Array | float) -> RescaledLaw:
+        return RescaledLaw(self, np.asarray(factor))
 
 
 def _along(right: BoolArray, r: Array) -> Array:

@@ -12,8 +12,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.friction import ABSOLUTE_VALUE, Friction
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState, kept, slide
-from hemivar.laws.superpotential import Interval
-from hemivar.laws.transformed.transformed_law import TransformedLaw, row
+from hemivar.laws.transformed.transformed_law import TransformedLaw
 
 __all__ = ["RateAndState", "RateStateProfile"]
 
@@ -32,16 +31,8 @@ class RateStateProfile(TransformedLaw):
     examined: ClassVar[bool] = True  # type: ignore[misc]
 
     @property
-    def made_of(self) -> tuple[()]:
-        return ()
-
-    @property
     def knots(self) -> Array:
         return np.zeros((max(self.direct.size, self.exponent.size), 1))
-
-    @property
-    def domain(self) -> Interval:
-        return Interval(np.array([-np.inf]), np.array([np.inf]))
 
     def _scaled_rate(self, r: Array) -> tuple[Array, Array]:
         """V and the logarithm of V exp(exponent)."""
@@ -81,9 +72,6 @@ class RateStateProfile(TransformedLaw):
 
     def piece_formula(self, piece: int) -> str:
         return f"{float(self.direct[0]):.6g} asinh({self.rate:.6g} r exp({float(self.exponent[0]):.6g}))"
-
-    def take(self, index: IntArray) -> RateStateProfile:
-        return RateStateProfile(row(self.direct, index), row(self.exponent, index), self.rate)
 
 
 def _asinh(z: Array) -> Array:

@@ -11,7 +11,6 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.laws.named import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.superpotential import Interval
 
 __all__ = ["Bilateral", "Compliance", "FinitePenetration", "NoContact", "Signorini", "ThresholdCompliance"]
 
@@ -102,10 +101,6 @@ class Compliance(ParameterLaw):
     @property
     def knots(self) -> Array:
         return np.zeros((self._resolved[0].size, 1))
-
-    @property
-    def domain(self) -> Interval:
-        return Interval(np.array([-np.inf]), np.array([np.inf]))
 
     def piece_value(self, piece: IntArray, r: Array) -> Array:
         c, p = self._resolved

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.scaled import ScaledLaw
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.rescaled import RescaledLaw
+from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["ArrayFunction", "LawPiece", "OwnLaw", "check_joined", "middle_of"]
 
@@ -58,10 +57,6 @@ class OwnLaw(Superpotential):
     @property
     def knots(self) -> Array:
         return self._knots[None, :]
-
-    @property
-    def domain(self) -> Interval:
-        return Interval(np.array([-np.inf]), np.array([np.inf]))
 
     def _mirrored(self, piece: int) -> tuple[LawPiece, float]:
         """A piece of the whole line, and -1 if it is the mirror image of a piece for r > 0."""
@@ -214,8 +209,8 @@ class OwnLaw(Superpotential):
     def take(self, index: IntArray) -> OwnLaw:
         return self
 
-    def scaled(self, factor: Array | float) -> ScaledLaw:
-        return ScaledLaw(self, np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False)))
+    def scaled(self, factor: Array | float) -> RescaledLaw:
+        return RescaledLaw(self, np.asarray(factor))
 
     # ---- for those who supply pieces -----------------------------------------------------------------------
 

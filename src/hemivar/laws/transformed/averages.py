@@ -11,7 +11,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.normal import Compliance
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed.exact_table import count_knots, merged, pick, table_of
 from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, numbers, row
 
@@ -139,10 +139,6 @@ class AveragedLaw(LawOfOne):
     @property
     def knots(self) -> Array:
         return self._numbers[0]
-
-    @property
-    def domain(self) -> Interval:
-        return Interval(np.array([-np.inf]), np.array([np.inf]))
 
     @cached_property
     def _at_zero(self) -> Array:

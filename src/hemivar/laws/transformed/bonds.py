@@ -9,10 +9,10 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed.exact_table import pick
 from hemivar.laws.transformed.sums import plus
-from hemivar.laws.transformed.transformed_law import TransformedLaw, numbers, row
+from hemivar.laws.transformed.transformed_law import TransformedLaw, numbers
 
 __all__ = ["BondLaw", "bonded"]
 
@@ -82,10 +82,6 @@ class BondLaw(TransformedLaw):
     tau: float
     name: str = "bond"
 
-    @property
-    def made_of(self) -> tuple[Superpotential, ...]:
-        return ()
-
     @cached_property
     def _numbers(self) -> tuple[Array, Array, Array, Array, Array]:
         """stiffness, beta_n, B, y at which beta starts to fall, and y per w^2, each (m,)."""
@@ -116,10 +112,6 @@ class BondLaw(TransformedLaw):
     @property
     def knots(self) -> Array:
         return self._table[0]
-
-    @property
-    def domain(self) -> Interval:
-        return Interval(np.array([-np.inf]), np.array([np.inf]))
 
     def _at(self, piece: IntArray, r: Array) -> tuple[IntArray, Array]:
         kind = pick(self._table[1], np.asarray(piece))
@@ -175,12 +167,3 @@ class BondLaw(TransformedLaw):
 
     def recession(self, sign: Array) -> Array:
         return np.zeros(np.broadcast_shapes(np.shape(sign), self._numbers[0].shape))
-
-    def take(self, index: IntArray) -> BondLaw:
-        return BondLaw(
-            row(self.stiffness, index),
-            row(self.energy, index),
-            row(self.viscosity, index),
-            row(self.field, index),
-            self.tau,
-        )

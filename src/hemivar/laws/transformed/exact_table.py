@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.named import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.scaled import ScaledLaw
+from hemivar.laws.rescaled import RescaledLaw
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = [
@@ -19,7 +19,6 @@ __all__ = [
     "count_knots",
     "merged",
     "pick",
-    "separated",
     "table_of",
 ]
 
@@ -36,7 +35,7 @@ def table_of(law: Superpotential) -> PiecewiseQuadratic | None:
         return law
     if isinstance(law, NamedLaw) and type(law).__module__.startswith("hemivar."):
         return law.table
-    if isinstance(law, ScaledLaw) and (base := table_of(law.base)) is not None:
+    if isinstance(law, RescaledLaw) and not law.moved and (base := table_of(law.base)) is not None:
         if base.knots.shape[-1] > MANY and law.factor.size > 1:
             return None
         found = base.scaled(law.factor)
@@ -66,16 +65,6 @@ def merged(candidates: Array) -> Array:
     used: BoolArray = np.asarray(np.isfinite(knots).any(axis=0))
     used[0] = True
     return knots[:, used]
-
-
-def separated(knots: Array) -> Array:
-    """Knots that rounding has made equal, moved apart as little as can be."""
-    if ((knots[:, 1:] > knots[:, :-1]) | np.isinf(knots[:, 1:])).all():
-        return knots
-    knots = knots.copy()
-    for i in range(1, knots.shape[-1]):
-        knots[:, i] = np.maximum(knots[:, i], np.nextafter(knots[:, i - 1], np.inf))
-    return knots
 
 
 def count_knots(knots: Array, places: Array, *, including: bool) -> IntArray:

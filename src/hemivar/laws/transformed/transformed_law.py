@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Self, TypeVar
 
 import numpy as np
@@ -15,7 +14,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.minimisers import FAR
-from hemivar.laws.scaled import ScaledLaw
+from hemivar.laws.rescaled import RescaledLaw
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
 
@@ -25,25 +24,25 @@ Entry = TypeVar("Entry", bound=np.generic)
 
 
 class TransformedLaw(Superpotential):
-    """A law ``made_of`` other laws whose parameters are known."""
-
-    @property
-    @abstractmethod
-    def made_of(self) -> tuple[Superpotential, ...]:
-        """The laws of which it is made."""
+    """A dataclass of laws whose parameters are known, and of numbers (m,) for each contact point or for all."""
 
     def at(self, points: Array | None) -> Self:
-        rows = self.knots.shape[0]
-        if points is not None and rows not in (1, len(points)):
-            raise ProblemError(f"law '{self.name}' is made for {rows} contact points, but there are {len(points)}")
+        if points is not None and self.rows not in (1, len(points)):
+            raise ProblemError(f"law '{self.name}' is made for {self.rows} contact points, but there are {len(points)}")
         return self
 
     def scaled(self, factor: Array | float) -> Superpotential:
-        return ScaledLaw(self, np.atleast_1d(np.asarray(factor, dtype=float)))
+        return RescaledLaw(self, np.asarray(factor))
+
+    def take(self, index: IntArray) -> Self:
+        values = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
+        laws = {key: taken(value, index) for key, value in values.items() if isinstance(value, Superpotential)}
+        numbers = {key: row(value, index) for key, value in values.items() if isinstance(value, np.ndarray)}
+        return replace(self, **laws, **numbers)  # type: ignore[type-var]
 
 
 class LawOfOne(TransformedLaw):
-    """A law made of one other, ``base``, whose name it bears; a dataclass whose other fields are numbers (m,)."""
+    """A law made of one other, ``base``, whose name it bears."""
 
     base: Superpotential
 
@@ -55,10 +54,6 @@ class LawOfOne(TransformedLaw):
     @property
     def made_of(self) -> tuple[Superpotential, ...]:
         return (self.base,)
-
-    def take(self, index: IntArray) -> Self:
-        rest = [row(getattr(self, one.name), index) for one in fields(self) if one.name != "base"]  # type: ignore[arg-type]
-        return type(self)(taken(self.base, index), *rest)  # type: ignore[call-arg]
 
 
 def check_law(law: object) -> None:
@@ -87,7 +82,7 @@ def row(values: NDArray[Entry], index: IntArray) -> NDArray[Entry]:
 
 def taken(law: Superpotential, index: IntArray) -> Superpotential:
     """The law at some of the contact points, or the one law of all of them."""
-    return law.take(index) if law.knots.shape[0] > 1 else law
+    return law.take(index) if law.rows > 1 else law
 
 
 def by_parts(

@@ -15,6 +15,8 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import Superpotential, separable
+from hemivar.laws.minimisers import knot_forces
+from hemivar.laws.scalar_graph import part_of
 from hemivar.laws.vector_law import spread
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
@@ -410,34 +412,28 @@ def _cut(x: Array, size: Array) -> Array:
 
 def _sets_of_start(system: CondensedProblem, laws: tuple[Superpotential, ...], r: Array) -> IntArray:
     """Open and sticking where the start is at rest, otherwise the piece or knot that holds the start."""
-    m = len(r)
-    sets = np.zeros((m, len(laws)), dtype=np.int64)
+    sets = np.zeros((len(r), len(laws)), dtype=np.int64)
     for c, law in enumerate(laws):
-        knots = np.broadcast_to(law.knots, (m, law.knots.shape[-1]))
-        at = r[:, c][:, None] == knots
-        sets[:, c] = 2 * law.piece_of(r[:, c]) + at.any(axis=1)
-        if c == 0:  # "open": the piece below the knot, where there is one
-            closed = at.any(axis=1) & (law.domain.lower < r[:, 0])
-            if not len(system.rigid_modes):  # a body that only its foundation holds starts on the foundation
-                sets[:, 0] -= closed
+        sets[:, c] = part_of(law, r[:, c])
+        if c == 0 and not len(system.rigid_modes):  # a body that only its foundation holds starts on the foundation
+            # "open": the piece below the knot, where there is one
+            sets[:, 0] -= (sets[:, 0] % 2 == 1) & (law.domain.lower < r[:, 0])
     return sets
 
 
 def _move(system: CondensedProblem, laws: tuple[Superpotential, ...], sets: IntArray, r: Array, lam: Array) -> IntArray:
-    """Each component goes one place towards where ``z = r + tau lambda`` belongs."""
+    """Each component goes one place towards where ``p = r/tau + lambda`` belongs."""
     new = sets.copy()
     for c, law in enumerate(laws):
         tau = _step_length(system, law, c)
-        left, right = law.knot_slopes()
-        z = (r[:, c] + tau * lam[:, c])[:, None]
-        rounding = 1e-13 * (np.abs(r[:, c]) + tau * np.abs(lam[:, c]))[:, None]
+        p = (r[:, c] / tau + lam[:, c])[:, None]
+        rounding = 1e-13 * (np.abs(r[:, c]) / tau + np.abs(lam[:, c]))[:, None]
         state = sets[:, c][:, None]
         place = np.arange(law.knots.shape[-1])[None, :] * 2 + 1
         # A component on the boundary of its set stays: thresholds give way by rounding on its own side.
-        below = law.knots + tau[:, None] * left
-        above = law.knots + tau[:, None] * right
-        passed_below = np.where(state >= place, z > below - rounding, z > below + rounding)
-        passed_above = np.where(state > place, z > above - rounding, z > above + rounding)
+        below, above = knot_forces(law, 1.0 / tau)
+        passed_below = np.where(state >= place, p > below - rounding, p > below + rounding)
+        passed_above = np.where(state > place, p > above - rounding, p > above + rounding)
         target = passed_below.sum(axis=1) + passed_above.sum(axis=1)
         if system.shape[1] > 2 and c == 1:  # a size is never negative
             target = np.maximum(target, _rest(law, len(r)))
@@ -448,7 +444,7 @@ def _move(system: CondensedProblem, laws: tuple[Superpotential, ...], sets: IntA
 
 def _rest(law: Superpotential, m: int) -> IntArray:
     """The state of a slip of size zero, (m,)."""
-    return np.asarray(2 * law.piece_of(np.zeros(m)) + (law.knots == 0.0).any(axis=-1))
+    return part_of(law, np.zeros(m))
 
 
 def _step_length(system: CondensedProblem, law: Superpotential, c: int) -> Array:
