@@ -6,11 +6,14 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hemivar import cli
+from hemivar.basics.content import content
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
+from hemivar.files.history_table import read_history_table
 from hemivar.files.problem_file import parse_problem_file, read_problem_file, write_problem
 from hemivar.solvers import solve
 from tests.problems import square
@@ -39,7 +42,7 @@ def test_units_are_read_and_written_back(tmp_path: Path) -> None:
     assert read_problem_file(path).units == UNITS
     assert parse_problem_file(PLAIN).units == Units()
     assert "[units]" not in write_problem(parse_problem_file(PLAIN), tmp_path / "plain.toml").read_text()
-    some = write_problem(replace(found, units=Units(length="µm")), tmp_path / "some.toml")
+    some = write_problem(replace(found.problem, units=Units(length="µm")), tmp_path / "some.toml")
     assert read_problem_file(some).units == Units(length="µm")
 
 
@@ -101,3 +104,33 @@ def test_the_summary_takes_units() -> None:
     assert " mm" in text
     assert " MPa" in text
     assert "MPa" not in str(solve(square(n=4)).summary())
+    problem = replace(square(n=4), units=UNITS)
+    assert str(solve(problem).summary()) != str(solve(square(n=4)).summary())
+    assert " MPa" in str(solve(problem).summary())
+    assert " MPa" not in str(solve(problem).summary(units=Units()))
+
+
+def test_units_are_no_part_of_what_a_problem_is() -> None:
+    """Work that was kept goes on when labels change."""
+    assert b"".join(content(replace(square(n=4), units=UNITS))) == b"".join(content(square(n=4)))
+    with pytest.raises(ProblemError, match=r"units.*give hemivar.report.Units\(length='mm'"):
+        replace(square(n=4), units="mm")  # type: ignore[arg-type]
+
+
+def test_a_table_in_time_has_units_in_its_heads_and_is_read_without(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    path.write_text(STATED + "[time]\nuntil = 0.2\nstep = 0.1\n[output]\nprobes = { tip = [1.0, 1.0] }\n")
+    assert cli.main(["march", str(path), "--quiet", "--table", str(tmp_path / "a.csv")]) == 0
+    heads = (tmp_path / "a.csv").read_text().splitlines()[0].split(",")
+    wanted = ("time (s)", "step (s)", "work (mJ)", "normal_force (N)", "tip.u_x (mm)")
+    assert set(wanted) <= set(heads), heads
+    assert {"margin", "jumped"} <= set(heads)
+    table = read_history_table(tmp_path / "a.csv")
+    assert {"time", "step", "work", "normal_force", "tip.u_x", "margin"} <= set(table)
+    assert table["time"].tolist() == [0.0, 0.1, 0.2]
+    path.write_text(path.read_text().replace(STATED, PLAIN))
+    assert cli.main(["march", str(path), "--quiet", "--table", str(tmp_path / "b.csv")]) == 0
+    plain = read_history_table(tmp_path / "b.csv")
+    assert "(" not in (tmp_path / "b.csv").read_text().splitlines()[0]
+    assert list(plain) == list(table)
+    assert all(np.array_equal(plain[name], table[name], equal_nan=True) for name in plain)

@@ -17,7 +17,7 @@ from hemivar.basics.types import AnyArray
 __all__ = ["content"]
 
 #: Fields that say where something stands or what it is called, and not what it is.
-_ASIDE = ("where", "title")
+_ASIDE = ("where", "title", "units")
 #: What counts of the names of a module that a function uses; of other things there only the kind.
 _PLAIN = (int, float, complex, str, bytes, type(None), np.ndarray, np.generic, tuple, list, dict)
 _CODE = (types.FunctionType, types.ModuleType)

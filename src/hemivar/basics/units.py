@@ -6,7 +6,10 @@ from dataclasses import dataclass, fields
 
 from hemivar.errors import ProblemError
 
-__all__ = ["Units"]
+__all__ = ["UNITS_REMEDY", "Units"]
+
+#: What to give where units are asked for.
+UNITS_REMEDY = "give hemivar.report.Units(length='mm', stress='MPa')"
 
 #: Characters of a unit.
 _LONGEST = 16

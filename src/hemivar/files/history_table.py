@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -18,7 +19,9 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import size_in_words
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Array, Record
+from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
+from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.history import History
 from hemivar.files.record import plain, prepared, version
 from hemivar.files.series import write_pvd, write_xdmf
@@ -33,6 +36,7 @@ __all__ = [
     "history_columns",
     "history_frame",
     "history_record",
+    "quantity_of",
     "read_history_table",
     "write_history",
     "write_history_json",
@@ -41,6 +45,8 @@ __all__ = [
 
 #: Suffixes that :func:`write_history` knows.
 HISTORY_FILES = (".pvd", ".xdmf", ".csv", ".parquet", ".json")
+#: Columns of the energy balance.
+_ENERGIES = {one.name for one in fields(EnergyBalance)} - {"start"}
 _WHOLE = ("solver_steps", "jumped", "fallbacks")
 
 
@@ -85,12 +91,24 @@ def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
     if suffix == ".json":
         return (write_history_json(history, path),)
     if suffix in (".csv", ".parquet"):
-        return (write_history_table(history_columns(history), path),)
+        return (write_history_table(history_columns(history), path, history.discrete.evolution.problem.units),)
     raise ProblemError(f"'{path}': a history is written as {', '.join(HISTORY_FILES)}, not '{suffix}'")
 
 
-def write_history_table(columns: Mapping[str, Array], path: str | Path) -> Path:
+def quantity_of(column: str) -> str:
+    """What a column measures, as :class:`Units` names it; empty where it is a number, or a measure of the contact."""
+    name = column.rpartition(".")[2]
+    if name.startswith("u_") or name == "penetration":
+        return "length"
+    if name in ("time", "step", "largest_step"):
+        return "time"
+    return "force" if name.endswith("_force") else "energy" if name in _ENERGIES else ""
+
+
+def write_history_table(columns: Mapping[str, Array], path: str | Path, units: Units | None = None) -> Path:
     """Write a table as ``.csv`` (every number so that it is read back the same) or ``.parquet``.
+
+    ``units`` stand in the headings of CSV, ``time (s)``.
 
     Raises
     ------
@@ -108,7 +126,8 @@ def write_history_table(columns: Mapping[str, Array], path: str | Path) -> Path:
         return path
     path = prepared(path, ".csv")
     rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
-    write_text(path, csv_text(columns, rows))
+    heads = columns if units is None else [units.head(name, quantity_of(name)) for name in columns]
+    write_text(path, csv_text(heads, rows))
     return path
 
 
@@ -135,7 +154,7 @@ def _arrow() -> tuple[ModuleType, ModuleType]:
 
 
 def read_history_table(path: str | Path) -> dict[str, Array]:
-    """A table that :func:`write_history_table` wrote, by columns.
+    """A table that :func:`write_history_table` wrote, by columns, without the units of their headings.
 
     Parameters
     ----------
@@ -198,10 +217,16 @@ def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
     columns = {}
     for k, column in enumerate(head):
         try:
-            columns[cell_read(column)] = np.array([float(row[k]) for row in body])
+            columns[_without_unit(cell_read(column))] = np.array([float(row[k]) for row in body])
         except ValueError:  # any file may be named as a table: nothing of it is repeated
             raise FileError(f"{name}: column {k + 1} holds what is no number; write the table again") from None
     return columns
+
+
+def _without_unit(head: str) -> str:
+    """The name of a column, whose heading may have a unit: ``work (mJ)``."""
+    name, found, _ = head.rpartition(" (")
+    return name if found and head.endswith(")") and quantity_of(name) else head
 
 
 def history_frame(history: History) -> DataFrame:

@@ -77,8 +77,6 @@ class ProblemFile:
         Heat in the body.
     changes : tuple of Change
         Values that were put in place of those of the file.
-    units : Units
-        Units for labels, of the table [units]; no number is converted.
     """
 
     problem: Statement
@@ -89,7 +87,11 @@ class ProblemFile:
     output: OutputSettings = field(default_factory=OutputSettings)
     heat: Heat | None = None
     changes: tuple[Change, ...] = ()
-    units: Units = field(default_factory=Units)
+
+    @property
+    def units(self) -> Units:
+        """Units for labels, of the table [units]; no number is converted."""
+        return self.problem.units
 
     def coarser_meshes(self) -> list[Mesh]:
         """The coarser meshes of the same body, coarsest first, for a warm start; empty if there are none."""
@@ -209,9 +211,9 @@ def parse_problem_file(
     if scalar:
         if stated.quadrature is Quadrature.MIDPOINT:
             raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
-        one = read_scalar(top, mesh, stated.order, folder)
+        one = replace(read_scalar(top, mesh, stated.order, folder), units=units)
         through = read_in_time(top, mesh, one.inert, one.kind)
-        return ProblemFile(one, solver, name, levels, *through, changes=tuple(changes), units=units)
+        return ProblemFile(one, solver, name, levels, *through, changes=tuple(changes))
     material = read_material(top.table("material", KEYS["material"]), mesh)
     loads = top.table("loads", KEYS["loads"])
     body, tractions = read_loads(loads, mesh)
@@ -239,13 +241,14 @@ def parse_problem_file(
             order=stated.order,
             quadrature=stated.quadrature,
             bedding=bedding,
+            units=units,
         )
     heat = None
     if "heat" in top:
         if time is None:
             raise top.error("heat", "flows in time; add a table [time], or remove it")
         heat = read_heat(top.table("heat", HEAT_KEYS), problem, _Reader(mesh.dim, folder))
-    return ProblemFile(problem, solver, name, levels, time, output, heat, tuple(changes), units)
+    return ProblemFile(problem, solver, name, levels, time, output, heat, tuple(changes))
 
 
 def _refuse_deep(data: object) -> None:
@@ -359,7 +362,6 @@ def _read_again(stated: ProblemFile, settings: SolverSettings, folder: Path, nam
         or difference(stated.time, found.time, "time")
         or difference(stated.output, found.output, "output")
         or difference(stated.heat, found.heat, "heat")
-        or difference(stated.units, found.units, "units")
     )
     if place is not None:
         raise ProblemError(

@@ -17,10 +17,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, expect
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.errors import ProblemError
 from hemivar.laws import Friction, NoContact, OrthotropicFriction, Superpotential
 from hemivar.laws.consistency import check_own
@@ -177,6 +178,8 @@ class ScalarProblem(PickleMixin, ReprMixin):
         Factor of grad u', beside A grad u: the tension or the shear stress of Kelvin and Voigt.
     capacity : float, callable, mapping or None
         Of heat: heat per volume and degree, the factor of u'.  A problem at rest knows nothing of the three.
+    units : Units
+        For labels; no number is converted.
 
     Raises
     ------
@@ -199,9 +202,11 @@ class ScalarProblem(PickleMixin, ReprMixin):
     density: Regional | None = None
     viscosity: Regional | None = None
     capacity: Regional | None = None
+    units: Units = field(default_factory=Units)
 
     def __post_init__(self) -> None:
         put = object.__setattr__
+        expect(self.units, Units, "units", UNITS_REMEDY)
         if not isinstance(self.mesh, Mesh):
             raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
         try:

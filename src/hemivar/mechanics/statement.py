@@ -11,10 +11,11 @@ from typing import get_args
 
 import numpy as np
 
-from hemivar.basics.arguments import described, number, suggest
+from hemivar.basics.arguments import described, expect, number, suggest
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.errors import ProblemError
 from hemivar.laws import (
     ContactLaw,
@@ -240,6 +241,8 @@ class ContactProblem(PickleMixin, ReprMixin):
     bedding : float or callable
         An elastic bedding of the whole body, a force ``-bedding u`` per volume (Winkler), not negative; a callable gets
         points, shape (k, d), and returns shape (k,).
+    units : Units
+        For labels; no number is converted.
 
     Raises
     ------
@@ -258,8 +261,10 @@ class ContactProblem(PickleMixin, ReprMixin):
     order: int = 1
     quadrature: Quadrature = Quadrature.NODAL
     bedding: ScalarData = 0.0
+    units: Units = field(default_factory=Units)
 
     def __post_init__(self) -> None:
+        expect(self.units, Units, "units", UNITS_REMEDY)
         if not isinstance(self.mesh, Mesh):
             raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
         if not isinstance(self.material, Material) or type(self.material) is Material:

@@ -11,7 +11,7 @@ from hemivar.basics.types import Array
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
 from hemivar.evolution.history import History
-from hemivar.files.history_table import history_columns
+from hemivar.files.history_table import history_columns, quantity_of
 from hemivar.report.march_map import draw_map
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, drawing, with_unit
@@ -307,14 +307,8 @@ def _told(name: str, units: Units) -> str:
     """A column as a label says it, with its unit."""
     place, _, quantity = name.rpartition(".")
     at = f", {place}" if place else ""
-    if quantity.startswith("u_"):
-        return with_unit(f"displacement {quantity[2:]}{at}", units.length)
-    unit = {"penetration": units.length, "step": units.time, "largest_step": units.time, "time": units.time}
-    if quantity.endswith("_force"):
-        unit[quantity] = units.force
-    if quantity in {known for known, _, _ in (*_STORED, *_LOST)} | {*_GIVEN, "gap"}:
-        unit[quantity] = units.energy
-    return with_unit(quantity.replace("_", " ") + at, unit.get(quantity, ""))
+    what = f"displacement {quantity[2:]}" if quantity.startswith("u_") else quantity.replace("_", " ")
+    return with_unit(what + at, getattr(units, quantity_of(name) or "none", ""))
 
 
 _DRAWN: Mapping[str, Callable[[Mapping[str, Array], Sequence[str], Units], Figure]] = {

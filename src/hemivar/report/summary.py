@@ -62,13 +62,14 @@ def summary_of(solution: Solution, certificate: Certificate | None = None, units
     certificate : Certificate, optional
         Of this solution.
     units : Units, optional
-        What to write behind the numbers, which are not converted.
+        What to write behind the numbers, which are not converted; those of the statement by default.
 
     Returns
     -------
     Summary
     """
-    units = Units() if units is None else units
+    if units is None:
+        units = Units() if solution.problem.origin is None else solution.problem.origin.units
     rows = list(_solve_rows(solution, certificate is not None, units))
     if certificate is not None:
         rows += [(line[:_WIDTH].rstrip(), line[_WIDTH:]) for line in certificate.lines()]

@@ -183,7 +183,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     def summary(self, certificate: Certificate | None = None, units: Units | None = None) -> Summary:
         """What ``hemivar solve`` prints: status, energy, forces and states; with a certificate also what it says.
 
-        Units stand behind the numbers, which are not converted.
+        Units stand behind the numbers, those of the statement by default; the numbers are not converted.
         """
         found: Summary = above("Solution.summary")(self, certificate, units)
         return found
