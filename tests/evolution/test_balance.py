@@ -77,8 +77,10 @@ def test_a_solution_that_is_wrong_does_not_close(off: float, status: Status, mon
     first = advance.take(initial_moment(advance, 0.01), 0.01).moment
 
     class Wrong(StageSolver):
-        def solution(self, stage: Stage, initial: Solution | None, jump: hv.evolution.SelectionRule) -> StageSolution:
-            found = super().solution(stage, initial, jump).solution
+        def solution(
+            self, stage: Stage, initial: Solution | None, jump: hv.evolution.SelectionRule, size: float
+        ) -> StageSolution:
+            found = super().solution(stage, initial, jump, size).solution
             return StageSolution(dataclasses.replace(found, unknowns=found.unknowns * (1.0 + off)))
 
     right = advance.stages

@@ -7,10 +7,13 @@ import itertools
 import numpy as np
 import pytest
 
+from hemivar.basics.generators import result_of
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError
+from hemivar.fem import discretize
+from hemivar.gallery import survey_logarithmic
 from hemivar.mechanics import Quadrature
-from hemivar.solvers import METHODS, Controls, Solution, Status, solve, solve_nested
+from hemivar.solvers import METHODS, Controls, Solution, Status, solve, solve_nested, solving
 from hemivar.systems import Workspace, condense
 
 from ..problems import OTHER_DATA, SURVEY_DATA, bar, discrete_square, relative_difference
@@ -41,6 +44,36 @@ def test_exact_methods_agree(method: str, data: str, n: int) -> None:
     assert relative_difference(found, expected) < 1e-8
     assert found.energy == pytest.approx(expected.energy, rel=1e-9)
     np.testing.assert_allclose(found.multiplier, expected.multiplier, atol=2e-6 * np.abs(expected.multiplier).max())
+
+
+@pytest.mark.parametrize("data", [*SURVEY_DATA, *OTHER_DATA])
+@pytest.mark.parametrize("n", [4, 16, 64])
+def test_the_rounds_of_active_sets_find_what_the_steps_of_newton_find(data: str, n: int) -> None:
+    problem = discrete_square(data, n)
+    workspace = Workspace()
+    for initial in (None, np.random.default_rng(1).standard_normal(problem.unknowns)):
+        rounds = solve(problem, METHODS["newton"], initial=initial, workspace=workspace)
+        steps = solve(problem, METHODS["newton"], Controls(max_steps=100), initial=initial, workspace=workspace)
+        assert rounds.status is steps.status is Status.CONVERGED
+        assert relative_difference(rounds, steps) < 1e-9
+        assert rounds.energy <= steps.energy + 1e-12 * abs(steps.energy)
+        assert rounds.history[0].residual == pytest.approx(steps.history[0].residual)
+        assert rounds.history[-1].step == rounds.steps
+
+
+@pytest.mark.parametrize(("step", "status"), [(0, Status.INTERRUPTED), (4, Status.CONVERGED)])
+def test_rounds_of_active_sets_heed_who_ends_them(step: int, status: Status) -> None:
+    told = result_of(solving(discrete_square("data (5.1)", 16)), lambda line: line.step >= step)
+    assert told.status is status
+    assert [line.step for line in told.history] == [0, told.steps]
+    assert told.residual.relative < 1e-9
+
+
+def test_a_law_that_is_not_convex_is_left_to_the_steps_of_newton() -> None:
+    problem = discretize(survey_logarithmic(0.3, 16))
+    found, counted = solve(problem), solve(problem, controls=Controls(max_steps=100))
+    np.testing.assert_array_equal(found.unknowns, counted.unknowns)
+    assert len(found.history) == found.steps + 1
 
 
 @pytest.mark.parametrize("data", SURVEY_DATA)

@@ -295,6 +295,7 @@ def test_choice_depends_on_size_and_is_logged(caplog: pytest.LogCaptureFixture) 
 
 def test_choice_heeds_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hemivar.solvers.choice.available_bytes", lambda: 1e6)
+    monkeypatch.setattr("hemivar.solvers.choice._LITTLE", 0.0)
     method, why = choose(hv.discretize(gallery.survey("5.1", 32)))
     assert isinstance(method, NonsmoothMultigrid)
     assert "GiB" in why

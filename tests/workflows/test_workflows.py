@@ -116,7 +116,8 @@ def test_a_warm_start_goes_over_the_coarser_meshes() -> None:
 
 @pytest.mark.parametrize("kind", [Progress, FoundEvent, CertificateEvent])
 def test_an_interruption_keeps_what_there_is(kind: type[Event]) -> None:
-    result, events = watched(workflows.run(PROBLEM), lambda event: isinstance(event, kind))
+    counted = RunOptions(controls=Controls(max_steps=100))  # by the steps of the method
+    result, events = watched(workflows.run(PROBLEM, counted), lambda event: isinstance(event, kind))
     assert result.interrupted
     if kind is Progress:
         assert result.solution.status is hv.Status.INTERRUPTED

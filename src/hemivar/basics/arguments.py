@@ -79,6 +79,8 @@ def whole_number(value: object, name: str, least: int) -> int:
 
 def number(value: object, name: str, what: str = "give a real number") -> float:
     """A real number, NumPy's included, not nan."""
+    if type(value) is float and not math.isnan(value):
+        return value
     try:
         found = float(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else math.nan
     except OverflowError:  # an integer beyond all floats

@@ -140,8 +140,7 @@ def norm(vector: ArrayLike) -> float:
     It is ``s |x / s|`` with ``s`` the power of two next to the largest entry, so that nothing is rounded twice.
     """
     x = np.asarray(vector, dtype=float).ravel()
-    with np.errstate(over="ignore"):
-        square = float(x.dot(x))
+    square = float(np.vdot(x, x))  # which warns of no overflow
     if _TINY < square < _HUGE:
         return math.sqrt(square)
     largest = float(np.abs(x).max(initial=0.0))

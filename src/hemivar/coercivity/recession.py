@@ -25,8 +25,8 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
-import scipy.optimize
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import VectorLaw
 
@@ -348,6 +348,9 @@ class _Programme:
 
         With a penalty conditions may be broken for it, which leaves the bounds true, and no face forbidden.
         """
+        with IMPORTS:
+            from scipy.optimize import linprog  # only here: SciPy takes long to load it
+
         a, count = self.linear.size, len(faces)
         cuts, hard = np.array(self.cuts) / self.scale, np.array(self.hard).reshape(-1, a)
         height = len(cuts) + len(hard)
@@ -363,7 +366,7 @@ class _Programme:
             box[k, face] = sign
         price = penalty * max(float(np.abs(cuts).max()), 1.0) if np.isfinite(penalty) else 0.0
         cost = np.tile([0.0] * a + [1.0, price], count)
-        found = scipy.optimize.linprog(
+        found = linprog(
             cost,
             left.reshape(count * height, -1),
             right,

@@ -12,6 +12,7 @@ from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import FEW_ZEROS, without_zeros
+from hemivar.linear.products import product
 
 __all__ = ["Multiple", "Operator", "combined", "of_arrays"]
 
@@ -79,7 +80,7 @@ class Operator(PickleMixin):
     def times(self, x: Array) -> Array:
         """The product with ``x`` (n + k,)."""
         if not self.held.shape[0]:
-            return np.asarray(self._entries @ x)
+            return product(self._entries, x)
         n = self.unknowns
         u, z = x[:n], x[n:]
         return np.concatenate([self._entries @ u + self.coupling @ z, self.coupling.T @ u + self.held @ z])

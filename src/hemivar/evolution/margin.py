@@ -91,7 +91,7 @@ class Margins:
         return found
 
     def _largest_of(self, taken: StepResult, problem: DiscreteProblem) -> float:
-        alphas = [np.asarray(alpha) for alpha in problem.law.frozen_at(-problem.offset).weak_convexity]
+        alphas = [np.asarray(alpha) for alpha in problem.law.weak_convexity_at(-problem.offset)]
         blocks = taken.stages[0].law.blocks
         if not any(alpha.any() for alpha in alphas) and not any(_may_soften(block) for block in blocks):
             return math.inf

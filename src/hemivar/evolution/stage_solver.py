@@ -114,6 +114,8 @@ class StageSolver:
         problem = stage.problem
         if not problem.contact_points:
             return -1.0
+        if not any(alpha.any() for alpha in problem.law.weak_convexity_at(-problem.offset)):
+            return -1.0
         law = problem.law
         return self.constant(stage, law.frozen_at(-problem.offset) if law.state_dependent else law) - 1.0
 
@@ -144,7 +146,7 @@ class StageSolver:
             and problem.offset.size <= _DENSE
         )
 
-    def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule) -> StageSolution:
+    def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule, size: float) -> StageSolution:
         """The solution of a stage.
 
         Parameters
@@ -154,8 +156,10 @@ class StageSolver:
             Of the same stage with a law that was not the right one yet.
         jump : Jump
             Which solution is taken where there may be several.
+        size : float
+            That of :meth:`size`. A load that is left where all balances already is no measure of a tolerance.
         """
-        controls = self._controls(stage)
+        controls = self.controls.within(self.controls.rtol * size)
         if jump.follows and not self.resists and (convexity_defect := self.convexity_defect(stage)) >= 0.0:
             _refuse_without_energy(stage.problem, jump)
             self._condense(stage.problem)
@@ -173,10 +177,6 @@ class StageSolver:
                 again = self._sought(stage, initial, jump, controls.within(known / TIGHT))
                 found = again if again.solution.residual.relative <= _KNOWN else found
         return found
-
-    def _controls(self, stage: Stage) -> Controls:
-        """Tolerances: a load that is left where all balances already is no measure."""
-        return self.controls.within(self.controls.rtol * self.size(stage))
 
     def _condense(self, problem: DiscreteProblem) -> None:
         """Condense a body as steps with one solution do: answers must not depend on which steps were taken before."""

@@ -300,7 +300,8 @@ class TimeStepper:
             check_time()
             law = stage_law(discrete, at, base, rule, operator.step, guess, multiplier, operator.laws)
             stage = posed_stage(discrete, stages.bodies, base, operator, at, end, start, law)
-            found = stages.solution(stage, initial, jump)
+            size = stages.size(stage)
+            found = stages.solution(stage, initial, jump, size)
             solution, local = found.solution, stage.local(found.solution)
             point = stage.local_motion(local)
             own = _undamped(law, point, solution.multiplier)
@@ -321,7 +322,7 @@ class TimeStepper:
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
         off = solution.residual  # it is told against all that the tolerance was held against
-        told = replace(solution, residual=replace(off, scale=off.scale + stages.size(stage)))
+        told = replace(solution, residual=replace(off, scale=off.scale + size))
         reached = stage_state(discrete, stage, solution.unknowns) if found.reached is None else found.reached
         return SolvedStage(stage, told, reached, point, own, found.resistance, found.leaps)
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
-from scipy.spatial import KDTree
 
 from hemivar.basics.arrays import real_array
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, shape_values
 from hemivar.mesh.mesh import Mesh
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 __all__ = ["interpolate", "interpolation_matrix", "locate"]
 
@@ -107,6 +112,9 @@ def locate(mesh: Mesh, points: ArrayLike) -> tuple[IntArray, Array]:
     points = real_array(points, "points", finite=False)
     if points.ndim != 2 or points.shape[1] != mesh.dim or not np.all(np.isfinite(points)):
         raise ProblemError(f"points must be finite, of shape (k, {mesh.dim}); they have shape {points.shape}")
+    with IMPORTS:
+        from scipy.spatial import KDTree  # only here: SciPy takes long to load it
+
     search = _Search(mesh, points)
     corner = mesh.points[mesh.cells]
     radius = np.sqrt(np.max(np.sum((corner - search.centroids[:, None]) ** 2, axis=2), axis=1))

@@ -230,6 +230,11 @@ class ContactLaw(NormalAndFriction):
             return self.normal.weak_convexity, np.zeros(1)
         return self.normal.weak_convexity, self.tangential.weak_convexity
 
+    def weak_convexity_at(self, r: Array) -> tuple[Array, Array]:
+        if self.friction.profile.convex:  # whatever the bound
+            return self.normal.weak_convexity, np.zeros(1)
+        return self.frozen_at(r).weak_convexity
+
     # ---- far away ---------------------------------------------------------------------------------------
 
     @property

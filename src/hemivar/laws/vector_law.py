@@ -246,6 +246,10 @@ class VectorLaw(PickleMixin, ABC):
         """alpha of the normal and of the tangential part, each of shape (m or 1,): with ``alpha_n/2 r_n^2 +
         alpha_t/2 |r_t|^2`` added, j is convex."""
 
+    def weak_convexity_at(self, r: Array) -> tuple[Array, Array]:
+        """That of :meth:`frozen_at`."""
+        return self.frozen_at(r).weak_convexity
+
     def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
         """Proved alphas of penetrations and slips up to a ``reach`` each; inf where none is proved."""
         return self.weak_convexity

@@ -114,6 +114,7 @@ def active_set_newton(
     controls: Controls,
     cache: NewtonCache,
     out_of_balance: Callable[[Array], ForceResidual] | None = None,
+    rounds: int = _ROUNDS,
 ) -> Solution | None:
     """The solution that Newton's equations lead to from a pair, or None where they do not settle at once.
 
@@ -128,6 +129,8 @@ def active_set_newton(
     out_of_balance : callable, optional
         What unknowns (n,) leave of the load, if the caller needs the forces of the body anyway.  Where that is more
         than the tolerance, or rounding might be, the stiffness is asked.
+    rounds : int
+        Newton's equations that are solved at most.
     """
     began = time.perf_counter()
     body, active, weights = system.body, system.active, system.weights[:, None]
@@ -140,7 +143,7 @@ def active_set_newton(
     if not math.isfinite(float(p.sum())):
         return None
     on, load = graphs.onto(p, r), system.problem.loading.load_size
-    for number in range(1, _ROUNDS + 1):
+    for number in range(1, rounds + 1):
         r = on.place if whole else np.where(active, on.place, system.fixed)
         free = ~on.held if whole else active & ~on.held
         balance = system.out_of_balance(r)

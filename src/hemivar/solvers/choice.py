@@ -17,6 +17,8 @@ __all__ = ["choose", "predicted_seconds"]
 _PATIENCE = (1.0, 10.0)
 #: Part of the free memory that a factorisation may take.
 _SHARE = 0.7
+#: Bytes that are always there, 16 MiB: to look takes longer than to solve such a problem.
+_LITTLE = 2.0**24
 
 
 def predicted_seconds(problem: DiscreteProblem) -> tuple[float, float]:
@@ -43,10 +45,8 @@ def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
     for laws that are not convex it is preferred a while longer, for it looks further for a lower energy.
     """
     newton, multigrid = predicted_seconds(problem)
-    needed, free = (
-        factorisation_bytes(problem.unknowns, _dimension(problem), problem.contact.trace.nnz),
-        available_bytes(),
-    )
+    needed = factorisation_bytes(problem.unknowns, _dimension(problem), problem.contact.trace.nnz)
+    free = available_bytes() if needed > _LITTLE else None
     fits = free is None or needed <= _SHARE * free
     convex = True
     if problem.contact_points:

@@ -18,10 +18,12 @@ from hemivar.basics.types import Array
 from hemivar.coercivity.recession import Coercivity, decide
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
+from hemivar.solvers.active_set_newton import NewtonCache, active_set_newton
 from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
@@ -43,6 +45,8 @@ __all__ = ["method_for", "solve", "solving", "suited"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
+#: Components of contact points, and rounds, up to which active sets are tried first.
+_SMALL, _ROUNDS = 600, 12
 #: Ends that a solve beyond the limit of a foundation has, and relative residual up to which they are something else.
 _LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_CONTRACTING), 1e-6
 
@@ -187,12 +191,19 @@ def _run(
         began = time.perf_counter()
         budget = Budget(controls.max_time)
         start = _start(system, solver, initial, budget)
-        apart = _apart(system, solver, start, controls, began) if isinstance(system, CondensedProblem) else None
+        short = _short(system, solver, start, controls, budget) if isinstance(system, CondensedProblem) else None
     except MemoryError:
         raise shortage(problem.unknowns, problem.contact.trace.nnz, solver.condenses) from None
-    if apart is not None:
-        yield apart.history[-1]
-        return apart
+    if short is not None:
+        ended = replace(short, status=Status.INTERRUPTED)  # it is the solution all the same
+        try:
+            for progress in short.history[:-1]:
+                if (yield progress):
+                    return ended
+            yield short.history[-1]
+        except KeyboardInterrupt:
+            return ended
+        return short
     state, status, history = yield from steps(solver, system, start, controls, budget)
     solver.release(state)
     end = _End(solver, controls, state, status, history, time.perf_counter() - began)
@@ -208,17 +219,55 @@ def _run(
         raise shortage(problem.unknowns, problem.contact.trace.nnz, solver.condenses) from None
 
 
-def _apart(system: CondensedProblem, solver: Solver, start: State, controls: Controls, began: float) -> Solution | None:
-    """The linear answer of a body that its load leaves so far from the foundation that the gap's rounding hides it."""
-    rounded = system.residual(start.r, start.lam)
-    if start.ended is not None or rounded.noise <= controls.rtol * rounded.scale:
+def _short(
+    system: CondensedProblem, solver: Solver, start: State, controls: Controls, budget: Budget
+) -> Solution | None:
+    """The solution where no iteration of the method is needed for it; None where it is."""
+    if start.ended is not None:
         return None
+    first = system.residual(start.r, start.lam)
+    if first.noise > controls.rtol * first.scale:
+        return _apart(system, solver, first, controls, budget)
+    if first.below(controls.atol, controls.rtol) or budget.due():
+        return None
+    return _by_active_sets(system, solver, start, first, controls)
+
+
+def _by_active_sets(
+    system: CondensedProblem, solver: Solver, start: State, first: Residual, controls: Controls
+) -> Solution | None:
+    """What a few rounds of the primal-dual active set method find for a small body on a convex foundation in the plane.
+
+    They cost a fifth of the steps of :class:`NonsmoothNewton`.  Who counts, watches or changes those gets them.
+    """
+    law, watched = system.law, controls.callback is not None or controls.max_steps is not None
+    if solver != NonsmoothNewton() or watched or law.state_dependent:
+        return None
+    if system.shape[1] > 2 or not 0 < system.free.size <= _SMALL:
+        return None
+    if any(alpha.any() for alpha in law.weak_convexity):
+        return None
+    found = active_set_newton(system, start.r, start.lam, controls, NewtonCache(), rounds=_ROUNDS)
+    if found is None:
+        return None
+    seconds = found.timings["iterate"]
+    history = (
+        Progress(0, system.energy(start.r), first.relative, 0, 0.0),
+        Progress(found.steps, found.energy, found.residual.relative, 0, seconds),  # in the last round no set changes
+    )
+    return replace(found, history=history)
+
+
+def _apart(
+    system: CondensedProblem, solver: Solver, rounded: Residual, controls: Controls, budget: Budget
+) -> Solution | None:
+    """The linear answer of a body that its load leaves so far from the foundation that the gap's rounding hides it."""
     found = system.at_a_distance(system.start())
     if found is None or not found[2].below(controls.atol, controls.rtol):
         return None
     unknowns, multiplier, reached = found
     energy = system.problem.energy(unknowns)
-    progress = Progress(0, energy, reached.relative, 0, time.perf_counter() - began)
+    progress = Progress(0, energy, reached.relative, 0, budget.spent)
     return Solution(
         problem=system.problem,
         unknowns=unknowns,
@@ -229,7 +278,7 @@ def _apart(system: CondensedProblem, solver: Solver, start: State, controls: Con
         steps=0,
         evaluations=1,
         history=(progress,),
-        timings={"condense": system.seconds, "iterate": time.perf_counter() - began, "recover": 0.0},
+        timings={"condense": system.seconds, "iterate": budget.spent, "recover": 0.0},
     )
 
 

@@ -96,8 +96,8 @@ class StageSolverOnRanks(StageSolver):
         own = bool(problem.contact_points) and problem.law.state_dependent
         return bool(self.discrete.ranks.largest(float(own))[0])
 
-    def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule) -> StageSolution:
-        problem, controls = stage.problem, self._controls(stage)
+    def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule, size: float) -> StageSolution:
+        problem, controls = stage.problem, self.controls.within(self.controls.rtol * size)
         body = _body_of(problem)
         start = body.start(None if initial is None else initial.unknowns)
         convexity_defect = self.convexity_defect(stage)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import number
 from hemivar.basics.arrays import real_array
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
@@ -86,26 +87,30 @@ class CoulombBound(StateBound):
     def _coefficient(self, points: Array | None) -> Array:
         return evaluate(self.coefficient, points, "coefficient of the Coulomb friction bound", 0.0)
 
+    @cached_property
+    def _known(self) -> Array:
+        return self._coefficient(None)
+
     def at(self, points: Array | None) -> CoulombBound:
         return CoulombBound(self._coefficient(points))
 
     def take(self, index: IntArray) -> CoulombBound:
-        mu = self._coefficient(None)
+        mu = self._known
         return self if mu.size == 1 else CoulombBound(mu[index])
 
     def value(self, penetration: Array, pressure: Array) -> Array:
-        return np.asarray(self._coefficient(None) * np.maximum(np.asarray(pressure, dtype=float), 0.0))
+        return np.asarray(self._known * np.maximum(np.asarray(pressure, dtype=float), 0.0))
 
     @property
     def lipschitz(self) -> Array:
-        return np.where(self._coefficient(None) > 0.0, np.inf, 0.0)
+        return np.where(self._known > 0.0, np.inf, 0.0)
 
     @property
     def differentiable(self) -> bool:
         return True
 
     def slopes(self, penetration: Array, pressure: Array) -> tuple[Array, Array]:
-        return np.zeros(np.shape(pressure)), np.where(pressure > 0.0, self._coefficient(None), 0.0)
+        return np.zeros(np.shape(pressure)), np.where(pressure > 0.0, self._known, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 import scipy.linalg as la
-import scipy.optimize as opt
 
 from hemivar.basics.arguments import expect
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import Superpotential, separable
@@ -282,9 +282,11 @@ class NewtonKrylov(InnerSolver):
 
     def _root(self, function: Callable[[Array], Array], start: Array) -> Array:
         """Where a function is zero, or as near to that as SciPy comes."""
+        with IMPORTS:
+            from scipy.optimize import NoConvergence, newton_krylov
         try:
-            return np.asarray(opt.newton_krylov(function, start, f_tol=self.tolerance, maxiter=60))
-        except opt.NoConvergence as error:
+            return np.asarray(newton_krylov(function, start, f_tol=self.tolerance, maxiter=60))
+        except NoConvergence as error:
             return np.asarray(error.args[0])
         except ValueError:  # SciPy's word for a Krylov space without a direction, as in a singular problem
             return start

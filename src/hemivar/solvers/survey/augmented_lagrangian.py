@@ -7,11 +7,11 @@ from enum import Enum
 from typing import ClassVar
 
 import numpy as np
-import scipy.optimize as opt
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.arguments import check_numbers
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -129,8 +129,11 @@ class AugmentedLagrangian(Solver):
         x0 = np.concatenate([state.r.ravel()[free] / length, state.lam.ravel()[free] / pressure])
         if free.size == 0:
             return replace(state, ended=Status.CONVERGED)
+        with IMPORTS:
+            from scipy.optimize import root
+
         options = {"xtol": self.tolerance} if self.root_finder is not RootFinder.KRYLOV else {"fatol": self.tolerance}
-        found = opt.root(gradient, x0, method=self.root_finder.value, options=options)
+        found = root(gradient, x0, method=self.root_finder.value, options=options)
         r, lam = split(np.asarray(found.x))
         off = system.residual(r, lam)
         penalty = max(self.smallest, self.decrease * penalty)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import scipy.optimize as opt
 
 from hemivar.basics.arguments import check_numbers
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -90,9 +90,12 @@ class Powell(Solver):
                 best = (value, r)
             return value
 
+        with IMPORTS:
+            from scipy.optimize import minimize
+
         ended: Status | None = None
         try:
-            opt.minimize(
+            minimize(
                 energy,
                 state.r.ravel()[free] / length,
                 method="Powell",
