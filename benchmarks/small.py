@@ -34,7 +34,7 @@ from hemivar import gallery
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
 from hemivar.evolution.march import March, marching
 from hemivar.files.problem_file import read_problem_file
-from hemivar.workflows.marching import MarchSettings, evolution_of, plan_of
+from hemivar.workflows.marching import evolution_of, plan_of
 
 #: Milliseconds that are asked for.
 MARKS = {"bounce": 1.0, "survey": 0.5, "static": 2.0, "answer": 600.0}
@@ -68,7 +68,7 @@ def of_steps(discrete: DiscreteEvolution, plan: March, repeats: int) -> float:
 
 def bounce(repeats: int) -> float:
     stated = read_problem_file(BOUNCE)
-    return of_steps(discretize_evolution(evolution_of(stated)), plan_of(stated, MarchSettings(until=0.5)), repeats)
+    return of_steps(discretize_evolution(evolution_of(stated)), plan_of(stated, until=0.5), repeats)
 
 
 def survey(repeats: int) -> float:
