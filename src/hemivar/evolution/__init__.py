@@ -1,5 +1,6 @@
 """Evolution: contact problems in time, each step of which is a static problem."""
 
+from hemivar.evolution.bonded_steps import BondedStep, bonded_steps
 from hemivar.evolution.evolution_problem import Evolution, Mass
 from hemivar.evolution.history import Frame, History, Row
 from hemivar.evolution.jumps import SelectionRule
@@ -27,6 +28,7 @@ __all__ = [
     "SDIRK2",
     "AdaptiveStep",
     "BondBroken",
+    "BondedStep",
     "Checkpoint",
     "Event",
     "Evolution",
@@ -51,6 +53,7 @@ __all__ = [
     "StepSizeController",
     "Touch",
     "When",
+    "bonded_steps",
     "march",
     "marching",
 ]
