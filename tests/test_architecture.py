@@ -377,7 +377,6 @@ UNTYPED = {
     "files.material_table": (1, "keywords of a dataclass, read from a file"),
     "files.memory_table": (3, "dataclasses found by their names"),
     "files.schema": (1, "keywords of a dataclass, read from a file"),
-    "files.thermal_table": (2, "keywords of a dataclass, read from a file"),
     "linear.pyamg_kernels": (1, "compiled kernels without types"),
     "linear.threads": (4, "libraries of threadpoolctl"),
     "report.adaptive_figures": (1, "axes in the plane or in space"),

@@ -9,12 +9,14 @@ from typing import cast
 import numpy as np
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.stated import keys_of
 from hemivar.basics.types import Array, Parameter
 from hemivar.files.body_table import check_boundary
 from hemivar.files.memory_table import memory_record, read_memory
 from hemivar.files.mesh_table import file_name
 from hemivar.files.not_expressible import not_expressible
-from hemivar.files.quantities import entries_record, quantity_record
+from hemivar.files.quantities import quantity_record
+from hemivar.files.schema import decode, encode
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.laws import (
@@ -36,13 +38,7 @@ from hemivar.mesh import Mesh
 
 __all__ = ["SideFiles", "contact_record", "read_contacts"]
 
-_OBSTACLES = {
-    "plane": ("point", "normal"),
-    "sphere": ("center", "radius", "inside"),
-    "cylinder": ("point", "axis", "radius", "inside"),
-    "distance": (),
-}
-_VECTORS = ("point", "normal", "center", "axis")
+_OBSTACLES: Mapping[str, type[Plane | Sphere | Cylinder]] = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
 
 #: What may stand under "normal".
 _LAWS = {**NORMAL_LAWS, **COUPLED_LAWS}
@@ -72,8 +68,7 @@ class _Reader:
         normal, friction = self.law(one, "normal", _LAWS), self.law(one, "friction", FRICTION_LAWS)
         assert isinstance(normal, Superpotential | VectorLaw)
         assert isinstance(friction, Friction)
-        gap = one.quantity("gap", one.data.get("gap", 0.0), self.dim, timed=True)
-        belt = one.vector("belt", one.data["belt"], self.dim, timed=True) if "belt" in one else 0.0
+        moved = decode(Contact, one, self.dim)
         obstacle = self.obstacle(one) if "obstacle" in one else None
         normals = None
         if obstacle is None and "normals" in one:
@@ -86,11 +81,13 @@ class _Reader:
         assert damping is None or isinstance(damping, Superpotential)
         memory = read_memory(one, self.dim)
         with context(f"{one.where('normal')}:"):
-            return Contact(normal, friction, gap, obstacle, normals, damping, memory, belt)
+            return Contact(
+                normal, friction, obstacle=obstacle, normals=normals, damping=damping, memory=memory, **moved
+            )
 
     def obstacle(self, table: TomlTable) -> Obstacle:
         """A rigid obstacle: a table with one of plane, sphere, cylinder and distance."""
-        given = table.table("obstacle", tuple(_OBSTACLES), inline=True)
+        given = table.table("obstacle", (*_OBSTACLES, "distance"), inline=True)
         if len(given.data) != 1:
             ways = "{ plane = ... }, { sphere = ... }, { cylinder = ... } or { distance = FORMULA }"
             raise table.error("obstacle", f"give one of {ways}")
@@ -102,21 +99,13 @@ class _Reader:
             return SignedDistance(distance)
         if shape == "cylinder" and self.dim == 2:
             raise given.error(shape, "in the plane it is a circle; write sphere = { center = ..., radius = ... }")
-        one = given.table(shape, _OBSTACLES[shape], inline=True)
-        missing = [key for key in _OBSTACLES[shape] if key not in one and key != "inside"]
+        kind_of = _OBSTACLES[shape]
+        one = given.table(shape, keys_of(kind_of), inline=True)
+        missing = [key for key in keys_of(kind_of) if key not in one and key != "inside"]
         if missing:
             raise one.error(missing[0], f"is missing; write {shape} = {{ {' = ..., '.join(missing)} = ... }}")
-        what = f"a list of {self.dim} numbers"
-        vectors = {key: one.numbers(key, self.dim, what) for key in _OBSTACLES[shape] if key in _VECTORS}
         with context(f"{given.where(shape)}:"):
-            if shape == "plane":
-                return Plane(**vectors)
-            inside = one.data.get("inside", False)
-            if not isinstance(inside, bool):
-                raise one.error("inside", f"must be true or false, not {kind(inside)}")
-            if shape == "sphere":
-                return Sphere(vectors["center"], one.positive("radius"), inside)
-            return Cylinder(vectors["point"], vectors["axis"], one.positive("radius"), inside)
+            return kind_of(**decode(kind_of, one, self.dim))
 
     def law(self, table: TomlTable, key: str, laws: Mapping[str, LawEntry]) -> Superpotential | Friction | VectorLaw:
         value = table.data.get(key, "none")
@@ -237,10 +226,7 @@ def contact_record(name: str, contact: Contact, aside: SideFiles) -> dict[str, o
         record["obstacle"] = _obstacle_record(contact.obstacle, f"{where}.obstacle")
         if contact.normals is Normals.BODY:
             record["normals"] = Normals.BODY.value
-    elif callable(contact.gap) or contact.gap != 0.0:
-        record["gap"] = quantity_record(contact.gap, f"{where}.gap")
-    if callable(contact.belt) or np.any(contact.belt):
-        record["belt"] = entries_record(contact.belt, f"{where}.belt")
+    record |= encode(contact, where)
     if contact.damping is not None:
         record["damping"] = _law_record(contact.damping, f"{where}.damping", name, aside, NORMAL_LAWS)
     if contact.memory:
@@ -328,13 +314,7 @@ def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles
 def _obstacle_record(obstacle: Obstacle, where: str) -> dict[str, object]:
     match obstacle:
         case Plane() | Sphere() | Cylinder():
-            shape = type(obstacle).__name__.lower()
-            record: dict[str, object] = {}
-            for key in _OBSTACLES[shape]:
-                value = getattr(obstacle, key)
-                if key != "inside" or value:
-                    record[key] = np.asarray(value, dtype=float).tolist() if key in _VECTORS else value
-            return {shape: record}
+            return {type(obstacle).__name__.lower(): encode(obstacle, where)}
         case SignedDistance(function=Formula(text=text), gradient=None):
             return {"distance": text}
         case SignedDistance(gradient=None):

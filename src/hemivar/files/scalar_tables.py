@@ -13,10 +13,12 @@ from typing import cast
 import numpy as np
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.stated import keys_of
 from hemivar.files.body_table import check_boundary
 from hemivar.files.contact_table import SideFiles, _friction_record, _law_record, _Reader
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
+from hemivar.files.schema import decode, encode
 from hemivar.files.toml import TomlTable, array, context, kind
 from hemivar.formula import Formula
 from hemivar.laws import Friction, Superpotential
@@ -24,7 +26,7 @@ from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
 from hemivar.mechanics.coefficient import Coefficient
 from hemivar.mechanics.conditions import ScalarData
 from hemivar.mechanics.gradient_energy import GradientEnergy
-from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem, Side
+from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem
 from hemivar.mesh import Mesh
 
 __all__ = ["SCALAR_KEYS", "read_scalar", "scalar_record"]
@@ -41,7 +43,7 @@ _RATES = {
     ScalarKind.ANTIPLANE: ("density", "viscosity"),
     ScalarKind.HEAT: ("capacity",),
 }
-_CONTACT = ("normal", "friction", "level", "side")
+_CONTACT = ("normal", "friction", *keys_of(ScalarContact))
 
 #: Keys of the top of such a file.
 SCALAR_KEYS = (
@@ -149,10 +151,9 @@ def _read_contact(table: TomlTable, reader: _Reader) -> ScalarContact:
     key = "normal" if "normal" in table else "friction"
     law = reader.law(table, key, NORMAL_LAWS if key == "normal" else FRICTION_LAWS)
     assert isinstance(law, Superpotential | Friction)
-    side = table.text("side", Side.ABOVE.value, [side.value for side in Side])
-    level = table.quantity("level", table.data.get("level", 0.0), reader.dim, timed=True)
+    place = decode(ScalarContact, table, reader.dim)
     with context(f"{table.where(key)}:"):
-        return ScalarContact(law, level, Side(side))
+        return ScalarContact(law, **place)
 
 
 def _read_area(top: TomlTable, mesh: Mesh, reader: _Reader) -> ScalarContact | dict[str, ScalarContact]:
@@ -225,8 +226,4 @@ def _contact_record(name: str, contact: ScalarContact, where: str, aside: SideFi
         record["friction"] = _friction_record(contact.law, f"{where}.law", name, aside)
     else:
         record["normal"] = _law_record(contact.law, f"{where}.law", name, aside, NORMAL_LAWS)
-    if callable(contact.level) or contact.level != 0.0:
-        record["level"] = quantity_record(contact.level, f"{where}.level")
-    if contact.side is not Side.ABOVE:
-        record["side"] = contact.side.value
-    return record
+    return record | encode(contact, where)

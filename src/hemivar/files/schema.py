@@ -112,7 +112,10 @@ def _toml(value: object) -> str:
 
 
 def _equal(one: object, other: object) -> bool:
-    return bool(np.array_equal(np.asarray(one), np.asarray(other)))
+    given, default = np.asarray(one), np.asarray(other)
+    if default.ndim == 0 and given.size:  # a vector of zeros is none
+        return bool(np.all(given == default))
+    return bool(np.array_equal(given, default))
 
 
 def _default(one: Field[object]) -> object:

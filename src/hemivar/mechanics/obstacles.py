@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
 
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, check_finite, evaluate_scalar, evaluate_vector
@@ -83,8 +84,8 @@ class Plane(Obstacle):
         Out of the obstacle, towards the body; of any length.
     """
 
-    point: Sequence[float] | Array
-    normal: Sequence[float] | Array
+    point: Sequence[float] | Array = field(metadata=stated(Form.POINT))
+    normal: Sequence[float] | Array = field(metadata=stated(Form.POINT))
 
     def __post_init__(self) -> None:
         point = _vector(self.point, "Plane: point")
@@ -120,9 +121,9 @@ class Sphere(Obstacle):
         The body lies inside: everything beyond the sphere is the obstacle.
     """
 
-    center: Sequence[float] | Array
-    radius: float
-    inside: bool = False
+    center: Sequence[float] | Array = field(metadata=stated(Form.POINT))
+    radius: float = field(metadata=stated(Form.NUMBER, above=0.0))
+    inside: bool = field(default=False, metadata=stated(Form.FLAG))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", _vector(self.center, "Sphere: center"))
@@ -158,10 +159,10 @@ class Cylinder(Obstacle):
         The body lies inside: everything beyond the cylinder is the obstacle.
     """
 
-    point: Sequence[float] | Array
-    axis: Sequence[float] | Array
-    radius: float
-    inside: bool = False
+    point: Sequence[float] | Array = field(metadata=stated(Form.POINT))
+    axis: Sequence[float] | Array = field(metadata=stated(Form.POINT))
+    radius: float = field(metadata=stated(Form.NUMBER, above=0.0))
+    inside: bool = field(default=False, metadata=stated(Form.FLAG))
 
     def __post_init__(self) -> None:
         point = _vector(self.point, "Cylinder: point")

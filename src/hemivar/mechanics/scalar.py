@@ -20,6 +20,7 @@ import numpy as np
 from hemivar.basics.arguments import described, expect
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.errors import ProblemError
@@ -97,8 +98,8 @@ class ScalarContact(PickleMixin):
     """
 
     law: Superpotential | Friction
-    level: ScalarData = 0.0
-    side: Side = Side.ABOVE
+    level: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, timed=True))
+    side: Side = field(default=Side.ABOVE, metadata=stated(Form.TEXT, choices=tuple(Side)))
 
     def __post_init__(self) -> None:
         if isinstance(self.law, OrthotropicFriction):

@@ -15,6 +15,7 @@ from hemivar.basics.arguments import described, expect, number, suggest
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.stated import Form, stated
 from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.errors import ProblemError
 from hemivar.laws import (
@@ -107,12 +108,12 @@ class Contact(PickleMixin):
 
     normal: Superpotential | VectorLaw
     friction: Friction = field(default_factory=NoFriction)
-    gap: ScalarData = 0.0
+    gap: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, timed=True))
     obstacle: Obstacle | None = None
     normals: Normals | None = None
     damping: Superpotential | None = None
     memory: tuple[Memory, ...] = ()
-    belt: VectorData | float = 0.0
+    belt: VectorData | float = field(default=0.0, metadata=stated(Form.VECTOR, timed=True))
 
     def __post_init__(self) -> None:
         _ = self.law

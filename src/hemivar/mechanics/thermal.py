@@ -16,6 +16,7 @@ import numpy as np
 from hemivar.basics.arguments import described, number, suggest
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import NoContact, PiecewiseQuadratic, Superpotential
@@ -54,10 +55,10 @@ class HeatContact(PickleMixin):
         A number is negative or not finite, the share is outside of [0, 1], conductance and exchange are both given.
     """
 
-    conductance: Conductance = 0.0
-    temperature: ScalarData = 0.0
-    share: float = 0.0
-    exchange: Superpotential | None = None
+    conductance: Conductance = field(default=0.0, metadata=stated(Form.OWN))
+    temperature: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, timed=True))
+    share: float = field(default=0.0, metadata=stated(Form.NUMBER))
+    exchange: Superpotential | None = field(default=None, metadata=stated(Form.OWN))
 
     def __post_init__(self) -> None:
         if not callable(self.conductance):
@@ -146,9 +147,9 @@ class Touching(PickleMixin):
         Not negative; the exponent positive.
     """
 
-    closed: float
-    per_pressure: float = 0.0
-    exponent: float = 1.0
+    closed: float = field(metadata=stated(Form.NUMBER, "the conductance where there is contact"))
+    per_pressure: float = field(default=0.0, metadata=stated(Form.NUMBER))
+    exponent: float = field(default=1.0, metadata=stated(Form.NUMBER))
 
     def __post_init__(self) -> None:
         for name in ("closed", "per_pressure", "exponent"):
@@ -197,18 +198,18 @@ class Heat(PickleMixin):
         Expansion and thermal stress are both given, or something is negative, not finite or of the wrong kind.
     """
 
-    conductivity: Coefficient
-    capacity: Regional
-    expansion: Regional | None = None
-    thermal_stress: Regional | None = None
-    coupling: float = 0.0
-    stress_free: float = 0.0
-    temperature: ScalarData = 0.0
-    supports: Mapping[str, ScalarData] = field(default_factory=dict)
-    fluxes: Mapping[str, ScalarData] = field(default_factory=dict)
-    source: ScalarData = 0.0
-    contact: Mapping[str, HeatContact] = field(default_factory=dict)
-    rtol: float = 1e-9
+    conductivity: Coefficient = field(metadata=stated(Form.OWN, "a conductivity"))
+    capacity: Regional = field(metadata=stated(Form.OWN, "a capacity"))
+    expansion: Regional | None = field(default=None, metadata=stated(Form.OWN))
+    thermal_stress: Regional | None = field(default=None, metadata=stated(Form.OWN))
+    coupling: float = field(default=0.0, metadata=stated(Form.NUMBER))
+    stress_free: float = field(default=0.0, metadata=stated(Form.NUMBER))
+    temperature: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY))
+    supports: Mapping[str, ScalarData] = field(default_factory=dict, metadata=stated(Form.OWN))
+    fluxes: Mapping[str, ScalarData] = field(default_factory=dict, metadata=stated(Form.OWN, key="flux"))
+    source: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, timed=True))
+    contact: Mapping[str, HeatContact] = field(default_factory=dict, metadata=stated(Form.OWN))
+    rtol: float = field(default=1e-9, metadata=stated(Form.NUMBER))
 
     def __post_init__(self) -> None:
         if self.expansion is not None and self.thermal_stress is not None:
