@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hemivar.basics.stated import Form, stated, stated_fields
+from hemivar.basics.stated import Form, keys_of, stated, stated_fields
 from hemivar.errors import ProblemError
 from hemivar.evolution import SCHEMES, March, Save
 from hemivar.files.not_expressible import difference
@@ -18,13 +18,17 @@ from hemivar.files.schema import decode, encode, rows_of
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.files.toml import KEYS, TomlTable
 from hemivar.formula import Formula
+from hemivar.mechanics.statement import Contact
+from hemivar.mechanics.thermal import Heat, HeatContact
 
-PAGE = (Path(__file__).parents[2] / "docs" / "problem-file.md").read_text(encoding="utf-8")
-#: Headings of the page, the classes whose fields stand below, and whether their table has a column of defaults.
-ON_THE_PAGE: dict[str, tuple[tuple[Any, ...], bool]] = {
-    "time": ((March, TimeSettings), True),
-    "output": ((Save, OutputSettings), False),
-    "solver": ((SolverSettings,), True),
+DOCS = Path(__file__).parents[2] / "docs"
+#: Page and heading, the classes whose fields stand below, and whether their table has a column of defaults.
+ON_THE_PAGE: dict[str, tuple[str, str, tuple[Any, ...], bool]] = {
+    "contact.*": ("problem-file.md", "`[contact.NAME]`", (Contact,), True),
+    "time": ("problem-file.md", "`[time]`", (March, TimeSettings), True),
+    "output": ("problem-file.md", "`[output]`", (Save, OutputSettings), False),
+    "solver": ("problem-file.md", "`[solver]`", (SolverSettings,), True),
+    "heat": ("thermal.md", "In a problem file", (Heat, HeatContact), True),
 }
 
 
@@ -100,16 +104,17 @@ def test_functions_are_refused() -> None:
 @pytest.mark.parametrize("name", ON_THE_PAGE)
 def test_the_page_says_what_the_fields_say(name: str) -> None:
     """The rows of the page are those that ``rows_of`` makes."""
-    classes, defaults = ON_THE_PAGE[name]
-    part = re.split(r"\n## ", PAGE.split(f"## `[{name}]`\n")[1])[0]
+    page, heading, classes, defaults = ON_THE_PAGE[name]
+    part = re.split(r"\n## ", (DOCS / page).read_text(encoding="utf-8").split(f"## {heading}\n")[1])[0]
     missing = [row for row in rows_of(*classes, defaults=defaults) if row not in part.splitlines()]
     assert missing == []
-    assert set(re.findall(r"^\| `(\w+)` \|", part, re.MULTILINE)) == set(KEYS[name])
+    keys = set(KEYS[name]) if name in KEYS else set(keys_of(*classes))
+    assert keys <= set(re.findall(r"^\| `(\w+)` \|", part, re.MULTILINE))
 
 
 @pytest.mark.parametrize("name", ON_THE_PAGE)
 def test_what_may_be_a_formula_is_marked(name: str) -> None:
-    for cls in ON_THE_PAGE[name][0]:
+    for cls in ON_THE_PAGE[name][2]:
         for key, (_, said) in stated_fields(cls).items():
             if said.form is not Form.OWN:
                 mark = "*(f, t)*" if said.timed else "*(f)*" if said.form in (Form.QUANTITY, Form.VECTOR) else ""

@@ -31,6 +31,9 @@ HEAT_KEYS = keys_of(Heat)
 def read_heat(table: TomlTable, problem: ContactProblem, reader: _Reader) -> Heat:
     """The table [heat] of a body."""
     mesh, dim = problem.mesh, problem.mesh.dim
+    for key in ("conductivity", "capacity"):
+        if key not in table:
+            raise table.error(key, "is missing; heat needs a conductivity and a capacity")
 
     def along(given: TomlTable, key: str) -> dict[str, object]:
         named = given.table(key, None, inline=True)

@@ -98,8 +98,10 @@ class ScalarContact(PickleMixin):
     """
 
     law: Superpotential | Friction
-    level: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, timed=True))
-    side: Side = field(default=Side.ABOVE, metadata=stated(Form.TEXT, choices=tuple(Side)))
+    level: ScalarData = field(
+        default=0.0, metadata=stated(Form.QUANTITY, "where the foundation stands *(f, t)*", timed=True)
+    )
+    side: Side = field(default=Side.ABOVE, metadata=stated(Form.TEXT, '`"above"` or `"below"`', choices=tuple(Side)))
 
     def __post_init__(self) -> None:
         if isinstance(self.law, OrthotropicFriction):

@@ -108,12 +108,29 @@ class Contact(PickleMixin):
 
     normal: Superpotential | VectorLaw
     friction: Friction = field(default_factory=NoFriction)
-    gap: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, timed=True))
+    gap: ScalarData = field(
+        default=0.0,
+        metadata=stated(
+            Form.QUANTITY,
+            "distance between body and foundation along the outward normal *(f, t)*; negative: they overlap at the "
+            "start",
+            timed=True,
+        ),
+    )
     obstacle: Obstacle | None = None
     normals: Normals | None = None
     damping: Superpotential | None = None
     memory: tuple[Memory, ...] = ()
-    belt: VectorData | float = field(default=0.0, metadata=stated(Form.VECTOR, timed=True))
+    belt: VectorData | float = field(
+        default=0.0,
+        metadata=stated(
+            Form.VECTOR,
+            "displacement of the foundation along its surface, a list of numbers or formulas *(f, t)*: slip is counted "
+            'from it. A belt that runs at 2 along x: `["2*t", 0]`',
+            timed=True,
+            left_out="at rest",
+        ),
+    )
 
     def __post_init__(self) -> None:
         _ = self.law

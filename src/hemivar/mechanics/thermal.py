@@ -55,10 +55,18 @@ class HeatContact(PickleMixin):
         A number is negative or not finite, the share is outside of [0, 1], conductance and exchange are both given.
     """
 
-    conductance: Conductance = field(default=0.0, metadata=stated(Form.OWN))
-    temperature: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, timed=True))
-    share: float = field(default=0.0, metadata=stated(Form.NUMBER))
-    exchange: Superpotential | None = field(default=None, metadata=stated(Form.OWN))
+    conductance: Conductance = field(
+        default=0.0, metadata=stated(Form.OWN, "a number, or `{ closed = 0.5, per_pressure = 0.1, exponent = 1.0 }`")
+    )
+    temperature: ScalarData = field(
+        default=0.0, metadata=stated(Form.QUANTITY, "temperature of the foundation *(f, t)*", timed=True)
+    )
+    share: float = field(
+        default=0.0, metadata=stated(Form.NUMBER, "part of the heat made by friction that enters the body")
+    )
+    exchange: Superpotential | None = field(
+        default=None, metadata=stated(Form.OWN, "in place of the conductance, `{ law = ... }`")
+    )
 
     def __post_init__(self) -> None:
         if not callable(self.conductance):
@@ -198,18 +206,44 @@ class Heat(PickleMixin):
         Expansion and thermal stress are both given, or something is negative, not finite or of the wrong kind.
     """
 
-    conductivity: Coefficient = field(metadata=stated(Form.OWN, "a conductivity"))
-    capacity: Regional = field(metadata=stated(Form.OWN, "a capacity"))
-    expansion: Regional | None = field(default=None, metadata=stated(Form.OWN))
-    thermal_stress: Regional | None = field(default=None, metadata=stated(Form.OWN))
-    coupling: float = field(default=0.0, metadata=stated(Form.NUMBER))
-    stress_free: float = field(default=0.0, metadata=stated(Form.NUMBER))
-    temperature: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY))
-    supports: Mapping[str, ScalarData] = field(default_factory=dict, metadata=stated(Form.OWN))
-    fluxes: Mapping[str, ScalarData] = field(default_factory=dict, metadata=stated(Form.OWN, key="flux"))
-    source: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, timed=True))
-    contact: Mapping[str, HeatContact] = field(default_factory=dict, metadata=stated(Form.OWN))
-    rtol: float = field(default=1e-9, metadata=stated(Form.NUMBER))
+    conductivity: Coefficient = field(
+        metadata=stated(Form.OWN, "a number, d lists of d numbers, or `{ REGION = ... }` *(f)*")
+    )
+    capacity: Regional = field(metadata=stated(Form.OWN, "heat per volume and degree, or `{ REGION = ... }` *(f)*"))
+    expansion: Regional | None = field(
+        default=None, metadata=stated(Form.OWN, "strain per degree, or `{ REGION = ... }` *(f)*")
+    )
+    thermal_stress: Regional | None = field(
+        default=None,
+        metadata=stated(Form.OWN, "pressure per degree in place of the expansion, or `{ REGION = ... }` *(f)*"),
+    )
+    coupling: float = field(
+        default=0.0, metadata=stated(Form.NUMBER, "absolute temperature in the heat of deformation")
+    )
+    stress_free: float = field(default=0.0, metadata=stated(Form.NUMBER, "temperature without thermal stress"))
+    temperature: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, "temperature at the start *(f)*"))
+    supports: Mapping[str, ScalarData] = field(
+        default_factory=dict,
+        metadata=stated(Form.OWN, "prescribed temperatures, `{ NAME = ... }` *(f, t)*", left_out="none"),
+    )
+    fluxes: Mapping[str, ScalarData] = field(
+        default_factory=dict,
+        metadata=stated(
+            Form.OWN, "heat flow into the body per area, `{ NAME = ... }` *(f, t)*", key="flux", left_out="none"
+        ),
+    )
+    source: ScalarData = field(
+        default=0.0, metadata=stated(Form.QUANTITY, "heat per volume and time *(f, t)*", timed=True)
+    )
+    contact: Mapping[str, HeatContact] = field(
+        default_factory=dict, metadata=stated(Form.OWN, "tables `[heat.contact.NAME]`, see below", left_out="none")
+    )
+    rtol: float = field(
+        default=1e-9,
+        metadata=stated(
+            Form.NUMBER, "how far temperatures of a step may change at last when motion and heat take turns"
+        ),
+    )
 
     def __post_init__(self) -> None:
         if self.expansion is not None and self.thermal_stress is not None:
