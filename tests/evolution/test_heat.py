@@ -40,7 +40,7 @@ def body(**more: Any) -> hv.ContactProblem:
         (lambda: HeatContact(conductance=-1.0), "conductance = -1; it must be a finite number that is not negative"),
         (lambda: HeatContact(conductance=np.nan), "conductance"),
         (lambda: HeatContact(conductance="2*p"), "the conductance is the text '2\\*p'|the conductance is"),
-        (lambda: HeatContact(share=1.2), "share = 1.2; the part of the heat of friction that the body takes lies"),
+        (lambda: HeatContact(share=1.2), "share = 1.2; give the part of the heat of friction that the body takes"),
         (lambda: HeatContact(temperature=np.inf), "temperature of a foundation"),
         (lambda: HeatContact(1.0, exchange=hv.Compliance(1.0)), "conductance and exchange are both given"),
         (lambda: HeatContact(exchange=2.0), "give a law of the difference of temperatures"),  # type: ignore[arg-type]
