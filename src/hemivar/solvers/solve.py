@@ -241,7 +241,7 @@ def _by_active_sets(
     They cost a fifth of the steps of :class:`NonsmoothNewton`.  Who counts, watches or changes those gets them.
     """
     law, watched = system.law, controls.callback is not None or controls.max_steps is not None
-    if solver != NonsmoothNewton() or watched or law.state_dependent:
+    if solver != NonsmoothNewton() or watched or law.state_dependent or not law.splits:
         return None
     if system.shape[1] > 2 or not 0 < system.free.size <= _SMALL:
         return None

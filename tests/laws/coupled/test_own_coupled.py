@@ -215,6 +215,15 @@ def test_the_margin_claims_uniqueness_within_the_reach() -> None:
     assert certificate.unique is not False
 
 
+def test_a_small_body_on_a_convex_law_is_solved_by_default() -> None:
+    """Springs and a quadratic law: a linear equation, from rest and from elsewhere."""
+    law = CoupledFormulaLaw("1e3*r^2 + 500*s^2", reach=0.1)
+    problem = point(1000.0, (12.0, 8.0), law)
+    exact = np.array([[-12.0 / 3000.0, 8.0 / 2000.0]])
+    for start in (None, np.array([0.05, -0.03])):
+        assert hv.solve(problem, initial=start).local == pytest.approx(exact, rel=1e-10)
+
+
 def block(law: OwnCoupledLaw | MixedMode) -> hv.ContactProblem:
     return hv.ContactProblem(
         hv.rectangle((1.0, 0.5), (8, 4)),
