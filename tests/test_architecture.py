@@ -302,7 +302,7 @@ READING = {"read_text", "read_bytes", "loadtxt", "genfromtxt"}
 OPENING = (
     "basics.disk",
     "cli.terminal",
-    "basics.memory",
+    "basics.machine",
     "engines.petsc.checkpoint",
     "engines.petsc.files",
     "engines.petsc.march_checkpoint",

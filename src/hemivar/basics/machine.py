@@ -6,13 +6,50 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
-__all__ = ["cores", "import_fails", "system"]
+__all__ = ["control_groups", "cores", "import_fails", "lines_of", "system"]
 
 
 def cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Processors that this process may use: those that it is bound to, or as many as its control groups let it."""
+    bound = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(min([bound, *(int(share) for share in _quotas())]), 1)
+
+
+def _quotas() -> Iterator[float]:
+    """Processors that each control group of the process, and each above it, may use at a time."""
+    for folder, second in control_groups("cpu"):
+        if second:
+            numbers = next(iter(lines_of(folder / "cpu.max")), "").split()
+        else:
+            numbers = [*lines_of(folder / "cpu.cfs_quota_us"), *lines_of(folder / "cpu.cfs_period_us")]
+        if len(numbers) == 2 and all(number.isdigit() and int(number) > 0 for number in numbers):  # not max, not -1
+            yield int(numbers[0]) / int(numbers[1])
+
+
+def control_groups(controller: str) -> Iterator[tuple[Path, bool]]:
+    """Folders of the control groups of this process and of those above them, and whether they are of version 2."""
+    for line in lines_of(Path("/proc/self/cgroup")):
+        number, controllers, path = [*line.split(":", 2), "", ""][:3]
+        second = number == "0" and not controllers
+        if not second and controller not in controllers.split(","):
+            continue
+        root = Path("/sys/fs/cgroup") if second else Path("/sys/fs/cgroup") / controller
+        group = root / path.lstrip("/")
+        for folder in (group, *group.parents):
+            yield folder, second
+            if folder == root:
+                break
+
+
+def lines_of(path: Path) -> list[str]:
+    """Lines of a file of the system; none where it cannot be read."""
+    try:
+        return path.read_text().splitlines()
+    except (OSError, UnicodeDecodeError):
+        return []
 
 
 def system() -> str:

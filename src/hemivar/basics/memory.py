@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+from hemivar.basics.machine import control_groups, lines_of
 from hemivar.errors import ProblemError
 
 __all__ = ["available_bytes", "mesh_bytes", "problem_bytes", "refined_cells", "require", "size_in_words"]
@@ -109,7 +110,7 @@ def size_in_words(amount: float) -> str:
 
 
 def _machine_left() -> float | None:
-    for line in _lines(Path("/proc/meminfo")):
+    for line in lines_of(Path("/proc/meminfo")):
         if line.startswith("MemAvailable:"):
             return 1024.0 * float(line.split()[1])
     return None
@@ -117,29 +118,22 @@ def _machine_left() -> float | None:
 
 def _groups_left() -> Iterator[float]:
     """What each control group of the process, and each group above it, leaves."""
-    for line in _lines(Path("/proc/self/cgroup")):
-        number, controllers, path = [*line.split(":", 2), "", ""][:3]
-        if number == "0" and not controllers:
-            root, names = Path("/sys/fs/cgroup"), ("memory.max", "memory.current", "inactive_file")
-        elif "memory" in controllers.split(","):
-            root = Path("/sys/fs/cgroup/memory")
-            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-        else:
-            continue
-        group = root / path.lstrip("/")
-        for folder in (group, *group.parents):
-            left = _group_left(folder, *names)
-            if left is not None:
-                yield left
-            if folder == root:
-                break
+    for folder, second in control_groups("memory"):
+        names = (
+            ("memory.max", "memory.current", "inactive_file")
+            if second
+            else ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+        )
+        left = _group_left(folder, *names)
+        if left is not None:
+            yield left
 
 
 def _group_left(folder: Path, limit_file: str, used_file: str, reclaimable_key: str) -> float | None:
     limit, used = _number(folder / limit_file), _number(folder / used_file)
     if limit is None or used is None or limit >= _UNLIMITED:
         return None
-    files = (line.split() for line in _lines(folder / "memory.stat"))
+    files = (line.split() for line in lines_of(folder / "memory.stat"))
     reclaimable = next((float(pair[1]) for pair in files if pair[0] == reclaimable_key), 0.0)
     return limit - used + reclaimable
 
@@ -150,19 +144,12 @@ def _address_space_left() -> float | None:
     except ImportError:
         return None
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    pages = next((line.split()[0] for line in _lines(Path("/proc/self/statm"))), None)
+    pages = next((line.split()[0] for line in lines_of(Path("/proc/self/statm"))), None)
     if limit == resource.RLIM_INFINITY or pages is None:
         return None
     return float(limit) - float(pages) * resource.getpagesize()
 
 
 def _number(path: Path) -> float | None:
-    text = next(iter(_lines(path)), "")
+    text = next(iter(lines_of(path)), "")
     return float(text) if text.isdigit() else None
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        return path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError):
-        return []

@@ -24,8 +24,8 @@ public:
         : level_(level), rows_(changed.rows), down_(down), active_(changed.active && !changed.level) {
         if (!active_) return;
         const auto& nodes = level.contact_nodes;
-        at_ = (down ? std::upper_bound(nodes.begin(), nodes.end(), from) - 1
-                    : std::lower_bound(nodes.begin(), nodes.end(), from)) - nodes.begin();
+        at_ = (down ? std::upper_bound(nodes.begin(), nodes.end(), from)
+                    : std::lower_bound(nodes.begin(), nodes.end(), from)) - nodes.begin() - (down ? 1 : 0);
         look();
     }
 

@@ -80,15 +80,14 @@ class Kernels:
         """``x += length p``, ``r -= length q``, in place, and the square of r; all arrays (n,)."""
         at, n = self.address, x.size
         for changed in (x, r):
-            flags = changed.flags
-            if changed.dtype != float or changed.shape != (n,) or not (flags.c_contiguous and flags.writeable):
+            if changed.dtype != float or changed.shape != (n,) or not changed.flags.carray:
                 raise ValueError("what is changed in place must be a contiguous array of float64")
         return float(self.call.hv_advance(n, length, at(_vector(p, n)), at(_vector(q, n)), at(x), at(r)))
 
 
 def _vector(x: Array, n: int) -> Array:
-    """A contiguous array (n,) of these numbers."""
-    found = np.ascontiguousarray(x, dtype=float)
+    """A contiguous and aligned array (n,) of these numbers."""
+    found = np.require(x, float, ["C", "A"])
     if found.shape != (n,):
         raise ValueError(f"a vector of {n} numbers is needed, not {found.shape}")
     return found

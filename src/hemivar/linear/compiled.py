@@ -49,7 +49,7 @@ class NodeSlots:
     def serves(self, n: int) -> bool:
         """Whether the compiled kernels know nodes of this size, and n unknowns have places of their own."""
         places, count = self.places, self.size * self.nodes
-        if self.size not in _SIZES or places.shape != (n,):
+        if self.size not in _SIZES or places.shape != (n,) or places.dtype.kind not in "iu":
             return False
         if n == 0 or int(places.min()) < 0 or int(places.max()) >= count:
             return False
@@ -86,6 +86,8 @@ class CompiledLevels:
         slots: Sequence[NodeSlots],
     ) -> None:
         self.kernels = kernels
+        if not matrices or len(transfers) != len(matrices) - 1:
+            raise ValueError(f"{len(matrices)} levels must have a transfer between any two, not {len(transfers)}")
         call, at = kernels.call, kernels.address
         self.pointer = call.hv_levels_new(len(matrices))
         if not self.pointer:
@@ -99,12 +101,15 @@ class CompiledLevels:
             _check(A, (n, n))
             if not slot.serves(n):
                 raise ValueError(f"level {k}: its unknowns have no places of their own in nodes")
-            rows = np.ascontiguousarray(contact, dtype=np.int32)
-            if rows.size and not (rows[0] >= 0 and rows[-1] < n and np.all(np.diff(rows) > 0)):
+            known = np.asarray(contact)
+            plain = known.ndim == 1 and (known.dtype.kind in "iu" or not known.size)
+            if not plain or (known.size and not (known[0] >= 0 and known[-1] < n and np.all(np.diff(known) > 0))):
                 raise ValueError(f"level {k}: contact unknowns must be between 0 and {n - 1}, in order")
-            places = np.ascontiguousarray(slot.places, dtype=np.int32)
-            signs = np.ones(n) if slot.signs is None else np.where(slot.signs < 0.0, -1.0, 1.0)
-            signs = np.ascontiguousarray(np.broadcast_to(signs, (n,)), dtype=np.float32)
+            rows, places = (np.ascontiguousarray(given, dtype=np.int32) for given in (known, slot.places))
+            signs = np.ones(n) if slot.signs is None else np.where(np.asarray(slot.signs) < 0.0, -1.0, 1.0)
+            if signs.shape != (n,):
+                raise ValueError(f"level {k}: signs must have one number for each of {n} unknowns, not {signs.shape}")
+            signs = np.ascontiguousarray(signs, dtype=np.float32)
             kernels.check(
                 call.hv_levels_matrix(
                     self.pointer, k, n, at(A.indptr), at(A.indices), at(A.data), slot.size, slot.nodes, at(places),
@@ -120,9 +125,15 @@ class CompiledLevels:
     def __reduce__(self) -> str:
         raise TypeError("compiled levels belong to this process")
 
+    def check(self, k: int) -> None:
+        """Refuse a level that is not there; Python would count from the end, the kernels would not."""
+        if not 0 <= k < len(self.sizes):
+            raise ValueError(f"there is no level {k}; it must be between 0 and {len(self.sizes) - 1}")
+
     def multiply(self, k: int, x: Array) -> Array:
         """The matrix of a level times a vector (n,)."""
-        A, x = self._matrices[k], np.ascontiguousarray(x, dtype=float)
+        self.check(k)
+        A, x = self._matrices[k], np.require(x, float, ["C", "A"])
         if x.shape != (self.sizes[k],):
             raise ValueError(f"level {k} has {self.sizes[k]} unknowns, not {x.shape}")
         out, at = np.empty_like(x), self.kernels.address
@@ -146,8 +157,9 @@ class CompiledTruncation:
 
     def change(self, k: int, held: BoolArray, values: Array) -> None:
         """Other entries for the rows of the contact unknowns of a level, of which some are held."""
+        self._levels.check(k)
         held = np.ascontiguousarray(held, dtype=np.uint8)
-        values = np.ascontiguousarray(values, dtype=float)
+        values = np.require(values, float, ["C", "A"])
         if (held.size, values.size) != self._levels.entries[k]:
             raise ValueError(f"level {k} has {self._levels.entries[k]} contact unknowns and entries of their rows")
         at = self._kernels.address
@@ -155,6 +167,7 @@ class CompiledTruncation:
 
     def replace(self, k: int, A: sp.csr_array) -> None:
         """Another matrix for a level without contact unknowns."""
+        self._levels.check(k)
         n = self._levels.sizes[k]
         _check(A, (n, n))
         at = self._kernels.address
@@ -164,14 +177,15 @@ class CompiledTruncation:
 
     def set_root(self, root: Array) -> None:
         """R with R R' about the inverse of the coarsest matrix."""
-        root = np.ascontiguousarray(root, dtype=float)
+        root = np.require(root, float, ["C", "A"])
         if root.shape != (self._levels.sizes[0],) * 2:
             raise ValueError("the root of the inverse has another size than the coarsest level")
         self._kernels.check(self._kernels.call.hv_truncation_root(self._pointer, self._kernels.address(root)))
 
     def cycle(self, k: int, right: Array) -> Array:
         """One symmetric V-cycle from zero; the answer has the accuracy of single precision."""
-        right = np.ascontiguousarray(right, dtype=float)
+        self._levels.check(k)
+        right = np.require(right, float, ["C", "A"])
         if right.shape != (self._levels.sizes[k],):
             raise ValueError(f"level {k} has {self._levels.sizes[k]} unknowns, not {right.shape}")
         out = np.empty_like(right)
