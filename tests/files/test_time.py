@@ -172,6 +172,7 @@ def test_everything_comes_back(tmp_path: Path) -> None:
         {"time": "until = 1\nstep = 0.1"},
         {"time": "until = 1e3\nscheme = 'implicit-euler'"},
         {"time": "until = 1\nstops = [0.25, 0.5]"},
+        {"time": "until = 1\nscheme = { name = 'midpoint', conserving = true }"},
         {"time": "until = 1\nscheme = { name = 'midpoint' }\nstep = { rtol = 1e-3 }\njump = 'global'"},
         {"time": "until = 1\ninitial = { displacement = ['x', 0.1] }", "output": "probes = { 'a b' = [1, 0.5] }"},
         {"time": "until = 1", "output": "checkpoint = 'run.ckpt'\nfields = 'a.xdmf'\nanimation = 'a.gif'"},
@@ -357,6 +358,26 @@ BAD: dict[str, tuple[dict[str, str], str]] = {
     "scheme parameter": (
         {"time": "until = 1\nscheme = { name = 'generalized-alpha', rho = 2 }"},
         "scheme.rho: is 2; it must lie between 0 and 1",
+    ),
+    "scheme gamma": (
+        {"time": "until = 1\nscheme = { name = 'newmark', gamma = 0.4 }"},
+        "scheme.gamma: is 0.4; it must lie between 0.5 and 1",
+    ),
+    "scheme beta": (
+        {"time": "until = 1\nscheme = { name = 'newmark', beta = 0.6 }"},
+        "scheme.beta: is 0.6; it must lie between 0 and 0.5",
+    ),
+    "scheme unstable": (
+        {"time": "until = 1\nscheme = { name = 'newmark', beta = 0.2, gamma = 0.5 }"},
+        r"\[time\] scheme: Newmark\(beta=0.2, gamma=0.5\) is not stable",
+    ),
+    "scheme theta": (
+        {"time": "until = 1\nscheme = { name = 'moreau-jean', theta = 0.4 }"},
+        "scheme.theta: is 0.4; it must lie between 0.5 and 1",
+    ),
+    "scheme conserving": (
+        {"time": "until = 1\nscheme = { name = 'midpoint', conserving = 1 }"},
+        "scheme.conserving: must be true or false, not the number 1",
     ),
     "scheme foreign": (
         {"time": "until = 1\nscheme = { name = 'midpoint', rho = 1 }"},

@@ -13,7 +13,7 @@ from hemivar import cli
 from hemivar.basics.content import content
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
-from hemivar.files.history_table import read_history_table
+from hemivar.files.history_table import quantity_of, read_history_table
 from hemivar.files.problem_file import parse_problem_file, read_problem_file, write_problem
 from hemivar.solvers import solve
 from tests.problems import square
@@ -134,3 +134,15 @@ def test_a_table_in_time_has_units_in_its_heads_and_is_read_without(tmp_path: Pa
     assert "(" not in (tmp_path / "b.csv").read_text().splitlines()[0]
     assert list(plain) == list(table)
     assert all(np.array_equal(plain[name], table[name], equal_nan=True) for name in plain)
+
+
+@pytest.mark.parametrize(
+    ("column", "quantity"),
+    [
+        ("time", "time"), ("step", "time"), ("largest_step", "time"), ("bottom.penetration", "length"),
+        ("tip.u_x", "length"), ("bottom.normal_force", "force"), ("friction_force", "force"), ("work", "energy"),
+        ("gap", "energy"), ("thermal", "energy"), ("margin", ""), ("solver_steps", ""), ("contact_measure", ""),
+    ],
+)  # fmt: skip
+def test_what_a_column_measures(column: str, quantity: str) -> None:
+    assert quantity_of(column) == quantity
