@@ -13,6 +13,11 @@ smallest time of each counts.  ``steps`` and ``cycles`` are those on the finest 
 ``linear_s``, the linear body at small strain, and ``alone_cycles`` are those of the same body without its foundation,
 by the same method.  Seconds are then those of the processor.
 
+Where the kernels are compiled, ``cycle_ms`` is one multigrid cycle in single precision, and ``share`` the part of the
+bandwidth of memory that it reaches, by one thread and by two: bytes that it has to read and write (each block twice,
+the vectors of a level about nine times) over its time, against those of a triad in double precision (``x += a p``,
+``r -= a q``) by as many threads, GB/s of which are ``triad``.  ``gain`` is what two threads gain over one.
+
 ``--others`` adds what other libraries take for the linear problem, where they are installed (see competitors.py).
 """
 
@@ -35,9 +40,14 @@ from common import peak_mib, show
 import hemivar as hv
 from hemivar import gallery
 from hemivar.fem.energy_integral import EnergyIntegral
+from hemivar.kernels import kernels, threads
+from hemivar.linear.levels import Truncated
 from hemivar.systems.body_on_levels import levels_of
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 TOLERANCE = 1e-10
+#: Numbers in a vector of the triad, beyond all caches, and bytes that it moves for each: four are read, two written.
+TRIAD, MOVED = 8_000_000, 48
 PROBLEMS = {
     (2, "survey"): lambda n: gallery.survey("5.1", n, "right"),
     (2, "weakening"): lambda n: gallery.survey_logarithmic(0.3, n, "right"),
@@ -84,6 +94,39 @@ def measure(dim: int, law: str, n: int, repeats: int) -> tuple[dict[str, Any], h
         "peak_mib": peak_mib(),
     }
     return row, problem
+
+
+def seconds_of(work: Callable[[], object], repeats: int) -> float:
+    """The least of some turns."""
+    spent = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        spent.append(time.perf_counter() - start)
+    return min(spent)
+
+
+def bandwidth(problem: hv.DiscreteProblem, repeats: int) -> dict[str, Any]:
+    """A cycle against a triad, by one thread and by two."""
+    library, levels = kernels(), ElasticMultigrid.of(problem).levels
+    if library is None or levels.compiled is None:
+        return {}
+    top, moved = len(levels.sizes) - 1, 0
+    for A in levels.compiled.matrices[1:]:
+        d = problem.contact.components
+        moved += 2 * A.nnz // d**2 * 4 * (d**2 + 1) + 4 * A.shape[0] * (2 * d + 9)
+    whole = Truncated(levels, top)
+    x, r, p, q = (np.ones(TRIAD) for _ in range(4))
+    row: dict[str, Any] = {}
+    for count in (1, 2):
+        library.call.hv_set_threads(count)
+        cycle = seconds_of(lambda: whole.fast_cycle(top, problem.load), 5 * repeats)
+        triad = seconds_of(lambda: library.advance(1e-9, p, q, x, r), 5 * repeats)
+        speed = MOVED * TRIAD / triad
+        found = {"cycle_ms": 1e3 * cycle, "triad": 1e-9 * speed, "share": moved / cycle / speed}
+        row |= {f"{name}_{count}": value for name, value in found.items()}
+    library.call.hv_set_threads(threads())
+    return row | {"gain": row["cycle_ms_1"] / row["cycle_ms_2"], "triad_gain": row["triad_2"] / row["triad_1"]}
 
 
 def hencky(dim: int, law: str, n: int, repeats: int) -> dict[str, Any]:
@@ -171,6 +214,7 @@ def main() -> None:
             print(json.dumps(rows[-1]), file=sys.stderr)
             continue
         row, problem = measure(options.dim, options.law, n, options.repeats)
+        row |= bandwidth(problem, options.repeats)
         rows.append(row | (others(problem, options.dim, n, options.petsc_python) if options.others else {}))
         print(json.dumps(rows[-1]), file=sys.stderr)
     columns = list(dict.fromkeys(key for row in rows for key in row))

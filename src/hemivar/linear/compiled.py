@@ -93,7 +93,7 @@ class CompiledLevels:
         if not self.pointer:
             raise MemoryError("no memory for the compiled kernels")
         weakref.finalize(self, call.hv_levels_free, self.pointer)
-        self._matrices = list(matrices)  # which products read
+        self.matrices = list(matrices)  # which products read
         self.sizes = [matrix.shape[0] for matrix in matrices]
         self.entries = []
         for k, (A, contact, slot) in enumerate(zip(matrices, contacts, slots, strict=True)):
@@ -133,7 +133,7 @@ class CompiledLevels:
     def multiply(self, k: int, x: Array) -> Array:
         """The matrix of a level times a vector (n,)."""
         self.check(k)
-        A, x = self._matrices[k], np.require(x, float, ["C", "A"])
+        A, x = self.matrices[k], np.require(x, float, ["C", "A"])
         if x.shape != (self.sizes[k],):
             raise ValueError(f"level {k} has {self.sizes[k]} unknowns, not {x.shape}")
         out, at = np.empty_like(x), self.kernels.address
