@@ -10,7 +10,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
@@ -103,11 +103,8 @@ class NamedLaw(ParameterLaw):
     def piece_formula(self, piece: int) -> str:
         return self.table.piece_formula(piece)
 
-    def knot_slopes(self) -> tuple[Array, Array]:
+    def _knot_sides(self) -> tuple[Array, Array]:
         return self.table.knot_slopes()
-
-    def kinks(self) -> BoolArray:
-        return self.table.kinks()
 
     @property
     def straight(self) -> bool:

@@ -13,7 +13,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.rescaled import RescaledLaw
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.superpotential import Interval, Superpotential, entry
 
 __all__ = ["PiecewiseQuadratic"]
 
@@ -188,13 +188,6 @@ class PiecewiseQuadratic(Superpotential):
     def domain(self) -> Interval:
         return Interval(np.asarray(self.lower), np.asarray(self.upper))
 
-    def _pick(self, table: Array, piece: IntArray) -> Array:
-        if piece.ndim and table.shape[:-1] == (1,):
-            return np.asarray(table[0].take(piece))
-        shape = np.broadcast_shapes(piece.shape, table.shape[:-1])
-        table = np.broadcast_to(table, (*shape, table.shape[-1]))
-        return np.take_along_axis(table, np.broadcast_to(piece, shape)[..., None], axis=-1)[..., 0]
-
     @cached_property
     def _anchors(self) -> tuple[Array, Array, Array]:
         """For each piece the knot that its formula refers to, j' there on the side of the piece, and j; (m, K + 1)."""
@@ -208,47 +201,33 @@ class PiecewiseQuadratic(Superpotential):
     def _anchor(self, piece: IntArray) -> tuple[Array, Array]:
         """Knot to which the formula of each piece refers, and j' there on the side of the piece."""
         knots, slopes, _ = self._anchors
-        return self._pick(knots, piece), self._pick(slopes, piece)
+        return entry(knots, piece), entry(slopes, piece)
 
     def piece_value(self, piece: IntArray, r: Array) -> Array:
         t, slope = self._anchor(piece)
         s = r - t
-        base = self._pick(self._anchors[2], piece) - self._offset
-        return base + slope * s + 0.5 * self._pick(self.slopes, piece) * s**2
+        base = entry(self._anchors[2], piece) - self._offset
+        return base + slope * s + 0.5 * entry(self.slopes, piece) * s**2
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
         t, slope = self._anchor(piece)
-        return slope + self._pick(self.slopes, piece) * (r - t)
+        return slope + entry(self.slopes, piece) * (r - t)
 
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
-        curvature = self._pick(self.slopes, piece)
+        curvature = entry(self.slopes, piece)
         return np.broadcast_to(curvature, np.broadcast_shapes(curvature.shape, np.shape(r)))
 
     def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
-        (t, slope), bend = self._anchor(piece), self._pick(self.slopes, piece)
+        (t, slope), bend = self._anchor(piece), entry(self.slopes, piece)
         line = slope + bend * (r - t)
         return line, np.broadcast_to(bend, line.shape)
 
-    def knot_slopes(self) -> tuple[Array, Array]:
-        return self._slopes
-
-    @cached_property
-    def _slopes(self) -> tuple[Array, Array]:
+    def _knot_sides(self) -> tuple[Array, Array]:
         lower, upper = np.asarray(self.lower)[..., None], np.asarray(self.upper)[..., None]
         return (
             np.where(self.breakpoints <= lower, -np.inf, self._left),
             np.where(self.breakpoints >= upper, np.inf, self._right),
         )
-
-    def kinks(self) -> BoolArray:
-        return self._kinks
-
-    @cached_property
-    def _kinks(self) -> BoolArray:
-        ends = (self.breakpoints <= np.asarray(self.lower)[..., None]) | (
-            self.breakpoints >= np.asarray(self.upper)[..., None]
-        )
-        return np.asarray(((self.jumps != 0.0) | ends) & np.isfinite(self._told))
 
     def _inside(self) -> tuple[BoolArray, BoolArray]:
         """Pieces and knots that lie inside the domain (knots: strictly)."""

@@ -82,6 +82,8 @@ class RescaledLaw(Superpotential):
         return self.base.searched
 
     def place_of(self, knot: IntArray) -> Array:
+        if not self.searched:
+            return super().place_of(knot)
         place = self.base.place_of(knot)
         return np.asarray((place - self.c) / self.theta) if self.moved else place
 
@@ -148,11 +150,7 @@ class RescaledLaw(Superpotential):
         left, right = self.base.slopes_at(knot)
         return _sides(self.factor, left), _sides(self.factor, right)
 
-    def knot_slopes(self) -> tuple[Array, Array]:
-        return self._slopes
-
-    @cached_property
-    def _slopes(self) -> tuple[Array, Array]:
+    def _knot_sides(self) -> tuple[Array, Array]:
         left, right = (_sides(self.factor[:, None], side) for side in self.base.knot_slopes())
         return np.broadcast_to(left, (self.rows, left.shape[-1])), np.broadcast_to(right, (self.rows, right.shape[-1]))
 

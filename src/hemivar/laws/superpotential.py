@@ -24,7 +24,7 @@ from hemivar.laws import minimisers
 from hemivar.laws.description import LawDescription, describe
 from hemivar.laws.minimisers import AT_ONCE, FAR
 
-__all__ = ["Interval", "Superpotential"]
+__all__ = ["Interval", "Superpotential", "entry"]
 
 #: Knots from which on they are many.
 _MANY = 40
@@ -52,6 +52,17 @@ class Interval:
     def contains(self, x: Array, tolerance: float = 0.0) -> BoolArray:
         """Whether each ``x`` lies in its interval, up to ``tolerance``."""
         return self.distance(x) <= tolerance
+
+
+def entry(table: Array, index: IntArray) -> Array:
+    """The entry of each row of a table (m or 1, K) that belongs to its index."""
+    if index.ndim and table.shape[:-1] == (1,):
+        return np.asarray(table[0].take(index))
+    if index.ndim == 1 and len(table) == index.size:
+        return np.asarray(table[np.arange(index.size), index])
+    shape = np.broadcast_shapes(index.shape, table.shape[:-1])
+    table = np.broadcast_to(table, (*shape, table.shape[-1]))
+    return np.asarray(np.take_along_axis(table, np.broadcast_to(index, shape)[..., None], axis=-1)[..., 0])
 
 
 class Superpotential(PickleMixin, ABC):
@@ -219,18 +230,23 @@ class Superpotential(PickleMixin, ABC):
         knots = self.knots
         return knots.shape[-1] if knots.shape[0] == 1 and knots.shape[-1] > _MANY else 0
 
+    @property
+    def width(self) -> int:
+        """Number K of knots in a row."""
+        return self.searched or int(self.knots.shape[-1])
+
     def knots_before(self, r: Array) -> IntArray:
         """How many knots lie before each ``r (m,)``; only if they are searched."""
         return np.asarray(np.searchsorted(self.knots[0], r, side="left"), dtype=np.int64)
 
     def place_of(self, knot: IntArray) -> Array:
-        """Where one knot for each point lies, (m,); only if they are searched."""
-        return np.asarray(self.knots[0].take(knot))
+        """Where one knot for each point lies, (m,)."""
+        return entry(self.knots, knot)
 
     def slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
-        """Derivatives to the left and to the right of one knot for each point, (m,); only if they are searched."""
+        """Derivatives to the left and to the right of one knot for each point, (m,)."""
         left, right = self.knot_slopes()
-        return left[0].take(knot), right[0].take(knot)
+        return entry(left, knot), entry(right, knot)
 
     # ---- what follows --------------------------------------------------------------------------------
 
@@ -243,29 +259,22 @@ class Superpotential(PickleMixin, ABC):
 
     def piece_bounds(self, piece: IntArray) -> tuple[Array, Array]:
         """End points of each piece, cut at the domain."""
-        piece = np.asarray(piece)
-        if count := self.searched:
-            low = np.where(piece > 0, self.place_of(np.maximum(piece - 1, 0)), -np.inf)
-            high = np.where(piece < count, self.place_of(np.minimum(piece, count - 1)), np.inf)
-            ends = self.domain
-            return np.clip(low, ends.lower, ends.upper), np.clip(high, ends.lower, ends.upper)
-        knots = self.knots
-        padded = np.concatenate(
-            [np.full((*knots.shape[:-1], 1), -np.inf), knots, np.full((*knots.shape[:-1], 1), np.inf)],
-            axis=-1,
-        )
-        if piece.ndim and padded.shape[:-1] == (1,):
-            low, high = padded[0].take(piece), padded[0].take(piece + 1)
-        else:
-            padded = np.broadcast_to(padded, (*np.broadcast_shapes(piece.shape, padded.shape[:-1]), padded.shape[-1]))
-            index = np.broadcast_to(piece, padded.shape[:-1])[..., None]
-            low = np.take_along_axis(padded, index, axis=-1)[..., 0]
-            high = np.take_along_axis(padded, index + 1, axis=-1)[..., 0]
-        bound = self.domain
-        return np.clip(low, bound.lower, bound.upper), np.clip(high, bound.lower, bound.upper)
+        piece, last = np.asarray(piece), self.width - 1
+        low = np.where(piece > 0, self.place_of(np.maximum(piece - 1, 0)), -np.inf)
+        high = np.where(piece <= last, self.place_of(np.minimum(piece, last)), np.inf)
+        ends = self.domain
+        return np.clip(low, ends.lower, ends.upper), np.clip(high, ends.lower, ends.upper)
 
     def knot_slopes(self) -> tuple[Array, Array]:
         """Derivatives to the left and to the right of each knot, ``(m or 1, K)`` each; -inf, +inf at domain ends."""
+        return self._slopes
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array]:
+        return self._knot_sides()
+
+    def _knot_sides(self) -> tuple[Array, Array]:
+        """:meth:`knot_slopes`, which are kept."""
         knots = self.knots
         index = np.broadcast_to(np.arange(knots.shape[-1]), knots.shape)
         finite = np.isfinite(knots)
@@ -297,22 +306,18 @@ class Superpotential(PickleMixin, ABC):
     def at_kink(self, r: Array) -> BoolArray:
         """Whether each ``r`` sits exactly on a kink, so that j has no derivative there."""
         r = np.asarray(r, dtype=float)
-        if count := self.searched:
-            near = np.minimum(self.knots_before(r), count - 1)
-            left, right = self.slopes_at(near)
-            return np.asarray((self.place_of(near) == r) & np.isfinite(r) & (left != right))
-        return np.asarray(np.any((r[..., None] == self.knots) & self.kinks(), axis=-1))
+        here, left, right = self._knot_at(r)
+        return np.asarray(here & (left != right))
+
+    def _knot_at(self, r: Array) -> tuple[BoolArray, Array, Array]:
+        """Whether each r is a knot, and the derivatives on both sides of the knot there."""
+        knot = np.minimum(self.piece_of(r), self.width - 1)
+        return np.asarray((self.place_of(knot) == r) & np.isfinite(r)), *self.slopes_at(knot)
 
     def kink_within(self, r: Array, near: float) -> Array:
         """The kink nearest to each ``r (m,)`` if it is not farther than ``near``, else nan."""
-        if not (count := self.searched):
-            off = np.where(self.kinks(), np.abs(r[:, None] - self.knots), np.inf)
-            at = np.argmin(off, axis=1)
-            knots = np.broadcast_to(self.knots, off.shape)
-            rows = np.arange(r.size)
-            return np.where(off[rows, at] <= near, knots[rows, at], np.nan)
         best, place = np.full(r.shape, near), np.full(r.shape, np.nan)
-        after = self.knots_before(r)
+        count, after = self.width, self.piece_of(r)
         for knot in (after - 1, after):  # knots nearer to each other than that cannot be told apart anyway
             inside = np.clip(knot, 0, count - 1)
             there = self.place_of(inside)
@@ -335,29 +340,12 @@ class Superpotential(PickleMixin, ABC):
     def subdifferential(self, r: Array) -> Interval:
         """Clarke subdifferential dj(r), an interval for each point (empty, ``[inf, -inf]``, outside the domain)."""
         r = np.asarray(r, dtype=float)
-        slope = self.derivative(r)
-        if count := self.searched:
-            near = np.minimum(self.knots_before(r), count - 1)
-            here = (self.place_of(near) == r) & np.isfinite(r)
-            left, right = self.slopes_at(near)
-            low, high = np.where(here, np.minimum(left, right), slope), np.where(here, np.maximum(left, right), slope)
-            ends = self.domain
-            outside = (r < ends.lower) | (r > ends.upper)
-            return Interval(np.where(outside, np.inf, low), np.where(outside, -np.inf, high))
-        knots = self.knots
-        at_knot = np.any(r[..., None] == knots, axis=-1)
-        if not at_knot.any():
-            ends = self.domain
-            outside = (r < ends.lower) | (r > ends.upper)
-            return Interval(np.where(outside, np.inf, slope), np.where(outside, -np.inf, slope))
-        left, right = self.knot_slopes()
-        low, high = np.where(at_knot, np.inf, slope), np.where(at_knot, -np.inf, slope)
-        for i in range(knots.shape[-1]):
-            here = r == knots[..., i]
-            low = np.where(here, np.minimum(low, np.minimum(left[..., i], right[..., i])), low)
-            high = np.where(here, np.maximum(high, np.maximum(left[..., i], right[..., i])), high)
-        bound = self.domain
-        outside = (r < bound.lower) | (r > bound.upper)
+        low = high = self.derivative(r)
+        here, left, right = self._knot_at(r)
+        if here.any():
+            low, high = np.where(here, np.minimum(left, right), low), np.where(here, np.maximum(left, right), high)
+        ends = self.domain
+        outside = (r < ends.lower) | (r > ends.upper)
         return Interval(np.where(outside, np.inf, low), np.where(outside, -np.inf, high))
 
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:

@@ -109,14 +109,10 @@ class OwnLaw(Superpotential):
             return smooth.text
         return f"-({smooth.text}) at |r|"
 
-    @cached_property
-    def _slopes(self) -> tuple[Array, Array]:
-        left, right = super().knot_slopes()
+    def _knot_sides(self) -> tuple[Array, Array]:
+        left, right = super()._knot_sides()
         size = 1e-9 * (1.0 + np.abs(left) + np.abs(right))
         return left, np.where(np.abs(right - left) <= size, left, right)  # no kinks by rounding
-
-    def knot_slopes(self) -> tuple[Array, Array]:
-        return self._slopes
 
     @cached_property
     def _samples(self) -> tuple[Array, IntArray]:

@@ -160,15 +160,11 @@ class AveragedLaw(LawOfOne):
         a, _, c, _, s = self._at(piece, r)
         return np.asarray(0.5 * c - np.where(a == 0.0, 0.0, a / np.where(a == 0.0, 1.0, s) ** 2))
 
-    @cached_property
-    def _slopes(self) -> tuple[Array, Array]:
-        left, right = super().knot_slopes()
+    def _knot_sides(self) -> tuple[Array, Array]:
+        left, right = super()._knot_sides()
         here = np.arange(self.knots.shape[-1]) == self._numbers[5][:, None]
         smooth = here & ~self.base.at_kink(np.broadcast_to(self.before, (len(self.knots),)))[:, None]
         return left, np.where(here & ~smooth, right, left)  # the mean is continuous elsewhere
-
-    def knot_slopes(self) -> tuple[Array, Array]:
-        return self._slopes
 
     def piece_formula(self, piece: int) -> str:
         _, a, b, c, _, _ = self._numbers

@@ -138,8 +138,8 @@ class BondLaw(TransformedLaw):
         bent = np.where(kind == 0, gamma * most**2 * (1.0 - 3.0 * y) / (1.0 + y) ** 3, gamma * beta**2)
         return np.where(kind == 2, 0.0, bent)
 
-    def knot_slopes(self) -> tuple[Array, Array]:
-        left, _ = super().knot_slopes()
+    def _knot_sides(self) -> tuple[Array, Array]:
+        left, _ = super()._knot_sides()
         return left, left  # there are no kinks
 
     def piece_formula(self, piece: int) -> str:

@@ -179,7 +179,7 @@ class EnvelopeLaw(LawOfOne):
         bent = self.base.piece_curvature(own, s)
         return np.where(held, 1.0 / np.where(held, c, 1.0), bent / (1.0 + c * bent))
 
-    def knot_slopes(self) -> tuple[Array, Array]:
+    def _knot_sides(self) -> tuple[Array, Array]:
         knots, _, below, above = self.images
         used = np.isfinite(knots)
         return np.where(used, below, 0.0), np.where(used, above, 0.0)

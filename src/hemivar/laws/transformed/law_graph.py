@@ -202,15 +202,11 @@ class LawGraph(TransformedLaw):
     def _sprung(self, values: Array | float, piece: IntArray, r: Array) -> Array:
         return np.asarray(values if self.springs is None else values + pick(self.springs, np.asarray(piece)) * r)
 
-    @cached_property
-    def _slopes(self) -> tuple[Array, Array]:
+    def _knot_sides(self) -> tuple[Array, Array]:
         finite = np.isfinite(self.places)
         below = np.where(self.places <= self.ends.lower[..., None], -np.inf, self.below)
         above = np.where(self.places >= self.ends.upper[..., None], np.inf, self.above)
         return np.where(finite, below, 0.0), np.where(finite, above, 0.0)
-
-    def knot_slopes(self) -> tuple[Array, Array]:
-        return self._slopes
 
     @property
     def straight(self) -> bool:
