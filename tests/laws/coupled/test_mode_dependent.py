@@ -238,7 +238,7 @@ def test_laws_may_vary_over_the_boundary() -> None:
         (lambda: ModeDependentGlue(80.0, -1.0, 1e6, PEEK).at(None), "it must be positive"),
         (lambda: ModeDependentGlue(80.0, 100.0, np.nan, PEEK).at(None), "finite number"),
         (lambda: ModeDependentGlue(80.0, 100.0, 1e6, PEEK, 0.0).at(None), "shear_stiffness"),
-        (lambda: ModeDependentGlue(80.0, 100.0, 1e3, PEEK).at(None), "less than what is stored at the strength"),
+        (lambda: ModeDependentGlue(80.0, 100.0, 1e3, PEEK).at(None), "less than is stored at the strength"),
         (lambda: ModeDependentGlue(80.0, 100.0, 1e6, PEEK, compression=Softening(2.0, 0.1, 0.5)).at(None), "not con"),
         (lambda: ModeDependentGlue(80.0, 100.0, 1e6, PEEK, compression=3.0), "the compression"),  # type: ignore[arg-type]
         (lambda: BenzeggaghKenane(0.0, 1.0, 2.0), "opening of criterion 'benzeggagh-kenane' is 0"),
@@ -304,7 +304,7 @@ def test_problem_files_state_it(tmp_path: Path) -> None:
         ("exponent = 2.0\n", "", "exponent"),
         ("exponent = 2.0", "exponent = 0", "positive"),
         ("exponent = 2.0", 'exponent = 2.0\ncriterion = "maximum"', "criterion"),
-        ("energy = 0.5", "energy = 0.01", "less than what is stored"),
+        ("energy = 0.5", "energy = 0.01", "less than is stored"),
         ("stiffness = 1e4", "stiffness = -1", "at least 0"),
         ("exponent = 2.0", "eta = 2.0", "eta"),
     ],

@@ -99,8 +99,8 @@ class ModeDependentGlue(VectorLaw):
         if (last <= place).any():
             mode = float(_MODES[int(np.argmax((last <= place).any(axis=1)))])
             raise ProblemError(
-                f"law '{self.name}': in the mode {mode:g} (0 opening, 1 shear) the fracture energy is less than what "
-                "is stored at the strength; take a stiffer start, a lower strength or more energy"
+                f"law '{self.name}': in the mode {mode:g} (0 opening, 1 shear) the fracture energy is less than is "
+                "stored at the strength; take a lower strength or more energy"
             )
         made._frozen(np.zeros(1))
         return made
@@ -265,8 +265,8 @@ class ModeDependentGlue(VectorLaw):
 
     def _refuse(self) -> NoReturn:
         raise ProblemError(
-            f"law '{self.name}' has no potential: a superpotential that lets go has one fracture energy, and this one "
-            "depends on the mode; freeze the mode of a state, frozen(r, lam), or take MixedMode with one energy"
+            f"law '{self.name}' has no potential: a superpotential that lets go has one fracture energy, "
+            "and this one depends on the mode; freeze the mode, frozen(r, lam), or take MixedMode"
         )
 
     def value(self, r: Array) -> Array:

@@ -90,8 +90,8 @@ def check_plane_potential(f: PlanePotential, reach: float, rigid: bool) -> tuple
     if (first < -_JUMP * size).any():
         i = int(np.argmin(first))
         raise ProblemError(
-            f"{f.shown} falls with the slip at s = 0 (by {-first[i]:.4g} per length at r = {_shown(at[i], reach)}); s "
-            "is the length of the slip: take a potential that does not fall there, such as one of s^2"
+            f"{f.shown} falls with the slip at s = 0 (by {-first[i]:.4g} per length at r = {_shown(at[i], reach)}); "
+            "take a potential that does not fall there, such as one of s^2"
         )
     kinked = _jump_at_zero(f, reach, size) if not rigid else False
     for places in _lines(reach, rigid):
@@ -166,7 +166,7 @@ def _check_line(f: PlanePotential, places: Array, reach: float, size: float) -> 
         raise ProblemError(
             f"{f.shown} rises by {np.diff(value)[i]:.4g} from r = {_shown(start[i, 0], reach)}, s = "
             f"{_shown(start[i, 1], reach)} to r = {_shown(end[i, 0], reach)}, s = {_shown(end[i, 1], reach)}, but its "
-            f"gradient says {rise[i]:.4g}; give the gradient of a potential that does not jump"
+            f"gradient says {rise[i]:.4g}; correct the gradient"
         )
 
 
