@@ -68,3 +68,11 @@ def test_names_of_options_that_meant_the_same_are_gone() -> None:
         assert command in OPTIONS["--adaptive"]
     assert set(OPTIONS["--exact"]) == {"solve", "certify", "study"}
     assert set(OPTIONS["--output"]) == {"march", "animate", "survey"}
+
+
+def test_no_help_has_brackets() -> None:
+    """The terminal takes [words] in brackets for markup, and leaves them out."""
+    for command, one in get_command(app).commands.items():  # type: ignore[attr-defined]
+        assert "[" not in str(one.help), command
+        for option in one.params:
+            assert "[" not in str(getattr(option, "help", "")), (command, option.name)

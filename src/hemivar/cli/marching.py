@@ -44,7 +44,7 @@ def march(
 ) -> int:
     """Integrate a problem in time, with a uniqueness margin per step and an energy balance.
 
-    Options override the tables [time] and [output] of the file. Exit code 0 if the end of the time interval is
+    Options override what the file says of time and output. Exit code 0 if the end of the time interval is
     reached. Ctrl-C ends the run after the current step, with everything written.
     """
     if output is not None:
