@@ -20,12 +20,11 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import load_vector
-from hemivar.fem.constitutive import EnergyLaw
 from hemivar.fem.contact_points import refuse_dependent
 from hemivar.fem.edge_blocks import node_graph
-from hemivar.fem.energy_integral import EnergyIntegral, NodalEnergy
+from hemivar.fem.energy_integral import EnergyIntegral, bedded_energy
 from hemivar.fem.locking import locking_warning
-from hemivar.fem.mass import body_blocks, mass_blocks, per_volume, resists
+from hemivar.fem.mass import body_blocks, per_volume, resists
 from hemivar.fem.scalar_energy import discretize_scalar
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.instants import depends_on_time
@@ -160,15 +159,12 @@ def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBo
 
 
 def _nonlinear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBody:
-    mesh, order, bedding = problem.mesh, problem.order, per_volume(problem.bedding, "bedding")
-    energy = NodalEnergy(mesh, order, EnergyLaw.of(problem.material, mesh.dim))
-    own = None if bedding.none else mass_blocks(mesh, bedding, energy.graph)
-    start = conditions.supports.value
-    integral = EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free, own)
+    energy, start = bedded_energy(problem), conditions.supports.value
+    integral = EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free)
     bulk, resisted = Potential(integral), False
-    if own is not None:
-        diagonal = energy.blocks(start).diagonal + own.diagonal
-        resisted = resists(mesh, order, bedding, np.einsum("ncc->nc", diagonal))
+    if energy.bedding is not None:
+        diagonal = np.einsum("ncc->nc", energy.blocks(start).diagonal)
+        resisted = resists(problem.mesh, problem.order, per_volume(problem.bedding, "bedding"), diagonal)
     reaction = integral.forces(np.zeros(integral.unknowns)).ravel()
     return _DiscreteBody(bulk, reaction, bulk.initial_value, resisted)
 

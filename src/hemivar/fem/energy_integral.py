@@ -15,10 +15,12 @@ from hemivar.fem.assembly import portions, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives
+from hemivar.fem.mass import mass_blocks, per_volume
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["EnergyIntegral", "NodalEnergy"]
+__all__ = ["BeddedEnergy", "EnergyIntegral", "NodalEnergy", "bedded_energy"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,12 +130,58 @@ class NodalEnergy(PickleMixin):
 
 
 @dataclass(frozen=True, eq=False)
+class BeddedEnergy(PickleMixin):
+    """A stored energy of nodal values (nodes, c) with that of a bedding.
+
+    Attributes
+    ----------
+    nodal : NodalEnergy
+    bedding : EdgeBlocks or None
+        Its stiffness, in components along the axes.
+    """
+
+    nodal: NodalEnergy
+    bedding: EdgeBlocks | None = None
+
+    def value(self, field: Array) -> float:
+        """The energy."""
+        own = 0.0 if self.bedding is None else 0.5 * float(np.vdot(field, self.bedding.times(field)))
+        return self.nodal.value(field) + own
+
+    def forces(self, field: Array) -> Array:
+        """Its derivative (nodes, c): internal forces and those of the bedding."""
+        forces = self.nodal.forces(field)
+        return forces if self.bedding is None else forces + self.bedding.times(field)
+
+    def blocks(self, field: Array) -> EdgeBlocks:
+        """Its second derivative by nodes and edges."""
+        return self._with_bedding(self.nodal.blocks(field))
+
+    def bound(self, upper: bool) -> EdgeBlocks:
+        """The stiffness of the upper tensor, or of the lower one."""
+        return self._with_bedding(self.nodal.bound(upper))
+
+    def _with_bedding(self, blocks: EdgeBlocks) -> EdgeBlocks:
+        if self.bedding is not None:
+            np.add(blocks.diagonal, self.bedding.diagonal, out=blocks.diagonal)
+            np.add(blocks.upper, self.bedding.upper, out=blocks.upper)
+        return blocks
+
+
+def bedded_energy(problem: ContactProblem) -> BeddedEnergy:
+    """The energy of a body that is not linear, with its bedding."""
+    mesh, bedding = problem.mesh, per_volume(problem.bedding, "bedding")
+    nodal = NodalEnergy(mesh, problem.order, EnergyLaw.of(problem.material, mesh.dim))
+    return BeddedEnergy(nodal, None if bedding.none else mass_blocks(mesh, bedding, nodal.graph))
+
+
+@dataclass(frozen=True, eq=False)
 class EnergyIntegral(PickleMixin):
     """The energy of the unknowns u (n,), ``int W(strain(P u + u0))``, with that of a bedding.
 
     Attributes
     ----------
-    nodal : NodalEnergy
+    body : BeddedEnergy
     basis : sparse array, shape (nodes * c, n)
         P.
     prescribed : array, shape (nodes, c)
@@ -142,16 +190,13 @@ class EnergyIntegral(PickleMixin):
         Those of the components of every node; None for those along the axes.
     free : bool array, shape (nodes, c)
         Which of them are unknowns.
-    bedding : EdgeBlocks or None
-        Its stiffness, in components along the axes.
     """
 
-    nodal: NodalEnergy
+    body: BeddedEnergy
     basis: sp.csr_array
     prescribed: Array
     directions: Array | None
     free: BoolArray
-    bedding: EdgeBlocks | None = None
 
     @property
     def unknowns(self) -> int:
@@ -168,8 +213,7 @@ class EnergyIntegral(PickleMixin):
 
     def field_value(self, values: Array) -> float:
         """The energy of nodal values (nodes, c)."""
-        own = 0.0 if self.bedding is None else 0.5 * float(np.vdot(values, self.bedding.times(values)))
-        return self.nodal.value(values) + own
+        return self.body.value(values)
 
     def forces(self, u: Array) -> Array:
         """Internal forces and those of the bedding on all nodes, (nodes, c)."""
@@ -177,8 +221,7 @@ class EnergyIntegral(PickleMixin):
 
     def field_forces(self, values: Array) -> Array:
         """Those of nodal values (nodes, c)."""
-        forces = self.nodal.forces(values)
-        return forces if self.bedding is None else forces + self.bedding.times(values)
+        return self.body.forces(values)
 
     def gradient(self, u: Array) -> Array:
         """Its derivative (n,)."""
@@ -190,32 +233,25 @@ class EnergyIntegral(PickleMixin):
 
     def blocks(self, u: Array) -> EdgeBlocks:
         """Its second derivative by nodes and edges, in components along the axes."""
-        return self._with_bedding(self.nodal.blocks(self.field(u)))
+        return self.body.blocks(self.field(u))
 
     def hessian(self, u: Array) -> sp.csr_array:
         """Its second derivative (n, n), on the sparsity of the stiffness of a linear body."""
-        return self._reduced(self.nodal.blocks(self.field(u)))
+        return self._reduced(self.blocks(u))
 
     def lower(self) -> sp.csr_array | None:
         """The stiffness of the lower tensor (n, n); None where it is not known everywhere."""
-        return self._reduced(self.nodal.bound(upper=False)) if self.nodal.bounded_below else None
+        return self._reduced(self.body.bound(upper=False)) if self.body.nodal.bounded_below else None
 
     def upper(self) -> sp.csr_array:
         """The stiffness of the upper tensor (n, n)."""
-        return self._reduced(self.nodal.bound(upper=True))
+        return self._reduced(self.body.bound(upper=True))
 
     def _reduced(self, blocks: EdgeBlocks) -> sp.csr_array:
-        """The matrix (n, n) of blocks, which are used up, and of the bedding."""
-        blocks = self._with_bedding(blocks)
+        """The matrix (n, n) of blocks, which are used up."""
         if self.directions is not None:
             blocks.turn(self.directions)
         return blocks.matrix(self.free)
-
-    def _with_bedding(self, blocks: EdgeBlocks) -> EdgeBlocks:
-        if self.bedding is not None:
-            np.add(blocks.diagonal, self.bedding.diagonal, out=blocks.diagonal)
-            np.add(blocks.upper, self.bedding.upper, out=blocks.upper)
-        return blocks
 
 
 @dataclass(frozen=True, eq=False)

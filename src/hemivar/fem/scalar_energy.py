@@ -23,7 +23,7 @@ from hemivar.fem.constitutive import EnergyLaw, constitutive_law
 from hemivar.fem.contact_points import shares
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
-from hemivar.fem.energy_integral import EnergyIntegral, NodalEnergy
+from hemivar.fem.energy_integral import BeddedEnergy, EnergyIntegral, NodalEnergy
 from hemivar.fem.mass import mass_blocks, per_volume, resists
 from hemivar.fem.quadrature import region_masks
 from hemivar.fem.supports import in_words
@@ -98,8 +98,7 @@ def discretize_scalar(problem: ScalarProblem, *, check_coercivity: bool = True) 
             reaction = blocks.times(prescribed[:, None]).ravel()
         bulk, stored = Quadratic(blocks.matrix(free[:, None]), assembled=True), 0.5 * float(prescribed @ reaction)
     else:
-        own = None if bedding.none else mass_blocks(mesh, bedding, graph, graph.zeros(1))
-        energy_of = EnergyIntegral(scalar_nodal_energy(problem), basis, prescribed[:, None], None, free[:, None], own)
+        energy_of = EnergyIntegral(_bedded(problem), basis, prescribed[:, None], None, free[:, None])
         bulk, reaction = Potential(energy_of), energy_of.forces(np.zeros(count)).ravel()
         stored = bulk.initial_value
     contact, offset, law, energy = contact_of(problem, nodes, basis, prescribed)
@@ -378,13 +377,12 @@ def scalar_reactions(problem: DiscreteProblem, values: Array, multiplier: Array)
 
 def _forces(problem: ScalarProblem) -> Callable[[Array], Array]:
     """Internal forces (nodes,), those of the bedding counted, of nodal values (nodes,)."""
+    energy = _bedded(problem)
+    return lambda values: energy.forces(values.reshape(-1, 1)).ravel()
+
+
+def _bedded(problem: ScalarProblem) -> BeddedEnergy:
+    """The energy of nodal values (nodes, 1), with that of a bedding."""
     energy, bedding = scalar_nodal_energy(problem), per_volume(problem.bedding, "bedding")
     graph = energy.graph
-    own = None if bedding.none else mass_blocks(problem.mesh, bedding, graph, graph.zeros(1))
-
-    def forces(values: Array) -> Array:
-        field = values.reshape(-1, 1)
-        found = energy.forces(field)
-        return np.asarray(found if own is None else found + own.times(field)).ravel()
-
-    return forces
+    return BeddedEnergy(energy, None if bedding.none else mass_blocks(problem.mesh, bedding, graph, graph.zeros(1)))

@@ -11,20 +11,20 @@ import numpy as np
 
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.types import Array
-from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact_energy import contact_energy
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.solvers.base import Solver, State
-from hemivar.solvers.controls import Budget, Controls
+from hemivar.solvers.controls import Budget, Controls, OutOfTime
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.systems.nonlinear_body import NonlinearBody, linear_bulk
+from hemivar.systems.contact_system import PASSED
+from hemivar.systems.nonlinear_body import LinearBody, NonlinearBody, NonlinearSystem, linear_bulk
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["ProximalNewton"]
+__all__ = ["ProximalMemory", "ProximalNewton"]
 
 #: Part of the fall of the model by which the energy must fall.
 _FALLS = 0.1
@@ -115,7 +115,7 @@ class ProximalNewton(Solver):
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> NonlinearBody:
         return NonlinearBody.of(problem, workspace)
 
-    def first_guess(self, system: NonlinearBody, budget: Budget) -> tuple[Array, Status | None]:
+    def first_guess(self, system: NonlinearSystem, budget: Budget) -> tuple[Array, Status | None]:
         below = None if self.inner.condenses else system.posed_below()
         if below is None:
             return system.start(), None
@@ -127,19 +127,20 @@ class ProximalNewton(Solver):
             x, stopped = found.r, status if status in STOPPED else None
         return system.start(system.from_below(x)), stopped
 
-    def begin(self, system: NonlinearBody, start: State, budget: Budget) -> State:
+    def begin(self, system: NonlinearSystem, start: State, budget: Budget) -> State:
         return _state(system, start.r, start.evaluations, system.out_of_balance(start.r))
 
-    def step(self, system: NonlinearBody, state: State, budget: Budget) -> State:
-        memory: _Memory = state.memory
+    def step(self, system: NonlinearSystem, state: State, budget: Budget) -> State:
+        memory: ProximalMemory = state.memory
         assert state.residual is not None
         evaluations, now = state.evaluations, state.residual
         wanted = min(self.forcing, now.total / memory.first if memory.first > 0.0 else self.forcing) * now.total
         wanted = max(wanted, (self.tolerance or 0.0) * now.scale, self.absolute)
         for method, model in self._models(system, state.r, memory.force):
-            budget.check()
+            if system.vectors.largest(budget.due())[0]:
+                raise OutOfTime
             accurate = method.for_tolerance(_AIM * wanted / now.scale) if now.scale > 0.0 else method
-            posed = accurate.prepare(model, Workspace(1))
+            posed = model.posed(accurate.prepare)
             begin = posed.start(posed.of_unknowns(state.r))
             controls = Controls(rtol=0.0, atol=wanted, max_time=budget.left)
             found, status, _ = iterate(accurate, posed, State(begin, posed.multiplier(begin)), controls, budget)
@@ -148,14 +149,14 @@ class ProximalNewton(Solver):
             accurate.release(found)
             if status in STOPPED or status is Status.UNBOUNDED:
                 return replace(state, evaluations=evaluations, ended=status)
-            reached = _Line.of(system, state, end - state.r, model.linear).search(self.halvings)
+            reached = _Line.of(system, state, end - state.r, model).search(self.halvings)
             if reached is not None:
                 x, energy = reached
                 return _state(system, x, evaluations, system.out_of_balance(x), memory.first, energy)
         return replace(state, evaluations=evaluations, ended=Status.STALLED)
 
-    def _models(self, system: NonlinearBody, x: Array, force: Array) -> Iterator[tuple[Solver, DiscreteProblem]]:
-        """Methods and problems of linear bodies, to be tried one after the other."""
+    def _models(self, system: NonlinearSystem, x: Array, force: Array) -> Iterator[tuple[Solver, LinearBody]]:
+        """Methods and linear bodies, to be tried one after the other."""
         tangent = system.tangent_at(x, force)
         yield self.inner, tangent
         careful = self.inner.downhill()
@@ -167,7 +168,7 @@ class ProximalNewton(Solver):
 
 
 @dataclass(frozen=True, eq=False)
-class _Memory:
+class ProximalMemory:
     """What the method keeps between its steps: out of balance force (n,) at the place, and the first residual."""
 
     force: Array
@@ -175,7 +176,7 @@ class _Memory:
 
 
 def _state(
-    system: NonlinearBody,
+    system: NonlinearSystem,
     x: Array,
     evaluations: int,
     force: Array,
@@ -185,7 +186,7 @@ def _state(
     """The state at a place where the force that is left is known; and the energy, if it was compared with another."""
     lam = system.multiplier(x, force)
     found = system.residual(x, lam, force)
-    memory = _Memory(force, found.total if first is None else first)
+    memory = ProximalMemory(force, found.total if first is None else first)
     energy = system.energy(x) if energy is None else energy
     return State(x, lam, evaluations, energy=energy, residual=found, memory=memory)
 
@@ -196,7 +197,7 @@ class _Line:
 
     Attributes
     ----------
-    system : NonlinearBody
+    system : NonlinearSystem
     x, way : arrays (n,)
     total, energy, contact : float
         Residual, energy and its part of the contact points at x.
@@ -206,7 +207,7 @@ class _Line:
         What the arithmetic alone makes of a difference of energies.
     """
 
-    system: NonlinearBody
+    system: NonlinearSystem
     x: Array
     way: Array
     total: float
@@ -217,13 +218,16 @@ class _Line:
     rounding: float
 
     @staticmethod
-    def of(system: NonlinearBody, state: State, way: Array, bulk: Quadratic) -> _Line:
+    def of(system: NonlinearSystem, state: State, way: Array, model: LinearBody) -> _Line:
         assert state.residual is not None
         assert state.energy is not None
-        force = state.memory.force
-        contact = _contact(system, state.r)
-        stored = state.energy - system.constant - contact + float(system.load @ state.r)
-        parts = abs(stored) + float(np.abs(system.load) @ np.abs(state.r)) + abs(contact) + abs(system.constant)
+        contact, load = _contact(system, state.r), system.load
+        work, size, slope, square = system.vectors.total(
+            float(load @ state.r), float(np.abs(load) @ np.abs(state.r)), float(state.memory.force @ way),
+            float(way @ model.multiply(way)),
+        ).tolist()  # fmt: skip
+        stored = state.energy - system.constant - contact + work
+        parts = abs(stored) + size + abs(contact) + abs(system.constant)
         return _Line(
             system,
             state.r,
@@ -231,8 +235,8 @@ class _Line:
             state.residual.total,
             state.energy,
             contact,
-            float(force @ way),
-            float(way @ bulk.gradient(way)),
+            slope,
+            square,
             _ROUNDED * parts,
         )
 
@@ -260,8 +264,8 @@ class _Line:
         return self.system.residual(new, self.system.multiplier(new, force), force).total < self.total
 
 
-def _contact(system: NonlinearBody, x: Array) -> float:
+def _contact(system: NonlinearSystem, x: Array) -> float:
     """What the law adds to the energy."""
-    if not system.problem.contact_points:
-        return 0.0
-    return contact_energy(system.law_at(x), system.weights, system.local(x), 1e-12 * system.magnitude(x))
+    close = PASSED * float(system.vectors.largest(system.magnitude(x))[0])
+    own = contact_energy(system.law_at(x), system.weights, system.local(x), close)
+    return float(system.vectors.total(own)[0])

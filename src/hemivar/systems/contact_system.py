@@ -18,10 +18,10 @@ from hemivar.linear.vectors import Vectors
 from hemivar.systems.contact_moves import ContactBody
 from hemivar.systems.newton_equation import NewtonEquation
 
-__all__ = ["ContactSystem", "Equilibrium", "PointSystem"]
+__all__ = ["PASSED", "ContactSystem", "Equilibrium", "PointSystem"]
 
 #: Part of the largest displacement or gap by which a penetration may pass the end of a law: rounding.
-_PASSED = 1e-12
+PASSED = 1e-12
 
 
 class PointSystem(Protocol):
@@ -192,7 +192,7 @@ class Equilibrium:
         force : array of the shape of x, optional
         """
         force = self.out_of_balance(x) if force is None else force
-        close = _PASSED * float(self.vectors.largest(self.magnitude(x))[0])
+        close = PASSED * float(self.vectors.largest(self.magnitude(x))[0])
         law = self.law_at(x, _balancing(self, force) if lam is None else lam)
         elastic = -0.5 * float(x.ravel() @ (self.load + force.ravel()))
         own = contact_energy(law, self.weights, self.local(x), close)

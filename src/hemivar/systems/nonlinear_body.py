@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Protocol, Self, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,10 +23,59 @@ from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, l
 from hemivar.fem.hierarchy import Coarser, coarser, tangent_problem
 from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.systems.contact_system import Equilibrium
+from hemivar.systems.contact_system import Equilibrium, PointSystem
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["NonlinearBody", "linear_bulk"]
+__all__ = ["LinearBody", "NonlinearBody", "NonlinearSystem", "linear_bulk"]
+
+#: Makes of a problem what a method works on.
+Prepare = Callable[[DiscreteProblem, Workspace], object]
+
+
+class LinearBody(Protocol):
+    """A linear body with its foundation, in the place of one that is not linear."""
+
+    def posed(self, prepare: Prepare) -> PointSystem:
+        """What a method works on; ``prepare`` makes it of a problem that is in one place."""
+        ...
+
+    def multiply(self, change: Array) -> Array:
+        """Elastic force (n,) that a change (n,) of all unknowns takes away."""
+        ...
+
+
+class NonlinearSystem(PointSystem, Protocol):
+    """A body that is not linear with its foundation: all unknowns, in one place or over many."""
+
+    def tangent_at(self, x: Array, force: Array) -> LinearBody:
+        """The linear body that has the forces and the stiffness of this one at ``x``, where ``force`` is what is left
+        of the load; its energy lacks a constant."""
+        ...
+
+    def above_at(self, x: Array, force: Array) -> LinearBody | None:
+        """A linear body that has the same forces at ``x`` and more energy elsewhere; None where none is known."""
+        ...
+
+    def posed_below(self) -> Self | None:
+        """The same on the next coarser mesh, where there is one."""
+        ...
+
+    def from_below(self, x: Array) -> Array:
+        """Unknowns (n,) of the displacement field given by those of the next coarser mesh."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class _LinearProblem:
+    """A linear body in the place of another one, as a problem in one place."""
+
+    problem: DiscreteProblem
+
+    def posed(self, prepare: Prepare) -> PointSystem:
+        return cast(PointSystem, prepare(self.problem, Workspace(1)))
+
+    def multiply(self, change: Array) -> Array:
+        return self.problem.linear.gradient(change)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,21 +243,19 @@ class NonlinearBody(Equilibrium):
 
     # ---- linear bodies in its place ----------------------------------------------------------------------
 
-    def tangent_at(self, x: Array, force: Array) -> DiscreteProblem:
-        """The problem of the linear body that has the forces and the stiffness of this one at ``x``, where ``force`` is
-        what is left of the load; its energy lacks a constant."""
+    def tangent_at(self, x: Array, force: Array) -> LinearBody:
+        """See :class:`NonlinearSystem`."""
         if not isinstance(self.bulk, Potential):
             return self._linear(linear_bulk(self.bulk, x), x, force)
         found = tangent_problem(self.problem, x)
-        return found.with_(load=force + found.bulk.gradient(x))
+        return _LinearProblem(found.with_(load=force + found.bulk.gradient(x)))
 
-    def above_at(self, x: Array, force: Array) -> DiscreteProblem | None:
-        """The problem of a linear body that has the same forces at ``x`` and more energy elsewhere; None where none is
-        known."""
+    def above_at(self, x: Array, force: Array) -> LinearBody | None:
+        """See :class:`NonlinearSystem`."""
         return self._linear(self.bulk.upper, x, force) if isinstance(self.bulk, Potential) else None
 
-    def _linear(self, bulk: Quadratic, x: Array, force: Array) -> DiscreteProblem:
-        return self.problem.with_(bulk=bulk, load=force + bulk.gradient(x))
+    def _linear(self, bulk: Quadratic, x: Array, force: Array) -> LinearBody:
+        return _LinearProblem(self.problem.with_(bulk=bulk, load=force + bulk.gradient(x)))
 
     def posed_below(self) -> NonlinearBody | None:
         """The same on the next coarser mesh, where there is one."""
