@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hemivar.basics.types import Array
-from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.files.problem_file import read_problem
-from hemivar.solvers import Controls, Solution, Status, solve
+from tests.engines.against_serial import compare, serial_of, solve_on
 from tests.engines.running import mpirun
 from tests.problem_files import block_file, conditions
 
@@ -49,64 +45,28 @@ FILES = {
 }
 
 
-def _solve(ranks: int, problem: Path, *options: str | Path) -> subprocess.CompletedProcess[str]:
-    return mpirun(ranks, "-m", "hemivar", "solve", problem, "--engine", "petsc", "-q", *options)
-
-
 def _written(tmp_path: Path, name: str) -> Path:
     path = tmp_path / "problem.toml"
     path.write_text(CASES[name], encoding="utf-8")
     return path
 
 
-@cache
-def _serial(path: Path) -> tuple[DiscreteProblem, Solution]:
-    problem = discretize(read_problem(path))
-    solution = solve(problem, None, Controls(rtol=1e-12))
-    assert solution.status is Status.CONVERGED
-    return problem, solution
-
-
-def _difference(problem: DiscreteProblem, reference: Solution, displacement: Array) -> float:
-    """Relative, in the energy norm."""
-    assert problem.field is not None
-    off = problem.field.restrict(displacement) - reference.unknowns
-    K = problem.stiffness
-    return float(np.sqrt(off @ (K @ off) / (reference.unknowns @ (K @ reference.unknowns))))
-
-
-def _compare(problem: Path, result: Path) -> dict[str, object]:
-    record = json.loads(result.read_text(encoding="utf-8"))
-    discrete, reference = _serial(problem)
-    assert record["status"] == "converged"
-    assert _difference(discrete, reference, np.array(record["displacement"])) < 1e-9
-    contact = record["contact"]
-    size = np.abs(reference.pressure).max()
-    np.testing.assert_allclose(contact["x"], discrete.contact.points, atol=1e-12)
-    np.testing.assert_allclose(contact["weight"], discrete.contact.weights, rtol=1e-12)
-    np.testing.assert_allclose(contact["pressure"], reference.pressure, atol=1e-7 * size)
-    assert discrete.contact.without_friction is not None
-    assert contact["without_friction"] == discrete.contact.without_friction.tolist()
-    assert record["warnings"] == list(reference.warnings)
-    return record  # type: ignore[no-any-return]
-
-
 @pytest.mark.parametrize("ranks", [1, 2, 3])
 @pytest.mark.parametrize("name", CASES)
 def test_the_serial_solution_on_any_number_of_ranks(tmp_path: Path, name: str, ranks: int) -> None:
     problem = _written(tmp_path, name)
-    done = _solve(ranks, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
+    done = solve_on(ranks, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
-    record = _compare(problem, tmp_path / "r.json")
+    record = compare(problem, tmp_path / "r.json")
     assert any("friction is left out" in warning for warning in record["warnings"]) == (name == "corner")  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(("name", "ranks"), list(zip(FILES, (2, 3, 3, 2), strict=True)))
 def test_problems_of_the_examples(tmp_path: Path, name: str, ranks: int) -> None:
     problem = _EXAMPLES / FILES[name]
-    done = _solve(ranks, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
+    done = solve_on(ranks, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
-    _compare(problem, tmp_path / "r.json")
+    compare(problem, tmp_path / "r.json")
 
 
 def test_the_files_are_those_of_the_serial_run(tmp_path: Path) -> None:
@@ -116,12 +76,12 @@ def test_the_files_are_those_of_the_serial_run(tmp_path: Path) -> None:
     from hemivar.files import write_json, write_vtu
 
     problem = _EXAMPLES / "cube_logarithmic.toml"
-    done = _solve(2, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")
+    done = solve_on(2, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
-    discrete, reference = _serial(problem)
+    discrete, reference = serial_of(problem)
     certificate = certify(discrete, reference.unknowns, reference.multiplier)
     serial = json.loads(write_json(reference, tmp_path / "s.json", certificate).read_text(encoding="utf-8"))
-    record = _compare(problem, tmp_path / "r.json")
+    record = compare(problem, tmp_path / "r.json")
     assert list(record) == list(serial)
     for key in ("contact", "certificate", "resultants", "residual_parts"):
         assert list(record[key]) == list(serial[key])  # type: ignore[call-overload]
@@ -185,16 +145,16 @@ def test_contact_work_is_where_the_contact_is(tmp_path: Path, size: tuple[float,
     problem.write_text(text.replace("left = ", "top = "), encoding="utf-8")
     probe = _probe(2, problem)
     points = [rank["contact"] for rank in probe["ranks"]]  # type: ignore[attr-defined]
-    assert sum(points) == _serial(problem)[0].contact_points
+    assert sum(points) == serial_of(problem)[0].contact_points
     assert (min(points) > 0) is split
     assert points == [rank["laws"] for rank in probe["ranks"]]  # type: ignore[attr-defined]
     # three reductions in each iteration of conjugate gradients, some more around them
     counts: dict[str, int] = probe["counts"]  # type: ignore[assignment]
     assert 3 * probe["cycles"] < counts["reductions"] < 60 * probe["cycles"]  # type: ignore[operator]
     assert counts["exchanges"] == 0
-    done = _solve(2, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
+    done = solve_on(2, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
-    _compare(problem, tmp_path / "r.json")
+    compare(problem, tmp_path / "r.json")
 
 
 @pytest.mark.parametrize("ranks", [5, 11])
@@ -202,9 +162,9 @@ def test_more_ranks_than_make_sense(tmp_path: Path, ranks: int) -> None:
     """Eight triangles; some ranks have none."""
     problem = tmp_path / "p.toml"
     problem.write_text(block_file(2))
-    done = _solve(ranks, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")
+    done = solve_on(ranks, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
-    _compare(problem, tmp_path / "r.json")
+    compare(problem, tmp_path / "r.json")
 
 
 # ---- checkpoints and failure ------------------------------------------------------------------------------
@@ -212,18 +172,18 @@ def test_more_ranks_than_make_sense(tmp_path: Path, ranks: int) -> None:
 
 def test_restart_from_a_checkpoint(tmp_path: Path) -> None:
     problem, kept = _written(tmp_path, "cube"), tmp_path / "kept"
-    whole = _solve(2, problem, "--json", tmp_path / "whole.json", "--rtol", "1e-12")
+    whole = solve_on(2, problem, "--json", tmp_path / "whole.json", "--rtol", "1e-12")
     assert whole.returncode == 0, whole.stderr
-    begun = _solve(2, problem, "--checkpoint", kept, "--max-steps", "1", "--rtol", "1e-12")
+    begun = solve_on(2, problem, "--checkpoint", kept, "--max-steps", "1", "--rtol", "1e-12")
     assert begun.returncode == 1, begun.stderr
     reference = json.loads((tmp_path / "whole.json").read_text())
     assert reference["steps"] > 1
     for ranks in (2, 3):
-        done = _solve(
+        done = solve_on(
             ranks, problem, "--checkpoint", kept, "--resume", "--json", tmp_path / "rest.json", "--rtol", "1e-12"
         )
         assert done.returncode == 0, done.stderr
-        record = _compare(problem, tmp_path / "rest.json")
+        record = compare(problem, tmp_path / "rest.json")
         assert record["history"][0]["step"] == 0  # type: ignore[index]
         if ranks == 2:
             for key in ("displacement", "contact", "energy", "residual_parts", "steps"):
@@ -232,22 +192,22 @@ def test_restart_from_a_checkpoint(tmp_path: Path) -> None:
 
 def test_a_checkpoint_of_a_fixed_point(tmp_path: Path) -> None:
     problem, kept = _EXAMPLES / "broken_foundation.toml", tmp_path / "kept"
-    begun = _solve(2, problem, "--checkpoint", kept, "--max-steps", "4", "--rtol", "1e-12")
+    begun = solve_on(2, problem, "--checkpoint", kept, "--max-steps", "4", "--rtol", "1e-12")
     assert begun.returncode == 1, begun.stderr
-    done = _solve(3, problem, "--checkpoint", kept, "--resume", "--json", tmp_path / "r.json", "--rtol", "1e-12")
+    done = solve_on(3, problem, "--checkpoint", kept, "--resume", "--json", tmp_path / "r.json", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
-    assert _compare(problem, tmp_path / "r.json")["steps"] > 4  # type: ignore[operator]
+    assert compare(problem, tmp_path / "r.json")["steps"] > 4  # type: ignore[operator]
 
 
 def test_a_checkpoint_of_another_problem_is_refused(tmp_path: Path) -> None:
     kept = tmp_path / "kept"
-    assert _solve(2, _written(tmp_path, "weakening"), "--checkpoint", kept).returncode == 0
+    assert solve_on(2, _written(tmp_path, "weakening"), "--checkpoint", kept).returncode == 0
     for problem in (_EXAMPLES / "survey_5_1.toml", _EXAMPLES / "cube_friction.toml"):
-        done = _solve(2, problem, "--checkpoint", kept, "--resume")
+        done = solve_on(2, problem, "--checkpoint", kept, "--resume")
         assert done.returncode == 2
         assert done.stderr.count("belongs to another problem") == 1
     (tmp_path / "kept").write_bytes((tmp_path / "kept").read_bytes()[:-100])
-    done = _solve(2, tmp_path / "problem.toml", "--checkpoint", kept, "--resume")
+    done = solve_on(2, tmp_path / "problem.toml", "--checkpoint", kept, "--resume")
     assert done.returncode == 2
     assert "damaged" in done.stderr
 
@@ -264,7 +224,7 @@ def test_bad_input_is_refused_once_for_all_ranks(tmp_path: Path) -> None:
     }
     for words, text in bad.items():
         path.write_text(text, encoding="utf-8")
-        done = _solve(3, path)
+        done = solve_on(3, path)
         lines = [line for line in done.stderr.splitlines() if line.startswith("hemivar:")]
         assert done.returncode == 2, (words, done.stderr)
         assert len(lines) == 1, lines

@@ -29,7 +29,7 @@ from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import StateBound, VectorLaw
 from hemivar.laws.coupled import bounded
 
-__all__ = ["Point", "equilibrium_multiplier", "error_bound", "friction_bound", "trace_force"]
+__all__ = ["OPERATIONS", "Point", "equilibrium_multiplier", "error_bound", "friction_bound", "trace_force"]
 
 #: Search for a better pair if the bound is above this part of |u|_K: on a small problem, on a large one.
 _POOR = (1e-10, 1e-7)
@@ -39,7 +39,7 @@ _SMALL = 2_000_000
 _SEARCHABLE = 1500
 _SEARCH_STEPS = 60
 #: Operations between a strain and the stress of a material that is not linear.
-_OPERATIONS = 32
+OPERATIONS = 32
 _Real = TypeVar("_Real", bound=np.floating)
 _ROWS = 1 << 14
 
@@ -230,7 +230,7 @@ def _out_of_balance(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
             sizes = sizes + np.abs(problem.bulk.initial_forces)
         size, longest = _rounding_size(point, v, sizes, lam)
         rest = problem.out_of_balance(v) - problem.contact_force(lam)
-        return rest, (longest + _OPERATIONS) * float(np.finfo(float).eps) * size
+        return rest, (longest + OPERATIONS) * float(np.finfo(float).eps) * size
     force = problem.contact.weights[:, None].astype(long) * lam
     transposed = sp.csr_array(problem.contact.trace.T)
     rest = problem.load - _product(bulk.stiffness, v.astype(long)) - _product(transposed, force.ravel())

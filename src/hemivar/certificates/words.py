@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hemivar.certificates.certificate import Certificate
     from hemivar.certificates.smallness import Smallness
 
-__all__ = ["certificate_brief", "certificate_lines"]
+__all__ = ["certificate_brief", "certificate_lines", "lower_bound_words"]
 
 
 def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:
@@ -65,7 +65,7 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
     for warning in certificate.warnings:
         say("warning", warning)
     if constants.stiffness_by:
-        say("body", _lower_bound(constants.stiffness_by))
+        say("body", lower_bound_words(constants.stiffness_by))
     say("certified", f"in {certificate.seconds:.2g} s by {certificate.method}")
     if whole:
         say("alpha", f"normal {_text(constants.alpha_normal)}, tangential {_text(constants.alpha_tangential)}")
@@ -130,7 +130,7 @@ def _without_margin(constants: Smallness) -> str:
     return "the supports alone do not hold the body: what rests on the foundation alone has no margin"
 
 
-def _lower_bound(found_by: str) -> str:
+def lower_bound_words(found_by: str) -> str:
     """What the norms of a body that is not linear are, in words."""
     if found_by == UNKNOWN:
         return "not linear: norms are those of its stiffness at rest, and bound nothing"

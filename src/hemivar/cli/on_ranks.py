@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import noting_files_read, shown, try_output
 from hemivar.basics.units import Units
+from hemivar.certificates.words import lower_bound_words
 from hemivar.cli.ending import all_or_none
 from hemivar.cli.options import Exit, controls_of
 from hemivar.cli.outputs import Writer, check_distinct, keep_off, one_line
@@ -289,7 +290,8 @@ def print_head_on_ranks(stated: ProblemFile, body: BodyOnRanks, levels: int) -> 
         print(f"warning           {warning}")
     where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
     print(f"contact points    {body.contact_points}{where}")
-    print("method            petsc: nonsmooth multigrid, with the cycles of PETSc", flush=True)
+    inside = "" if body.stored is None else ", inside a proximal Newton method"
+    print(f"method            petsc: nonsmooth multigrid, with the cycles of PETSc{inside}", flush=True)
 
 
 def _print_summary(solution: DistributedSolution, certificate: Certificate) -> None:
@@ -320,6 +322,8 @@ def _print_summary(solution: DistributedSolution, certificate: Certificate) -> N
     if math.isfinite(certificate.error_bound):
         bound, relative = certificate.error_bound, certificate.error_bound_relative
         print(f"distance          at most {bound:.2e}, relative {relative:.1e}, to the exact discrete solution")
+    if certificate.smallness.stiffness_by:
+        print(f"body              {lower_bound_words(certificate.smallness.stiffness_by)}")
     if body.contact_points == 0:
         return
     print(f"normal force      {sums['normal_force']:.6g}")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -122,6 +122,7 @@ def _contact(solution: DistributedSolution) -> Record | None:
             solution.states.normal,
             solution.states.tangential,
             contact.without_friction,
+            *solution.debonding.values(),
         ]
     )
     told, _, _ = ranks.exchange(np.zeros(len(table), dtype=np.int64), table)
@@ -129,8 +130,8 @@ def _contact(solution: DistributedSolution) -> Record | None:
         return None
     told = told[np.lexsort((told[:, 1], told[:, 0]))]
     names = list(body.statement.contact)
-    boundary, _, x, normal, weight, gap, local, lam, states, left_out = np.split(
-        told, np.cumsum([1, 1, d, d, 1, 1, d, d, 2]), axis=1
+    boundary, _, x, normal, weight, gap, local, lam, states, left_out, lost = np.split(
+        told, np.cumsum([1, 1, d, d, 1, 1, d, d, 2, 1]), axis=1
     )
     normal_state, tangential_state = ContactStates(*states.astype(np.int64).T).names
     return {
@@ -146,6 +147,7 @@ def _contact(solution: DistributedSolution) -> Record | None:
         "normal_state": normal_state,
         "tangential_state": tangential_state,
         "without_friction": left_out[:, 0] > 0.0,
+        **dict(zip(solution.debonding, lost.T, strict=True)),
     }
 
 
@@ -164,7 +166,9 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
         The ``.pvtu`` files.
     """
     body = solution.body
-    seen = _Values(body.contact, body.offset[:, 0], solution.local, solution.multiplier, solution.states)
+    seen = _Values(
+        body.contact, body.offset[:, 0], solution.local, solution.multiplier, solution.states, solution.debonding
+    )
     return _write_pieces(body, Path(path), seen, {"displacement": solution.displacement})
 
 
@@ -191,6 +195,7 @@ class _Values(ContactValues):
     local: Array
     multiplier: Array
     states: ContactStates
+    debonding: Mapping[str, Array] = field(default_factory=dict)
 
 
 def _write_pieces(body: BodyOnRanks, path: Path, seen: ContactValues, nodal: dict[str, Array]) -> list[Path]:

@@ -1,6 +1,7 @@
 """The same problem on many ranks, through PETSc (extra ``petsc``: petsc4py and mpi4py)."""
 
-from hemivar.engines.petsc.assembly import BodyOnRanks, assemble
+from hemivar.engines.petsc.assembly import assemble
+from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.checkpoint import read_checkpoint, write_checkpoint
 from hemivar.engines.petsc.pieces import Piece, family
 from hemivar.engines.petsc.ranks import Ranks, world

@@ -9,169 +9,33 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.contact import ContactPoints
-from hemivar.engines.petsc.cycles import Cycles, ReusedCycle
+from hemivar.engines.petsc.body_on_ranks import BodyOnRanks, compliance_of
 from hemivar.engines.petsc.held import admissible_motions, check_held, supported, unrefined
 from hemivar.engines.petsc.matrices import assembled, hold, near_null_space, row_sums
 from hemivar.engines.petsc.nodes import NodesOnRanks
 from hemivar.engines.petsc.pieces import Piece
-from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.stiffness import Stiffness
+from hemivar.engines.petsc.stored_on_ranks import StoredOnRanks
 from hemivar.errors import MethodError, ProblemError, SupportError
 from hemivar.fem.assembly import load_vector
 from hemivar.fem.discretize import friction_warning, refuse_evolution
 from hemivar.fem.edge_blocks import EdgeBlocks
+from hemivar.fem.energy_integral import BeddedEnergy, bedded_energy
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
 from hemivar.fem.mass import body_blocks
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
-from hemivar.laws import VectorLaw
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh.mesh import Mesh
-from hemivar.systems.body import Body
-from hemivar.systems.krylov_newton import Truncation
 
-if TYPE_CHECKING:
-    from petsc4py import PETSc
-
-__all__ = ["BodyOnRanks", "assemble"]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BodyOnRanks(Body):
-    """Energy of a discrete contact problem, spread over the ranks by nodes.
-
-    Every node has d unknowns, those along its directions; the ones that supports hold are zero, with a row of the unit
-    matrix (times the mean of the diagonal), so that PETSc sees blocks of size d.  Arrays are those of this rank.
-
-    Attributes
-    ----------
-    nodes : NodesOnRanks
-    statement : ContactProblem
-        The problem on this piece.
-    near : petsc4py NullSpace
-        Rigid motions, for algebraic multigrid.
-    prescribed : array (N, d)
-        Prescribed displacements.
-    contact : ContactPoints
-        Contact points at the nodes of this rank; ``names`` are all contact boundaries of the whole problem.
-    typical : float
-        Mean of the diagonal of K.
-    supported : bool
-        Whether the supports alone stop every rigid motion.
-    unknowns, contact_points : int
-        Of the whole problem.
-    warnings : tuple of str
-        As :attr:`hemivar.mechanics.DiscreteProblem.warnings`.
-    coarser : BodyOnRanks or None
-        The problem on the next coarser mesh; a solve starts there if it is ``below`` as well.
-    cycles : Cycles or None
-        What solves leave to one another of their cycles, where there will be many.
-    """
-
-    elastic: Stiffness
-    nodes: NodesOnRanks
-    statement: ContactProblem
-    near: PETSc.NullSpace
-    prescribed: Array
-    contact: ContactPoints
-    typical: float
-    supported: bool
-    unknowns: int
-    contact_points: int
-    warnings: tuple[str, ...]
-    coarser: BodyOnRanks | None = None
-    cycles: Cycles | None = None
-
-    @property
-    def K(self) -> PETSc.Mat:  # noqa: N802 - the matrix
-        """Stiffness, a petsc4py Mat."""
-        return self.elastic.K
-
-    @property
-    def ranks(self) -> Ranks:
-        """The ranks."""
-        return self.nodes.ranks
-
-    @property
-    def piece(self) -> Piece:
-        """Cells and nodes of this rank."""
-        return self.nodes.piece
-
-    @property
-    def dim(self) -> int:
-        """Space dimension d."""
-        return self.nodes.dim
-
-    @property
-    def owned(self) -> BoolArray:
-        """Nodes that this rank owns, (N,)."""
-        return self.nodes.owned
-
-    @property
-    def held(self) -> BoolArray:
-        """Entries of a vector that supports hold."""
-        return self.nodes.held
-
-    @property
-    def points(self) -> int:
-        """Contact points m of this rank."""
-        return len(self.weights)
-
-    # ---- what the methods ask for ------------------------------------------------------------------------
-
-    def truncation(self) -> Truncation:
-        return Multigrid(self) if self.cycles is None else ReusedCycle(self, self.cycles)
-
-    def from_below(self, x: Array) -> Array:
-        below, ends = self.below, self.piece.ends
-        assert below is not None
-        assert ends is not None
-        return self.restrict(below.displacement(x)[ends].mean(axis=1))
-
-    def with_law(self, law: VectorLaw) -> Self:
-        return replace(self, law=law, below=None)
-
-    def under(self, load: Array, offset: Array, law: VectorLaw) -> Self:
-        """The body under a load (n,), with offsets (m, d) and a law of its contact points; all ranks call this."""
-        load = np.where(self.held, 0.0, load)
-        found = replace(self, load=load, offset=offset, law=law, below=None, constant=0.0)
-        _ = found.load_scale, found.lambda_max  # found by all ranks together, so that each may look at it alone
-        return found
-
-    def stiffened(self, matrix: PETSc.Mat, supported: bool) -> Self:
-        """The body with another stiffness, held where it is, for many solves; all ranks call this."""
-        typical = hold(matrix, self.nodes)
-        elastic = Stiffness(matrix, self.ranks, self.unknown, self.sign, self.active)
-        compliance = _compliance(self.ranks, self.weights, self.active, self.unknown, elastic.matrix_diagonal)
-        return replace(
-            self, elastic=elastic, row_sums=row_sums(matrix, self.nodes), compliance=compliance, typical=typical,
-            supported=supported, cycles=Cycles(), below=None,
-        )  # fmt: skip
-
-    # ---- vectors and displacements -----------------------------------------------------------------------
-
-    def vector(self, x: Array | None = None) -> PETSc.Vec:
-        """See :meth:`NodesOnRanks.vector`."""
-        return self.nodes.vector(x)
-
-    def displacement(self, x: Array) -> Array:
-        """Displacements (N, d) of all nodes of the piece."""
-        nodes = self.nodes
-        values = np.where(nodes.free, nodes.everywhere(x), 0.0)
-        return np.asarray(np.einsum("nc,ncd->nd", values, nodes.directions) + self.prescribed)
-
-    def restrict(self, displacement: Array) -> Array:
-        """Vector (n,) of a displacement (N, d) of the nodes of the piece."""
-        nodes = self.nodes
-        return np.where(nodes.free, nodes.along(displacement - self.prescribed), 0.0)[nodes.owned].ravel()
+__all__ = ["assemble"]
 
 
 def assemble(
@@ -219,29 +83,21 @@ def assemble(
     contact = _named(contact, tuple(stated.contact))
     own = _present(stated, piece.mesh)
 
-    def elements() -> tuple[EdgeBlocks | None, Array]:
-        if not piece.mesh.number_of_cells:
-            return None, np.zeros(0)
-        load = load_vector(piece.mesh, 1, own.body_force, own.tractions)
-        return body_blocks(piece.mesh, own.material, own.bedding), load
-
-    blocks, load = ranks.agree(elements)
+    prescribed = nodal.supports.value[:count]
+    blocks, found = ranks.agree(lambda: _elements(own, prescribed))
     below = None if coarser is None else coarser.nodes
     nodes = NodesOnRanks.of(ranks, piece, nodal.directions[:count], nodal.free[:count], below)
-    prescribed = nodal.supports.value[:count]
-    if blocks is not None and prescribed.any():
-        reaction = blocks.times(prescribed).ravel()
-        constant += float(prescribed.ravel() @ (0.5 * reaction - load))
-        load = load - reaction
-    unknowns, points, constant = ranks.total(
-        np.count_nonzero(~nodes.held), len(contact.weights), constant
+    constant += found.energy - float(prescribed.ravel() @ found.load)
+    unknowns, points, constant, stored = ranks.total(
+        np.count_nonzero(~nodes.held), len(contact.weights), constant, found.energy
     )  # fmt: skip
     if unknowns == 0:
         raise shared(SupportError("the supports leave the body no freedom; refine the mesh or remove supports"))
     with np.errstate(all="ignore"):  # what is not finite is refused below
         K = assembled(nodes, blocks)
         typical = hold(K, nodes)
-        force = np.where(nodes.held, 0.0, nodes.summed(nodes.along(load.reshape(nodes.free.shape))))
+        reaction = _reduced(nodes, found.reaction)
+        force = _reduced(nodes, found.load) - reaction
         sums = row_sums(K, nodes)
     finite = float(np.isfinite(force).all() and np.isfinite(sums).all() and 0.0 < typical < np.inf)
     if ranks.largest(1.0 - finite)[0]:
@@ -267,7 +123,7 @@ def assemble(
         load=force,
         row_sums=sums,
         constant=float(constant),
-        compliance=_compliance(ranks, contact.weights, active, unknown, elastic.matrix_diagonal),
+        compliance=compliance_of(ranks, contact.weights, active, unknown, elastic.matrix_diagonal),
         seconds=time.perf_counter() - began,
         below=None if dependent else coarser,
         nodes=nodes,
@@ -281,6 +137,7 @@ def assemble(
         contact_points=int(points),
         warnings=_warnings(ranks, own, contact, piece),
         coarser=coarser,
+        stored=None if stated.material.linear else StoredOnRanks(nodes, found.stored, float(stored), reaction),
     )
     _ = body.load_scale  # found by all ranks together, so that each may look at it alone
     if check_coercivity and piece.parts > 1:
@@ -290,6 +147,46 @@ def assemble(
     elif check_coercivity:
         check_held(body, admissible, moves)
     return body
+
+
+@dataclass(frozen=True, eq=False)
+class _CellForces:
+    """What the cells of a rank add up to, apart from the stiffness.
+
+    Attributes
+    ----------
+    load, reaction : arrays (N d,)
+        Forces, and internal ones under the prescribed displacements alone.
+    energy : float
+        Stored under these.
+    stored : BeddedEnergy or None
+        Of a body that is not linear.
+    """
+
+    load: Array
+    reaction: Array
+    energy: float
+    stored: BeddedEnergy | None = None
+
+
+def _elements(own: ContactProblem, prescribed: Array) -> tuple[EdgeBlocks | None, _CellForces]:
+    """Stiffness and forces of this rank's cells under prescribed displacements (N, d); no stiffness without cells."""
+    mesh, none = own.mesh, np.zeros(prescribed.size)
+    if not mesh.number_of_cells:
+        return None, _CellForces(none, none, 0.0)
+    load = load_vector(mesh, 1, own.body_force, own.tractions)
+    if not own.material.linear:
+        stored = bedded_energy(own)
+        forces = stored.forces(prescribed).ravel()
+        return stored.blocks(prescribed), _CellForces(load, forces, stored.value(prescribed), stored)
+    blocks = body_blocks(mesh, own.material, own.bedding)
+    reaction = blocks.times(prescribed).ravel() if prescribed.any() else none
+    return blocks, _CellForces(load, reaction, 0.5 * float(prescribed.ravel() @ reaction))
+
+
+def _reduced(nodes: NodesOnRanks, forces: Array) -> Array:
+    """Vector (n,) of forces (N d,) that the ranks have on the nodes of their pieces; zero where supports hold."""
+    return np.where(nodes.held, 0.0, nodes.summed(nodes.along(forces.reshape(nodes.free.shape))))
 
 
 def _named(contact: ContactPoints, names: tuple[str, ...]) -> ContactPoints:
@@ -396,17 +293,6 @@ def _contact_unknowns(
     column = trace.indices if m else np.zeros(0, dtype=np.int64)
     unknown = position[node[column]] * dim + slot[column]
     return unknown.astype(np.int64), np.sign(trace.data) if m else np.zeros(0), active
-
-
-def _compliance(ranks: Ranks, weights: Array, active: BoolArray, unknown: IntArray, diagonal: Array) -> Array:
-    """As :func:`hemivar.discrete.residual.contact_compliance`."""
-    m, dim = active.shape
-    flexibility = np.zeros((m, dim))
-    flexibility[active] = 1.0 / diagonal[unknown]
-    tangential = flexibility[:, 1:].max(axis=1) if dim > 1 and m else flexibility[:, 0]
-    pair = np.stack([flexibility[:, 0], tangential], axis=1)
-    largest = float(ranks.largest(float(pair.max(initial=0.0)))[0])
-    return np.asarray(weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0))
 
 
 def _warnings(ranks: Ranks, own: ContactProblem, contact: ContactPoints, piece: Piece) -> tuple[str, ...]:

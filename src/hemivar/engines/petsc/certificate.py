@@ -9,8 +9,10 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.certificates import Certificate, PointKind, Smallness
+from hemivar.certificates.bound import OPERATIONS
+from hemivar.certificates.linear_bodies import UNKNOWN
 from hemivar.engines.petsc.alarm import Alarm
-from hemivar.engines.petsc.assembly import BodyOnRanks
+from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.solve import DistributedSolution
 from hemivar.engines.petsc.stiffness import applied
@@ -57,6 +59,9 @@ def certify_on_ranks(solution: DistributedSolution, tolerance: float = 1e-8, ala
     The bound of the distance to the exact discrete solution is ``|f - K u - B'W lam'|_{K^-1} / margin`` with ``lam'``
     in ``dj(r)`` (docs/certificates-theory.md).  Conjugate gradients find its norm to 1e-4 of itself, rounding included.
 
+    Of a body that is not linear ``K u`` is the derivative of its energy, and K elsewhere the stiffness of C_low, as in
+    the serial certificate.  Where C_low is not known at every strain nothing is claimed.
+
     Numbers that are left out are nan, "not known"; the margin without a mesh that holds the body, or with a derivative
     that jumps down, is -inf, and the bound without a positive margin inf.
     """
@@ -67,24 +72,26 @@ def certify_on_ranks(solution: DistributedSolution, tolerance: float = 1e-8, ala
 def _certified(solution: DistributedSolution, tolerance: float, alarm: Alarm) -> Certificate:
     began = time.perf_counter()
     body, residual = solution.body, solution.residual
+    linear, proved, stiffness_by, reach = _stiffness(body)
     finite = bool(np.isfinite([residual.total, residual.scale, solution.energy]).all())
     stationary = finite and residual.below(0.0, tolerance)
     normal, tangential, dependent, sampled = _alphas(body)
     jumps = max(normal, tangential) == np.inf
     constant, bound, relative, method = (np.inf, np.inf, np.inf, NOTHING) if jumps else (np.nan,) * 3 + (NOTHING,)
     unique = False
-    if not jumps and not dependent and body.supported and finite and solution.status is Status.CONVERGED:
-        cycle = Multigrid(body)
+    held = body.supported and finite and solution.status is Status.CONVERGED
+    if linear is not None and held and not jumps and not dependent:
+        cycle = Multigrid(linear)
         cycle.build(np.zeros(body.unknown.size, dtype=bool), np.zeros((*body.active.shape, body.dim)))
-        margin = _margin(body, cycle, alarm)
+        margin = _margin(linear, cycle, alarm)
         if margin is not None:
             constant, method = margin.constant, ESTIMATE
         if margin is not None and margin.shown:
-            lowest, factorised = _lowest(body, cycle, alarm)
+            lowest, factorised = _lowest(linear, cycle, alarm)
             method = "factorisation" if factorised else "multigrid"
-            if lowest > _SINGULAR and margin.value > 0.0 and not sampled:
+            if lowest > _SINGULAR and margin.value > 0.0 and proved and not sampled:
                 unique = True
-                found, size = _error_bound(solution, cycle, margin.value, lowest)
+                found, size = _error_bound(solution, linear, cycle, margin.value, lowest)
                 if np.isfinite(found):
                     bound, relative = found, found / size if size > 0.0 else found
         cycle.release()
@@ -113,6 +120,8 @@ def _certified(solution: DistributedSolution, tolerance: float, alarm: Alarm) ->
         coupling=np.nan if np.isnan(constant) or jumps else 0.0,
         contraction=np.nan,
         margin=1.0 - constant,
+        stiffness_by=stiffness_by,
+        reach_strain=reach,
     )
     inclusion = residual.inclusion
     return Certificate(
@@ -138,6 +147,18 @@ def _certified(solution: DistributedSolution, tolerance: float, alarm: Alarm) ->
         warnings=solution.warnings,
         left_out=tuple(left_out),
     )
+
+
+def _stiffness(body: BodyOnRanks) -> tuple[BodyOnRanks | None, bool, str, float]:
+    """The linear body below, itself if it is linear, None where none is known; whether that is shown at every strain;
+    how it was found, and up to which strains it holds."""
+    if body.stored is None:
+        return body, True, "", np.inf
+    low, material = body.below_all(), body.statement.material
+    if low is None:
+        return None, False, UNKNOWN, np.inf
+    reach = float(material.reach)
+    return low, material.bounds_by.proved and reach == np.inf, material.bounds_by.value, reach
 
 
 def _margin(body: BodyOnRanks, cycle: Multigrid, alarm: Alarm) -> _Margin | None:
@@ -319,33 +340,38 @@ def _top_vector(A: Array, K: Array) -> Array:
     return np.asarray(whiten @ tops[:, -1])
 
 
-def _error_bound(solution: DistributedSolution, cycle: Multigrid, margin: float, lowest: float) -> tuple[float, float]:
-    """Bound of the distance to the exact discrete solution, and the energy norm of this one.
+def _error_bound(
+    solution: DistributedSolution, linear: BodyOnRanks, cycle: Multigrid, margin: float, lowest: float
+) -> tuple[float, float]:
+    """Bound of the distance to the exact discrete solution, and the norm of this one, in the energy of ``linear``.
 
     Sums are rounded by no more than ``n eps`` of the sizes of their n terms, and such a force has a dual norm of at
     most ``|D^-1/2 e| / sqrt(lowest)``, D the diagonal of K; local displacements are rounded as well, which moves the
-    point that the multiplier belongs to.
+    point that the multiplier belongs to.  The forces of a body that is not linear have the sizes of those of C_up.
     """
     body, ranks, x = solution.body, solution.body.ranks, solution.x
+    above, curved = body.above_all(), body.stored is not None
     lam = np.where(body.active, body.law.nearest_multiplier(solution.local, solution.multiplier), solution.multiplier)
     pressed = body.gather(body.weights[:, None] * lam)
     rest = body.out_of_balance(x)
     rest[body.unknown] -= pressed
-    error, solved = _solved(body, cycle, rest, 1e-3 * _SOLVED, 200)
+    error, solved = _solved(linear, cycle, rest, 1e-3 * _SOLVED, 200)
     solved = solved or not ranks.norms(rest)[0] > 0.0
-    diagonal, eps = body.elastic.matrix_diagonal, float(np.finfo(float).eps)
-    terms = body.row_sums * np.abs(x) + np.abs(body.load)
+    diagonal, eps = linear.elastic.matrix_diagonal, float(np.finfo(float).eps)
+    terms = above.row_sums * np.abs(x) + np.abs(body.load)
+    if body.stored is not None:
+        terms += np.abs(body.stored.initial_forces)
     terms[body.unknown] += np.abs(pressed)
     moved = eps * np.sqrt(diagonal[body.unknown]) * (np.abs(x[body.unknown]) + np.abs(body.offset[body.active]))
     mesh = body.piece.mesh
     edges = mesh.edges if mesh.number_of_cells else np.zeros((0, 2), dtype=np.int64)
     joined = np.bincount(edges.ravel(), minlength=mesh.number_of_nodes).astype(float)
     joined = body.piece.summed(ranks, joined[:, None])
-    spread, most = ranks.largest(float((body.row_sums / diagonal).max(initial=1.0)), float(joined.max(initial=0.0)))
+    spread, most = ranks.largest(float((above.row_sums / diagonal).max(initial=1.0)), float(joined.max(initial=0.0)))
     rounded, shift = ranks.norms(terms / np.sqrt(diagonal), moved)
-    rounded *= eps * (body.dim * (1.0 + most) + 4.0) / np.sqrt(lowest)
-    shift *= np.sqrt(spread)
-    work, square = ranks.total(float(rest @ error), float(x @ body.multiply(x)))
+    rounded *= eps * (body.dim * (1.0 + most) + 4.0 + curved * OPERATIONS) / np.sqrt(lowest)
+    force = spread / np.sqrt(lowest) if curved else np.sqrt(spread)  # of a shift of one, in the dual norm
+    work, square = ranks.total(float(rest @ error), float(x @ linear.multiply(x)))
     found = float(np.sqrt(max(work, 0.0))) * (1.0 + _SOLVED)
-    bound = shift + (found + rounded + shift) / margin if solved else np.inf
+    bound = np.sqrt(spread) * shift + (found + rounded + force * shift) / margin if solved else np.inf
     return float(bound), float(np.sqrt(max(square, 0.0)))

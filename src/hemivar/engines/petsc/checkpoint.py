@@ -18,7 +18,7 @@ import numpy as np
 
 from hemivar.basics.disk import regular_file, shown
 from hemivar.basics.types import Array, IntArray, Record
-from hemivar.engines.petsc.assembly import BodyOnRanks
+from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.files import one_writer, read_rows, write_rows
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
@@ -27,6 +27,7 @@ from hemivar.errors import ProblemError
 from hemivar.solvers import Progress
 from hemivar.solvers.base import State
 from hemivar.solvers.fixed_point import Outer
+from hemivar.solvers.proximal_newton import ProximalMemory
 from hemivar.solvers.truncated_newton import NewtonMemory
 from hemivar.systems.krylov_newton import KrylovNewton
 
@@ -37,6 +38,7 @@ __all__ = ["read_checkpoint", "write_checkpoint"]
 
 _FORMAT = 3
 _LONGEST_LINE = 1 << 26
+_LEAST = 1e-300  # of a residual
 _LENGTHS = 10.0 ** np.arange(-6, 1)  # of displacements at which laws are compared, in terms of the size of the body
 
 _KNOWN: WeakKeyDictionary[BodyOnRanks, list[float]] = WeakKeyDictionary()
@@ -56,11 +58,13 @@ def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
         On all ranks: the file cannot be written.
     """
     path, ranks, state = Path(path), body.ranks, saved.state
-    memory: NewtonMemory | Outer = state.memory
+    memory: NewtonMemory | ProximalMemory | Outer = state.memory
     factor, energy, built, changes = 1.0, 0.0, False, []
     if isinstance(memory, Outer):
         arrays = [memory.r, *_as_vectors(body, memory.lam)]
         changes = [memory.change, *memory.ratios] if np.isfinite(memory.change) else []
+    elif isinstance(memory, ProximalMemory):  # the residual of the first step is what steps are as accurate as
+        arrays, factor, energy = [state.r], max(memory.first, _LEAST), float(state.energy or 0.0)
     else:
         assert isinstance(memory.equation, KrylovNewton)
         assert isinstance(memory.equation.matrix, Multigrid)
@@ -146,6 +150,13 @@ def _state(body: BodyOnRanks, record: Record, arrays: list[Array]) -> State:
         lam, changes = _from_vectors(body, arrays[1:]), tuple(record["changes"])
         outer = Outer(x, lam, changes[0], changes[1:]) if changes else Outer(x, lam)
         return State(x, lam, memory=outer)
+    if body.stored is not None:
+        force = body.out_of_balance(x)
+        lam = body.multiplier(x, force)
+        found = body.residual(x, lam, force)
+        return State(
+            x, lam, energy=record["energy"], residual=found, memory=ProximalMemory(force, record["stiffening"])
+        )
     matrix = Multigrid(body, arrays[2] if record["built"] else None)
     memory = NewtonMemory(record["stiffening"], arrays[1], KrylovNewton(body, matrix))
     lam = body.multiplier(x, memory.force)
@@ -187,6 +198,8 @@ def _marks(body: BodyOnRanks) -> list[float]:
     ends = ranks.largest(*points.max(axis=0, initial=-np.inf), *-points.min(axis=0, initial=np.inf))
     size = float((ends[: body.dim] + ends[body.dim :]).max())
     values = [float(w.sum()), float(w @ np.abs(body.offset).sum(axis=1))]
+    if body.stored is not None:
+        values += body.stored.marks()
     ones = np.ones(body.active.shape)
     for length in (*-_LENGTHS, *_LENGTHS):
         with np.errstate(all="ignore"):
@@ -237,7 +250,8 @@ def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], 
         raise ProblemError(f"{other}: body, supports or laws differ; name another")
     if record["state"] is not dependent:
         raise ProblemError(f"{other}: a bound depends on the solution in one of the two only; name another")
-    count = 1 + body.dim if record["state"] else 2 + record["built"]
+    count = 2 + record["built"] if body.stored is None else 1
+    count = 1 + body.dim if record["state"] else count
     size = path.stat().st_size - stream.tell()
     if len(record["sums"]) != count or size != count * 8 * body.dim * body.piece.total:
         raise ProblemError(

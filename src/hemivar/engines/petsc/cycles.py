@@ -9,7 +9,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.engines.petsc.preconditioner import Multigrid
 
 if TYPE_CHECKING:
-    from hemivar.engines.petsc.assembly import BodyOnRanks
+    from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 
 __all__ = ["Cycles", "ReusedCycle"]
 

@@ -16,7 +16,8 @@ from hemivar.discrete.model import Model
 from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.engines.petsc.assembly import BodyOnRanks, _present, _with_facets_around, assemble
+from hemivar.engines.petsc.assembly import _present, _with_facets_around, assemble
+from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.matrices import assembled, combined, row_sums
 from hemivar.engines.petsc.nodes import NodesOnRanks
 from hemivar.engines.petsc.pieces import Piece

@@ -22,7 +22,7 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
-    from hemivar.engines.petsc.assembly import BodyOnRanks
+    from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 
 __all__ = ["admissible_motions", "check_held", "supported", "unrefined"]
 

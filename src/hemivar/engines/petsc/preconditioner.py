@@ -14,7 +14,7 @@ from hemivar.systems.contact_moves import moving_curvature, smooth_components
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
-    from hemivar.engines.petsc.assembly import BodyOnRanks
+    from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 
 __all__ = ["Multigrid"]
 

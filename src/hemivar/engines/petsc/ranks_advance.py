@@ -12,7 +12,7 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.alarm import Alarm
-from hemivar.engines.petsc.assembly import BodyOnRanks
+from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.certificate import _margin
 from hemivar.engines.petsc.evolution import BulkOnRanks, EvolutionOnRanks, StepMatricesOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid

@@ -25,6 +25,7 @@ from hemivar.evolution.march import Backend, marching, refuse_plan
 from hemivar.evolution.save import PROBED, nearest_cell, probe_outside, probe_point
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.time_error import TimeBound
+from hemivar.laws import separable
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid, as_method
 
@@ -59,7 +60,15 @@ def prepare_march(
     """
 
     def suited() -> None:
-        refuse_plan(state(pieces[-1].mesh), plan)
+        evolution = state(pieces[-1].mesh)
+        if not evolution.body.material.linear:
+            raise MethodError(
+                "the engine 'petsc' marches linear bodies only, and this material is not linear; leave --engine out, "
+                "or solve for one load, hemivar solve --engine petsc"
+            )
+        for contact in evolution.body.contact.values():
+            separable(contact.law, "a march in time")
+        refuse_plan(evolution, plan)
         _refuse(plan)
 
     ranks.agree(suited)

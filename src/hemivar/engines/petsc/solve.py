@@ -12,9 +12,9 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, Record
 from hemivar.discrete.residual import Residual
 from hemivar.engines.petsc.alarm import Alarm
-from hemivar.engines.petsc.assembly import BodyOnRanks
+from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.fem import Deformation, deformation
-from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Progress, Solver, Status
+from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Progress, ProximalNewton, Solver, Status
 from hemivar.solvers.base import State
 from hemivar.solvers.contact_states import ContactStates, NormalState, TangentialState
 from hemivar.solvers.loop import Watch, finish, iterate, states_of
@@ -98,6 +98,14 @@ class DistributedSolution:
         return states_of(self.body, self.x, self.multiplier, without_friction=self.body.contact.without_friction)
 
     @cached_property
+    def debonding(self) -> Mapping[str, Array]:
+        """As :attr:`hemivar.Solution.debonding`, at the contact points of this rank; all ranks ask for it together."""
+        body = self.body
+        own = body.law.debonding(self.local) if body.points else {}
+        names = sorted({name for told in body.ranks.mpi.allgather(tuple(own)) for name in told})
+        return {name: own.get(name, np.full(body.points, np.nan)) for name in names}
+
+    @cached_property
     def sums(self) -> Record:
         """Resultants and extremes of the whole contact boundary.
 
@@ -147,7 +155,8 @@ def solve_distributed(
     ----------
     body : BodyOnRanks
         The problem on the mesh wanted; it is solved on coarser ones first, if it has them.
-    solver : NonsmoothMultigrid or FixedPoint, optional
+    solver : NonsmoothMultigrid, ProximalNewton or FixedPoint, optional
+        By default what suits body and law.
     controls : Controls, optional
     resume : Saved, optional
         Where to go on from.
@@ -161,7 +170,9 @@ def solve_distributed(
     DistributedSolution
     """
     if solver is None:
-        solver = FixedPoint(NonsmoothMultigrid()) if depends_on_ranks(body) else NonsmoothMultigrid()
+        solver = NonsmoothMultigrid()
+        solver = solver if body.stored is None else ProximalNewton(solver)
+        solver = FixedPoint(solver) if depends_on_ranks(body) else solver
     controls = Controls() if controls is None else controls
     alarm = Alarm(controls.max_time) if alarm is None else alarm
     with np.errstate(all="ignore"):  # numbers that are not finite end the iteration, with a status that says so

@@ -1,0 +1,23 @@
+"""Run by mpirun: all problems of a plan, each as JSON with its certificate.  ``batch.py FOLDER RESULTS``."""
+
+import json
+import sys
+from pathlib import Path
+
+from hemivar.cli.ending import all_or_none
+from hemivar.cli.on_ranks import read_on_ranks
+from hemivar.engines.petsc import solve_distributed, world
+from hemivar.engines.petsc.certificate import certify_on_ranks
+from hemivar.report.on_ranks import write_json_on_ranks
+from hemivar.solvers import Controls
+
+ranks = world()
+with all_or_none(ranks):
+    folder, results = map(Path, sys.argv[1:])
+    if ranks.rank == 0:
+        results.mkdir()
+    plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    for name, rtol in plan.items():
+        body = read_on_ranks(folder / f"{name}.toml", ranks).bodies[-1]
+        solution = solve_distributed(body, controls=Controls(rtol=rtol))
+        write_json_on_ranks(solution, results / f"{name}.json", certify_on_ranks(solution))
