@@ -98,3 +98,12 @@ def test_threads_that_use_the_package_first_get_whole_modules(turn: int) -> None
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
 def test_a_child_forked_while_another_thread_solves_can_solve() -> None:
     assert ran(FORKS) == "fine"
+
+
+def test_a_first_answer_loads_no_part_of_scipy_that_it_does_not_use() -> None:
+    """They take a third of its time."""
+    told = "print([m for m in ('scipy.optimize', 'scipy.spatial', 'scipy.interpolate') if m in sys.modules])"
+    code = f"{PROBLEM}\nassert hv.solve(problem).status is hv.Status.CONVERGED\n{told}"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.strip() == "[]"

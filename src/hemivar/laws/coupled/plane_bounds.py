@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.curvature import enclosed_range
@@ -189,6 +189,9 @@ def best_ratio(hessian: tuple[Array, Array, Array]) -> float:
         ratio = start * float(np.exp(log))
         alpha = max(0.0, -float(least_eigenvalues(hessian, ratio).min()))
         return alpha / stiff[0] + ratio**2 * alpha / stiff[1]
+
+    with IMPORTS:
+        from scipy.optimize import minimize_scalar  # only here: SciPy takes long to load it
 
     logs = np.linspace(-7.0, 7.0, 57)
     best = float(logs[int(np.argmin([both(log) for log in logs.tolist()]))])
