@@ -75,7 +75,8 @@ class RescaledLaw(Superpotential):
     @cached_property
     def rows(self) -> int:  # type: ignore[override]
         """Number of contact points, 1 if all are alike."""
-        return max(self.factor.size, self.theta.size, self.c.size, self.base.rows)
+        sizes = (self.factor.size, self.theta.size, self.c.size, self.base.rows)
+        return max(sizes) if min(sizes) else 0  # a rank may have no contact points
 
     @property
     def searched(self) -> int:
