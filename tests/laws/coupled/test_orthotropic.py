@@ -233,7 +233,7 @@ def test_results_do_not_change_with_the_frame() -> None:
         (lambda: OrthotropicFriction(1.0, axis=(np.inf, 0.0, 0.0)), "axis of the orthotropic friction"),
         (lambda: OrthotropicFriction(-1.0).at(None), "bound"),
         (lambda: ContactLaw(Signorini(), OrthotropicFriction(1.0)), "take OrthotropicLaw"),
-        (lambda: hv.ScalarContact(OrthotropicFriction(1.0)), "a scalar problem has none"),
+        (lambda: hv.ScalarContact(OrthotropicFriction(1.0)), "a scalar problem none"),
         (lambda: law().value(np.zeros((1, 2))), "needs two tangential components"),
         (
             lambda: hv.discretize(block(np.zeros(2), OrthotropicFriction(1.0, axis=(0.0, 0.0, 1.0)))),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.laws import Adhesive, Softening, ThresholdCompliance, affine, table_law
+from hemivar.laws import Adhesive, FormulaLaw, Softening, ThresholdCompliance, affine, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.stacked import stack
 
@@ -89,6 +89,21 @@ def test_of_stacked_laws_each_part_is_moved() -> None:
     r = np.linspace(-0.5, 0.5, 5)
     np.testing.assert_allclose(moved.derivative(r), both.derivative(theta * r + c), rtol=1e-13)
     np.testing.assert_allclose(moved.weak_convexity, theta * both.weak_convexity, rtol=1e-14)
+
+
+def test_alpha_of_a_formula_is_claimed_where_the_formula_shows_it() -> None:
+    """The slope of a power falls without end, and alpha is known up to the reach: the argument stays within it."""
+    law = FormulaLaw("r^2 - r^4", reach=1.0)
+    theta, c = np.array([2.0, 0.5]), np.array([0.3, -0.4])
+    moved = affine(law, theta, c)
+    assert moved.alpha_reach == pytest.approx(0.35)
+    assert (np.abs(theta * moved.alpha_reach + np.abs(c)) <= law.alpha_reach + 1e-12).all()
+    for reach in (moved.alpha_reach, 2.0 * moved.alpha_reach):
+        r = np.linspace(-reach, reach, 4001)
+        falls = -np.diff([moved.take(np.array([k])).derivative(r) for k in (0, 1)], axis=1) / np.diff(r)
+        claimed = np.broadcast_to(moved.weak_convexity_within(reach), 2)
+        assert (falls.max(axis=1) <= claimed + 1e-6).all()
+    assert moved.weak_convexity_within(moved.alpha_reach)[0] <= 1.05 * theta[0] * 10.0
 
 
 @pytest.mark.parametrize(
