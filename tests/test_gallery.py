@@ -101,7 +101,7 @@ def test_block_under_its_own_weight(weight: float) -> None:
 
 
 def test_block_needs_constant_parameters() -> None:
-    with pytest.raises(ProblemError, match="constant"):
+    with pytest.raises(ProblemError, match="with numbers only"):
         weighted_block(ThresholdCompliance(lambda x: x[:, 0], 1.0))
 
 

@@ -145,7 +145,9 @@ def elastic_bar_penetrations(
         The softening equals the stiffness.
     """
     if softening == kappa:
-        raise ProblemError("softening equals kappa: take another of the two")
+        raise ProblemError(
+            "softening equals kappa, so that an interval of solutions exists, or none; change one of the two"
+        )
     end = limit * (1.0 + stiffness / softening)
     found = []
     if free <= 0.0 or free >= end:

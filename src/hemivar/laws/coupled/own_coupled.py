@@ -347,6 +347,7 @@ class OwnCoupledLaw(CoupledLaw):
 
     @cached_property
     def rates(self) -> tuple[Array, Array, Array]:
+        """Growth rates far away, (1,) each: with the penetration, with the opening, with the length of the slip."""
         up = np.inf if self.rigid else self._growth(1.0, 0.0)
         return np.array([up]), np.array([self._growth(-1.0, 0.0)]), np.array([self._growth(0.0, 1.0)])
 

@@ -42,6 +42,10 @@ def CoupledFormulaLaw(  # noqa: N802 - a law, named as the others are
     where : str
         What stands before messages about the formula.
 
+    Returns
+    -------
+    OwnCoupledLaw
+
     Raises
     ------
     ProblemError
@@ -82,6 +86,10 @@ def CoupledFunctionLaw(  # noqa: N802 - a law, named as the others are
     reach : float
     rigid : bool
     name : str
+
+    Returns
+    -------
+    OwnCoupledLaw
 
     Raises
     ------
