@@ -424,6 +424,7 @@ class OwnCoupledLaw(CoupledLaw):
 
     @cached_property
     def rubs(self) -> BoolArray:
+        """Whether the slip meets any force, (1,)."""
         r, s = self._samples[0]
         return np.array([bool((np.abs(self.plane.gradient(r, s)[1]) > 1e-12 * self.size).any())])
 
