@@ -69,7 +69,7 @@ class Chain(Segments):
     @staticmethod
     def graph_law(system: CondensedProblem) -> ContactLaw:
         """The law whose graph the curves are."""
-        return separable(system.law, "the graph of the law as curves")
+        return separable(system.law, "a load path")
 
     @staticmethod
     def lengths(system: CondensedProblem, point: IntArray, column: IntArray) -> Array:

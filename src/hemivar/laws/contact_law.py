@@ -322,7 +322,10 @@ def separable(law: VectorLaw, what: str) -> ContactLaw:
     """
     if isinstance(law, ContactLaw):
         return law
-    raise MethodError(f"{law.not_separable}; {what} is only known for a normal law with radial friction beside it")
+    raise MethodError(
+        f"{law.not_separable}, and {what} is only known for a normal law with radial friction beside it; take such, "
+        "Adhesive(...) and Tresca(...) or the like"
+    )
 
 
 def _first_axis(direction: Array) -> Array:

@@ -340,6 +340,12 @@ def test_what_needs_a_normal_law_and_friction_says_so() -> None:
     solution = hv.solve(block())
     with pytest.raises(hv.HemivarError, match="couples opening and slip"):
         exact_distance(block(), solution.displacement, lower_bounds(block()))
+    asked = hv.certify(solution, exact=True)  # the certificate says why it has no distance, and is not lost
+    assert asked.exact is not None
+    assert "couples opening and slip" in asked.exact.why
+    assert asked.kind == hv.certify(solution).kind
+    with pytest.raises(hv.HemivarError, match="couples opening and slip"):
+        hv.follow_path(block())
     with pytest.raises(hv.HemivarError, match="couples opening and slip"):
         hv.march(hv.Evolution(block()), 1.0)
     for method in (hv.solvers.PrimalDualActiveSet(), hv.solvers.ProximalBundle()):

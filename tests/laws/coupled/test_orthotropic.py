@@ -250,7 +250,7 @@ def test_results_do_not_change_with_the_frame() -> None:
         ),
         (
             lambda: hv.march(hv.Evolution(block(np.zeros(2), OrthotropicFriction(1.0))), 1.0),
-            "depends on the direction of the slip; a march in time is only known",
+            "depends on the direction of the slip, and a march in time is only known",
         ),
         (
             lambda: exact_distance(

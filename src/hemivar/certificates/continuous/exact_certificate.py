@@ -13,7 +13,7 @@ from hemivar.certificates.continuous.body_shape import body_shape
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
 from hemivar.certificates.distance_to_exact import DistanceToExact
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.errors import ProblemError
+from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.discretize import discretize
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
@@ -64,7 +64,7 @@ def distance_to_exact(
         if time.perf_counter() - began > max_time:
             return nothing("the time limit was reached")
         found = exact_distance(stated, problem.field.full(unknowns), constants)
-    except ProblemError as error:
+    except (ProblemError, MethodError) as error:
         return nothing(str(error))
     except MemoryError:
         return nothing("the memory did not suffice")
