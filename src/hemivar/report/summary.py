@@ -105,6 +105,11 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
         yield "friction force", _vector(solution.problem.contact.weights @ solution.friction_vectors, units.force)
     whole = float(solution.contact.weights.sum())
     yield from contact_rows(solution.measured, solution.contact_length, whole, solution.states.counts, units)
+    if solution.debonding:
+        yield "max opening", _with(f"{max(-float(solution.penetration.min()), 0.0):.6g}", units.length)
+        lost = float(solution.problem.contact.weights @ solution.debonding["dissipated"])
+        yield "damage", f"at most {float(solution.debonding['damage'].max()):.3g}"
+        yield "dissipated", _with(f"{lost:.6g}", units.energy)
     yield from extreme_rows(float(solution.penetration.max()), float(solution.pressure.max()), units)
 
 

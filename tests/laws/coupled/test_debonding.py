@@ -101,3 +101,18 @@ def test_laws_without_glue_say_nothing() -> None:
     solution = hv.solve(problem)
     assert solution.debonding == {}
     assert "damage" not in (solution.contact_table.dtype.names or ())
+
+
+def test_the_summary_says_how_far_glue_is() -> None:
+    """A stiff block is pulled off by more than the glue bears: the fracture energy is spent on its whole length."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((2.0, 1.0), (4, 2)),
+        material=hv.Material.lame(4e6, 4e6),
+        supports={"top": hv.Fixed(x=0.0, y=2.0 * LAST)},
+        contact={"bottom": hv.Contact(MixedMode(BilinearCohesion(STRENGTH, ENERGY, STIFFNESS), RATIO))},
+    )
+    rows = dict(hv.solve(problem).summary().rows)
+    assert float(rows["max opening"]) == pytest.approx(2.0 * LAST, rel=1e-6)
+    assert rows["damage"] == "at most 1"
+    assert float(rows["dissipated"]) == pytest.approx(2.0 * ENERGY, rel=1e-9)
+    assert rows["least opening"].startswith(rows["max opening"][:6])
