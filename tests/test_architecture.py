@@ -364,7 +364,7 @@ def test_a_file_opened_elsewhere_is_found(tmp_path: Path) -> None:
 #: Where a type cannot be named, how often at most, and why.  A number may fall; a new place wants a reason here.
 UNTYPED = {
     "basics.arguments": (2, "a union of classes as a value has no type of its own"),
-    "basics.handed_on": (2, "functions of rooms above, of any kind"),
+    "basics.defined_above": (2, "functions of rooms above, of any kind"),
     "basics.types": (2, "entries of any kind; JSON"),
     "cli.adapting": (3, "options of the command by name"),
     "cli.march_results": (1, "keywords of a film"),

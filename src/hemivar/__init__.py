@@ -14,8 +14,8 @@ import pkgutil
 
 import lazy_loader
 
+from hemivar.basics.defined_above import hand_on
 from hemivar.basics.first_use import IMPORTS
-from hemivar.basics.handed_on import hand_on
 
 __version__ = "0.1.0"
 

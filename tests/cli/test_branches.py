@@ -12,7 +12,7 @@ from rich.console import Console
 
 from hemivar import cli
 from hemivar.branches import PathProgress, SearchProgress
-from hemivar.cli.show import StageView
+from hemivar.cli.printing import StageView
 from hemivar.workflows import Event
 
 BLOCK = """\
@@ -131,7 +131,7 @@ def test_a_terminal_shows_how_far_a_search_is(event: Event, text: str) -> None:
 def test_a_terminal_shows_how_long_a_search_takes_yet(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten starts took twenty seconds: thirty more take sixty, and a hundred take minutes; two tell nothing."""
     clock = [100.0]
-    monkeypatch.setattr("hemivar.cli.show.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("hemivar.cli.printing.time.monotonic", lambda: clock[0])
     for event, left in (
         (SearchProgress(10, 1, 40), "about 60 s left"),
         (SearchProgress(10, 1, 110), "about 3 min left"),

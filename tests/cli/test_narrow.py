@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from hemivar.cli import main
-from hemivar.cli.show import print_table
+from hemivar.cli.printing import print_table
 from hemivar.report.tables import Table
 
 WIDE = Table(

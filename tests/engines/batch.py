@@ -4,7 +4,7 @@ import json
 import sys
 from pathlib import Path
 
-from hemivar.cli.ending import all_or_none
+from hemivar.cli.end_on_ranks import all_or_none
 from hemivar.cli.on_ranks import read_on_ranks
 from hemivar.engines.petsc import solve_distributed, world
 from hemivar.engines.petsc.certificate import certify_on_ranks

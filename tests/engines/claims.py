@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.cli.ending import all_or_none
+from hemivar.cli.end_on_ranks import all_or_none
 from hemivar.cli.on_ranks import read_on_ranks
 from hemivar.engines.petsc import certificate, solve_distributed, world
-from hemivar.engines.petsc.alarm import Alarm
+from hemivar.engines.petsc.time_limit import Alarm
 
 ranks = world()
 with all_or_none(ranks):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.cli.ending import all_or_none
+from hemivar.cli.end_on_ranks import all_or_none
 from hemivar.cli.on_ranks import read_on_ranks
 from hemivar.engines.petsc import world
 

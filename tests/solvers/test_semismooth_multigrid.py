@@ -9,8 +9,8 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, CoulombBound, PenetrationBound, Signorini, SlipWeakening, Superpotential, Tresca
-from hemivar.laws.dependent import DependentLaw
 from hemivar.laws.friction import Friction
+from hemivar.laws.state_dependent import DependentLaw
 from hemivar.laws.vector_law import spread
 from hemivar.linear.krylov import minimal_residuals
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, SemismoothNewton, Solution, Status, solve

@@ -16,8 +16,8 @@ from hemivar.files.sample import template
 from hemivar.studio import Bench, Message, Request
 from hemivar.studio.badges import badge_of
 from hemivar.studio.binary_message import unpacked
-from hemivar.studio.desk import Desk
 from hemivar.studio.jobs import MOST_CELLS
+from hemivar.studio.page_worker import Desk
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.handed_on import above
+from hemivar.basics.defined_above import above
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

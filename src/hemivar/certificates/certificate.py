@@ -30,7 +30,7 @@ from hemivar.certificates.smallness import (
     with_survey,
     within_reach,
 )
-from hemivar.certificates.words import certificate_brief, certificate_lines
+from hemivar.certificates.wording import certificate_brief, certificate_lines
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, inaccurate_law, residual

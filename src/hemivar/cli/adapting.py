@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from hemivar.basics.rounding import rounded_up
 from hemivar.cli.options import Exit, controls_of, method_named
+from hemivar.cli.printing import console, print_head, print_summary, unread
 from hemivar.cli.session import Session, naming_file
-from hemivar.cli.show import console, print_head, print_summary, unread
 from hemivar.cli.solving import check_drawable, draw
 from hemivar.errors import ProblemError
 

@@ -9,8 +9,8 @@ import typer
 
 from hemivar.basics.disk import shown
 from hemivar.cli.options import Exact, Exit, Given, Json, MaxTime, ProblemPath, Rtol, controls_of
+from hemivar.cli.printing import SolveView, print_head
 from hemivar.cli.session import Session
-from hemivar.cli.show import SolveView, print_head
 from hemivar.errors import ProblemError
 
 __all__ = ["certify"]

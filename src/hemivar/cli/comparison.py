@@ -10,8 +10,8 @@ import typer
 
 from hemivar.cli.options import Csv, Exit, Given, Json, MaxSteps, MaxTime, ProblemPath, Rtol, controls_of, method_named
 from hemivar.cli.outputs import one_line
+from hemivar.cli.printing import StageView, console, print_head, print_table
 from hemivar.cli.session import Session
-from hemivar.cli.show import StageView, console, print_head, print_table
 
 if TYPE_CHECKING:
     from hemivar.files.problem_file import ProblemFile

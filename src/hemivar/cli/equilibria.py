@@ -23,8 +23,8 @@ from hemivar.cli.options import (
     Starts,
     check_colour,
 )
+from hemivar.cli.printing import StageView, console, print_head, print_table
 from hemivar.cli.session import Session
-from hemivar.cli.show import StageView, console, print_head, print_table
 from hemivar.cli.solving import check_drawable
 from hemivar.errors import ProblemError
 

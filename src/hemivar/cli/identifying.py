@@ -12,8 +12,8 @@ import typer
 from hemivar.basics.disk import shown
 from hemivar.cli.options import Csv, Exit, Given, Json, Latex, MaxTime, ProblemPath, Rtol, Seed, Starts, check_limits
 from hemivar.cli.outputs import one_line
+from hemivar.cli.printing import StageView, console, print_table
 from hemivar.cli.session import Session
-from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.disk import noting_files_read, protecting
-from hemivar.cli.ending import all_or_none
+from hemivar.cli.end_on_ranks import all_or_none
 from hemivar.cli.march_run import MarchOptions, check_tools, stated_outputs, write_film
 from hemivar.cli.march_view import MarchView, code_of, print_history
 from hemivar.cli.on_ranks import end_of_all, named, print_head_on_ranks, stated_on_ranks
 from hemivar.cli.options import Exit, controls_of
 from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
-from hemivar.engines.petsc.alarm import Alarm
+from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.files.history_table import write_history_json
 from hemivar.report.series_on_ranks import SeriesOnRanks

@@ -13,7 +13,7 @@ from hemivar.basics.units import Units
 from hemivar.cli.march_run import MarchOptions, MarchRun, write_film
 from hemivar.cli.options import Colour, Exit, Quiet, StepLength, UnitNames, Until
 from hemivar.cli.outputs import Writer, check_outputs
-from hemivar.cli.show import console, print_table
+from hemivar.cli.printing import console, print_table
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ from hemivar.basics.disk import protecting
 from hemivar.cli.march_view import Bar, MarchView, code_of, print_history
 from hemivar.cli.options import Given, MaxTime, Resume, Rtol, StepLength, Tolerance, Until, check_limits
 from hemivar.cli.outputs import Writer, check_outputs
+from hemivar.cli.printing import print_head
 from hemivar.cli.session import Session, naming_file
-from hemivar.cli.show import print_head
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from hemivar.basics.disk import shown
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import one_line
-from hemivar.cli.show import console, unread
+from hemivar.cli.printing import console, unread
 from hemivar.errors import FileError
 
 if TYPE_CHECKING:

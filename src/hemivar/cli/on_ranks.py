@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import noting_files_read, shown, try_output
 from hemivar.basics.units import Units
-from hemivar.certificates.words import lower_bound_words
-from hemivar.cli.ending import all_or_none
+from hemivar.certificates.wording import lower_bound_words
+from hemivar.cli.end_on_ranks import all_or_none
 from hemivar.cli.options import Exit, controls_of
 from hemivar.cli.outputs import Writer, check_distinct, keep_off, one_line
+from hemivar.cli.printing import print_not_converged, print_step, print_step_head
 from hemivar.cli.session import naming_file
-from hemivar.cli.show import print_not_converged, print_step, print_step_head
-from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.certificate import ESTIMATE, certify_on_ranks
 from hemivar.engines.petsc.ranks import shared
+from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.errors import FileError, HemivarError, MethodError, ProblemError
 from hemivar.mechanics import ContactProblem, ScalarProblem
 from hemivar.mesh import Grid

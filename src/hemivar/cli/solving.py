@@ -32,8 +32,8 @@ from hemivar.cli.options import (
     method_named,
 )
 from hemivar.cli.outputs import check_outputs
+from hemivar.cli.printing import SolveView, console, print_head, print_not_converged, print_summary
 from hemivar.cli.session import Session
-from hemivar.cli.show import SolveView, console, print_head, print_not_converged, print_summary
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:

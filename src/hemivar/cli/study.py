@@ -27,8 +27,8 @@ from hemivar.cli.options import (
     method_named,
 )
 from hemivar.cli.outputs import kept_file, one_line, tell_kept
+from hemivar.cli.printing import StageView, console, print_table
 from hemivar.cli.session import Session, naming_file
-from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import FileError, HemivarError, ProblemError
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import typer
 from hemivar.basics.disk import shown
 from hemivar.cli.options import Exit, MaxTime, check_limits
 from hemivar.cli.outputs import Writer, check_folder
-from hemivar.cli.show import StageView, console, print_table
+from hemivar.cli.printing import StageView, console, print_table
 from hemivar.cli.terminal import quiet_logging
 from hemivar.errors import ProblemError
 

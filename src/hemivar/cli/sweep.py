@@ -26,8 +26,8 @@ from hemivar.cli.options import (
     controls_of,
 )
 from hemivar.cli.outputs import kept_file, one_line, tell_kept
+from hemivar.cli.printing import StageView, console, print_table
 from hemivar.cli.session import Session
-from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import ProblemError
 
 __all__ = ["sweep"]

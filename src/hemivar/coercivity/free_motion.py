@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.coercivity.foothold import NO_MINIMUM, PERHAPS_NO_MINIMUM, growths, resistances
+from hemivar.coercivity.held_at_rest import NO_MINIMUM, PERHAPS_NO_MINIMUM, growths, resistances
 from hemivar.coercivity.recession import Coercivity, CoercivityResult, RecessionFunction, decide
 from hemivar.coercivity.rigid_modes import Mechanism, RigidModes, rigid_basis
 from hemivar.errors import SupportError

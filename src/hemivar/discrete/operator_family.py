@@ -10,8 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.recent import Recent
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import Model

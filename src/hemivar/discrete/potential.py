@@ -10,8 +10,8 @@ import scipy.sparse as sp
 
 from hemivar.basics.arrays import norm
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.recent import Recent
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.operators import combined

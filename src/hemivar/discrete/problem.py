@@ -14,7 +14,7 @@ from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
-from hemivar.coercivity.foothold import limit_of
+from hemivar.coercivity.held_at_rest import limit_of
 from hemivar.coercivity.recession import CoercivityProof
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints, components_of

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.recent import Recent
+from hemivar.basics.last_used import Recent
 from hemivar.basics.types import Array
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from hemivar.basics.arguments import number
+from hemivar.basics.defined_above import above
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.handed_on import above
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, Record
 from hemivar.errors import ProblemError

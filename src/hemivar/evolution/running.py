@@ -12,15 +12,22 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution.consistent import begun, longest_without_swing, ramped, settled, sunk_by_a_jump, yields_at_once
 from hemivar.evolution.descent import regularising_viscosity
+from hemivar.evolution.digest import identity
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.energy_barrier import crosses_energy_barrier
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.history import Frame, History, Row
-from hemivar.evolution.identity import identity
 from hemivar.evolution.impulses import apply_impulse
 from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial_equilibrium import (
+    begun,
+    longest_without_swing,
+    ramped,
+    settled,
+    sunk_by_a_jump,
+    yields_at_once,
+)
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.kinks import kinks_in_time
 from hemivar.evolution.march_events import OnEvent

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar.basics.recent import Recent
+from hemivar.basics.last_used import Recent
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
 from hemivar.evolution.schemes import RateFormula, Scheme, StageRule

@@ -2,7 +2,6 @@
 
 from hemivar.files.changes import Change, read_change
 from hemivar.files.contact_rows import contact_columns, write_csv
-from hemivar.files.earlier import read_solution
 from hemivar.files.film import Film, film_of, read_film
 from hemivar.files.history_table import (
     history_frame,
@@ -14,6 +13,7 @@ from hemivar.files.history_table import (
 from hemivar.files.problem_file import ProblemFile, read_problem, read_problem_file, write_problem
 from hemivar.files.record import read_json, solution_record, write_json
 from hemivar.files.settings import SolverSettings
+from hemivar.files.solution_reader import read_solution
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.files.vtu import write_vtu
 

@@ -13,9 +13,9 @@ from scipy.stats import norm as normal
 from scipy.stats import t as student
 
 from hemivar.basics.arguments import expect, whole_number
-from hemivar.basics.handed_on import above
+from hemivar.basics.defined_above import above
+from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.recent import Recent
 from hemivar.basics.types import Array
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.identification.experiment import Experiment

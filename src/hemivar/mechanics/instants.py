@@ -18,7 +18,7 @@ from hemivar.errors import ProblemError
 from hemivar.formula import Formula, FormulaArray
 from hemivar.laws import CoulombBound, Friction, MixedMode, ModeDependentGlue, Superpotential
 from hemivar.laws.friction.bounds import StateBound
-from hemivar.laws.named import ParameterLaw
+from hemivar.laws.parametrised import ParameterLaw
 
 __all__ = [
     "Instant",

@@ -21,8 +21,8 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.residual import LoadScale, Residual
 from hemivar.laws import ContactLaw, separable
-from hemivar.laws.dependent import DependentLaw
 from hemivar.laws.separate import GraphPosition, RadialLaw, SeparateLaw
+from hemivar.laws.state_dependent import DependentLaw
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution

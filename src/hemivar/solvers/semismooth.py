@@ -2,8 +2,9 @@
 
 With the pressure and friction ``lam = W^-1 (g - A r)`` in equilibrium with r and ``p = a r + lam``, a pair solves the
 problem where it is the one of the graphs of the laws at which p is what it is: ``F(r) = a (r - prox(p)) = 0``, the
-bound h in the prox being that of the very penetration and pressure (:mod:`hemivar.laws.dependent`).  F is piecewise
-smooth; its generalised derivative is not symmetric, and there is no energy, so that steps are halved until |F| falls.
+bound h in the prox being that of the very penetration and pressure (:mod:`hemivar.laws.state_dependent`).  F is
+piecewise smooth; its generalised derivative is not symmetric, and there is no energy, so that steps are halved until
+|F| falls.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import separable
-from hemivar.laws.dependent import DependentLaw
 from hemivar.laws.separate import GraphPosition
+from hemivar.laws.state_dependent import DependentLaw
 from hemivar.laws.vector_law import spread
 from hemivar.solvers.active_set_newton import SEMISMOOTH
 from hemivar.solvers.base import Solver, State

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hemivar.basics.defined_above import above
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.handed_on import above
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, Record

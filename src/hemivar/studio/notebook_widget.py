@@ -14,8 +14,8 @@ from hemivar.files.problem_file import ProblemFile, problem_text, read_text
 from hemivar.files.sample import template
 from hemivar.mechanics.scalar import Statement
 from hemivar.studio.binary_message import Message
-from hemivar.studio.desk import Desk
 from hemivar.studio.jobs import Bench
+from hemivar.studio.page_worker import Desk
 from hemivar.studio.requests import request_of
 from hemivar.studio.web_server import STATIC, hello
 

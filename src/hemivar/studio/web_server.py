@@ -16,8 +16,8 @@ from urllib.parse import unquote
 from hemivar.errors import ProblemError
 from hemivar.files.sample import TEMPLATES, template
 from hemivar.studio.binary_message import Message
-from hemivar.studio.desk import Desk
 from hemivar.studio.jobs import Bench
+from hemivar.studio.page_worker import Desk
 from hemivar.studio.requests import MOST_CHARACTERS, read_request
 from hemivar.systems import Workspace
 

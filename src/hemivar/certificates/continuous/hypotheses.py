@@ -19,7 +19,7 @@ from hemivar.fem.discretize import refuse_evolution
 from hemivar.fem.supports import stated_supports
 from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential, separable
 from hemivar.laws.friction.bounds import StateBound
-from hemivar.laws.named import ParameterLaw
+from hemivar.laws.parametrised import ParameterLaw
 from hemivar.mechanics.conditions import Roller
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem

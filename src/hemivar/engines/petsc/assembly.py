@@ -16,13 +16,13 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.contact import ContactPoints
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks, compliance_of
-from hemivar.engines.petsc.held import admissible_motions, check_held, supported, unrefined
 from hemivar.engines.petsc.matrices import assembled, hold, near_null_space, row_sums
 from hemivar.engines.petsc.nodes import NodesOnRanks
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.stiffness import Stiffness
 from hemivar.engines.petsc.stored_on_ranks import StoredOnRanks
+from hemivar.engines.petsc.support_check import admissible_motions, check_held, supported, unrefined
 from hemivar.errors import MethodError, ProblemError, SupportError
 from hemivar.fem.assembly import load_vector
 from hemivar.fem.discretize import friction_warning, refuse_evolution

@@ -11,11 +11,11 @@ from hemivar.basics.types import Array
 from hemivar.certificates import Certificate, PointKind, Smallness
 from hemivar.certificates.bound import OPERATIONS
 from hemivar.certificates.linear_bodies import UNKNOWN
-from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.solve import DistributedSolution
 from hemivar.engines.petsc.stiffness import applied
+from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.solvers import Status
 
 __all__ = ["ESTIMATE", "NOTHING", "certify_on_ranks", "largest_ratio"]

@@ -11,12 +11,12 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.certificate import _margin
 from hemivar.engines.petsc.evolution import BulkOnRanks, EvolutionOnRanks, StepMatricesOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.solve import Saved, solve_distributed
+from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.evolution import Scheme, SelectionRule
 from hemivar.evolution.data_in_time import StatedData
 from hemivar.evolution.descent import MAX_FLOW_STEPS, TIGHT, Backoff, minimiser_on_pieces, regularising_viscosity

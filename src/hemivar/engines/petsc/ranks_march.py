@@ -11,16 +11,16 @@ from functools import partial
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.evolution import EvolutionOnRanks, discretize_on_ranks
 from hemivar.engines.petsc.march_checkpoint import CheckpointOnRanks
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.ranks_advance import MarginsOnRanks, stepper_on_ranks
+from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.errors import MethodError
 from hemivar.evolution import Checkpoint, Evolution, History, March, SelectionRule, StepEvent
+from hemivar.evolution.digest import identity
 from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.evolution.identity import identity
 from hemivar.evolution.march import Backend, marching, refuse_plan
 from hemivar.evolution.save import PROBED, nearest_cell, probe_outside, probe_point
 from hemivar.evolution.stepper import TimeStepper

@@ -11,8 +11,8 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, Record
 from hemivar.discrete.residual import Residual
-from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
+from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.fem import Deformation, deformation
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Progress, ProximalNewton, Solver, Status
 from hemivar.solvers.base import State

@@ -16,7 +16,7 @@ import numpy as np
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
-from hemivar.laws.named import NamedLaw
+from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
 __all__ = ["BilinearCohesion", "ExponentialCohesion", "TrapezoidalCohesion", "cohesion_table"]

@@ -16,10 +16,10 @@ from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.criteria import FractureCriterion
 from hemivar.laws.coupled.near_mixed_mode import NearMixedMode, principal_sides, row_entries
 from hemivar.laws.coupled.opening import OpeningProblem
-from hemivar.laws.named import NamedLaw
 from hemivar.laws.neighbourhood import lengths, polar
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import evaluate
+from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import downhill, one_sided, radial_sides, steepest
 from hemivar.laws.superpotential import Interval, Superpotential

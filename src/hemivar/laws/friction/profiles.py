@@ -11,7 +11,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
-from hemivar.laws.named import NamedLaw, ParameterLaw, columns
+from hemivar.laws.parametrised import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import RescaledLaw
 

@@ -16,8 +16,8 @@ from hemivar.basics.arguments import number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
-from hemivar.laws.named import NamedLaw, columns
 from hemivar.laws.parameters import evaluate
+from hemivar.laws.parametrised import NamedLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
 __all__ = ["Adhesive", "Capped", "Layered", "SawTooth", "Softening"]

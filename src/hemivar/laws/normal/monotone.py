@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray, Parameter
-from hemivar.laws.named import NamedLaw, ParameterLaw, columns
+from hemivar.laws.parametrised import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
 __all__ = ["Bilateral", "Compliance", "FinitePenetration", "NoContact", "Signorini", "ThresholdCompliance"]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws.named import NamedLaw
+from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import RescaledLaw
 from hemivar.laws.superpotential import Superpotential

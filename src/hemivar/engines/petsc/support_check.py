@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.coercivity.foothold import geometric_slack
 from hemivar.coercivity.free_motion import describe, refuse
+from hemivar.coercivity.held_at_rest import geometric_slack
 from hemivar.coercivity.recession import RecessionFunction, decide, growth_along
 from hemivar.coercivity.rigid_modes import admitted, rigid_basis
 from hemivar.discrete.problem import DiscreteProblem
