@@ -310,9 +310,14 @@ class Superpotential(PickleMixin, ABC):
         return np.asarray(here & (left != right))
 
     def _knot_at(self, r: Array) -> tuple[BoolArray, Array, Array]:
-        """Whether each r is a knot, and the derivatives on both sides of the knot there."""
+        """Whether each r is a knot, and the derivatives on both sides of it, or of all knots that coincide there."""
         knot = np.minimum(self.piece_of(r), self.width - 1)
-        return np.asarray((self.place_of(knot) == r) & np.isfinite(r)), *self.slopes_at(knot)
+        here = np.asarray((self.place_of(knot) == r) & np.isfinite(r))
+        left, right = self.slopes_at(knot)
+        if here.any() and not self.searched:
+            last = np.maximum(np.count_nonzero(self.knots <= r[..., None], axis=-1) - 1, 0)
+            right = np.where(here, self.slopes_at(last)[1], right)
+        return here, left, right
 
     def kink_within(self, r: Array, near: float) -> Array:
         """The kink nearest to each ``r (m,)`` if it is not farther than ``near``, else nan."""
