@@ -95,7 +95,8 @@ def test_units_do_not_matter() -> None:
 def test_a_law_of_another_kind_is_doubted() -> None:
     """A spring that never lets go does not explain a curve with a peak."""
     spring = Case(lambda v: hv.Adhesive(stiffness=v["stiffness"], strength=1e3), {"stiffness": 40.0}, BILINEAR.pulled)
-    found = hv.workflows.identify(spring.state, BILINEAR.measured(0.01), {"stiffness": (1.0, 200.0)})
+    ranges, once = {"stiffness": (1.0, 200.0)}, FitOptions(starts=1)
+    found = hv.workflows.identify(spring.state, BILINEAR.measured(0.01), ranges, once)
     assert any("take another law" in text for text in found.messages)
 
 
