@@ -161,7 +161,7 @@ class VectorLaw(PickleMixin, ABC):
     def lipschitz(self) -> Array:
         """Lipschitz constant of the friction bound in the penetration, shape (m or 1,); 0 if it has none.
 
-        See :attr:`depends_on_whole_state`.
+        See ``depends_on_whole_state``.
         """
 
     @property

@@ -97,7 +97,7 @@ def minima_by_scipy(problem: DiscreteProblem, random: np.random.Generator, start
     return np.sort(np.array(found))
 
 
-@pytest.mark.parametrize("bodies", [1, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("bodies", [1, pytest.param(30, marks=pytest.mark.slow)])
 def test_small_bodies_against_scipy(bodies: int) -> None:
     """Every solution is one, none is called the only one where there are two, and the lowest minimum is missed seldom.
 
