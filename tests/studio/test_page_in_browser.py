@@ -253,6 +253,7 @@ def test_points_of_a_law_are_dragged(open_page: Callable[..., Page], server: Ser
     assert handles.count() == 4
     force = page.locator(".status").inner_text()
     drag(page, handles.nth(2), 0.0, -40.0)
+    page.wait_for_function("(before) => document.querySelector('.status').innerText !== before", arg=force)
     ready(page)
     pressures = re.search(r"pressures = \[(.*?)\]", value_of(page))
     assert pressures is not None
@@ -264,6 +265,7 @@ def test_points_of_a_law_are_dragged(open_page: Callable[..., Page], server: Ser
     assert friction.count() == 2
     friction.nth(1).focus()
     page.keyboard.press("ArrowDown")
+    page.wait_for_function("document.querySelector('textarea').value.match(/values = \\[1.0, 0.5\\]/) === null")
     ready(page)
     values = re.search(r"values = \[1.0, (.*?)\]", value_of(page))
     assert values is not None
