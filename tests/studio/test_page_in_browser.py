@@ -249,11 +249,16 @@ def test_keys_move_sliders_and_tabs(open_page: Callable[..., Page], server: Serv
 
 def test_points_of_a_law_are_dragged(open_page: Callable[..., Page], server: Server) -> None:
     page = open_page(server.address, TABLE)
+    page.wait_for_function("document.querySelector('.status').innerText.includes('312 unknowns')")
+    ready(page)
     handles = page.locator('.lawpanel:has-text("normal") .handle')
     assert handles.count() == 4
     force = page.locator(".status").inner_text()
-    drag(page, handles.nth(2), 0.0, -40.0)
-    page.wait_for_function("(before) => document.querySelector('.status').innerText !== before", arg=force)
+    for _ in range(5):  # on a busy machine the panel may move between the look for the point and the grip
+        if page.locator(".status").inner_text() != force:
+            break
+        drag(page, handles.nth(2), 0.0, -40.0)
+        page.wait_for_timeout(700)
     ready(page)
     pressures = re.search(r"pressures = \[(.*?)\]", value_of(page))
     assert pressures is not None
