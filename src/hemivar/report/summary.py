@@ -106,10 +106,11 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
     whole = float(solution.contact.weights.sum())
     yield from contact_rows(solution.measured, solution.contact_length, whole, solution.states.counts, units)
     if solution.debonding:
-        yield "max opening", _with(f"{max(-float(solution.penetration.min()), 0.0):.6g}", units.length)
-        lost = float(solution.problem.contact.weights @ solution.debonding["dissipated"])
-        yield "damage", f"at most {float(solution.debonding['damage'].max()):.3g}"
-        yield "dissipated", _with(f"{lost:.6g}", units.energy)
+        damage, lost = solution.debonding["damage"], solution.debonding["dissipated"]
+        glued = np.isfinite(damage)  # on other boundaries there is nothing to break
+        yield "max opening", _with(f"{max(-float(solution.penetration[glued].min()), 0.0):.6g}", units.length)
+        yield "damage", f"at most {float(damage[glued].max()):.3g}"
+        yield "dissipated", _with(f"{float(solution.contact.weights[glued] @ lost[glued]):.6g}", units.energy)
     yield from extreme_rows(float(solution.penetration.max()), float(solution.pressure.max()), units)
 
 

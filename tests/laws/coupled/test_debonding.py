@@ -104,12 +104,18 @@ def test_laws_without_glue_say_nothing() -> None:
 
 
 def test_the_summary_says_how_far_glue_is() -> None:
-    """A stiff block is pulled off by more than the glue bears: the fracture energy is spent on its whole length."""
+    """A stiff block is pulled off by more than the glue bears: the fracture energy is spent on its whole length.
+
+    Nothing is glued on its right side, which moves on a wall that lies far away.
+    """
     problem = hv.ContactProblem(
         mesh=hv.rectangle((2.0, 1.0), (4, 2)),
         material=hv.Material.lame(4e6, 4e6),
         supports={"top": hv.Fixed(x=0.0, y=2.0 * LAST)},
-        contact={"bottom": hv.Contact(MixedMode(BilinearCohesion(STRENGTH, ENERGY, STIFFNESS), RATIO))},
+        contact={
+            "bottom": hv.Contact(MixedMode(BilinearCohesion(STRENGTH, ENERGY, STIFFNESS), RATIO)),
+            "right": hv.Contact(Signorini(), gap=100.0),
+        },
     )
     rows = dict(hv.solve(problem).summary().rows)
     assert float(rows["max opening"]) == pytest.approx(2.0 * LAST, rel=1e-6)
