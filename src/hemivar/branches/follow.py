@@ -238,8 +238,7 @@ def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Pa
     system = chain.system
     if not track.stretches:
         raise ProblemError("the path ends where it begins; give another start or range")
-    t = np.array([point.t for point in track.points])
-    t[np.abs(t) <= 1e-14 * np.abs(t).max()] = 0.0  # a path through rest has met it up to rounding
+    t = track.load_factors
     stable = [stretch.stable for stretch in track.stretches]
     segments = [stretch.segment for stretch in (track.stretches[0], *track.stretches)]
     pairs = [chain.local(point.theta, segment) for point, segment in zip(track.points, segments, strict=True)]
@@ -325,8 +324,7 @@ def _strained(system: CondensedProblem, line: LoadLine, t: Array, local: Array, 
 
 def _jumps(chain: Chain, track: Track, force0: Array, force1: Array, local: Array) -> tuple[PathJump, ...]:
     """Where stability is lost while the load goes up, or down, and where the next stable stretch at that load is."""
-    t = np.array([point.t for point in track.points])
-    t[np.abs(t) <= 1e-14 * np.abs(t).max()] = 0.0  # a path through rest has met it up to rounding
+    t = track.load_factors
     stable = [stretch.stable for stretch in track.stretches]
     jumps: list[PathJump] = []
     for i in range(1, t.size - 1):

@@ -69,6 +69,12 @@ class Track:
     stretches: list[Stretch]
     ended: PathEnd = PathEnd.MAX_POINTS
 
+    @property
+    def load_factors(self) -> Array:
+        """Load factors of the points; a path through rest has met it up to rounding, which is zero here."""
+        t = np.array([point.t for point in self.points])
+        return np.where(np.abs(t) <= 1e-14 * np.abs(t).max(initial=0.0), 0.0, t)
+
     def reversed(self) -> Track:
         return Track(self.points[::-1], self.stretches[::-1])
 
