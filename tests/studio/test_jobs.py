@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -285,3 +288,25 @@ def test_an_error_of_the_program_is_told_and_the_worker_lives() -> None:
     desk.close()
     assert [m.head["type"] for m in told] == ["error", "done"]
     assert "should not occur" in str(told[0].head["message"])
+
+
+ENDING = """
+import time
+from pathlib import Path
+from hemivar.files.sample import template
+from hemivar.studio import Bench
+from hemivar.studio.page_worker import Desk
+from hemivar.studio.requests import request_of
+desks = [Desk(Bench(Path()), lambda message: None) for _ in range(2)]
+for desk in desks:
+    desk.put(request_of({"type": "path", "generation": 1, "text": template("survey")}))
+time.sleep(0.5)
+print("the end")
+"""
+
+
+def test_a_process_may_end_while_its_workers_compute() -> None:
+    """Of the server as of a notebook: a thread that went on into the end of the interpreter made it fail there."""
+    quiet = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, env=quiet, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "the end\n", "")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
@@ -101,7 +100,6 @@ def widget_of(text: str, folder: Path, name: str) -> anywidget.AnyWidget:
 
         def close(self) -> None:
             """End the work and the widget."""
-            atexit.unregister(end)
             desk.close()
             super().close()
 
@@ -126,11 +124,5 @@ def widget_of(text: str, folder: Path, name: str) -> anywidget.AnyWidget:
             widget.text = request.text
         desk.put(request)
 
-    def end() -> None:
-        desk.close()
-        desk.join(5.0)
-
-    # A thread that computes while the interpreter is taken down breaks it: a kernel that ends waits for its step.
-    atexit.register(end)
     widget.on_msg(received)
     return widget

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import threading
+import weakref
 from collections.abc import Callable
 
 from hemivar.studio.binary_message import Message
@@ -14,6 +16,10 @@ __all__ = ["Desk"]
 
 #: One solve at a time in a process: the pages of one server take turns.
 _TURN = threading.Lock()
+#: Workers of this process, which end before it does.
+_WORKERS: weakref.WeakSet[Desk] = weakref.WeakSet()
+#: Seconds that the end of the process waits for a step.
+_PATIENCE = 5.0
 
 
 class Desk:
@@ -35,6 +41,7 @@ class Desk:
         self._newest = -1
         self._closed = False
         self._thread = threading.Thread(target=self._work, name="hemivar studio", daemon=True)
+        _WORKERS.add(self)
         self._thread.start()
 
     def put(self, request: Request) -> None:
@@ -93,3 +100,13 @@ class Desk:
                     }
                 )
             )
+
+
+@atexit.register
+def _end() -> None:
+    """Let no worker compute while the interpreter is taken down, which would make that fail."""
+    workers = list(_WORKERS)
+    for one in workers:
+        one.close()
+    for one in workers:
+        one.join(_PATIENCE)
