@@ -123,7 +123,7 @@ def _default(one: Field[object]) -> object:
 
 
 def read_value(table: TomlTable, key: str, said: Stated, dim: int = 0) -> object:
-    """The value of a key, in the form that is told of it."""
+    """The value of a key, in the form of its field."""
     value = table.data[key]
     match said.form:
         case Form.NUMBER:
