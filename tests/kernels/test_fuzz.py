@@ -88,7 +88,7 @@ for turn in range(int(sys.argv[2])):
             def maybe(array):
                 return spoiled(array) if rng.uniform() < 0.4 else array
             try:
-                what = rng.integers(7)
+                what = rng.integers(9)
                 if what == 0:
                     truncation.change(level, maybe(rng.uniform(size=count) < 0.5), maybe(rng.standard_normal(entries)))
                 elif what == 1:
@@ -103,6 +103,10 @@ for turn in range(int(sys.argv[2])):
                     levels.multiply(level, maybe(x))
                 elif what == 5:
                     library.curvature(maybe(x), maybe(x), maybe(y))
+                elif what == 6:
+                    library.products(maybe(x), maybe(x), maybe(y))
+                elif what == 7:
+                    library.turn(0.5, maybe(x), maybe(y.copy()))
                 else:
                     library.advance(0.5, maybe(x), maybe(x), maybe(y), maybe(y.copy()))
                 done += 1

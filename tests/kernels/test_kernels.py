@@ -288,7 +288,37 @@ def test_wrong_arrays_are_refused_at_the_door() -> None:
         library.advance(1.0, np.zeros(8), x, x.copy(), x.copy())
     with pytest.raises(ValueError, match="in place"):
         library.advance(1.0, x, x, np.zeros(18)[::2], x.copy())
+    with pytest.raises(ValueError, match="vector of 9"):
+        library.products(x, np.zeros(10), x)
+    with pytest.raises(ValueError, match="in place"):
+        library.turn(1.0, x, np.zeros(18)[::2])
     assert np.isfinite(truncation.cycle(1, np.arange(9)[::-1])).all()
+
+
+@built
+@pytest.mark.parametrize("n", [1, 3, 4, 8191, 8192, 30_001])
+def test_sums_and_steps_of_conjugate_gradients_are_those_of_numpy(n: int) -> None:
+    library, rng = kernels(), np.random.default_rng(n)
+    assert library is not None
+    z, r, q, p = rng.standard_normal((4, n))
+    diagonal = rng.uniform(1.0, 2.0, n)
+    bits = []
+    try:
+        for count in (1, 2, 3):
+            library.call.hv_set_threads(count)
+            sums = [*library.products(z, r, q), *library.curvature(p, q, diagonal)]
+            np.testing.assert_allclose(sums, [z @ r, z @ q, p @ q, p @ (diagonal * p)], atol=1e-13 * n)
+            x, rest, turned = q.copy(), r.copy(), p.copy()
+            square = library.advance(0.3, p, q, x, rest)
+            library.turn(-0.7, z, turned)
+            np.testing.assert_allclose(x, q + 0.3 * p, atol=1e-15)
+            np.testing.assert_allclose(rest, r - 0.3 * q, atol=1e-15)
+            np.testing.assert_allclose(square, rest @ rest, rtol=1e-13)
+            np.testing.assert_allclose(turned, z - 0.7 * p, atol=1e-15)
+            bits.append([*sums, square, *turned[:3]])
+    finally:
+        library.call.hv_set_threads(threads())
+    assert bits[0] == bits[1] == bits[2]
 
 
 @built

@@ -37,6 +37,29 @@ struct Pair {
     }
 };
 
+// Sums of N things, four terms side by side, for one sum waits for its last term.
+template <int N>
+struct Side {
+    double part[4][N] = {};
+
+    template <class Term>
+    void over(int64_t from, int64_t to, const Term& term) {
+        double add[N];
+        int64_t k = from;
+        for (; k + 4 <= to; k += 4) {
+            for (int s = 0; s < 4; ++s) {
+                term(k + s, add);
+                for (int i = 0; i < N; ++i) part[s][i] += add[i];
+            }
+        }
+        for (; k < to; ++k) {
+            term(k, add);
+            for (int i = 0; i < N; ++i) part[0][i] += add[i];
+        }
+    }
+    double total(int i) const { return (part[0][i] + part[2][i]) + (part[1][i] + part[3][i]); }
+};
+
 // Sums of pieces, added up in their order.
 template <class Work>
 auto ordered_sum(int64_t n, const Work& work) {
@@ -56,7 +79,7 @@ auto ordered_sum(int64_t n, const Work& work) {
 
 }  // namespace
 
-HEMIVAR_API int hv_abi() { return 1; }
+HEMIVAR_API int hv_abi() { return 2; }
 
 HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
 
@@ -139,28 +162,51 @@ HEMIVAR_API void hv_multiply(int64_t n, const int32_t* indptr, const int32_t* in
 // x += length p, r -= length q; the square of r.
 HEMIVAR_API double hv_advance(int64_t n, double length, const double* p, const double* q, double* x, double* r) {
     return ordered_sum(n, [&](int64_t from, int64_t to) {
-        double sum = 0.0;
-        for (int64_t k = from; k < to; ++k) {
+        Side<1> sum;
+        sum.over(from, to, [&](int64_t k, double* add) {
             x[k] += length * p[k];
             r[k] -= length * q[k];
-            sum += r[k] * r[k];
-        }
-        return sum;
+            add[0] = r[k] * r[k];
+        });
+        return sum.total(0);
     });
 }
 
 // p'q and p'Dp.
 HEMIVAR_API void hv_curvature(int64_t n, const double* p, const double* q, const double* diagonal, double* out) {
     const Pair found = ordered_sum(n, [&](int64_t from, int64_t to) {
-        Pair sum{0.0, 0.0};
-        for (int64_t k = from; k < to; ++k) {
-            sum.first += p[k] * q[k];
-            sum.second += p[k] * p[k] * diagonal[k];
-        }
-        return sum;
+        Side<2> sum;
+        sum.over(from, to, [&](int64_t k, double* add) {
+            add[0] = p[k] * q[k];
+            add[1] = p[k] * p[k] * diagonal[k];
+        });
+        return Pair{sum.total(0), sum.total(1)};
     });
     out[0] = found.first;
     out[1] = found.second;
+}
+
+// z'r and z'q.
+HEMIVAR_API void hv_products(int64_t n, const double* z, const double* r, const double* q, double* out) {
+    const Pair found = ordered_sum(n, [&](int64_t from, int64_t to) {
+        Side<2> sum;
+        sum.over(from, to, [&](int64_t k, double* add) {
+            add[0] = z[k] * r[k];
+            add[1] = z[k] * q[k];
+        });
+        return Pair{sum.total(0), sum.total(1)};
+    });
+    out[0] = found.first;
+    out[1] = found.second;
+}
+
+// p = z + factor p.
+HEMIVAR_API void hv_turn(int64_t n, double factor, const double* z, double* p) {
+    constexpr int64_t chunk = 8192;
+    share((n + chunk - 1) / chunk, [&](int64_t piece) {
+        const int64_t to = std::min(n, (piece + 1) * chunk);
+        for (int64_t k = piece * chunk; k < to; ++k) p[k] = z[k] + factor * p[k];
+    });
 }
 
 // On Windows an extension must have one; nobody imports it.

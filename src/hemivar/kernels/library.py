@@ -16,7 +16,7 @@ from hemivar.basics.types import Array
 __all__ = ["Kernels", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
-_ABI = 1
+_ABI = 2
 _NAMES = ("_compiled.so", "_compiled.pyd")
 #: Most threads that are ever taken.
 _MOST = 256
@@ -41,6 +41,8 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_multiply": ([c_int64, *[c_void_p] * 5], None),
     "hv_advance": ([c_int64, c_double, c_void_p, c_void_p, c_void_p, c_void_p], c_double),
     "hv_curvature": ([c_int64, *[c_void_p] * 4], None),
+    "hv_products": ([c_int64, *[c_void_p] * 4], None),
+    "hv_turn": ([c_int64, c_double, c_void_p, c_void_p], None),
 }
 
 
@@ -76,12 +78,22 @@ class Kernels:
         self.call.hv_curvature(p.size, at(p), at(q), at(_vector(diagonal, p.size)), at(found))
         return float(found[0]), float(found[1])
 
+    def products(self, z: Array, r: Array, q: Array) -> tuple[float, float]:
+        """``z'r`` and ``z'q`` of arrays (n,), summed in the same order by any number of threads."""
+        at, n, found = self.address, z.size, np.empty(2)
+        self.call.hv_products(n, at(_vector(z, n)), at(_vector(r, n)), at(_vector(q, n)), at(found))
+        return float(found[0]), float(found[1])
+
+    def turn(self, factor: float, z: Array, p: Array) -> None:
+        """``p = z + factor p``, in place; both arrays (n,)."""
+        _changed(p, p.size)
+        self.call.hv_turn(p.size, factor, self.address(_vector(z, p.size)), self.address(p))
+
     def advance(self, length: float, p: Array, q: Array, x: Array, r: Array) -> float:
         """``x += length p``, ``r -= length q``, in place, and the square of r; all arrays (n,)."""
         at, n = self.address, x.size
         for changed in (x, r):
-            if changed.dtype != float or changed.shape != (n,) or not changed.flags.carray:
-                raise ValueError("what is changed in place must be a contiguous array of float64")
+            _changed(changed, n)
         return float(self.call.hv_advance(n, length, at(_vector(p, n)), at(_vector(q, n)), at(x), at(r)))
 
 
@@ -91,6 +103,12 @@ def _vector(x: Array, n: int) -> Array:
     if found.shape != (n,):
         raise ValueError(f"a vector of {n} numbers is needed, not {found.shape}")
     return found
+
+
+def _changed(x: Array, n: int) -> None:
+    """That an array (n,) can be changed in place."""
+    if x.dtype != float or x.shape != (n,) or not x.flags.carray:
+        raise ValueError("what is changed in place must be a contiguous array of float64")
 
 
 @lru_cache

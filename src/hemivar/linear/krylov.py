@@ -19,8 +19,8 @@ __all__ = ["Descent", "Matrix", "conjugate_gradients", "minimal_residuals"]
 _FLAT = 1e-12
 #: Entries from which compiled sums are worth their call.
 _LONG = 4096
-#: By how much a residual is larger than what is enough, if the next one is still larger.
-_FAR = 8.0
+#: By how much a residual is larger than what is enough, if the next one is still larger; how often that may be trusted.
+_FAR, _TRUSTED = 8.0, 3
 
 
 class Matrix(Protocol):
@@ -85,7 +85,7 @@ def conjugate_gradients(
     vectors : Vectors
         How the parts of a vector are summed.
     sparing : bool
-        Where the residual was larger by far than what is enough, that is not asked after the next step.
+        Where the residual was larger by far than what is enough, that is not asked after the next steps.
     flexible : bool
         The preconditioner may change a little from one step to the next (Notay 2000).
     """
@@ -94,17 +94,24 @@ def conjugate_gradients(
     r = b.copy()
     p: Array | None = None
     q = np.zeros(0)
-    rz, length, far = 1.0, 0.0, False
+    rz, length, far = 1.0, 0.0, 0
     for iteration in range(1, limit + 1):
         z = precondition(r)
-        now = float(vectors.total(float(r @ z))[0])
+        if compiled is None:
+            now = float(vectors.total(float(r @ z))[0])
+            crossed = float(vectors.total(float(z @ q))[0]) if flexible and p is not None else 0.0
+        else:
+            now, crossed = compiled.products(z, r, r if p is None else q)
         if not now > 0.0:
             return Descent(x, r, iteration - 1)
+        factor = -length * crossed / rz if flexible else now / rz
         if p is None:
-            p = z
-        else:
-            p *= -length * float(vectors.total(float(z @ q))[0]) / rz if flexible else now / rz
+            p = np.array(z)
+        elif compiled is None:
+            p *= factor
             p += z
+        else:
+            compiled.turn(factor, z, p)
         rz = now
         q = A @ p
         if compiled is None:
@@ -122,11 +129,15 @@ def conjugate_gradients(
             square = compiled.advance(length, p, q, x, r)
         if vectors.alone and math.sqrt(square) <= tolerance:  # else it is summed with what is enough, by all at once
             return Descent(x, r, iteration)
-        off = np.zeros(0) if enough is None or far else enough(iteration, x)
+        asked = enough is not None and not far
+        off = enough(iteration, x) if enough is not None and not far else np.zeros(0)
         rest, wanted = np.sqrt(vectors.total(square, float(off @ off))).tolist()
         if rest <= tolerance or rest < wanted:
             return Descent(x, r, iteration)
-        far = sparing and not far and iteration > 1 and rest > _FAR * wanted
+        far -= far > 0
+        if asked and sparing and iteration > 1:
+            while far < _TRUSTED and rest > wanted * _FAR ** (far + 1):
+                far += 1
     return Descent(x, r, limit)
 
 

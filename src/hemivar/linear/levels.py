@@ -23,6 +23,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.kernels import kernels as compiled_kernels
 from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
 from hemivar.linear.point_smoother import Points
+from hemivar.linear.products import product
 from hemivar.linear.pyamg_kernels import kernels
 from hemivar.linear.truncated_level import Level, TruncatedLevel, narrow
 
@@ -188,7 +189,9 @@ class Levels:
 
     def multiply(self, k: int, x: Array) -> Array:
         """The matrix of a level times a vector (n,)."""
-        return self._whole.multiply(k, x)
+        if self.compiled is None or k < self.algebraic:
+            return np.asarray(self.matrix(k) @ x)
+        return self.compiled.multiply(k, x)
 
     def blocks(self, k: int) -> Points:
         """The contact unknowns of a level in blocks of one contact point each; found when they are first needed."""
@@ -260,7 +263,7 @@ class Truncated:
             return np.asarray(changed.matrix @ x)
         out = compiled.multiply(k, x)
         if changed.values is not changed.level.values:
-            out[changed.level.contact] = changed.rows @ x
+            out[changed.level.contact] = product(changed.rows, x)
         return out
 
     def change(self, held: BoolArray, added: sp.csr_array) -> None:

@@ -110,6 +110,7 @@ class TruncatedLevel:
         #: Whether what is added is much stiffer than the body.
         self.stiff = False
         self._patch: PointSmoother | None = None
+        self._rows: sp.csr_array | None = None
         self._matrix = level.matrix
         self._current = True
 
@@ -128,9 +129,11 @@ class TruncatedLevel:
     @property
     def rows(self) -> sp.csr_array:
         """Those of the contact unknowns, (k, n)."""
-        level = self.level
-        shape = (level.contact.size, level.matrix.shape[0])
-        return sp.csr_array((self.values, level.columns, level.first), shape=shape)
+        if self._rows is None:
+            level = self.level
+            shape = (level.contact.size, level.matrix.shape[0])
+            self._rows = sp.csr_array((self.values, level.columns, level.first), shape=shape)
+        return self._rows
 
     def change(self, held: BoolArray, added: Array) -> bool:
         """Make the rows of the held contact unknowns those of the identity, and add to the others; whether that is
@@ -143,7 +146,7 @@ class TruncatedLevel:
         values[held[level.rows]] = 0.0
         values[level.own[held]] = 1.0
         self.held, self.added, self.values, self._current = held, added, values, False
-        self._patch = None
+        self._patch = self._rows = None
         return True
 
     def patch(self, blocks: Callable[[int], Points], k: int) -> PointSmoother | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.linalg as la
@@ -27,6 +28,7 @@ from hemivar.linear.definite import (
     rounding,
 )
 from hemivar.linear.levels import COARSEST, Preconditioner
+from hemivar.linear.products import product
 from hemivar.linear.vectors import WHOLE
 from hemivar.systems.body import Body
 from hemivar.systems.condensed import ROUNDED
@@ -45,13 +47,23 @@ class MatrixAtContact(ContactStiffness):
     Parameters
     ----------
     matrix : sparse array, shape (n, n)
+    times : function
+        The matrix times a vector (n,).
     unknown, sign, active
         See :class:`ContactStiffness`.
     """
 
-    def __init__(self, matrix: sp.csr_array, unknown: IntArray, sign: Array, active: BoolArray) -> None:
+    def __init__(
+        self,
+        matrix: sp.csr_array,
+        times: Callable[[Array], Array],
+        unknown: IntArray,
+        sign: Array,
+        active: BoolArray,
+    ) -> None:
         super().__init__(WHOLE, unknown, sign, active)
         self.matrix = matrix
+        self.times = times
 
     @cached_property
     def _rows(self) -> sp.csr_array:
@@ -62,10 +74,10 @@ class MatrixAtContact(ContactStiffness):
         moved = np.count_nonzero(x)
         if moved <= self.unknown.size and moved == np.count_nonzero(x[self.unknown]):
             return self.push(x[self.unknown])  # a start at rest costs no product with the whole matrix
-        return np.asarray(self.matrix @ x)
+        return self.times(x)
 
     def pull(self, x: Array) -> Array:
-        return np.asarray(self._rows @ x)
+        return product(self._rows, x)
 
     def push(self, values: Array) -> Array:
         return np.asarray(self._rows.T @ values)
@@ -100,7 +112,7 @@ class BodyProblem(Body):
         unknown, sign, active, _ = contact_unknowns(problem.contact)
         return BodyProblem(
             vectors=WHOLE,
-            elastic=MatrixAtContact(problem.stiffness, unknown, sign, active),
+            elastic=MatrixAtContact(problem.stiffness, partial(hierarchy.levels.multiply, top), unknown, sign, active),
             law=problem.law,
             weights=problem.contact.weights,
             offset=problem.offset.ravel().reshape(active.shape),
