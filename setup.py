@@ -66,8 +66,8 @@ class KernelsWheel(bdist_wheel):
 
 kernels = Extension(
     "hemivar.kernels._compiled",
-    sources=[f"{KERNELS}/{name}.cpp" for name in ("api", "cycle", "pool", "set_up")],
-    depends=[f"{KERNELS}/{name}.hpp" for name in ("lanes", "levels", "memory", "pool")],
+    sources=[f"{KERNELS}/{name}.cpp" for name in ("api", "cycle", "mesh_sums", "pool", "set_up")],
+    depends=[f"{KERNELS}/{name}.hpp" for name in ("lanes", "levels", "memory", "mesh_sums", "pool")],
     language="c++",
     optional=True,
 )

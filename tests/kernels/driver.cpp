@@ -1,4 +1,6 @@
-// The compiled kernels by themselves, for the sanitizers of a compiler: a square by bilinear levels, two unknowns a node.
+// The compiled kernels by themselves, for the sanitizers of a compiler: a square by bilinear levels, two unknowns a node;
+// matrices of a square of triangles and of a cube of tetrahedra.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -6,6 +8,7 @@
 #include <vector>
 
 #include "levels.hpp"
+#include "mesh_sums.hpp"
 #include "pool.hpp"
 
 using namespace hemivar;
@@ -70,9 +73,126 @@ void check(bool holds, const char* what) {
     std::exit(1);
 }
 
+// A cube of n^dim cubes, each cut into dim! simplices along its diagonal.
+struct Body {
+    int dim;
+    int64_t nodes = 1;
+    std::vector<int64_t> cells;
+    std::vector<double> points, volumes;
+
+    Body(int dimension, int n) : dim(dimension) {
+        int64_t steps[3] = {0, 0, 0}, cubes = 1;
+        for (int k = 0; k < dim; ++k) {
+            steps[k] = nodes;
+            nodes *= n + 1;
+            cubes *= n;
+        }
+        for (int64_t i = 0; i < nodes; ++i) {
+            for (int k = 0; k < dim; ++k) points.push_back(static_cast<double>(i / steps[k] % (n + 1)) / n);
+        }
+        for (int64_t cube = 0; cube < cubes; ++cube) {
+            int64_t corner = 0, rest = cube;
+            for (int k = 0; k < dim; ++k, rest /= n) corner += rest % n * steps[k];
+            std::vector<int> order{0, 1, 2};
+            order.resize(dim);
+            do {
+                cells.push_back(corner);
+                int64_t at = corner;
+                for (int k : order) cells.push_back(at += steps[k]);
+                volumes.push_back(1.0 / (cubes * (dim == 2 ? 2 : 6)));
+            } while (std::next_permutation(order.begin(), order.end()));
+        }
+    }
+    Simplices simplices() const { return {dim, nodes, static_cast<int64_t>(volumes.size()), cells.data()}; }
+};
+
+// All that is made of it, one after the other.
+std::vector<double> sums(const Body& body, int components, bool varying) {
+    const Edges edges(body.simplices());
+    const int64_t count = static_cast<int64_t>(edges.other.size()), size = components * components;
+    const int64_t total = static_cast<int64_t>(body.volumes.size());
+    std::vector<int64_t> pairs(2 * count), cell_edges(total * (body.dim == 2 ? 3 : 6));
+    edges.get(pairs.data(), cell_edges.data());
+    const Graph graph(body.nodes, count, pairs.data());
+    std::vector<int32_t> strains;
+    const int strain = components == 1 ? body.dim : body.dim * (body.dim + 1) / 2;
+    for (int i = 0; i < components; ++i) {
+        for (int k = 0; k < body.dim; ++k) {
+            strains.push_back(components == 1 || i == k ? k : (body.dim == 2 ? 2 : 6 - i - k));
+        }
+    }
+    std::vector<double> matrix, upper(count * size, 0.0), diagonal(body.nodes * size);
+    for (int64_t cell = 0; cell < (varying ? total : 1); ++cell) {
+        for (int k = 0; k < strain * strain; ++k) matrix.push_back(k % (strain + 1) ? 0.25 : 2.0 + cell % 3);
+    }
+    const int64_t half = varying ? total / 2 : total, one = varying ? half : 1;
+    const auto law = [&](int64_t from, int64_t matrices) {
+        return Law{components, strain, strains.data(), matrices, matrix.data() + from * strain * strain};
+    };
+    const double* volumes = body.volumes.data();
+    graph.add(body.simplices(), body.points.data(), volumes, 0, half, law(0, one), upper.data());
+    if (varying) {
+        graph.add(body.simplices(), body.points.data(), volumes + half, half, total, law(half, total - half), upper.data());
+    }
+    graph.close(components, upper.data(), diagonal.data());
+    std::vector<uint8_t> free(body.nodes * components, 1);
+    for (size_t k = 0; k < free.size(); k += 5) free[k] = 0;
+    std::vector<int32_t> indptr(std::count(free.begin(), free.end(), 1) + 1);
+    const int64_t entries = graph.lengths(components, free.data(), indptr.data());
+    std::vector<int32_t> indices(entries);
+    std::vector<double> data(entries);
+    graph.rows(components, free.data(), diagonal.data(), upper.data(), indptr.data(), indices.data(), data.data());
+    double largest = 0.0;
+    for (double value : data) largest = std::max(largest, std::abs(value));
+    check(std::isfinite(largest) && largest > 0.0, "a stiffness is not a number, or zero");
+    for (size_t row = 0; row + 1 < indptr.size(); ++row) {
+        double own = 0.0;
+        for (int32_t e = indptr[row]; e < indptr[row + 1]; ++e) {
+            check(e == indptr[row] || indices[e] > indices[e - 1], "columns are not in order");
+            if (indices[e] == static_cast<int32_t>(row)) own = data[e];
+        }
+        check(own > 0.0, "a diagonal entry is not positive");
+    }
+    std::vector<double> all(cell_edges.begin(), cell_edges.end());
+    all.insert(all.end(), indices.begin(), indices.end());
+    all.insert(all.end(), data.begin(), data.end());
+    return all;
+}
+
+template <class Work>
+bool refused(const Work& work) {
+    try {
+        work();
+    } catch (const std::exception&) {
+        return true;
+    }
+    return false;
+}
+
 }  // namespace
 
 int main() {
+    std::vector<std::vector<double>> found;
+    for (int threads : {1, 3}) {
+        Pool::set_threads(threads);
+        found.emplace_back();
+        for (int dim : {2, 3}) {
+            for (int components : {1, dim}) {
+                for (bool varying : {false, true}) {
+                    for (int n : {1, dim == 2 ? 40 : 12}) {
+                        const std::vector<double> one = sums(Body(dim, n), components, varying);
+                        found.back().insert(found.back().end(), one.begin(), one.end());
+                    }
+                }
+            }
+        }
+    }
+    check(found[0] == found[1], "bits of a stiffness depend on the number of threads");
+    Body wrong(3, 2);
+    wrong.cells[7] = wrong.nodes;
+    check(refused([&] { Edges(wrong.simplices()); }), "a node that is not there is taken");
+    const int64_t pairs[] = {0, 1, 0, 1};
+    check(refused([&] { Graph(2, 2, pairs); }), "an edge is taken twice");
     const std::vector<int> sizes{7, 15, 31, 63};
     std::vector<std::vector<float>> answers;
     for (int threads : {1, 4}) {

@@ -12,26 +12,13 @@ from hemivar.kernels import kernels
 
 built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
 
-_FUZZ = """
+_SPOILED = """
 import sys, warnings
-import numpy as np, scipy.sparse as sp
+import numpy as np
 from hemivar.kernels import kernels
-from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
-from hemivar.linear.levels import Transfer
 
 warnings.simplefilter("ignore")
-rng, library, N = np.random.default_rng(int(sys.argv[1])), kernels(), 12
-
-def levels_of(d):
-    n, m = N * d, N * d // 2
-    A = sp.csr_array(sp.diags_array([-np.ones(n - d), 4.0 * np.ones(n), -np.ones(n - d)], offsets=[-d, 0, d]))
-    P = sp.csr_array(np.kron(np.kron(np.eye(N // 2), np.ones((2, 1))), np.eye(d)))
-    coarse = sp.csr_array(P.T @ A @ P)
-    coarse.sort_indices()
-    for matrix in (A, coarse):
-        matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
-    slots = [NodeSlots(np.arange(m), d, m // d), NodeSlots(np.arange(n), d, N)]
-    return [coarse, A], [Transfer.of(P)], [np.zeros(0, dtype=int), np.array([0, 1, 5])], slots
+rng, library = np.random.default_rng(int(sys.argv[1])), kernels()
 
 def spoiled(x):
     \"\"\"Another array of what looks alike.\"\"\"
@@ -53,6 +40,25 @@ def spoiled(x):
             return y
         kinds += [moved] * 8
     return kinds[rng.integers(len(kinds))]()
+"""
+
+_FUZZ = """
+import scipy.sparse as sp
+from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
+from hemivar.linear.levels import Transfer
+
+N = 12
+
+def levels_of(d):
+    n, m = N * d, N * d // 2
+    A = sp.csr_array(sp.diags_array([-np.ones(n - d), 4.0 * np.ones(n), -np.ones(n - d)], offsets=[-d, 0, d]))
+    P = sp.csr_array(np.kron(np.kron(np.eye(N // 2), np.ones((2, 1))), np.eye(d)))
+    coarse = sp.csr_array(P.T @ A @ P)
+    coarse.sort_indices()
+    for matrix in (A, coarse):
+        matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
+    slots = [NodeSlots(np.arange(m), d, m // d), NodeSlots(np.arange(n), d, N)]
+    return [coarse, A], [Transfer.of(P)], [np.zeros(0, dtype=int), np.array([0, 1, 5])], slots
 
 raised = done = 0
 for turn in range(int(sys.argv[2])):
@@ -121,11 +127,55 @@ print(raised, done)
 """
 
 
+_FUZZ_SUMS = """
+import contextlib
+from hemivar import box, rectangle
+from hemivar.kernels import BlockGraph, mesh_edges
+
+raised = done = 0
+for turn in range(int(sys.argv[2])):
+    mesh = rectangle(cells=2) if rng.uniform() < 0.5 else box(cells=1)
+    c, E, N, M = int(rng.choice([1, mesh.dim])), len(mesh.edges), mesh.number_of_nodes, mesh.number_of_cells
+    size = mesh.dim if c == 1 else mesh.dim * (mesh.dim + 1) // 2
+    strains = np.arange(mesh.dim)[None] if c == 1 else rng.integers(size, size=(c, c))
+    first = int(rng.integers(M))
+    given = {
+        "cells": mesh.cells, "edges": mesh.edges, "points": mesh.points, "volumes": mesh.volumes[first:],
+        "strains": strains, "matrices": rng.uniform(size=(M - first, size, size)), "upper": np.zeros((E, c, c)),
+        "diagonal": np.zeros((N, c, c)), "free": rng.uniform(size=(N, c)) < 0.7,
+    }
+    given = {name: np.array(one) for name, one in given.items()}
+    for _ in range(rng.integers(3)):
+        name = str(rng.choice(list(given)))
+        with contextlib.suppress(Exception):
+            given[name] = spoiled(given[name])
+    part, nodes = slice(first, M), int(rng.choice([N, N, N, N, N - 1, 0, -1, N + 1, 2**40]))
+    part = [part, part, part, slice(first, M + 9), slice(None, None, -1), slice(-3, 2)][rng.integers(6)]
+
+    def made():
+        graph = BlockGraph(library, given["edges"], nodes)
+        graph.add(*(given[name] for name in ("points", "cells")), part, *(given[name] for name in ("volumes", "strains",
+                  "matrices", "upper")))
+        data, indices, indptr = graph.rows(graph.close(given["upper"]), given["upper"], given["free"])
+        assert indptr[-1] == len(data) and np.all(np.diff(indptr) >= 0) and (indices < indptr.size).all()
+
+    for work in (made, lambda: mesh_edges(given["cells"], nodes),
+                 lambda: BlockGraph(library, mesh.edges, N).rows(given["diagonal"], given["upper"], given["free"])):
+        try:
+            work()
+            done += 1
+        except (ValueError, TypeError, OverflowError, IndexError, MemoryError, AttributeError):
+            raised += 1
+print(raised, done)
+"""
+
+
 @built
 @pytest.mark.parametrize("seed", [1, 2])
-def test_no_wrong_array_ends_the_process(seed: int) -> None:
+@pytest.mark.parametrize("kind", [_FUZZ, _FUZZ_SUMS], ids=["levels", "sums"])
+def test_no_wrong_array_ends_the_process(kind: str, seed: int) -> None:
     environment = os.environ | {"HEMIVAR_KERNELS": "auto", "HEMIVAR_NUM_THREADS": "2", "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-X", "faulthandler", "-c", _FUZZ, str(seed), "1500"]
+    command = [sys.executable, "-X", "faulthandler", "-c", _SPOILED + kind, str(seed), "1500"]
     run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr[-2000:]
     raised, done = map(int, run.stdout.split())

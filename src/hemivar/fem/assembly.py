@@ -16,6 +16,7 @@ from hemivar.fem.constitutive import ConstitutiveLaw, elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule
+from hemivar.kernels import BlockGraph
 from hemivar.mechanics.conditions import Pressure, Traction, VectorData, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.material import Material
 from hemivar.mesh.mesh import Mesh
@@ -84,6 +85,10 @@ def stiffness_blocks(mesh: Mesh, law: ConstitutiveLaw, graph: NodeGraph) -> Edge
     components, dim = law.strains.shape
     late = law.homogeneous and components == dim
     upper = np.zeros((len(graph.edges), components, components))
+    compiled = BlockGraph.of(graph.edges, graph.count, components) if graph.order == 1 else None
+    if compiled is not None:
+        _add_compiled(compiled, mesh, law, upper)
+        return EdgeBlocks(compiled.close(upper), upper, graph.edges)
     for part in portions(mesh, graph.order):
         edge = graph.cell_edges[part].T
         first, last = int(edge.min()), int(edge.max()) + 1
@@ -104,6 +109,15 @@ def stiffness_blocks(mesh: Mesh, law: ConstitutiveLaw, graph: NodeGraph) -> Edge
         for start in range(0, len(flat), _CHUNK):
             flat[start : start + _CHUNK] = flat[start : start + _CHUNK] @ change
     return EdgeBlocks(_closing_blocks(upper, graph.edges, graph.count), upper, graph.edges)
+
+
+def _add_compiled(graph: BlockGraph, mesh: Mesh, law: ConstitutiveLaw, upper: Array) -> None:
+    """The sums of all cells, added to the blocks of the edges."""
+    points, cells = np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.cells)
+    for part in [slice(0, len(cells))] if law.homogeneous else portions(mesh, 1):
+        matrices, weights = law.on(mesh, 2, part)
+        mean = np.ascontiguousarray(np.einsum("q,mqvw->mvw", weights, matrices))
+        graph.add(points, cells, part, mesh.volumes[part], law.strains, mean, upper)
 
 
 def _at_points(mesh: Mesh, law: ConstitutiveLaw, order: int, part: slice, late: bool) -> list[QuadraturePoint]:

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.kernels import BlockGraph
 from hemivar.mesh.keys import EDGES, distinct_pairs
 from hemivar.mesh.mesh import Mesh
 
@@ -138,6 +139,11 @@ class EdgeBlocks:
         """
         count, dim = self.diagonal.shape[:2]
         free = np.ones((count, dim), dtype=bool) if free is None else free
+        compiled = BlockGraph.of(self.edges, count, dim)
+        if compiled is not None:
+            diagonal, upper = np.ascontiguousarray(self.diagonal), np.ascontiguousarray(self.upper)
+            parts = compiled.rows(diagonal, upper, np.ascontiguousarray(free))
+            return sp.csr_array(parts, shape=(len(parts[2]) - 1,) * 2)
         nodes = np.flatnonzero(free.any(axis=1))
         starts, columns, source = self._rows(nodes)
         free = free[nodes]

@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "levels.hpp"
+#include "mesh_sums.hpp"
 #include "pool.hpp"
 
 #ifdef _WIN32
@@ -144,6 +145,54 @@ HEMIVAR_API int hv_truncation_root(Truncation* truncation, const double* root) {
 
 HEMIVAR_API int hv_cycle(const Truncation* truncation, int64_t top, const double* right, double* out) {
     return guarded([&] { truncation->cycle(top, right, out); });
+}
+
+// The edges of a mesh, whose cells must stay where they are; how many there are.
+HEMIVAR_API Edges* hv_edges_new(int dim, int64_t nodes, int64_t cells, const int64_t* vertices) {
+    Edges* made = nullptr;
+    guarded([&] { made = new Edges(Simplices{dim, nodes, cells, vertices}); });
+    return made;
+}
+
+HEMIVAR_API void hv_edges_free(Edges* edges) { delete edges; }
+
+HEMIVAR_API int64_t hv_edges_count(const Edges* edges) { return static_cast<int64_t>(edges->other.size()); }
+
+HEMIVAR_API int hv_edges_get(const Edges* edges, int64_t* pairs, int64_t* cell_edges) {
+    return guarded([&] { edges->get(pairs, cell_edges); });
+}
+
+HEMIVAR_API Graph* hv_graph_new(int64_t nodes, int64_t edges, const int64_t* pairs) {
+    Graph* made = nullptr;
+    guarded([&] { made = new Graph(nodes, edges, pairs); });
+    return made;
+}
+
+HEMIVAR_API void hv_graph_free(Graph* graph) { delete graph; }
+
+HEMIVAR_API int hv_graph_add(const Graph* graph, int dim, int64_t nodes, int64_t cells, const int64_t* vertices,
+                             const double* points, const double* volumes, int64_t first, int64_t last, int components,
+                             int count, int64_t matrices, const int32_t* strains, const double* matrix, double* upper) {
+    return guarded([&] {
+        graph->add(Simplices{dim, nodes, cells, vertices}, points, volumes, first, last,
+                   Law{components, count, strains, matrices, matrix}, upper);
+    });
+}
+
+HEMIVAR_API int hv_graph_close(const Graph* graph, int components, const double* upper, double* diagonal) {
+    return guarded([&] { graph->close(components, upper, diagonal); });
+}
+
+// The number of entries; negative if that failed.
+HEMIVAR_API int64_t hv_graph_lengths(const Graph* graph, int components, const uint8_t* free, int32_t* indptr) {
+    int64_t entries = 0;
+    const int failed = guarded([&] { entries = graph->lengths(components, free, indptr); });
+    return failed ? -failed : entries;
+}
+
+HEMIVAR_API int hv_graph_rows(const Graph* graph, int components, const uint8_t* free, const double* diagonal,
+                              const double* upper, const int32_t* indptr, int32_t* indices, double* data) {
+    return guarded([&] { graph->rows(components, free, diagonal, upper, indptr, indices, data); });
 }
 
 // y = A x of a matrix by rows.

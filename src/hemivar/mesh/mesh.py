@@ -17,6 +17,7 @@ from hemivar.basics.memory import mesh_bytes, refined_cells, require
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.kernels import mesh_edges
 from hemivar.mesh.checks import (
     check_cells,
     check_coordinates,
@@ -179,6 +180,9 @@ class Mesh(PickleMixin):
 
     @cached_property
     def _edge_data(self) -> tuple[IntArray, IntArray]:
+        compiled = mesh_edges(np.ascontiguousarray(self.cells, dtype=np.int64), self.number_of_nodes)
+        if compiled is not None:
+            return frozen(compiled[0]), frozen(compiled[1].T)
         index = np.int32 if self.number_of_nodes < np.iinfo(np.int32).max else np.int64
         first, second = (
             np.concatenate([self.cells[:, a] for a in ends], dtype=index) for ends in zip(*EDGES[self.dim], strict=True)
