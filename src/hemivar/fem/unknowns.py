@@ -114,6 +114,6 @@ def basis_of(directions: Array, free: BoolArray) -> sp.csr_array:
     node, slot = np.nonzero(free)
     data = directions[node, slot]
     rows = node[:, None] * dim + np.arange(dim)
-    columns = np.broadcast_to(np.arange(len(node))[:, None], rows.shape)
     keep = data != 0.0
-    return sp.csr_array((data[keep], (rows[keep], columns[keep])), shape=(count * dim, len(node)))
+    starts = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
+    return sp.csr_array(sp.csc_array((data[keep], rows[keep], starts), shape=(count * dim, len(node))))

@@ -28,9 +28,9 @@ struct Csr {
 
 // The numbers of some rows of nodes.
 struct Rows {
-    Array<float> block;    // off the diagonal, d x d each, column by column
-    Array<float> own;      // on it
-    Array<float> inverse;  // its inverse over `weight`; rows and columns of no free unknown are zero
+    Blank<float> block;    // off the diagonal, d x d each, column by column
+    Blank<float> own;      // on it
+    Blank<float> inverse;  // its inverse over `weight`; rows and columns of no free unknown are zero
 };
 
 struct Level {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <new>
+#include <utility>
 #include <vector>
 
 #ifdef __linux__
@@ -43,5 +44,25 @@ struct LargePages {
 
 template <class T>
 using Array = std::vector<T, LargePages<T>>;
+
+// New entries have no values: what many threads write soon after need not be written by one of them before.
+template <class T>
+struct Untouched : LargePages<T> {
+    template <class U>
+    struct rebind {
+        using other = Untouched<U>;
+    };
+    template <class U>
+    void construct(U* place) {
+        ::new (static_cast<void*>(place)) U;
+    }
+    template <class U, class... Given>
+    void construct(U* place, Given&&... given) {
+        ::new (static_cast<void*>(place)) U(std::forward<Given>(given)...);
+    }
+};
+
+template <class T>
+using Blank = std::vector<T, Untouched<T>>;
 
 }  // namespace hemivar

@@ -3,6 +3,7 @@
 
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -67,17 +68,27 @@ Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, 
     block = std::max(kSmallest, (nodes + kBlocks - 1) / kBlocks);
     start.assign(nodes + 1, 0);
     const int64_t work = (nodes + kChunk - 1) / kChunk;
-    // Columns of the row of a node but its own, in order.
+    Array<int32_t> owner(n);  // node of each unknown
+    for (int64_t k = 0; k < n; ++k) owner[k] = place[k] / d;
+    // Columns of the row of a node but its own, in order; rows of its components have the same ones, as a rule.
     auto columns_of = [&](int64_t i, std::vector<int32_t>& found) {
         found.clear();
+        bool sorted = true;
         for (int c = 0; c < d; ++c) {
             const int32_t row = unknown[i * d + c];
             if (row < 0) continue;
+            size_t at = 0;
+            const size_t known = found.size();
             for (int32_t e = matrix.indptr[row]; e < matrix.indptr[row + 1]; ++e) {
-                const int32_t node = place[matrix.indices[e]] / d;
-                if (node != i && (found.empty() || found.back() != node)) found.push_back(node);
+                const int32_t node = owner[matrix.indices[e]];
+                if (node == i || (!found.empty() && found.back() == node)) continue;
+                while (at < known && found[at] < node) ++at;
+                if (at < known && found[at] == node) continue;
+                sorted = sorted && (found.empty() || found.back() < node);
+                found.push_back(node);
             }
         }
+        if (sorted) return;
         std::sort(found.begin(), found.end());
         found.erase(std::unique(found.begin(), found.end()), found.end());
     };
@@ -90,9 +101,9 @@ Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, 
             for (int c = 0; c < d; ++c) {
                 const int32_t row = unknown[i * d + c];
                 if (row < 0) continue;
-                for (int32_t e = matrix.indptr[row]; e < matrix.indptr[row + 1]; ++e) {
-                    if (matrix.indices[e] == row) largest = std::max(largest, std::abs(matrix.data[e]));
-                }
+                const int32_t *begin = matrix.indices + matrix.indptr[row], *end = matrix.indices + matrix.indptr[row + 1];
+                const int32_t* own = std::lower_bound(begin, end, row);
+                if (own != end && *own == row) largest = std::max(largest, std::abs(matrix.data[own - matrix.indices]));
             }
             scale[i] = scale_of(largest);
         }
@@ -110,9 +121,13 @@ Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, 
     before.resize(nodes);
     outside.resize(nodes);
     weight.assign(nodes, 1.0f);
-    rows.block.assign(total * dd + kBeyond, 0.0f);
-    rows.own.assign(nodes * dd + kBeyond, 0.0f);
-    rows.inverse.assign(nodes * dd + kBeyond, 0.0f);
+    auto make = [&](Blank<float>& part, int64_t blocks) {
+        part.resize(blocks * dd + kBeyond);
+        std::fill(part.end() - kBeyond, part.end(), 0.0f);
+    };
+    make(rows.block, total);
+    make(rows.own, nodes);
+    make(rows.inverse, nodes);
     share(work, [&](int64_t piece) {
         std::vector<int32_t> found, number;  // columns in order, and where they go
         for (int64_t i = piece * kChunk; i < std::min(nodes, (piece + 1) * kChunk); ++i) {
@@ -129,6 +144,8 @@ Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, 
                 number[e] = next[rank(found[e])]++;
                 column[number[e]] = found[e];
             }
+            std::fill_n(&rows.block[start[i] * dd], static_cast<int64_t>(found.size()) * dd, 0.0f);
+            std::fill_n(&rows.own[i * dd], dd, 0.0f);
             bool free[6];
             for (int c = 0; c < d; ++c) {
                 const int32_t row = unknown[i * d + c];
@@ -137,15 +154,19 @@ Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, 
                     rows.own[i * dd + c * d + c] = 1.0f;
                     continue;
                 }
+                size_t near = 0;
                 for (int32_t e = matrix.indptr[row]; e < matrix.indptr[row + 1]; ++e) {
-                    const int32_t slot = place[matrix.indices[e]], j = slot / d, inside = slot % d * d + c;
-                    const double value = matrix.data[e] * unit[row] * unit[matrix.indices[e]];
+                    const int32_t other = matrix.indices[e], j = owner[other], inside = (place[other] - j * d) * d + c;
+                    const float value = static_cast<float>(matrix.data[e] * unit[row] * unit[other]);
                     if (j == i) {
-                        rows.own[i * dd + inside] = static_cast<float>(value);
+                        rows.own[i * dd + inside] = value;
                         continue;
                     }
-                    const int64_t at = number[std::lower_bound(found.begin(), found.end(), j) - found.begin()];
-                    rows.block[at * dd + inside] = static_cast<float>(value);
+                    if (near < found.size() && found[near] != j) ++near;  // as a rule it is the next one
+                    if (near >= found.size() || found[near] != j) {
+                        near = std::lower_bound(found.begin(), found.end(), j) - found.begin();
+                    }
+                    rows.block[number[near] * dd + inside] = value;
                 }
             }
             // With all that couples blocks counted twice the sum of smoother and transpose exceeds the matrix.
@@ -187,72 +208,91 @@ Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, 
 }
 
 Transfer::Transfer(const Csr& P, const Level& fine, const Level& coarse) {
-    struct Entry {
-        int32_t row, column;
-        float weight;
-        uint8_t first, second;
-    };
-    std::vector<Entry> entries;
-    entries.reserve(P.indptr[P.rows]);
-    for (int64_t k = 0; k < P.rows; ++k) {
-        const int32_t slot = fine.place[k];
-        for (int32_t e = P.indptr[k]; e < P.indptr[k + 1]; ++e) {
-            const int32_t below = coarse.place[P.indices[e]];
-            const float w = static_cast<float>(P.data[e] * coarse.unit[P.indices[e]] / fine.unit[k]);
-            if (std::abs(P.data[e]) > kRounded) entries.push_back({slot, below, w, 0, 0});
-        }
-    }
-    // By nodes if each block is a multiple of the identity, but for unknowns that do not exist.
-    bool alike = fine.d == coarse.d && fine.d > 1;
-    if (alike) {
-        const int d = fine.d;
-        std::vector<Entry> nodal;
-        std::vector<uint8_t> there(fine.nodes * d, 0), below(coarse.nodes * d, 0);
-        for (int32_t slot : fine.place) there[slot] = 1;
-        for (int32_t slot : coarse.place) below[slot] = 1;
-        for (const Entry& e : entries) {
-            alike = alike && e.row % d == e.column % d;
-            nodal.push_back({e.row / d, e.column / d, e.weight, 1, 0});
-        }
-        if (alike) {
-            auto by = [](const Entry& a, const Entry& b) {
-                return a.row != b.row ? a.row < b.row : a.column < b.column;
-            };
-            if (!std::is_sorted(nodal.begin(), nodal.end(), by)) std::sort(nodal.begin(), nodal.end(), by);
-            std::vector<Entry> once;
-            for (const Entry& e : nodal) {
-                if (!once.empty() && once.back().row == e.row && once.back().column == e.column) {
-                    alike = alike && std::abs(once.back().weight - e.weight) <= 1e-6f * std::abs(e.weight);
-                    once.back().first++;
-                } else {
-                    once.push_back(e);
+    Array<int32_t> row_of(fine.nodes * fine.d, -1);
+    Array<uint8_t> there(coarse.nodes * coarse.d, 0);
+    for (int64_t k = 0; k < fine.n; ++k) row_of[fine.place[k]] = static_cast<int32_t>(k);
+    for (int32_t slot : coarse.place) there[slot] = 1;
+    // Weights of groups of so many slots; false if some block of them is no multiple of the identity, but for unknowns that
+    // do not exist.
+    auto gather = [&](int group) {
+        struct Near {
+            int32_t column;
+            float weight;
+            int count;
+        };
+        const int64_t above = fine.nodes * fine.d / group, pieces = (above + kChunk - 1) / kChunk;
+        std::vector<std::vector<Near>> found(pieces);
+        start.assign(above + 1, 0);
+        std::atomic<bool> alike{true};
+        share(pieces, [&](int64_t piece) {
+            std::vector<Near>& mine = found[piece];
+            for (int64_t i = piece * kChunk; i < std::min(above, (piece + 1) * kChunk) && alike.load(); ++i) {
+                const auto begin = static_cast<int64_t>(mine.size());
+                bool sorted = true;
+                for (int c = 0; c < group; ++c) {
+                    const int32_t k = row_of[i * group + c];
+                    if (k < 0) continue;
+                    for (int32_t e = P.indptr[k]; e < P.indptr[k + 1]; ++e) {
+                        if (!(std::abs(P.data[e]) > kRounded)) continue;
+                        const int32_t slot = coarse.place[P.indices[e]], column = slot / group;
+                        const float w = static_cast<float>(P.data[e] * coarse.unit[P.indices[e]] / fine.unit[k]);
+                        if (group > 1 && slot - column * group != c) alike = false;
+                        const auto known = group == 1 ? mine.end()
+                                                      : std::find_if(mine.begin() + begin, mine.end(), [&](const Near& one) {
+                                                            return one.column == column;
+                                                        });
+                        if (known != mine.end()) {
+                            if (!(std::abs(known->weight - w) <= 1e-6f * std::abs(w))) alike = false;
+                            ++known->count;
+                        } else {
+                            sorted = sorted && (static_cast<int64_t>(mine.size()) == begin || mine.back().column < column);
+                            mine.push_back({column, w, 1});
+                        }
+                    }
+                }
+                start[i + 1] = static_cast<int32_t>(static_cast<int64_t>(mine.size()) - begin);
+                if (group == 1) continue;
+                if (!sorted) {
+                    std::sort(mine.begin() + begin, mine.end(),
+                              [](const Near& one, const Near& other) { return one.column < other.column; });
+                }
+                for (auto one = mine.begin() + begin; one != mine.end(); ++one) {
+                    int both = 0;
+                    for (int c = 0; c < group; ++c) both += row_of[i * group + c] >= 0 && there[one->column * group + c];
+                    if (both != one->count) alike = false;
                 }
             }
-            for (const Entry& e : once) {
-                int both = 0;
-                for (int c = 0; c < d; ++c) both += there[e.row * d + c] && below[e.column * d + c];
-                alike = alike && both == e.first;
+        });
+        if (!alike.load()) return false;
+        for (int64_t i = 0; i < above; ++i) start[i + 1] += start[i];
+        column.resize(start[above]);
+        weight.resize(start[above]);
+        share(pieces, [&](int64_t piece) {
+            int64_t at = start[piece * kChunk];
+            for (const Near& one : found[piece]) {
+                column[at] = one.column;
+                weight[at++] = one.weight;
             }
-            if (alike) entries.swap(once);
+        });
+        components = group;
+        return true;
+    };
+    if (!(fine.d == coarse.d && fine.d > 1 && gather(fine.d))) gather(1);
+    // And back.
+    const int64_t under = coarse.nodes * coarse.d / components;
+    back_start.assign(under + 1, 0);
+    for (int32_t j : column) ++back_start[j + 1];
+    for (int64_t j = 0; j < under; ++j) back_start[j + 1] += back_start[j];
+    back_column.resize(column.size());
+    back_weight.resize(column.size());
+    std::vector<int32_t> next(back_start.begin(), back_start.end() - 1);
+    for (size_t i = 0; i + 1 < start.size(); ++i) {
+        for (int32_t e = start[i]; e < start[i + 1]; ++e) {
+            const int32_t at = next[column[e]]++;
+            back_column[at] = static_cast<int32_t>(i);
+            back_weight[at] = weight[e];
         }
     }
-    components = alike ? fine.d : 1;
-    const int64_t above = alike ? fine.nodes : fine.nodes * fine.d, under = alike ? coarse.nodes : coarse.nodes * coarse.d;
-    auto put = [&](int64_t count, bool turned, Array<int32_t>& begin, Array<int32_t>& to, Array<float>& w) {
-        begin.assign(count + 1, 0);
-        for (const Entry& e : entries) ++begin[(turned ? e.column : e.row) + 1];
-        for (int64_t i = 0; i < count; ++i) begin[i + 1] += begin[i];
-        std::vector<int32_t> next(begin.begin(), begin.end() - 1);
-        to.resize(entries.size());
-        w.resize(entries.size());
-        for (const Entry& e : entries) {
-            const int32_t at = next[turned ? e.column : e.row]++;
-            to[at] = turned ? e.row : e.column;
-            w[at] = e.weight;
-        }
-    };
-    put(above, false, start, column, weight);
-    put(under, true, back_start, back_column, back_weight);
 }
 
 void Truncation::change(int64_t k, const uint8_t* held, const double* values) {
