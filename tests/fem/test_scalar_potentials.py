@@ -12,8 +12,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete import Potential
 from hemivar.errors import ProblemError
-from hemivar.fem import discretize
-from hemivar.fem.scalar_energy import gradient
+from hemivar.fem import discretize, gradient
 from hemivar.mechanics import GradientEnergy, PowerLaw, SaturatingFlux
 
 ENERGIES = [PowerLaw(4.0, 0.3, 1.5), PowerLaw(1.5, 0.1, 2.0, 3.0), SaturatingFlux(2.0, 0.25, 0.5)]
@@ -103,7 +102,7 @@ def test_the_p_laplacian_under_a_load_converges_with_the_square_of_the_mesh_size
 
 def test_its_bulk_and_what_refuses_it() -> None:
     problem = membrane(ENERGIES[0])
-    assert not problem.linear
+    assert not problem.material.linear
     assert isinstance(discretize(problem).bulk, Potential)
     with pytest.raises(ProblemError, match="a problem file cannot say"):
         hv.write_problem(problem, "nowhere.toml")

@@ -59,7 +59,10 @@ STOP = hv.ScalarContact(hv.Signorini(), 0.1)
         ({"area": {"low": STOP}}, "area names region 'low'"),
         ({"mesh": HALVES, "area": {"low": hv.Signorini()}}, r"area\['low'\] is .*; wrap the law"),
         ({"area": STOP, "order": 2}, "whose corner weights vanish; take order=1"),
-        ({"contact": {"left": STOP}, "supports": {"left": 0.0}}, "is held by support 'left' \\(4 common facets\\)"),
+        (
+            {"contact": {"left": STOP}, "supports": {"left": 0.0}},
+            r"is held by a prescribed deflection \(support 'left', 4 common facets\)",
+        ),
     ],
 )
 def test_what_a_scalar_statement_refuses(changes: dict[str, Any], words: str) -> None:
@@ -97,23 +100,23 @@ def test_what_a_scalar_contact_refuses(arguments: tuple[Any, ...], words: str) -
 def test_coefficients_at_points() -> None:
     points = np.array([[0.1, 0.2], [0.6, 0.9], [0.3, 0.3]])
     one = hv.ScalarProblem(MESH, 3.0)
-    np.testing.assert_array_equal(one.coefficients(points), np.broadcast_to(3.0 * np.eye(2), (3, 2, 2)))
-    assert one.homogeneous
+    np.testing.assert_array_equal(one.material.stiffness_tensor(points), np.broadcast_to(3.0 * np.eye(2), (3, 2, 2)))
+    assert one.material.homogeneous
     tensor = np.array([[2.0, 0.5], [0.5, 1.0]])
-    np.testing.assert_array_equal(hv.ScalarProblem(MESH, tensor).coefficients(points)[1], tensor)
+    np.testing.assert_array_equal(hv.ScalarProblem(MESH, tensor).material.stiffness_tensor(points)[1], tensor)
     for given in (lambda x: 1.0 + x[:, 0], lambda x: (1.0 + x[:, 0])[:, None, None] * np.eye(2)):
         found = hv.ScalarProblem(MESH, given)
-        assert not found.homogeneous
-        np.testing.assert_allclose(found.coefficients(points), (1.0 + points[:, :1, None]) * np.eye(2))
+        assert not found.material.homogeneous
+        np.testing.assert_allclose(found.material.stiffness_tensor(points), (1.0 + points[:, :1, None]) * np.eye(2))
     with pytest.raises(hv.errors.ProblemError, match=r"the tension is -0.1 at x = \[0.6, 0.9\]"):
-        hv.ScalarProblem(MESH, lambda x: 0.5 - x[:, 0]).coefficients(points)
+        hv.ScalarProblem(MESH, lambda x: 0.5 - x[:, 0]).material.stiffness_tensor(points)
     with pytest.raises(hv.errors.ProblemError, match=r"at 3 points it has shape \(3,\), or \(3, 2, 2\)"):
-        hv.ScalarProblem(MESH, lambda x: np.ones((len(x), 2))).coefficients(points)
+        hv.ScalarProblem(MESH, lambda x: np.ones((len(x), 2))).material.stiffness_tensor(points)
     parts = hv.ScalarProblem(HALVES, {"low": 1.0, "high": tensor})
     masks = {"low": np.array([True, False, False]), "high": np.array([False, True, True])}
-    np.testing.assert_array_equal(parts.coefficients(points, masks)[:, 0, 0], [1.0, 2.0, 2.0])
+    np.testing.assert_array_equal(parts.material.stiffness_tensor(points, masks)[:, 0, 0], [1.0, 2.0, 2.0])
     with pytest.raises(hv.errors.ProblemError, match=r"the point \[0.3, 0.3\] lies in no region"):
-        parts.coefficients(points, masks | {"high": np.array([False, True, False])})
+        parts.material.stiffness_tensor(points, masks | {"high": np.array([False, True, False])})
 
 
 def test_a_problem_at_one_time() -> None:
@@ -129,7 +132,8 @@ def test_a_problem_at_one_time() -> None:
     )  # fmt: skip
     assert moving.time_dependent == {"load", "supports", "gap", "law"}
     with pytest.raises(
-        hv.errors.ProblemError, match=r"gap, law, load, supports of the problem depend on time.*at_time"
+        hv.errors.ProblemError,
+        match=r"a load and a support and a level and a law of the problem depend on time.*at_time",
     ):
         hv.discretize(moving)
     then = moving.at_time(0.5)

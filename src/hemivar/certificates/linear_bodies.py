@@ -19,8 +19,9 @@ from hemivar.mechanics.coefficient import Coefficient
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.gradient_energy import GradientEnergy
 from hemivar.mechanics.material_words import BoundsBy
-from hemivar.mechanics.scalar import Statement
+from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement_base import Statement
 
 __all__ = [
     "STATED",
@@ -70,7 +71,7 @@ def lower_statement(statement: Statement) -> Statement:
     """The statement of the linear body below that of another one; itself if that is linear."""
     if isinstance(statement, ContactProblem):
         return replace(statement, material=lower_elasticity(statement.material))
-    if statement.linear:
+    if statement.material.linear or not isinstance(statement, ScalarProblem):
         return statement
 
     def lower(part: Coefficient) -> Coefficient:

@@ -15,7 +15,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
-from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, lower_statement, strain_reach
+from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, strain_reach
 from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -23,12 +23,13 @@ from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.fem.posed import Posable, posed
 from hemivar.fem.quadrature import quadrature_rule, region_masks
-from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
 from hemivar.laws import ContactLaw, Friction, VectorLaw
 from hemivar.laws.coupled import bounded
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import BoundsBy
-from hemivar.mechanics.scalar import ScalarProblem, Statement
+from hemivar.mechanics.scalar import ScalarProblem
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement_base import Statement
 from hemivar.systems.workspace import Workspace
 
 #: A reach without limits for penetration and slip, and reaches that are tried, in largest displacements.
@@ -244,11 +245,8 @@ def with_survey(
     if problem.origin is None or not problem.contact_points:
         return constants
     m_a, stated = ellipticity(problem.origin), problem.origin
-    if isinstance(stated, ScalarProblem):
-        sampled = not stated.homogeneous
-    else:
-        material = stated.material
-        sampled = not (material.uniform and material.bounds_by.proved and material.reach == np.inf)
+    material = stated.material
+    sampled = not (material.uniform and material.bounds_by.proved and material.reach == np.inf)
     constants = replace(constants, m_A=m_a, m_A_sampled=sampled)
     if not trace_constant:
         return constants
@@ -268,7 +266,7 @@ def with_survey(
 
 def _trace_bound(statement: Statement, workspace: Workspace | None) -> float | None:
     """Upper bound of the c_gamma of a body; None where there is none."""
-    if isinstance(statement, ScalarProblem):
+    if not isinstance(statement, ContactProblem):
         return None
     check_time()
     try:
@@ -521,10 +519,6 @@ def ellipticity(statement: Statement) -> float:
     -------
     float
     """
-    if isinstance(statement, ScalarProblem):
-        lower = lower_statement(statement)
-        assert isinstance(lower, ScalarProblem)
-        return least_coefficient(lower)
     mesh, dim = statement.mesh, statement.mesh.dim
     if statement.material.homogeneous:
         tensor = statement.material.lower_tensor(mesh.points[:1])
@@ -577,9 +571,10 @@ def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float
     energy: Norm
     origin = problem.origin
     if isinstance(origin, ScalarProblem):
-        unit = discretize_scalar(gradient_norm_problem(origin), check_coercivity=False)
+        plain = replace(origin, coefficient=1.0, bedding=0.0, density=None, viscosity=None, capacity=None)
+        unit = discretize(plain, check_coercivity=False)
         energy = EnergyNorm(unit.stiffness) if factorises(problem) else MultigridNorm(unit)
-    elif origin is not None and not factorises(problem):
+    elif isinstance(origin, ContactProblem) and not factorises(problem):
         body = replace(origin, material=Material.lame(0.0, 0.5), bedding=0.0)
         energy = MultigridNorm(discretize(body, check_coercivity=False, evolving=True))
     else:

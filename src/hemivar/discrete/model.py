@@ -17,7 +17,7 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     from hemivar.discrete.operator_family import Composition
     from hemivar.discrete.potential import Tangent
-    from hemivar.mechanics.scalar import Statement
+    from hemivar.mechanics.statement_base import Statement
 
 __all__ = ["Model", "quadratic"]
 

@@ -28,7 +28,7 @@ from hemivar.laws import VectorLaw
 from hemivar.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
-    from hemivar.mechanics.scalar import Statement
+    from hemivar.mechanics.statement_base import Statement
 
 __all__ = ["DiscreteProblem"]
 

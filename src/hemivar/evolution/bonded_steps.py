@@ -100,7 +100,7 @@ def _check(problem: ContactProblem, name: str, bond: PlasticBond) -> None:
         )
     expect(bond, PlasticBond, f"bonds['{name}']", "give a PlasticBond")
     contact = problem.contact[name]
-    if contact.friction.acts or contact.evolves:
+    if contact.friction.acts or contact.damping is not None or contact.memory:
         raise ProblemError(f"contact['{name}'] has friction, damping or memory beside its bond; leave them out")
 
 

@@ -23,15 +23,15 @@ from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete_heat import DiscreteHeat, coupled_heat
 from hemivar.evolution.evolution_problem import Evolution, Mass
-from hemivar.fem.assembly import load_vector
+from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
 from hemivar.fem.hierarchy import family_of
-from hemivar.fem.scalar_dynamics import scalar_acting
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.laws import ContactLaw, Superpotential, separable
 from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Statement
+from hemivar.mechanics.scalar import ScalarContact
 from hemivar.mechanics.statement import Contact, ContactProblem
+from hemivar.mechanics.statement_base import Statement
 
 __all__ = ["DiscreteEvolution", "ExternalData", "StepMatrices", "dampings", "discretize_evolution"]
 
@@ -147,14 +147,12 @@ class DiscreteEvolution(PickleMixin):
     @property
     def contacts(self) -> Mapping[str, Contact | ScalarContact]:
         """What acts on each contact boundary, and over areas."""
-        stated = self.evolution.problem
-        return {**stated.contact, **stated.areas} if isinstance(stated, ScalarProblem) else stated.contact
+        return self.evolution.problem.contacts
 
     @property
     def stores(self) -> bool:
         """Whether it is heat that a capacity stores."""
-        stated = self.evolution.problem
-        return isinstance(stated, ScalarProblem) and stated.capacity is not None
+        return self.evolution.problem.capacity is not None
 
     @property
     def field(self) -> Field:
@@ -190,12 +188,7 @@ class DiscreteEvolution(PickleMixin):
         """What acts at a time."""
         stated = self.evolution.problem
         bound = stated.at_time(time)
-        if isinstance(bound, ScalarProblem):
-            force, held, offset, law = scalar_acting(bound, self.field.basis)
-            load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
-            return ExternalData(load, held[self.moved], offset, separable(law, _MARCH))
-        assert isinstance(stated, ContactProblem)
-        force = load_vector(bound.mesh, bound.order, bound.body_force, bound.tractions)
+        force = stated_load(bound)
         load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
         if not stated.time_dependent & {"supports", "gap", "law"}:
             loading, law = self.problem.loading, separable(self.problem.law, _MARCH)
@@ -205,9 +198,9 @@ class DiscreteEvolution(PickleMixin):
         return ExternalData(load, conditions.prescribed[self.moved], offset, separable(found, _MARCH), dampings(bound))
 
 
-def dampings(bound: ContactProblem) -> dict[str, Superpotential]:
+def dampings(bound: Statement) -> dict[str, Superpotential]:
     """Laws of the normal rate of a problem at one time, by boundary, where there are some."""
-    return {name: contact.damping for name, contact in bound.contact.items() if contact.damping is not None}
+    return {name: contact.damping for name, contact in bound.contacts.items() if contact.damping is not None}
 
 
 def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
@@ -219,12 +212,9 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
         As :func:`hemivar.discretize`; a body without inertia must be held as in statics.
     """
     stated = evolution.problem.at_time(evolution.start)
-    if isinstance(stated, ScalarProblem):
-        # What stores heat holds a temperature within a step.
-        held = not (evolution.inertia or stated.capacity is not None)
-        problem = discretize(stated, check_coercivity=held, evolving=True)
-    else:
-        problem = discretize(stated, check_coercivity=not evolution.inertia, evolving=True)
+    # What stores heat holds a temperature within a step.
+    held = not (evolution.inertia or stated.capacity is not None)
+    problem = discretize(stated, check_coercivity=held, evolving=True)
     family = family_of(problem, evolution.inertia)
     if family.mass is not None and evolution.mass is Mass.REDISTRIBUTED:
         family = replace(family, mass=_redistributed(family.mass, problem, family.moved))

@@ -14,9 +14,10 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
-from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Statement
+from hemivar.mechanics.conditions import evaluate_components
+from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement_base import Statement
 from hemivar.mechanics.thermal import Heat
 
 __all__ = ["Evolution", "Mass"]
@@ -77,7 +78,7 @@ class Evolution(PickleMixin):
 
     def __post_init__(self) -> None:
         remedy = "give a ContactProblem or a ScalarProblem; hemivar.read_problem(path) reads one from a file"
-        problem = expect(self.problem, ContactProblem | ScalarProblem, "the problem of an evolution", remedy)
+        problem = expect(self.problem, Statement, "the problem of an evolution", remedy)
         expect(self.inertia, bool, "inertia", "write True or False")
         start = number(self.start, "the start of an evolution", "give a time")
         if not np.isfinite(start):
@@ -87,7 +88,7 @@ class Evolution(PickleMixin):
             object.__setattr__(self, "mass", Mass(self.mass))
         except ValueError:
             raise ProblemError(f"mass = {self.mass!r}; choose 'consistent' or 'redistributed'") from None
-        if self.heat is not None and not isinstance(problem, ScalarProblem) and not problem.material.linear:
+        if self.heat is not None and problem.components > 1 and not problem.material.linear:
             raise ProblemError(
                 "heat is coupled with the motion of linear materials only, and this material is not linear; leave heat "
                 "out, or give Material.lame(...) or the like"
@@ -115,8 +116,7 @@ class Evolution(PickleMixin):
     @property
     def linear(self) -> bool:
         """Whether the stress, or the flux, is linear in the strain or gradient."""
-        problem = self.problem
-        return problem.linear if isinstance(problem, ScalarProblem) else problem.material.linear
+        return self.problem.material.linear
 
     @cached_property
     def conduction(self) -> Evolution | None:
@@ -130,7 +130,7 @@ class Evolution(PickleMixin):
         if self.heat is None:
             return None
         heat = expect(self.heat, Heat, "the heat of an evolution", "give Heat(conductivity, capacity, ...)")
-        if isinstance(self.problem, ScalarProblem):
+        if not isinstance(self.problem, ContactProblem):
             raise ProblemError(
                 "heat= goes with a body, and this is a scalar problem; for heat alone state ScalarProblem(kind='heat')"
             )
@@ -145,19 +145,19 @@ class Evolution(PickleMixin):
         ProblemError
             It is a scalar problem.
         """
-        if isinstance(self.problem, ScalarProblem):
+        if not isinstance(self.problem, ContactProblem):
             raise ProblemError(
-                f"this is a scalar problem ({self.problem.kind}), and an evolution of a body is needed; leave "
+                f"this is a scalar problem ({self.problem.unknown}), and an evolution of a body is needed; leave "
                 "the engine out"
             )
         return self.problem
 
     def _check_scalar(self, problem: ScalarProblem) -> None:
-        if self.inertia and problem.kind is ScalarKind.HEAT:
+        if self.inertia and problem.thermal:
             raise ProblemError(
                 "heat has no inertia; take inertia=False, what stores heat is the capacity of the problem"
             )
-        if self.inertia and not problem.inert:
+        if self.inertia and not problem.material.inert:
             raise ProblemError(
                 f"the evolution has inertia, but the {problem.kind} has no density; give ScalarProblem(..., "
                 "density=rho), or take inertia=False"
@@ -167,8 +167,8 @@ class Evolution(PickleMixin):
                 "redistributed mass leaves contact nodes without any, and contact over an area has no nodes beside "
                 "them; take mass='consistent' with MoreauJean() or a compliant foundation"
             )
-        rubs = [name for name, one in {**problem.contact, **problem.areas}.items() if one.rubs]
-        if problem.kind is ScalarKind.HEAT and rubs:
+        rubs = [name for name, one in problem.contacts.items() if one.rubs]
+        if problem.thermal and rubs:
             raise ProblemError(
                 f"contact '{rubs[0]}' has friction, which acts on a rate, and heat that is exchanged depends on the "
                 "temperature; give a law of the temperature, such as Compliance(h)"
@@ -182,33 +182,20 @@ class Evolution(PickleMixin):
         name : str
             ``"displacement"`` or ``"velocity"``.
         """
-        value = getattr(self, name)
+        value, what, components = getattr(self, name), f"initial {name}", self.problem.components
         nodes = self.problem.mesh.nodes(self.problem.order)
-        if isinstance(self.problem, ScalarProblem):
-            return _scalar_initial(value, nodes, f"initial {name}")
+        shape = (len(nodes), components)
         if value is None:
-            return np.zeros(nodes.shape)
+            return np.zeros(shape)
         if callable(value):
-            return np.array(evaluate_vector(value, nodes, f"initial {name}"))
-        given = real_array(value, f"initial {name}")
-        if given.shape not in (nodes.shape[1:], nodes.shape):
+            return np.array(evaluate_components(value, nodes, what, components))
+        given = real_array(value, what)
+        if components == 1 and given.shape in ((), shape[:1]):
+            given = given[..., None]
+        if given.shape not in (shape[1:], shape):
+            kind = "a number" if components == 1 else f"a vector of {components} components"
             raise ProblemError(
-                f"the initial {name} has shape {given.shape}; give a vector of {nodes.shape[1]} components, a function "
-                f"of points, or one vector for each of the {len(nodes)} nodes"
+                f"the {what} has shape {given.shape}; give {kind}, a function of points, or "
+                f"one for each of the {len(nodes)} nodes"
             )
-        return np.array(np.broadcast_to(given, nodes.shape))
-
-
-def _scalar_initial(value: Any, nodes: Array, what: str) -> Array:
-    """Initial values of one component at the nodes, shape (nodes, 1)."""
-    if value is None:
-        return np.zeros((len(nodes), 1))
-    if callable(value):
-        return np.array(evaluate_scalar(value, nodes, what))[:, None]
-    given = real_array(value, what)
-    if given.shape not in ((), (1,), (len(nodes),), (len(nodes), 1)):
-        raise ProblemError(
-            f"the {what} has shape {given.shape}; give a number, a function of points, or a number for each of the "
-            f"{len(nodes)} nodes"
-        )
-    return np.array(np.broadcast_to(given.reshape(-1, 1), (len(nodes), 1)))
+        return np.array(np.broadcast_to(given, shape))

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.energy_balance import EnergyBalance
@@ -16,8 +15,6 @@ from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.fem.quadrature import quadrature_rule, region_masks
-from hemivar.mechanics.per_volume import at_place
-from hemivar.mechanics.scalar import ScalarProblem
 
 __all__ = ["begun", "longest_without_swing", "ramped", "settled", "sunk_by_a_jump", "yields_at_once"]
 
@@ -160,13 +157,9 @@ def _viscous_everywhere(discrete: DiscreteEvolution) -> bool:
     barycentric, weights = quadrature_rule(mesh.dim, 2 * stated.order)
     points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, mesh.dim)
     masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
-    if isinstance(stated, ScalarProblem):
-        assert stated.viscosity is not None
-        sizes: Array = at_place(stated.viscosity, "viscosity", points, masks).reshape(-1, 1)
-    else:
-        if stated.material.homogeneous_in(True):
-            points, masks = points[:1], {}
-        sizes = np.asarray(np.linalg.eigvalsh(stated.material.viscosity_tensor(points, masks)), dtype=float)
+    if stated.material.homogeneous_in(True):
+        points, masks = points[:1], {}
+    sizes = np.asarray(np.linalg.eigvalsh(stated.material.viscosity_tensor(points, masks)), dtype=float)
     most, least = float(sizes.max(initial=0.0)), float(sizes.min(initial=np.inf))
     largest, small = discrete.vectors.largest(most, -least).tolist()
     return bool(-small > _NONE * largest)

@@ -19,7 +19,6 @@ from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import SCHEMES, ImplicitEuler, Scheme
 from hemivar.evolution.steps import FixedStep, StepSizeController
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.solvers import Controls, Solver, as_method
 
 __all__ = ["March", "refuse_plan"]
@@ -198,12 +197,7 @@ def _refuse_nonlinear(plan: March) -> None:
 def _refuse_path(stated: Evolution, plan: March) -> None:
     """Refuse to follow paths of equilibria where there are none."""
     problem = stated.problem
-    if isinstance(problem, ScalarProblem):
-        resists = problem.viscosity is not None or problem.capacity is not None
-        inert = problem.inert
-    else:
-        resists = problem.material.viscous
-        inert = problem.material.inert
+    resists, inert = problem.material.viscous or problem.capacity is not None, problem.material.inert
     if resists or stated.inertia:
         return
     if not plan.scheme.ends_at_equilibrium:

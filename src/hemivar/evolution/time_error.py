@@ -56,8 +56,8 @@ from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.laws import Bilateral, NoContact
 from hemivar.linear.definite import positive_pivots
-from hemivar.mechanics.scalar import Statement
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement_base import Statement
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["TimeBound", "TimeError", "bound_in_time"]

@@ -2,10 +2,9 @@
 
 from hemivar.fem.discretize import discretize
 from hemivar.fem.error_norms import ErrorNorms, KnownField, error_norms
-from hemivar.fem.fields import nodal_average, strain, stress, v_norm, von_mises
+from hemivar.fem.fields import gradient, nodal_average, strain, stress, v_norm, von_mises
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.reactions import support_reactions
-from hemivar.fem.scalar_energy import discretize_scalar, gradient
 from hemivar.fem.small_strain import Deformation, deformation
 from hemivar.fem.transfer import interpolate, interpolation_matrix
 
@@ -16,7 +15,6 @@ __all__ = [
     "LoadLine",
     "deformation",
     "discretize",
-    "discretize_scalar",
     "error_norms",
     "gradient",
     "interpolate",

@@ -17,8 +17,16 @@ from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.kernels import BlockGraph
-from hemivar.mechanics.conditions import Pressure, Traction, VectorData, evaluate_scalar, evaluate_vector
+from hemivar.mechanics.conditions import (
+    Pressure,
+    ScalarData,
+    Traction,
+    VectorData,
+    evaluate_components,
+    evaluate_scalar,
+)
 from hemivar.mechanics.material import Material
+from hemivar.mechanics.statement_base import Statement
 from hemivar.mesh.mesh import Mesh
 
 __all__ = [
@@ -27,6 +35,7 @@ __all__ = [
     "load_vector",
     "pair_products",
     "portions",
+    "stated_load",
     "stiffness_blocks",
     "stiffness_matrix",
 ]
@@ -214,10 +223,12 @@ Density = Array | Callable[[Array, IntArray], Array]
 def load_vector(
     mesh: Mesh,
     order: int = 1,
-    body_force: VectorData | float = 0.0,
+    body_force: VectorData | ScalarData = 0.0,
     tractions: Mapping[str, Traction] | None = None,
+    components: int | None = None,
+    names: tuple[str, str] = ("body_force", "tractions"),
 ) -> Array:
-    """Load vector ``F'v = int b . v + int_boundary t . v``.
+    """Load vector ``F'v = int b . v + int_boundary t . v`` of fields of c components.
 
     Parameters
     ----------
@@ -228,25 +239,36 @@ def load_vector(
         Integrated exactly if constant, else by a rule of degree 4.
     tractions : mapping of boundary name to vector, callable or Pressure
         Integrated by a rule of degree 5.
+    components : int, optional
+        c; as many as the mesh has directions by default. Loads of one component are numbers or callables.
+    names : (str, str)
+        What messages call the two.
 
     Returns
     -------
-    array, shape (nodes * d,)
+    array, shape (nodes * c,)
     """
+    components = mesh.dim if components is None else components
 
-    def density(vector: VectorData | float, what: str) -> Density:
-        if callable(vector):
-            return lambda points, _: evaluate_vector(vector, points, what)
-        return np.asarray(evaluate_vector(vector, mesh.points[:1], what)[0])
+    def density(load: VectorData | ScalarData, what: str) -> Density:
+        if callable(load):
+            return lambda points, _: evaluate_components(load, points, what, components)
+        return np.asarray(evaluate_components(load, mesh.points[:1], what, components)[0])
 
     def on(name: str, traction: Traction) -> Density:
         if not isinstance(traction, Pressure):
-            return density(traction, f"tractions['{name}']")
+            return density(traction, f"{names[1]}['{name}']")
         value, normals = traction.value, mesh.facet_normals(mesh.boundaries[name])[0]
         return lambda points, facet: -evaluate_scalar(value, points, f"tractions['{name}']")[:, None] * normals[facet]
 
     stated = {name: on(name, traction) for name, traction in (tractions or {}).items()}
-    return integrated_load(mesh, order, mesh.dim, density(body_force, "body_force"), stated)
+    return integrated_load(mesh, order, components, density(body_force, names[0]), stated)
+
+
+def stated_load(problem: Statement) -> Array:
+    """The load vector of a statement, shape (nodes * c,)."""
+    volume, boundaries, names = problem.volume_load, problem.boundary_loads, problem.load_names
+    return load_vector(problem.mesh, problem.order, volume, boundaries, problem.components, names)
 
 
 def integrated_load(mesh: Mesh, order: int, components: int, body: Density, boundaries: Mapping[str, Density]) -> Array:

@@ -1,4 +1,4 @@
-"""How stresses follow from strains at places of a body: elasticity, and the flux of a scalar problem."""
+"""How stresses follow from strains at places of a body; of one component how the flux follows from the gradient."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.quadrature import at_quadrature_points
+from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.per_volume import at_place, constant_of
-from hemivar.mechanics.scalar import ScalarProblem, Statement
+from hemivar.mechanics.statement_base import Statement
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["ConstitutiveLaw", "EnergyDensity", "EnergyLaw", "constitutive_law", "elastic", "relaxing", "viscous"]
@@ -67,7 +67,7 @@ class EnergyLaw:
     @staticmethod
     def of(material: Material, dim: int) -> EnergyLaw:
         """That of a material in d dimensions."""
-        return EnergyLaw(voigt_index(dim), material, material.homogeneous, material.uniform)
+        return EnergyLaw(_strains(material, dim), material, material.homogeneous, material.uniform)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,32 +109,27 @@ class ConstitutiveLaw:
         return strain
 
 
+def _strains(material: Material, dim: int) -> IntArray:
+    """The strain to which each derivative of each component belongs."""
+    return np.arange(dim)[None] if isinstance(material, GradientMaterial) else voigt_index(dim)
+
+
 def elastic(material: Material, dim: int) -> ConstitutiveLaw:
     """The elasticity of a material in d dimensions."""
-    return ConstitutiveLaw(voigt_index(dim), material.stiffness_tensor, material.homogeneous)
+    return ConstitutiveLaw(_strains(material, dim), material.stiffness_tensor, material.homogeneous)
 
 
 def constitutive_law(problem: Statement) -> ConstitutiveLaw:
     """The elasticity of a body, or the coefficients of a scalar problem."""
-    if isinstance(problem, ScalarProblem):
-        return ConstitutiveLaw(np.arange(problem.mesh.dim)[None], problem.coefficients, problem.homogeneous)
     return elastic(problem.material, problem.mesh.dim)
 
 
-def viscous(problem: Material | ScalarProblem, dim: int) -> ConstitutiveLaw:
-    """The viscosity of a material, or of a scalar problem that has one, in d dimensions."""
-    if isinstance(problem, Material):
-        return ConstitutiveLaw(voigt_index(dim), problem.viscosity_tensor, problem.homogeneous_in(True))
-    value = problem.viscosity
-    assert value is not None
-
-    def matrices(points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
-        return at_place(value, "viscosity", points, regions)[:, None, None] * np.eye(dim)
-
-    return ConstitutiveLaw(np.arange(dim)[None], matrices, constant_of(value) is not None)
+def viscous(material: Material, dim: int) -> ConstitutiveLaw:
+    """The viscosity of a material in d dimensions."""
+    return ConstitutiveLaw(_strains(material, dim), material.viscosity_tensor, material.homogeneous_in(True))
 
 
 def relaxing(material: Material, number: int, dim: int) -> ConstitutiveLaw:
     """The springs of the branches of one of the relaxation times of a material in d dimensions."""
     matrices = partial(material.branch_tensor, number)
-    return ConstitutiveLaw(voigt_index(dim), matrices, material.homogeneous_in(False, (number,)))
+    return ConstitutiveLaw(_strains(material, dim), matrices, material.homogeneous_in(False, (number,)))

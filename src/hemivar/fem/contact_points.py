@@ -30,6 +30,8 @@ __all__ = [
 
 #: Entries of the trace below this are rounding.
 _ZERO = 1e-12
+#: What rounding may put a held point beyond the end of a law by, of the largest place of the foundation or value there.
+_ROUNDED = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +41,13 @@ class BoundaryContact:
     Attributes
     ----------
     points : ContactPoints
-        With the trace of nodal displacements (nodes * d,).
+        With the trace of nodal values (nodes * c,).
     gap : array, shape (m,)
     belt : array, shape (m, d)
-        Displacement of the foundation, of which the tangential part counts.
+        Displacement of the foundation, of which the tangential part counts; where points have no frames that part,
+        shape (m, components - 1).
     law : VectorLaw
-    blocked : bool array, shape (m, d)
+    blocked : bool array, shape (m, components)
         Rows that supports or another boundary make dependent on a row before.
     """
 
@@ -208,22 +211,22 @@ def _adapt(frames: Array, supports: Supports, nodes: IntArray) -> tuple[Array, B
 
 
 def join(
-    groups: list[BoundaryContact], basis: sp.csr_array, prescribed: Array, dim: int
+    groups: list[BoundaryContact], basis: sp.csr_array, prescribed: Array, no_points: ContactPoints
 ) -> tuple[ContactPoints, Array, VectorLaw, float]:
     """Contact points of all boundaries in terms of the unknowns; points held entirely are dropped.
 
     Parameters
     ----------
     groups : list of BoundaryContact
-    basis : sparse array, shape (nodes * d, n)
-    prescribed : array, shape (nodes * d,)
-    dim : int
-        Space dimension d.
+    basis : sparse array, shape (nodes * c, n)
+    prescribed : array, shape (nodes * c,)
+    no_points : ContactPoints
+        What there is without any contact.
 
     Returns
     -------
     contact : ContactPoints
-    offset : array, shape (m, d)
+    offset : array, shape (m, components)
         Gap and way of the belt, less what supports prescribe.
     law : VectorLaw
         At these points.
@@ -231,19 +234,16 @@ def join(
         That of the points that supports hold.
     """
     if not groups:
-        return _no_points(basis.shape[1], dim), np.zeros((0, dim)), ContactLaw(NoContact()).at(None), 0.0
+        return no_points, np.zeros(no_points.shape), ContactLaw(NoContact()).at(None), 0.0
+    components = groups[0].points.components
     blocked = np.concatenate([group.blocked for group in groups])
     rough = np.concatenate([np.broadcast_to(group.law.rubs, (group.points.count,)) for group in groups])
     law = join_laws([(_turned(group), group.points.count) for group in groups])
     full = sp.csr_array(sp.vstack([group.points.trace for group in groups]))
-    offset = np.zeros((full.shape[0] // dim, dim))
-    offset[:, 0] = np.concatenate([group.gap for group in groups])
-    for group, rows in zip(
-        groups, np.split(offset, np.cumsum([group.points.count for group in groups])[:-1]), strict=True
-    ):
-        assert group.points.frames is not None
-        rows[:, 1:] = np.einsum("ktd,kd->kt", group.points.frames[:, 1:], group.belt)
-    offset -= (full @ prescribed).reshape(-1, dim)
+    offset = np.concatenate([_foundation(group) for group in groups])
+    moved = np.asarray(full @ prescribed).reshape(-1, components)
+    rounding = _ROUNDED * max(float(np.abs(part).max()) for part in (offset, moved))
+    offset -= moved
     offset[blocked] = 0.0
 
     trace = sp.csr_array(full @ basis)
@@ -255,50 +255,58 @@ def join(
     trace.sort_indices()
 
     points = [group.points for group in groups]
+    frames = [one.frames for one in points if one.frames is not None]
     contact = ContactPoints(
         trace,
         np.concatenate([one.weights for one in points]),
         np.concatenate([one.points for one in points if one.points is not None]),
-        np.concatenate([one.frames for one in points if one.frames is not None]),
+        np.concatenate(frames) if frames else None,
         np.concatenate([one.node for one in points]),
         np.concatenate([one.facet for one in points]),
         np.concatenate([one.boundary for one in points]),
         names=groups[0].points.names,
         without_friction=rough & blocked[:, 1:].any(axis=1),
     )
-    moving = np.diff(trace.indptr).reshape(-1, dim).any(axis=1)
+    moving = np.diff(trace.indptr).reshape(-1, components).any(axis=1)
     if moving.all():
         return contact, offset, law, 0.0
-    held = np.flatnonzero(~moving)
-    values = law.take(held).frozen_at(-offset[held]).value(-offset[held])
+    held, keep = np.flatnonzero(~moving), np.flatnonzero(moving)
+    energy = _held_energy(contact.take(held), law.take(held), -offset[held], rounding)
+    kept = law.take(keep) if len(keep) else ContactLaw(NoContact()).at(None)
+    return contact.take(keep), offset[keep], kept, energy
+
+
+def _foundation(group: BoundaryContact) -> Array:
+    """Where the foundation stands in the frames of contact points, (m, components)."""
+    frames = group.points.frames
+    along = group.belt if frames is None else np.einsum("ktd,kd->kt", frames[:, 1:], group.belt)
+    return np.column_stack([group.gap, along])
+
+
+def _held_energy(contact: ContactPoints, law: VectorLaw, r: Array, rounding: float) -> float:
+    """Energy of contact points that supports hold at penetration and slip (m, components)."""
+    allowed = law.penetrations
+    inside = np.clip(r[:, 0], allowed.lower, allowed.upper)
+    r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
+    values = np.broadcast_to(law.frozen_at(r).value(r), contact.count)
     if not np.all(np.isfinite(values)):
-        bad = int(held[np.flatnonzero(~np.isfinite(values))[0]])
+        bad = int(np.flatnonzero(~np.isfinite(values))[0])
         assert contact.points is not None
         raise SupportError(
-            f"the supports hold the contact point x = {in_words(contact.points[bad])} at penetration "
-            f"{-offset[bad, 0]:.3g}, which its law forbids; change the support or the gap"
+            f"the supports hold the contact point x = {in_words(contact.points[bad])} at penetration {r[bad, 0]:.3g}, "
+            f"which its law forbids (contact '{contact.names[contact.boundary[bad]]}'); change the support or the "
+            f"{'level' if contact.frames is None else 'gap'}"
         )
-    energy = float(contact.weights[held] @ np.broadcast_to(values, held.shape))
-    keep = np.flatnonzero(moving)
-    if not len(keep):
-        none = _no_points(basis.shape[1], dim, contact.names)
-        return none, np.zeros((0, dim)), ContactLaw(NoContact()).at(None), energy
-    return contact.take(keep), offset[keep], law.take(keep), energy
+    return float(contact.weights @ values)
 
 
 def _turned(group: BoundaryContact) -> VectorLaw:
     """The law of a boundary with its directions in the frames of the contact points."""
     points = group.points
-    assert points.frames is not None
+    if points.frames is None:
+        return group.law
     with error_context(f"contact '{points.names[int(points.boundary[0])]}'"):
         return group.law.in_frames(points.frames)
-
-
-def _no_points(unknowns: int, dim: int, names: tuple[str, ...] = ()) -> ContactPoints:
-    none = np.zeros(0, dtype=np.int64)
-    place, turned, flags = np.zeros((0, dim)), np.zeros((0, dim, dim)), np.zeros(0, dtype=bool)
-    trace = sp.csr_array((0, unknowns))
-    return ContactPoints(trace, np.zeros(0), place, turned, none, none, none, names, flags, dim)
 
 
 def refuse_dependent(contact: ContactPoints) -> None:

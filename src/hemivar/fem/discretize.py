@@ -19,18 +19,17 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
-from hemivar.fem.assembly import load_vector
+from hemivar.fem.assembly import stated_load
 from hemivar.fem.contact_points import refuse_dependent
 from hemivar.fem.edge_blocks import node_graph
 from hemivar.fem.energy_integral import EnergyIntegral, bedded_energy
 from hemivar.fem.locking import locking_warning
 from hemivar.fem.mass import body_blocks, per_volume, resists
-from hemivar.fem.scalar_energy import discretize_scalar
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.instants import depends_on_time
 from hemivar.mechanics.obstacles import refuse_inside
-from hemivar.mechanics.scalar import ScalarProblem, Statement
-from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mechanics.statement import Contact, ContactProblem, Quadrature
+from hemivar.mechanics.statement_base import Statement
 
 __all__ = ["discretize", "friction_warning", "refuse_evolution"]
 
@@ -42,7 +41,7 @@ _SHOWN = 8
 def discretize(
     problem: Statement | ManufacturedProblem, *, check_coercivity: bool = True, evolving: bool = False
 ) -> DiscreteProblem:
-    """Discretise a contact problem by finite elements; a scalar one by :func:`hemivar.fem.discretize_scalar`.
+    """Discretise a contact problem, or a scalar one, by finite elements.
 
     The displacement is ``U = P u + u0`` with orthonormal columns in ``P``: at the nodes of a contact
     boundary (nodal quadrature) they are the normal and the tangents, so that the trace selects unknowns; at
@@ -64,6 +63,10 @@ def discretize(
     first, which it belongs to, the weights added and the normals averaged; where they meet at more than 45 degrees it
     is a point of both, with their normal laws and without friction. Where friction is left out so,
     ``contact.without_friction`` and ``warnings`` of the discrete problem say it, with the points.
+
+    Of one component the unknowns are the values at the free nodes, and contact points are nodes, of an area with its
+    lumped weights. A law of the penetration has one local component; if any law is friction there are two, of which
+    friction acts on the second and laws of the penetration on the first.
 
     Parameters
     ----------
@@ -89,40 +92,39 @@ def discretize(
     given = ManufacturedProblem.of(problem)
     if isinstance(given, DiscreteProblem):
         raise ProblemError("this problem is discrete already; solve it, or discretize its statement")
-    if isinstance(given, ScalarProblem):
-        return discretize_scalar(given, check_coercivity=check_coercivity)
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
-    return _discretize(expect(given, ContactProblem, "what to discretize", remedy), check_coercivity, evolving)
+    return _discretize(expect(given, Statement, "what to discretize", remedy), check_coercivity, evolving)
 
 
-def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool) -> DiscreteProblem:
+def _discretize(problem: Statement, check_coercivity: bool, evolving: bool) -> DiscreteProblem:
     refuse_evolution(problem, evolving)
     mesh, order = problem.mesh, problem.order
     conditions = nodal_conditions(problem)
     basis = conditions.basis
     if basis.shape[1] == 0:
-        raise SupportError("the supports leave the body no freedom; refine the mesh or remove supports")
+        raise SupportError("the supports leave the problem no freedom; refine the mesh or remove supports")
 
-    full_load = load_vector(mesh, order, problem.body_force, problem.tractions)
+    full_load = stated_load(problem)
     prescribed = conditions.prescribed
     body = _linear(problem, conditions) if problem.material.linear else _nonlinear(problem, conditions)
     load = basis.T @ (full_load - body.reaction)
     constant = body.energy - float(prescribed @ full_load)
 
-    if check_coercivity:
+    if check_coercivity and isinstance(problem, ContactProblem):
         for name, stated in problem.contact.items():
             if stated.obstacle is not None:
                 at = mesh.points[np.unique(mesh.boundaries[name])]
                 refuse_inside(stated.obstacle, mesh, at, f"contact '{name}'")
     contact, offset, law, energy = conditions.contact()
-    if problem.quadrature is Quadrature.MIDPOINT:
+    if isinstance(problem, ContactProblem) and problem.quadrature is Quadrature.MIDPOINT:
         refuse_dependent(contact)
     left_out = None if contact.points is None else friction_warning(contact.points[contact.without_friction])
+    one = problem.components == 1
     discrete = DiscreteProblem(
         Model(
             body.bulk,
             contact,
-            Space((Field(mesh, order, basis, prescribed),)),
+            Space((Field(mesh, order, basis, prescribed, problem.components, problem.unknown, constants=one),)),
             problem,
             body.resisted,
         ),
@@ -146,7 +148,7 @@ class _DiscreteBody:
     resisted: bool
 
 
-def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBody:
+def _linear(problem: Statement, conditions: NodalConditions) -> _DiscreteBody:
     mesh, order, prescribed = problem.mesh, problem.order, conditions.prescribed
     reaction = np.zeros_like(prescribed)
     blocks = body_blocks(mesh, problem.material, problem.bedding, node_graph(mesh, order))
@@ -158,7 +160,7 @@ def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBo
     return _DiscreteBody(bulk, reaction, 0.5 * float(prescribed @ reaction), resisted)
 
 
-def _nonlinear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBody:
+def _nonlinear(problem: Statement, conditions: NodalConditions) -> _DiscreteBody:
     energy, start = bedded_energy(problem), conditions.supports.value
     integral = EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free)
     bulk, resisted = Potential(integral), False
@@ -169,14 +171,15 @@ def _nonlinear(problem: ContactProblem, conditions: NodalConditions) -> _Discret
     return _DiscreteBody(bulk, reaction, bulk.initial_value, resisted)
 
 
-def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
+def refuse_evolution(problem: Statement, evolving: bool = False) -> None:
     """Refuse a statement that depends on time, and, unless it is part of an evolution, damping and memory.
 
     Raises
     ------
     ProblemError
     """
-    gap = "a gap" if any(depends_on_time(one.gap) for one in problem.contact.values()) else "a belt"
+    gaps = [one.gap for one in problem.contacts.values() if isinstance(one, Contact)]
+    gap = "a level" if problem.components == 1 else "a gap" if any(map(depends_on_time, gaps)) else "a belt"
     words = {"load": "a load", "supports": "a support", "gap": gap, "law": "a law"}
     depends = [word for part, word in words.items() if part in problem.time_dependent]
     if depends:
@@ -184,8 +187,8 @@ def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
             f"{' and '.join(depends)} of the problem depend{'s' if len(depends) == 1 else ''} on time; take the "
             "problem at one time, problem.at_time(0.0), or go through time (a table [time] in a problem file)"
         )
-    for name, contact in problem.contact.items():
-        if contact.evolves and not evolving:
+    for name, contact in problem.contacts.items():
+        if (contact.damping is not None or contact.memory) and not evolving:
             what = "damping" if contact.damping is not None else "memory"
             raise ProblemError(
                 f"contact '{name}' has {what}, which means something in time only; leave it out, or go through time (a "

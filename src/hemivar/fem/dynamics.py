@@ -1,4 +1,4 @@
-"""The matrices of a body that moves in time: stiffness, viscosity, mass and those of its branches, on one sparsity."""
+"""The matrices of a problem in time: stiffness, viscosity, mass and those of branches, on one sparsity."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from hemivar.fem.constitutive import ConstitutiveLaw, relaxing, viscous
 from hemivar.fem.discretize import discretize
 from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import EnergyIntegral
-from hemivar.fem.mass import body_blocks, inertia, mass_blocks
+from hemivar.fem.mass import MassDensity, body_blocks, inertia, mass_blocks, per_volume
 from hemivar.fem.supports import Supports
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.mechanics.conditions import Support, prescribed_values
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.conditions import ScalarData, Support, prescribed_values
+from hemivar.mechanics.statement_base import Statement
 
 __all__ = ["Reduction", "body_family", "moved_components"]
 
@@ -94,13 +94,15 @@ class Reduction:
 
 
 def body_family(
-    problem: ContactProblem, discrete: DiscreteProblem | None = None, *, with_mass: bool = True
+    problem: Statement, discrete: DiscreteProblem | None = None, *, with_mass: bool = True
 ) -> OperatorFamily:
-    """The matrices of a body: its stiffness is that of :func:`discretize`, the others stand on the same sparsity.
+    """The matrices of a problem: the stiffness is that of :func:`discretize`, the others stand on the same sparsity.
+
+    The viscosity of heat is its capacity.
 
     Parameters
     ----------
-    problem : ContactProblem
+    problem : Statement
         At one time, where it depends on time.
     discrete : DiscreteProblem, optional
         What :func:`discretize` made of the same problem.
@@ -112,7 +114,7 @@ def body_family(
     ProblemError
         A density is not positive, a viscosity or a branch not positive semidefinite, or as in :func:`discretize`.
     """
-    problem = expect(problem, ContactProblem, "what to make matrices of", "give the ContactProblem")
+    problem = expect(problem, Statement, "what to make matrices of", "give the ContactProblem")
     discrete = discretize(problem, check_coercivity=False, evolving=True) if discrete is None else discrete
     material, mesh = problem.material, problem.mesh
     conditions, graph = nodal_conditions(problem), node_graph(mesh, problem.order)
@@ -123,16 +125,22 @@ def body_family(
     def made(law: ConstitutiveLaw) -> Operator:
         return reduction.part(stiffness_blocks(mesh, law, graph), stiffness)
 
+    def massive(density: MassDensity) -> Operator:
+        return reduction.part(mass_blocks(mesh, density, graph, graph.zeros(problem.components)))
+
     viscosity = made(viscous(material, mesh.dim)) if material.viscous else None
-    mass = reduction.part(mass_blocks(mesh, inertia(material), graph)) if with_mass and material.inert else None
+    if problem.capacity is not None:
+        viscosity = massive(per_volume(problem.capacity, "capacity"))
+    mass = massive(inertia(material)) if with_mass and material.inert else None
     times = material.relaxation_times
     branches = tuple((time, made(relaxing(material, i, mesh.dim))) for i, time in enumerate(times))
     return OperatorFamily(discrete, stiffness, viscosity, mass, branches, moved)
 
 
-def moved_components(problem: ContactProblem, supports: Supports) -> IntArray:
-    """Nodal components along which a support may move its node."""
-    names = [name for name, support in problem.supports.items() if _moves(support)]
+def moved_components(problem: Statement, supports: Supports) -> IntArray:
+    """Nodal components along which a support may move its node; of heat all that are held."""
+    # the balance of heat asks for all of them
+    names = [name for name, support in problem.supports.items() if problem.thermal or _moves(support)]
     if not names:
         return np.zeros(0, dtype=np.int64)
     nodes = np.unique(
@@ -142,9 +150,9 @@ def moved_components(problem: ContactProblem, supports: Supports) -> IntArray:
     )
     held = np.abs(supports.directions[nodes]).max(axis=1) > 0.0
     node, component = np.nonzero(held)
-    return np.asarray(nodes[node] * supports.nodes.shape[1] + component, dtype=np.int64)
+    return np.asarray(nodes[node] * problem.components + component, dtype=np.int64)
 
 
-def _moves(support: Support) -> bool:
+def _moves(support: Support | ScalarData) -> bool:
     """Whether a support may displace what it holds."""
     return any(callable(value) or bool(np.any(np.asarray(value))) for value in prescribed_values(support))

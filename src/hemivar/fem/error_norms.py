@@ -10,12 +10,14 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values, voigt_index
+from hemivar.fem.constitutive import constitutive_law
+from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.formula import TIME, Formula
-from hemivar.mechanics.scalar import ScalarProblem, Statement
+from hemivar.mechanics.material import Material
+from hemivar.mechanics.statement_base import Statement
 
-__all__ = ["ErrorNorms", "KnownField", "energy_density", "error_norms", "voigt_strain"]
+__all__ = ["ErrorNorms", "KnownField", "energy_density", "error_norms"]
 
 #: By how much the degree of the quadrature is higher where formulas are integrated.
 _HIGHER = 4
@@ -126,25 +128,14 @@ def error_norms(problem: Statement, values: Array, known: KnownField | None = No
 def energy_density(problem: Statement, places: Array, gradient: Array, masks: Mapping[str, BoolArray]) -> Array:
     """``eps : C eps`` or ``A g . g`` of gradients (k, components, d) at places (k, d), shape (k,); see
     :class:`ErrorNorms` for C of a material that is not linear."""
-    strain = gradient[:, 0] if isinstance(problem, ScalarProblem) else voigt_strain(gradient)
-    return np.asarray(np.einsum("mi,mij,mj->m", strain, _tensor(problem, places, masks), strain))
+    strain = constitutive_law(problem).strain(gradient)
+    return np.asarray(np.einsum("mi,mij,mj->m", strain, _tensor(problem.material, places, masks), strain))
 
 
-def _tensor(problem: Statement, places: Array, masks: Mapping[str, BoolArray]) -> Array:
+def _tensor(material: Material, places: Array, masks: Mapping[str, BoolArray]) -> Array:
     """C or A at places (k, d), shape (k, v, v)."""
-    law = problem if isinstance(problem, ScalarProblem) else problem.material
-    if not law.linear:
-        lower = law.lower_tensor(places, masks)
+    if not material.linear:
+        lower = material.lower_tensor(places, masks)
         if (np.einsum("kii->ki", lower) > 0.0).all():
             return lower
-    return law.coefficients(places, masks) if isinstance(law, ScalarProblem) else law.stiffness_tensor(places, masks)
-
-
-def voigt_strain(gradient: Array) -> Array:
-    """Strains of gradients (k, d, d), shear components doubled, in the order of elasticity matrices; (k, v)."""
-    dim = gradient.shape[1]
-    strain = np.zeros((len(gradient), dim * (dim + 1) // 2))
-    for i, row in enumerate(voigt_index(dim).astype(int).tolist()):
-        for j, place in enumerate(row):
-            strain[:, place] += 0.5 * (gradient[:, i, j] + gradient[:, j, i])
-    return strain
+    return material.stiffness_tensor(places, masks)

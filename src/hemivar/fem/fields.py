@@ -12,10 +12,11 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
 from hemivar.fem.quadrature import quadrature_rule, region_masks
+from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["FieldSource", "nodal_average", "strain", "stress", "v_norm", "von_mises"]
+__all__ = ["FieldSource", "gradient", "nodal_average", "strain", "stress", "v_norm", "von_mises"]
 
 
 class FieldSource(Protocol):
@@ -98,6 +99,26 @@ def von_mises(source: ContactProblem, displacement: Array) -> Array:
     mean = np.einsum("mii->m", full) / 3.0
     deviator = full - mean[:, None, None] * np.eye(3)
     return np.asarray(np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator)))
+
+
+def gradient(problem: ScalarProblem, values: Array) -> tuple[Array, Array]:
+    """Gradient of nodal values (nodes, 1) in the middle of each cell, and the flux there, each (M, d).
+
+    Parameters
+    ----------
+    problem : ScalarProblem
+    values : array
+        Shape (nodes, 1).
+
+    Returns
+    -------
+    tuple of two arrays
+    """
+    mesh, order = problem.mesh, problem.order
+    middle = np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
+    shapes = np.einsum("la,kad->kld", shape_derivatives(order, middle), barycentric_gradients(mesh))
+    slope = np.einsum("kld,kl->kd", shapes, values.ravel()[mesh.cell_nodes(order)])
+    return slope, problem.material.stress(_centroids(mesh), slope, region_masks(mesh))
 
 
 def nodal_average(source: FieldSource | Mesh, values: Array) -> Array:

@@ -17,8 +17,6 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
 from hemivar.fem.dynamics import body_family
-from hemivar.fem.scalar_dynamics import scalar_family
-from hemivar.mechanics.scalar import ScalarProblem
 
 __all__ = ["Coarser", "coarser", "family_of", "rigid_motions", "tangent_problem"]
 
@@ -93,7 +91,7 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     if isinstance(problem.model.parts, Tangent):
         return _coarser_tangent(problem, problem.model.parts)
     parent = field.mesh.parent
-    coarse = discretize(replace(statement, mesh=parent.mesh), check_coercivity=False, evolving=True)
+    coarse = discretize(statement.on(parent.mesh), check_coercivity=False, evolving=True)
     assert coarse.field is not None
     nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.components), format="csr"))
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
@@ -161,8 +159,6 @@ def family_of(problem: DiscreteProblem, inertia: bool) -> OperatorFamily:
     """
     stated = problem.origin
     assert stated is not None
-    if isinstance(stated, ScalarProblem):
-        return scalar_family(stated, problem, with_mass=inertia)
     return body_family(stated, problem, with_mass=inertia)
 
 

@@ -12,8 +12,8 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Space
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
-from hemivar.mechanics import Fixed, Prescribed, ScalarProblem, Statement
-from hemivar.mechanics.conditions import Support
+from hemivar.mechanics import Clamped, Fixed, Prescribed, Roller, Statement
+from hemivar.mechanics.conditions import ScalarData, Support
 
 __all__ = ["LoadLine"]
 
@@ -51,15 +51,12 @@ class LoadLine:
     def of(cls, problem: Statement) -> LoadLine:
         """The line from the body at rest to the problem: forces and prescribed displacements grow together."""
         loaded = discretize(problem)
-        if isinstance(problem, ScalarProblem):
-            if not any(callable(value) or value for value in problem.supports.values()):
-                return cls(loaded)
-            supports = dict.fromkeys(problem.supports, 0.0)
-            return cls(loaded, discretize(replace(problem, supports=supports, source=0.0, fluxes={})))
         held = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
         if all(held[name] is support for name, support in problem.supports.items()):
             return cls(loaded)
-        return cls(loaded, discretize(replace(problem, supports=held, body_force=0.0, tractions={})))
+        volume, boundaries = problem.load_names
+        unloaded: Statement = replace(problem, supports=held, **{volume: 0.0, boundaries: {}})  # type: ignore[type-var]
+        return cls(loaded, discretize(unloaded))
 
     def at(self, factor: float) -> DiscreteProblem:
         """The problem at load factor ``factor``; matrices are shared."""
@@ -99,7 +96,7 @@ class LoadLine:
         )
 
 
-def _at_rest(support: Support, dim: int) -> Support:
+def _at_rest(support: Support | ScalarData, dim: int) -> Support | ScalarData:
     """The support with its prescribed displacements taken away; itself if it has none."""
     if isinstance(support, Prescribed):
         return Prescribed(np.zeros(dim))
@@ -108,4 +105,6 @@ def _at_rest(support: Support, dim: int) -> Support:
         zero = [None if value is None else 0.0 for value in values]
         moves = any(callable(value) or (value is not None and np.any(value)) for value in values)
         return Fixed(*zero) if moves else support
-    return support
+    if isinstance(support, Clamped | Roller):
+        return support
+    return 0.0 if callable(support) or support else support

@@ -17,6 +17,7 @@ from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
 from hemivar.mechanics.conditions import ScalarData
+from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.per_volume import Regional, at_place, constant_of
 from hemivar.mechanics.single_material import SingleMaterial
@@ -80,8 +81,8 @@ def inertia(material: Material) -> MassDensity:
         assert density is not None
         return density
 
-    stated = material.density if isinstance(material, SingleMaterial) else None
-    return MassDensity(at, None if callable(stated) else stated)
+    stated = material.density if isinstance(material, SingleMaterial | GradientMaterial) else None
+    return MassDensity(at, None if stated is None else constant_of(stated))
 
 
 def cell_masses(mesh: Mesh, order: int, density: MassDensity, cells: slice | IntArray = slice(None)) -> Array:

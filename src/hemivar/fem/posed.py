@@ -7,7 +7,7 @@ from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
-from hemivar.mechanics.scalar import Statement
+from hemivar.mechanics.statement_base import Statement
 
 __all__ = ["Posable", "posed"]
 

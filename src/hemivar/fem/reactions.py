@@ -10,17 +10,15 @@ from hemivar.discrete.model import quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import load_vector
+from hemivar.fem.assembly import stated_load
 from hemivar.fem.constitutive import EnergyLaw, constitutive_law
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
 from hemivar.fem.energy_integral import NodalEnergy
 from hemivar.fem.mass import cell_masses, per_volume
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.fem.scalar_energy import scalar_reactions
 from hemivar.fem.supports import stated_supports, sum_by
-from hemivar.mechanics.scalar import ScalarProblem
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement_base import Statement
 
 __all__ = ["internal_forces", "nodal_contact_forces", "support_reactions"]
 
@@ -29,7 +27,7 @@ _SAME_LOAD = 1e-9
 
 
 def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier: Array) -> dict[str, Array]:
-    """Force of each support on the body, in the coordinates of the mesh.
+    """Force of each support on the body, in the coordinates of the mesh; of one component force or heat flow.
 
     It is the residual of the equations that the supports took away, ``K U - F`` less the contact forces, with K, U and
     F of all nodes.  Loads, contact forces, reactions and the force of a bedding add up to zero in a solution.  Force of
@@ -43,12 +41,12 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     ----------
     problem : DiscreteProblem
         From :func:`discretize`.
-    displacement : array, shape (nodes, d)
-    multiplier : array, shape (m, d)
+    displacement : array, shape (nodes, c)
+    multiplier : array, shape (m, local components)
 
     Returns
     -------
-    dict of support name to array, shape (d,)
+    dict of support name to array, shape (c,)
 
     Raises
     ------
@@ -58,13 +56,11 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     stated, field = problem.origin, problem.field
     if stated is None or field is None:
         raise ProblemError("this problem was made of arrays: its supports are not known; state it and discretize it")
-    if isinstance(stated, ScalarProblem):
-        return scalar_reactions(problem, displacement, multiplier)
     supports = stated_supports(stated)
     held = supports.count > 0
     mesh, order = stated.mesh, stated.order
     cells = np.flatnonzero(held[mesh.cell_nodes(order)].any(axis=1))
-    load = load_vector(mesh, order, stated.body_force, stated.tractions).reshape(-1, mesh.dim)
+    load = stated_load(stated).reshape(displacement.shape)
     moved = internal_forces(stated, supports.value, cells)
     expected = field.basis.T @ (load - moved).ravel()
     if not isinstance(problem.bulk, Potential):
@@ -82,13 +78,15 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
 
 
 def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:
-    """Forces of the foundation on the nodes of the body, shape (nodes, d): ``-w_j (lam_nu nu + lam_tau)``."""
+    """Forces of the foundation on the nodes of the body, shape (nodes, c): ``-w_j (lam_nu nu + lam_tau)``."""
     field, contact = problem.field, problem.contact
     if field is None:
         raise ProblemError("this problem was made of arrays: it has no nodes; use contact_force")
-    forces = np.zeros((field.number_of_nodes, field.mesh.dim))
+    forces = np.zeros((field.number_of_nodes, field.components))
     if not contact.count:
         return forces
+    if contact.frames is None:
+        return -np.asarray(field.lift.T @ contact.force(multiplier)).reshape(forces.shape)
     vectors = -contact.weights[:, None] * contact.global_vectors(multiplier)
     at = contact.node >= 0
     np.add.at(forces, contact.node[at], vectors[at])
@@ -100,8 +98,8 @@ def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:
     return forces
 
 
-def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:
-    """Forces that some cells exert on the nodes against a displacement, shape (nodes, d): their part of ``K U``.
+def internal_forces(problem: Statement, displacement: Array, cells: IntArray) -> Array:
+    """Forces that some cells exert on the nodes against a displacement, shape (nodes, c): their part of ``K U``.
 
     That of a bedding is counted."""
     mesh, order = problem.mesh, problem.order
@@ -114,7 +112,7 @@ def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArra
     return forces
 
 
-def _of_material(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:
+def _of_material(problem: Statement, displacement: Array, cells: IntArray) -> Array:
     mesh, order = problem.mesh, problem.order
     if not problem.material.linear:
         energy = NodalEnergy(mesh, order, EnergyLaw.of(problem.material, mesh.dim))

@@ -6,8 +6,17 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import SupportError
-from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Roller, Support, evaluate_scalar, evaluate_vector
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.conditions import (
+    Clamped,
+    Fixed,
+    Prescribed,
+    Roller,
+    ScalarData,
+    Support,
+    evaluate_scalar,
+    evaluate_vector,
+)
+from hemivar.mechanics.statement_base import Statement
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["DEPENDENT", "SHARP", "Supports", "in_words", "movable", "stated_supports", "sum_by", "unit"]
@@ -21,8 +30,8 @@ SHARP = np.cos(np.pi / 4)
 class Supports:
     """Fixed directions and prescribed displacements at every node, accumulated support by support."""
 
-    def __init__(self, nodes: Array) -> None:
-        count, dim = nodes.shape
+    def __init__(self, nodes: Array, components: int) -> None:
+        count, dim = len(nodes), components
         self.nodes = nodes
         self.directions = np.zeros((count, dim, dim))
         self.count = np.zeros(count, dtype=np.int64)
@@ -40,16 +49,18 @@ class Supports:
         size = np.linalg.norm(rest, axis=1)
         missing = values - np.einsum("kd,kd->k", directions, self.value[nodes])
         independent = size > DEPENDENT
-        tolerance = 1e-9 * max(float(np.abs(values).max()), float(np.abs(self.value).max()))
+        tolerance = 1e-9 * max(float(np.abs(part).max(initial=0.0)) for part in (values, self.value))
         conflict = ~independent & (np.abs(missing) > tolerance)
         if conflict.any():
             bad = int(np.flatnonzero(conflict)[0])
             node = int(nodes[bad])
+            one = self.value.shape[1] == 1
+            what, along_which = ("values", "") if one else ("displacements", f" along {in_words(directions[bad])}")
             other = self.names[int(self.owner[node, int(np.argmax(np.abs(along[bad])))])]
             raise SupportError(
-                f"supports '{other}' and '{name}' prescribe different displacements at node {node}, "
-                f"x = {in_words(self.nodes[node])}: they differ by {missing[bad]:.3g} along "
-                f"{in_words(directions[bad])}; make them agree there or free one of them"
+                f"supports '{other}' and '{name}' prescribe different {what} at node {node}, "
+                f"x = {in_words(self.nodes[node])}: they differ by {missing[bad]:.3g}{along_which}; make them agree "
+                "there or free one of them"
             )
         nodes, rest, size, missing = (
             nodes[independent],
@@ -66,19 +77,19 @@ class Supports:
         self.count[nodes] += 1
 
 
-def stated_supports(problem: ContactProblem) -> Supports:
+def stated_supports(problem: Statement) -> Supports:
     """What the supports of a problem demand, in the order in which they are stated."""
-    supports = Supports(problem.mesh.nodes(problem.order))
+    supports = Supports(problem.mesh.nodes(problem.order), problem.components)
     for name, support in problem.supports.items():
         _impose(supports, problem.mesh, problem.order, name, support)
     return supports
 
 
-def _impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Support) -> None:
+def _impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Support | ScalarData) -> None:
     """Demand what a support demands at the nodes of its boundary."""
     facets = mesh.boundaries[name]
     ids = np.unique(mesh.facet_nodes(facets, order))
-    points, dim = supports.nodes[ids], mesh.dim
+    points, components = supports.nodes[ids], supports.value.shape[1]
     what = f"supports['{name}']"
     if isinstance(support, Roller):
         for members, normals in _smooth_normals(mesh, facets, order):
@@ -90,15 +101,13 @@ def _impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Supp
             for axis, value in enumerate((support.x, support.y, support.z))
             if value is not None
         }
+    elif isinstance(support, Clamped | Prescribed):
+        value = support.value if isinstance(support, Prescribed) else 0.0
+        columns = dict(enumerate(evaluate_vector(value, points, what).T))
     else:
-        values = np.zeros(points.shape) if isinstance(support, Clamped) else _prescribed(support, points, what)
-        columns = {axis: values[:, axis] for axis in range(dim)}
+        columns = {0: evaluate_scalar(support, points, what)}
     for axis, column in columns.items():
-        supports.fix(name, ids, np.broadcast_to(np.eye(dim)[axis], points.shape), column)
-
-
-def _prescribed(support: Prescribed, points: Array, what: str) -> Array:
-    return evaluate_vector(support.value, points, what)
+        supports.fix(name, ids, np.broadcast_to(np.eye(components)[axis], (len(ids), components)), column)
 
 
 def _smooth_normals(mesh: Mesh, facets: IntArray, order: int) -> list[tuple[IntArray, Array]]:

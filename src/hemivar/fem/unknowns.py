@@ -11,9 +11,12 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.fem.contact_points import BoundaryContact, boundary_contact, join, merge_corners
+from hemivar.fem.scalar_contact import scalar_contacts
 from hemivar.fem.supports import Supports, movable, stated_supports, unit
 from hemivar.laws import VectorLaw
+from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mechanics.statement_base import Statement
 
 __all__ = [
     "NodalConditions",
@@ -32,9 +35,9 @@ class NodalConditions:
         Fixed directions and prescribed displacements at every node.
     groups
         Contact points of each boundary, before the supports take effect.
-    directions : array, shape (nodes, d, d)
+    directions : array, shape (nodes, c, c)
         Orthonormal directions of the unknowns at every node.
-    free : bool array, shape (nodes, d)
+    free : bool array, shape (nodes, c)
         Which of them are unknowns.
     """
 
@@ -45,12 +48,12 @@ class NodalConditions:
 
     @cached_property
     def basis(self) -> sp.csr_array:
-        """The matrix P, shape (nodes * d, n)."""
+        """The matrix P, shape (nodes * c, n)."""
         return basis_of(self.directions, self.free)
 
     @property
     def prescribed(self) -> Array:
-        """The prescribed displacements u0, shape (nodes * d,)."""
+        """The prescribed values u0, shape (nodes * c,)."""
         return self.supports.value.ravel()
 
     def contact(self, nodes: BoolArray | None = None) -> tuple[ContactPoints, Array, VectorLaw, float]:
@@ -59,22 +62,35 @@ class NodalConditions:
         if nodes is not None:
             chosen = ((group, np.flatnonzero(nodes[group.points.node])) for group in groups)
             groups = [group.take(rows) for group, rows in chosen if rows.size]
-        return join(groups, self.basis, self.prescribed, self.free.shape[1])
+        return join(groups, self.basis, self.prescribed, self._no_points)
+
+    @property
+    def _no_points(self) -> ContactPoints:
+        nodes, components = self.supports.nodes[:0], self.free.shape[1]
+        none, frames = np.zeros(0, dtype=np.int64), np.zeros((0, components, nodes.shape[1]))
+        return ContactPoints(
+            sp.csr_array((0, self.basis.shape[1])), np.zeros(0), nodes, frames if components > 1 else None,
+            none, none, none, (), np.zeros(0, dtype=bool), components,
+        )  # fmt: skip
 
 
-def nodal_conditions(problem: ContactProblem) -> NodalConditions:
+def nodal_conditions(problem: Statement) -> NodalConditions:
     """Supports and contact at the nodes of a problem."""
     supports = stated_supports(problem)
-    groups = [boundary_contact(problem, name, supports) for name in problem.contact]
-    if problem.quadrature is Quadrature.NODAL:
-        groups = merge_corners(groups, supports)
+    if isinstance(problem, ScalarProblem):
+        groups = scalar_contacts(problem, supports)
+    else:
+        assert isinstance(problem, ContactProblem)
+        groups = [boundary_contact(problem, name, supports) for name in problem.contact]
+        if problem.quadrature is Quadrature.NODAL:
+            groups = merge_corners(groups, supports)
     directions, free = _free_directions(supports, groups)
     return NodalConditions(supports, groups, directions, free)
 
 
 def _free_directions(supports: Supports, groups: list[BoundaryContact]) -> tuple[Array, BoolArray]:
-    """Orthonormal directions at every node, shape (nodes, d, d), and which of them are free, shape (nodes, d)."""
-    count, dim = supports.nodes.shape
+    """Orthonormal directions at every node, shape (nodes, c, c), and which of them are free, shape (nodes, c)."""
+    count, dim = supports.value.shape
     directions = np.broadcast_to(np.eye(dim), (count, dim, dim)).copy()
     taken = np.zeros(count, dtype=bool)
     for group in groups:
@@ -109,7 +125,7 @@ def _free_directions(supports: Supports, groups: list[BoundaryContact]) -> tuple
 
 
 def basis_of(directions: Array, free: BoolArray) -> sp.csr_array:
-    """The matrix P, shape (nodes * d, n); its columns are the free directions, node by node."""
+    """The matrix P, shape (nodes * c, n); its columns are the free directions, node by node."""
     count, dim = free.shape
     node, slot = np.nonzero(free)
     data = directions[node, slot]

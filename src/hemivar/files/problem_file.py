@@ -33,8 +33,9 @@ from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.files.thermal_table import HEAT_KEYS, heat_record, read_heat
 from hemivar.files.time_table import output_record, read_in_time, time_record
 from hemivar.files.toml import KEYS, TomlTable, context, printable, text_of
-from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Statement
+from hemivar.mechanics.scalar import ScalarKind, ScalarProblem
 from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mechanics.statement_base import Statement
 from hemivar.mechanics.thermal import Heat
 from hemivar.mesh import Mesh, MeshRecipe, msh_text
 from hemivar.solvers import METHODS, Controls, Solver
@@ -212,7 +213,7 @@ def parse_problem_file(
         if stated.quadrature is Quadrature.MIDPOINT:
             raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
         one = replace(read_scalar(top, mesh, stated.order, folder), units=units)
-        through = read_in_time(top, mesh, one.inert, one.kind)
+        through = read_in_time(top, mesh, one.material.inert, one.kind)
         return ProblemFile(one, solver, name, levels, *through, changes=tuple(changes))
     material = read_material(top.table("material", KEYS["material"]), mesh)
     loads = top.table("loads", KEYS["loads"])
@@ -410,6 +411,7 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
             "mesh": mesh_record(recipe, problem.order, Quadrature.NODAL, folder),
         }
         return _encoded(data | scalar_record(problem, aside) | _time_records(stated, problem.kind), settings)
+    assert isinstance(problem, ContactProblem)
     data["mesh"] = mesh_record(recipe, problem.order, problem.quadrature, folder)
     data["material"] = material_record(problem.material)
     data["loads"] = loads_record(problem.body_force, problem.tractions, problem.bedding, problem.mesh.dim)

@@ -87,7 +87,7 @@ def read_scalar(top: TomlTable, mesh: Mesh, order: int, folder: Path) -> ScalarP
         )
     masks = {name: np.isin(np.arange(mesh.number_of_cells), cells) for name, cells in mesh.regions.items()}
     with context(f"{top.source}: [material]"):
-        problem.coefficients(mesh.points[mesh.cells].mean(axis=1), masks)
+        problem.material.stiffness_tensor(mesh.points[mesh.cells].mean(axis=1), masks)
     return problem
 
 

@@ -15,13 +15,12 @@ from hemivar.basics.disk import read_bytes, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.fem import nodal_average, strain, stress, von_mises
+from hemivar.fem import gradient, nodal_average, strain, stress, von_mises
 from hemivar.fem.quadrature import region_masks
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.files.record import prepared
-from hemivar.files.scalar_vtu import scalar_fields
 from hemivar.files.snapshot import Snapshot
-from hemivar.mechanics.scalar import ScalarProblem
+from hemivar.mechanics.scalar import ScalarKind, ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import Solution
@@ -63,8 +62,13 @@ def write_vtu(
 
     Cell data: ``stress``, six components xx, yy, zz, xy, yz, xz (the order of symmetric tensors in VTK; zz of plane
     models included), ``von_mises`` and ``region`` (number of the region in the order of the mesh, -1 in none).
-    Quadratic fields use quadratic cells, with the stress of the centroid.  A scalar problem is one file, with the data
-    of :func:`hemivar.files.scalar_vtu.scalar_fields`.
+    Quadratic fields use quadratic cells, with the stress of the centroid.
+
+    A scalar problem is one file. Point data: the unknown by its name (``deflection``, ``temperature``; ``u_z`` in
+    antiplane shear), for membranes and antiplane shear ``displacement`` as well, a vector across the plane to warp by,
+    and ``velocity`` in time; ``flux`` (``A grad u``, a vector, nodal averages); at contact points, of areas as well,
+    what a body has there, with ``friction`` and ``slip`` as numbers where there is friction. Cell data: ``gradient``
+    and ``flux`` in the middle of each cell.
 
     Of a moment of an evolution the stress is the elastic one, ``velocity`` and ``rate`` (of the contact points, global
     vectors) join the point data, and so does what contact points remember, by its name; slip follows the
@@ -97,34 +101,16 @@ def write_vtu(
         raise ProblemError(
             "this problem was made of arrays and has no mesh; give one, of_arrays(..., mesh=...), or use write_json"
         )
-    mesh, order = field.mesh, field.order
-    if isinstance(problem.origin, ScalarProblem):
-        at_points, in_cells = (
-            {name: three_components(values) if values.ndim == 2 else values for name, values in data.items()}
-            for data in scalar_fields(solution)
-        )
-        kind = {CELL_TYPES[mesh.dim, order]: mesh.cell_nodes(order)}
-        cells = {"region": region_numbers(mesh), **in_cells, **_checked(mesh, cell_values)}
-        write_grid(path, three_components(field.nodes), kind, at_points, cells, problem.contact.names)
-        return path, None
-    boundaries = contact_boundaries(problem)
-    nodes = field.nodes
-    point_data: dict[str, Array] = {"displacement": three_components(solution.displacement)}
-    if isinstance(solution, Snapshot):
-        point_data["velocity"] = three_components(solution.velocity)
-        if solution.temperature is not None:
-            point_data["temperature"] = solution.temperature
-    cell_data: dict[str, Array] = {"region": region_numbers(mesh), **_checked(mesh, cell_values)}
-    if isinstance(problem.origin, ContactProblem):
-        tensor = symmetric_stress(problem.origin, solution.displacement)
-        point_data["stress"] = nodal_average(problem.origin, tensor)
-        cell_data |= {"stress": tensor, "von_mises": von_mises(problem.origin, solution.displacement)}
-        if isinstance(solution, Snapshot) and solution.thermal_stress is not None:
-            cell_data["thermal_stress"] = solution.thermal_stress.reshape(len(solution.thermal_stress), -1)
-    names = problem.contact.names
-    quantities = contact_quantities(solution) if boundaries else {}
-    for name, (_, fill) in quantities.items():
-        point_data[name] = np.full((len(nodes), *quantities[name][0].shape[1:]), fill)
+    mesh, nodes, names = field.mesh, field.nodes, problem.contact.names
+    scalar = isinstance(problem.origin, ScalarProblem)
+    point_data, own = (_scalar_fields if scalar else _body_fields)(solution)
+    cell_data: dict[str, Array] = {"region": region_numbers(mesh), **own, **_checked(mesh, cell_values)}
+    boundaries = [] if scalar else contact_boundaries(problem)
+    quantities = contact_quantities(solution) if boundaries or (scalar and problem.contact.count) else {}
+    for name, (values, fill) in quantities.items():
+        point_data[name] = np.full((len(nodes), *values.shape[1:]), fill)
+        if scalar:
+            point_data[name][problem.contact.node] = values
     blocks: list[tuple[ContactBoundary, dict[str, Array]]] = []
     for boundary in reversed(boundaries):
         used = boundary.used_nodes
@@ -135,19 +121,44 @@ def write_vtu(
             held = data["state"] < 0
             point_data[name][used[~held]] = values[~held]
         blocks.insert(0, (boundary, data))
-    write_grid(
-        path,
-        three_components(nodes),
-        {CELL_TYPES[mesh.dim, order]: mesh.cell_nodes(order)},
-        point_data,
-        cell_data,
-        names,
-    )
+    kind = {CELL_TYPES[mesh.dim, field.order]: mesh.cell_nodes(field.order)}
+    write_grid(path, three_components(nodes), kind, point_data, cell_data, names)
     if not boundaries:
         return path, None
     second = path.with_name(f"{path.stem}_contact.vtu")
     _write_contact(second, solution, blocks)
     return path, second
+
+
+def _body_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Point data and cell data of a body."""
+    stated = solution.problem.origin
+    point_data: dict[str, Array] = {"displacement": three_components(solution.displacement)}
+    cell_data: dict[str, Array] = {}
+    if isinstance(solution, Snapshot):
+        point_data["velocity"] = three_components(solution.velocity)
+        if solution.temperature is not None:
+            point_data["temperature"] = solution.temperature
+    if isinstance(stated, ContactProblem):
+        tensor = symmetric_stress(stated, solution.displacement)
+        point_data["stress"] = nodal_average(stated, tensor)
+        cell_data |= {"stress": tensor, "von_mises": von_mises(stated, solution.displacement)}
+        if isinstance(solution, Snapshot) and solution.thermal_stress is not None:
+            cell_data["thermal_stress"] = solution.thermal_stress.reshape(len(solution.thermal_stress), -1)
+    return point_data, cell_data
+
+
+def _scalar_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Point data and cell data of a scalar problem."""
+    stated, values = solution.problem.origin, solution.displacement[:, 0]
+    assert isinstance(stated, ScalarProblem)
+    slope, flux = map(three_components, gradient(stated, solution.displacement))
+    point_data: dict[str, Array] = {"u_z" if stated.kind is ScalarKind.ANTIPLANE else stated.unknown: values}
+    if not stated.thermal:
+        if isinstance(solution, Snapshot):
+            point_data["velocity"] = solution.velocity[:, 0]
+        point_data["displacement"] = np.column_stack([np.zeros((len(values), 2)), values])
+    return point_data | {"flux": nodal_average(stated, flux)}, {"gradient": slope, "flux": flux}
 
 
 def _checked(mesh: Mesh, values: Mapping[str, Array] | None) -> dict[str, Array]:
@@ -168,9 +179,16 @@ def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
         "pressure": (seen.pressure, 0.0),
         "gap": (seen.gap, 0.0),
         "penetration": (seen.penetration, 0.0),
-        "friction": (three_components(seen.friction_vectors), 0.0),
-        "slip": (three_components(seen.slip_vectors), 0.0),
-        "contact_force": (three_components(seen.tractions), 0.0),
+    }
+    if contact.frames is not None:
+        quantities |= {
+            "friction": (three_components(seen.friction_vectors), 0.0),
+            "slip": (three_components(seen.slip_vectors), 0.0),
+            "contact_force": (three_components(seen.tractions), 0.0),
+        }
+    elif contact.components > 1:
+        quantities |= {"friction": (seen.friction[:, 0], 0.0), "slip": (seen.slip[:, 0], 0.0)}
+    quantities |= {
         "state": (seen.states.codes.astype(float), -1.0),
         "tangential_state": (seen.tangential_state.astype(float), -1.0),
         "boundary": (contact.boundary.astype(float), -1.0),
@@ -178,7 +196,7 @@ def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
     for name, values in seen.debonding.items():
         fill = -1.0 if name == "mode_ratio" else 0.0
         quantities[name] = (np.where(np.isnan(values), fill, values), fill)
-    if isinstance(seen, Snapshot):
+    if isinstance(seen, Snapshot) and contact.frames is not None:
         quantities["rate"] = (three_components(contact.global_vectors(seen.rate)), 0.0)
         for name, values in seen.memory.items():
             kept = np.asarray(values, dtype=float)

@@ -8,8 +8,9 @@ from hemivar.mechanics.material_description import MaterialDescription
 from hemivar.mechanics.material_words import BoundsBy, PlaneState, StrainMeasure
 from hemivar.mechanics.moduli import Branch
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
-from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem, Side, Statement
+from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem, Side
 from hemivar.mechanics.statement import Contact, ContactProblem, Quadrature
+from hemivar.mechanics.statement_base import Statement
 from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds, StoredEnergy
 from hemivar.mechanics.thermal import Heat, HeatContact
 

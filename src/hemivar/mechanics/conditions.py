@@ -170,6 +170,13 @@ def evaluate_scalar(value: object, points: Array, name: str) -> Array:
     return _checked_result(value(points), shape, points, name, ())
 
 
+def evaluate_components(value: object, points: Array, name: str, components: int) -> Array:
+    """A number, a vector or a callable at points, shape (k, components): a number or (k,) for one component."""
+    if components == 1:
+        return evaluate_scalar(value, points, name)[:, None]
+    return evaluate_vector(value, points, name)
+
+
 def _refuse_timeless(value: object, name: str) -> None:
     if depends_on_time(value):
         raise ProblemError(
@@ -200,14 +207,16 @@ def traction_value(traction: Traction) -> VectorData | ScalarData:
     return traction.value if isinstance(traction, Pressure) else traction
 
 
-def prescribed_values(support: Support) -> list[VectorData | ScalarData]:
-    """The displacements that a support prescribes; none for those that hold at zero."""
+def prescribed_values(support: Support | ScalarData) -> list[VectorData | ScalarData]:
+    """What a support prescribes; nothing for those that hold displacements at zero."""
     match support:
         case Prescribed():
             return [support.value]
         case Fixed():
             return [value for value in (support.x, support.y, support.z) if value is not None]
-    return []
+        case Clamped() | Roller():
+            return []
+    return [support]
 
 
 def condition_at_time(condition: Condition, t: float) -> Condition:

@@ -9,35 +9,31 @@ displacement across the plane, heat the conductivity and the temperature.
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
+from typing import ClassVar
 
-import numpy as np
-
-from hemivar.basics.arguments import described, expect
-from hemivar.basics.display import ReprMixin
+from hemivar.basics.arguments import described
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
-from hemivar.basics.types import Array, BoolArray
-from hemivar.basics.units import UNITS_REMEDY, Units
+from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
 from hemivar.laws import Friction, NoContact, OrthotropicFriction, Superpotential
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.memory import Memory
-from hemivar.mechanics.coefficient import Coefficient, flux_density, plain_coefficient
+from hemivar.mechanics.coefficient import Coefficient, plain_coefficient
 from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
-from hemivar.mechanics.gradient_energy import FluxDensity, GradientEnergy
+from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time, refuse_time
-from hemivar.mechanics.per_volume import Regional, checked_per_volume, checked_quantity, constant_of
-from hemivar.mechanics.statement import ContactProblem
-from hemivar.mesh.keys import facet_keys
+from hemivar.mechanics.per_volume import Regional, checked_per_volume, checked_quantity
+from hemivar.mechanics.statement_base import Statement
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["AREA", "ScalarContact", "ScalarKind", "ScalarProblem", "Side", "Statement"]
+__all__ = ["AREA", "ScalarContact", "ScalarKind", "ScalarProblem", "Side"]
 
 #: What contact over the whole domain is called beside the contact boundaries.
 AREA = "area"
@@ -136,6 +132,18 @@ class ScalarContact(PickleMixin):
         return NoContact() if isinstance(self.law, Friction) else self.law
 
     @property
+    def time_dependent(self) -> frozenset[str]:
+        """What depends on time: "gap" (the level), "law", or both."""
+        moves, changes = depends_on_time(self.level), law_depends_on_time(self.law)
+        return frozenset((["gap"] if moves else []) + (["law"] if changes else []))
+
+    def at_time(self, t: float) -> ScalarContact:
+        """The contact at a time; itself if it does not depend on time."""
+        if not self.time_dependent:
+            return self
+        return replace(self, law=law_at_time(self.law, t), level=at_time(self.level, t))
+
+    @property
     def memory(self) -> tuple[Memory, ...]:
         """What contact points remember in time: nothing."""
         return ()
@@ -147,7 +155,7 @@ class ScalarContact(PickleMixin):
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarProblem(PickleMixin, ReprMixin):
+class ScalarProblem(Statement):
     """A membrane, antiplane shear or heat: one component over a mesh, with laws at boundaries and over areas.
 
     Attributes
@@ -191,6 +199,9 @@ class ScalarProblem(PickleMixin, ReprMixin):
         viscosity, or something else a capacity.
     """
 
+    load_names: ClassVar[tuple[str, str]] = "source", "fluxes"
+    _founded: ClassVar[tuple[str, ...]] = "contact", "area"
+
     mesh: Mesh
     coefficient: Coefficient | Mapping[str, Coefficient]
     contact: Mapping[str, ScalarContact] = field(default_factory=dict)
@@ -209,27 +220,16 @@ class ScalarProblem(PickleMixin, ReprMixin):
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        expect(self.units, Units, "units", UNITS_REMEDY)
-        if not isinstance(self.mesh, Mesh):
-            raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
+        self._check_frame()
         try:
             put(self, "kind", ScalarKind(self.kind))
         except ValueError:
             raise ProblemError(f"kind = {self.kind!r}; choose 'membrane', 'antiplane' or 'heat'") from None
-        if self.mesh.dim == 3 and self.kind is not ScalarKind.HEAT:
+        if self.mesh.dim == 3 and not self.thermal:
             raise ProblemError(f"kind = '{self.kind}' needs a plane mesh, and this one lies in space; take a rectangle")
-        if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
-            raise ProblemError(f"order = {self.order!r}; give 1 or 2")
         put(self, "coefficient", self._checked_coefficient())
         for name in ("contact", "supports", "fluxes"):
-            given = getattr(self, name)
-            if not isinstance(given, Mapping):
-                raise ProblemError(
-                    f"{name} must map boundary names to conditions, {{'left': ...}}; it is {described(given)}"
-                )
-            for boundary in given:
-                _check_name(name, boundary, "boundary", list(self.mesh.boundaries))
-            put(self, name, MappingProxyType(dict(given)))
+            self._check_boundaries(name)
         put(self, "area", self._checked_area())
         for name in ("supports", "fluxes"):
             values = {
@@ -239,8 +239,8 @@ class ScalarProblem(PickleMixin, ReprMixin):
             put(self, name, MappingProxyType(values))
         put(self, "source", plain_data(self.source, "source", vector=False, most=LARGEST))
         parts = self.coefficient.values() if isinstance(self.coefficient, Mapping) else (self.coefficient,)
-        for name, value in (("bedding", self.bedding), *((self.kind.constant, part) for part in parts)):
-            refuse_time(value, name)
+        for part in parts:
+            refuse_time(part, self.kind.constant)
         put(self, "bedding", checked_quantity(self.bedding, "bedding"))
         for name in ("density", "viscosity", "capacity"):
             if getattr(self, name) is not None:
@@ -262,136 +262,31 @@ class ScalarProblem(PickleMixin, ReprMixin):
         return {AREA: self.area} if isinstance(self.area, ScalarContact) else self.area
 
     @property
-    def homogeneous(self) -> bool:
-        """Whether the coefficient is the same everywhere."""
-        return not callable(self.coefficient) and not isinstance(self.coefficient, Mapping)
+    def contacts(self) -> Mapping[str, ScalarContact]:
+        return {**self.contact, **self.areas}
 
     @property
-    def time_dependent(self) -> frozenset[str]:
-        """What depends on time: ``"load"``, ``"supports"``, ``"gap"`` (a level) and ``"law"``; empty at rest."""
-        contacts = (*self.contact.values(), *self.areas.values())
-        given = {
-            "load": any(map(depends_on_time, (self.source, *self.fluxes.values()))),
-            "supports": any(map(depends_on_time, self.supports.values())),
-            "gap": any(depends_on_time(one.level) for one in contacts),
-            "law": any(law_depends_on_time(one.law) for one in contacts),
-        }
-        return frozenset(name for name, depends in given.items() if depends)
-
-    def at_time(self, t: float) -> ScalarProblem:
-        """The problem at a time; itself if nothing depends on time."""
-        if not self.time_dependent:
-            return self
-
-        def now(one: ScalarContact) -> ScalarContact:
-            return replace(one, law=law_at_time(one.law, t), level=at_time(one.level, t))
-
-        return replace(
-            self,
-            contact={name: now(one) for name, one in self.contact.items()},
-            area=now(self.area) if isinstance(self.area, ScalarContact) else {k: now(v) for k, v in self.area.items()},
-            supports={name: at_time(value, t) for name, value in self.supports.items()},
-            source=at_time(self.source, t),
-            fluxes={name: at_time(value, t) for name, value in self.fluxes.items()},
-        )
-
-    def on(self, mesh: Mesh) -> ScalarProblem:
-        """The same problem on another mesh, which must have the same names."""
-        return replace(self, mesh=mesh)
-
-    def coefficients(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        """The tensors A at points, shape (k, d, d); a broadcast view (first stride zero) if A is the same everywhere.
-
-        Parameters
-        ----------
-        points : array, shape (k, d)
-        regions : mapping of name to bool array, shape (k,)
-            Which points lie in which region; needed by coefficients by region only.
-
-        Raises
-        ------
-        ProblemError
-            A is not positive definite at some point, or the regions do not cover the points; the message names one.
-        """
-        return self._of_parts(lambda part, at: part.at_rest(points[at]), points, regions)
-
-    def _of_parts(
-        self,
-        function: Callable[[FluxDensity, BoolArray | slice], Array],
-        points: Array,
-        regions: Mapping[str, BoolArray] | None,
-    ) -> Array:
-        """What a function makes of the coefficient, or of that of each region for the points there."""
-        what = self.kind.constant
-        if not isinstance(self.coefficient, Mapping):
-            return function(flux_density(self.coefficient, what), slice(None))
-        found: Array | None = None
-        covered = np.zeros(len(points), dtype=int)
-        for name, value in self.coefficient.items():
-            mask = (regions or {})[name]
-            covered += mask
-            if mask.any():
-                part = function(flux_density(value, f"{what} of region '{name}'"), mask)
-                found = np.zeros((len(points), *part.shape[1:])) if found is None else found
-                found[mask] = part
-        if (covered != 1).any():
-            bad = int(np.flatnonzero(covered != 1)[0])
-            where = "no region" if covered[bad] == 0 else "more than one region"
-            raise ProblemError(
-                f"the point {points[bad].tolist()} lies in {where} that the {what} names; the regions must cover the "
-                "mesh without overlap"
-            )
-        assert found is not None
-        return found
+    def components(self) -> int:
+        return 1
 
     @property
-    def linear(self) -> bool:
-        """Whether the flux is linear in the gradient everywhere."""
-        parts = self.coefficient.values() if isinstance(self.coefficient, Mapping) else (self.coefficient,)
-        return not any(isinstance(part, GradientEnergy) for part in parts)
+    def unknown(self) -> str:
+        return self.kind.unknown
 
     @property
-    def uniform(self) -> bool:
-        """Whether the coefficient of every region is the same all over it."""
-        parts = self.coefficient.values() if isinstance(self.coefficient, Mapping) else (self.coefficient,)
-        return not any(callable(part) for part in parts)
+    def thermal(self) -> bool:
+        return self.kind is ScalarKind.HEAT
 
-    def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        """The stored energy W per area (volume in space) of gradients ``strain`` (k, d), shape (k,)."""
-        return self._of_parts(lambda part, at: part.energy(points[at], strain[at]), points, regions)
-
-    def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        """The flux (k, d) of gradients ``strain`` (k, d), the derivative of :meth:`energy`."""
-        return self._of_parts(lambda part, at: part.stress(points[at], strain[at]), points, regions)
-
-    def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        """Derivatives (k, d, d) of the flux by the gradient."""
-        return self._of_parts(lambda part, at: part.tangent(points[at], strain[at]), points, regions)
-
-    def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        """Matrices (k, d, d) below all derivatives of the flux."""
-        return self._of_parts(lambda part, at: part.lower_tensor(points[at]), points, regions)
-
-    def upper_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        """Matrices (k, d, d) above all derivatives of the flux."""
-        return self._of_parts(lambda part, at: part.upper_tensor(points[at]), points, regions)
-
-    @property
-    def inert(self) -> bool:
-        """Whether it has a density."""
-        return self.density is not None and constant_of(self.density) != 0.0
-
-    @property
-    def resisted(self) -> bool:
-        """Whether a rate is resisted: by viscosity, or by the capacity for heat."""
-        return self.viscosity is not None or self.capacity is not None
+    @cached_property
+    def material(self) -> GradientMaterial:
+        """The coefficient, density and viscosity as what a body has in their place."""
+        return GradientMaterial(self.coefficient, self.kind.constant, self.density, self.viscosity)
 
     def _check_rates(self) -> None:
-        heat = self.kind is ScalarKind.HEAT
         for name, meaning in (("density", "has no inertia"), ("viscosity", "has no viscosity")):
-            if heat and getattr(self, name) is not None:
+            if self.thermal and getattr(self, name) is not None:
                 raise ProblemError(f"heat {meaning}; leave the {name} out, what stores heat is its capacity=")
-        if not heat and self.capacity is not None:
+        if not self.thermal and self.capacity is not None:
             raise ProblemError(
                 f"a capacity stores heat, and this problem is one of kind '{self.kind}'; give its density= and "
                 "viscosity=, or kind='heat'"
@@ -404,7 +299,7 @@ class ScalarProblem(PickleMixin, ReprMixin):
         if not self.coefficient:
             raise ProblemError(f"the {what} is an empty mapping; give one for each region of the mesh")
         for name in self.coefficient:
-            _check_name(what, name, "region", list(self.mesh.regions))
+            self._check_name(what, name, "region", "regions")
         parts = {
             name: plain_coefficient(value, f"{what} of region '{name}'", dim)
             for name, value in self.coefficient.items()
@@ -420,7 +315,7 @@ class ScalarProblem(PickleMixin, ReprMixin):
                 "{'patch': ScalarContact(...)}"
             )
         for name in self.area:
-            _check_name("area", name, "region", list(self.mesh.regions))
+            self._check_name("area", name, "region", "regions")
         return MappingProxyType(dict(self.area))
 
     def _check_contacts(self) -> None:
@@ -441,35 +336,4 @@ class ScalarProblem(PickleMixin, ReprMixin):
                 "contact over an area (or on a boundary in space) is not available with elements of order 2, "
                 "whose corner weights vanish; take order=1"
             )
-        used = {name: self.mesh.boundaries[name] for name in {*self.contact, *self.supports}}
-        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in used.values())]))
-        keys = {name: facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in used.items()}
-        names = list(self.contact)
-        for i, first in enumerate(names):
-            for other in (*names[i + 1 :], *self.supports):
-                shared = int(np.isin(keys[first], keys[other]).sum())
-                if not shared:
-                    continue
-                if other in self.supports:
-                    raise ProblemError(
-                        f"contact boundary '{first}' is held by support '{other}' ({shared} common facets), so no "
-                        "contact can happen there; remove one of the two"
-                    )
-                raise ProblemError(
-                    f"contact boundaries '{first}' and '{other}' share {shared} facets; a facet can touch one "
-                    "foundation only: separate them"
-                )
-
-
-def _check_name(what: str, name: str, kind: str, known: list[str]) -> None:
-    if name not in known:
-        close = difflib.get_close_matches(str(name), known, n=1)
-        hint = f"; did you mean '{close[0]}'?" if close else ""
-        listed = "boundaries" if kind == "boundary" else "regions"
-        raise ProblemError(
-            f"{what} names {kind} '{name}', which the mesh does not have{hint} ({listed}: {', '.join(known) or 'none'})"
-        )
-
-
-#: What :func:`hemivar.discretize` takes.
-Statement = ContactProblem | ScalarProblem
+        self._check_overlaps()

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import get_args
+from typing import ClassVar, get_args
 
-import numpy as np
-
-from hemivar.basics.arguments import described, expect, number, suggest
-from hemivar.basics.display import ReprMixin
+from hemivar.basics.arguments import described, suggest
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
-from hemivar.basics.units import UNITS_REMEDY, Units
+from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
 from hemivar.laws import (
     ContactLaw,
@@ -31,7 +27,6 @@ from hemivar.laws.memory import Memory
 from hemivar.mechanics.conditions import (
     LARGEST,
     SUPPORTS,
-    Clamped,
     Fixed,
     Prescribed,
     Pressure,
@@ -40,16 +35,13 @@ from hemivar.mechanics.conditions import (
     Traction,
     VectorData,
     check_finite,
-    condition_at_time,
     plain_data,
-    prescribed_values,
-    traction_value,
 )
 from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
 from hemivar.mechanics.per_volume import checked_quantity
-from hemivar.mesh.keys import facet_keys
+from hemivar.mechanics.statement_base import Statement
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
@@ -224,15 +216,10 @@ class Contact(PickleMixin):
             belt=at_time(self.belt, t),
         )
 
-    @property
-    def evolves(self) -> bool:
-        """Whether it has damping or memory, which mean something in time only."""
-        return self.damping is not None or bool(self.memory)
-
 
 @known_fields
 @dataclass(frozen=True, eq=False)
-class ContactProblem(PickleMixin, ReprMixin):
+class ContactProblem(Statement):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Loads, prescribed displacements, gaps and the parameters of laws may depend on time: as functions of place and time,
@@ -269,6 +256,8 @@ class ContactProblem(PickleMixin, ReprMixin):
         sense.
     """
 
+    load_names: ClassVar[tuple[str, str]] = "body_force", "tractions"
+
     mesh: Mesh
     material: Material
     contact: Mapping[str, Contact] = field(default_factory=dict)
@@ -282,29 +271,17 @@ class ContactProblem(PickleMixin, ReprMixin):
     units: Units = field(default_factory=Units)
 
     def __post_init__(self) -> None:
-        expect(self.units, Units, "units", UNITS_REMEDY)
-        if not isinstance(self.mesh, Mesh):
-            raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
+        self._check_frame()
         if not isinstance(self.material, Material) or type(self.material) is Material:
             raise ProblemError(
                 f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
             )
-        if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
-            raise ProblemError(f"order = {self.order!r}; give 1 or 2")
         try:
             object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
         except ValueError as error:
             raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
         for name in ("contact", "supports", "tractions"):
-            value = getattr(self, name)
-            if not isinstance(value, Mapping):
-                raise ProblemError(
-                    f"{name} must map boundary names to conditions, {{'left': ...}}; it is {described(value)}"
-                )
-            stated = {key: SUPPORTS.get(one, one) if isinstance(one, str) else one for key, one in value.items()}
-            object.__setattr__(self, name, MappingProxyType(stated))
-            for boundary in value:
-                self._check_name(name, boundary)
+            self._check_boundaries(name)
         if self.contact and self.order == 2 and self.mesh.dim == 3:
             raise ProblemError(
                 "contact with elements of order 2 in 3D is not available (corner weights vanish); take order=1"
@@ -314,6 +291,8 @@ class ContactProblem(PickleMixin, ReprMixin):
                 "quadrature at midpoints is for plane bodies: in 3D a contact boundary has about twice as many facets "
                 "as nodes, more pressures than displacements can tell apart; take Quadrature.NODAL"
             )
+        stated = {name: SUPPORTS.get(one, one) if isinstance(one, str) else one for name, one in self.supports.items()}
+        object.__setattr__(self, "supports", MappingProxyType(stated))
         self._check_values()
         object.__setattr__(self, "body_force", plain_data(self.body_force, "body_force"))
         object.__setattr__(self, "bedding", checked_quantity(self.bedding, "bedding"))
@@ -330,51 +309,6 @@ class ContactProblem(PickleMixin, ReprMixin):
         parts += [f"contact on {name}: {contact.law.name}" for name, contact in self.contact.items()]
         parts += [f"{type(support).__name__} on {name}" for name, support in self.supports.items()]
         return f"ContactProblem({', '.join(parts)})"
-
-    def on(self, mesh: Mesh) -> ContactProblem:
-        """The same problem on another mesh, which must have the same boundary names."""
-        return replace(self, mesh=mesh)
-
-    @property
-    def time_dependent(self) -> frozenset[str]:
-        """What depends on time: some of "load", "supports", "gap" and "law"."""
-        loads = [self.body_force, *(traction_value(traction) for traction in self.tractions.values())]
-        found = {part for contact in self.contact.values() for part in contact.time_dependent}
-        if any(depends_on_time(load) for load in loads):
-            found.add("load")
-        if any(depends_on_time(value) for support in self.supports.values() for value in prescribed_values(support)):
-            found.add("supports")
-        return frozenset(found)
-
-    def at_time(self, t: float) -> ContactProblem:
-        """The problem at a time: itself if nothing depends on time.
-
-        Raises
-        ------
-        ProblemError
-            The time is not a finite number.
-        """
-        if not np.isfinite(number(t, "the time", "give a finite number")):
-            raise ProblemError(f"the time is {t!r}; give a finite number")
-        if not self.time_dependent:
-            return self
-        t = float(t)
-        bound = copy.copy(self)  # what holds of the statement holds at every time, and is not checked again
-        for name, value in (
-            ("body_force", at_time(self.body_force, t)),
-            ("tractions", {name: condition_at_time(value, t) for name, value in self.tractions.items()}),
-            ("supports", {name: condition_at_time(value, t) for name, value in self.supports.items()}),
-            ("contact", {name: contact.at_time(t) for name, contact in self.contact.items()}),
-        ):
-            object.__setattr__(bound, name, MappingProxyType(value) if isinstance(value, dict) else value)
-        return bound
-
-    def _check_name(self, what: str, name: str) -> None:
-        known = list(self.mesh.boundaries)
-        if name in known:
-            return
-        near = suggest(str(name), known, "boundaries")
-        raise ProblemError(f"{what} names boundary '{name}', which the mesh does not have{near}")
 
     def _check_values(self) -> None:
         dim = self.mesh.dim
@@ -401,32 +335,6 @@ class ContactProblem(PickleMixin, ReprMixin):
         for name, traction in self.tractions.items():
             if not isinstance(traction, Pressure):
                 _check_vector(traction, dim, f"tractions['{name}']", allow_zero=True)
-
-    def _check_overlaps(self) -> None:
-        used = [*{*self.contact, *self.supports}]
-        facets = [self.mesh.boundaries[name] for name in used]
-        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
-        keys = {
-            name: facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
-        }
-        names = list(self.contact)
-        for i, first in enumerate(names):
-            for second in names[i + 1 :]:
-                shared = int(np.isin(keys[first], keys[second]).sum())
-                if shared:
-                    raise ProblemError(
-                        f"contact boundaries '{first}' and '{second}' share {shared} facets; a facet can "
-                        f"touch one foundation only: separate them"
-                    )
-            for other, support in self.supports.items():
-                if isinstance(support, Clamped | Prescribed):
-                    shared = int(np.isin(keys[first], keys[other]).sum())
-                    if shared:
-                        how = "clamped" if isinstance(support, Clamped) else "held by a prescribed displacement"
-                        raise ProblemError(
-                            f"contact boundary '{first}' is {how} (support '{other}', {shared} common "
-                            f"facets), so no contact can happen there; remove one of the two"
-                        )
 
 
 def _check_vector(value: object, dim: int, name: str, allow_zero: bool = False) -> None:

@@ -19,7 +19,8 @@ from hemivar.errors import HemivarError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.fem import discretize
 from hemivar.laws import ContactLaw
-from hemivar.mechanics import ContactProblem, ScalarProblem
+from hemivar.mechanics import Contact, ScalarContact, ScalarProblem, Statement
+from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.adaptive_figures import plot_adaptive
 from hemivar.report.bodies import plot_solution
@@ -247,46 +248,42 @@ def _solution_set(found: SolutionSet) -> _Shown:
     return heading, lambda: [plot_solutions(found)] if drawn else [], table
 
 
-def _problem(problem: ContactProblem) -> _Shown:
+def _problem(problem: Statement) -> _Shown:
+    material = problem.material
+    what, told = "material", type(material).__name__.strip("_").lower()
+    if isinstance(material, GradientMaterial):
+        by_region = isinstance(material.coefficient, Mapping)
+        what, told = material.constant, "by region" if by_region else _told(material.coefficient)
     rows: list[_Row] = [
         ("mesh", f"{problem.mesh.number_of_cells} cells, {problem.mesh.number_of_nodes} vertices"),
         ("elements", f"of order {problem.order}"),
-        ("material", type(problem.material).__name__.strip("_").lower()),
-        ("body force", _told(problem.body_force)),
+        (what, told),
+        (problem.load_names[0].replace("_", " "), _told(problem.volume_load)),
+        ("bedding", None if problem.bedding == 0.0 else _told(problem.bedding)),
         *((f"support: {name}", _told(support)) for name, support in problem.supports.items()),
-        *((f"load: {name}", _told(traction)) for name, traction in problem.tractions.items()),
-        *((f"contact: {name}", one.normal.name + (f"; friction {one.friction.name}" if one.friction.acts else ""))
-          for name, one in problem.contact.items()),
+        *((f"load: {name}", _told(load)) for name, load in problem.boundary_loads.items()),
+        *((f"contact: {name}", _laws(contact)) for name, contact in problem.contacts.items()),
         *_stated_margin(problem),
-    ]  # fmt: skip
-    heading = problem.title or "Contact problem"
+    ]
+    heading = problem.title or (
+        f"Scalar problem: {problem.kind}" if isinstance(problem, ScalarProblem) else "Contact problem"
+    )
     return heading, lambda: [plot_problem(problem)] if _small(problem.mesh) else [], _rows(rows)
 
 
-def _stated_margin(problem: ContactProblem | ScalarProblem) -> list[_Row]:
+def _laws(contact: Contact | ScalarContact) -> str:
+    if isinstance(contact, ScalarContact):
+        return contact.law.name
+    return contact.normal.name + (f"; friction {contact.friction.name}" if contact.friction.acts else "")
+
+
+def _stated_margin(problem: Statement) -> list[_Row]:
     if problem.mesh.number_of_cells > MANY_CELLS:
         return []
     try:
         return _margin(discretize(problem))
     except HemivarError as error:  # what is stated cannot be solved
         return [("refused", str(error))]
-
-
-def _scalar_problem(problem: ScalarProblem) -> _Shown:
-    regions = isinstance(problem.coefficient, Mapping)
-    rows: list[_Row] = [
-        ("mesh", f"{problem.mesh.number_of_cells} cells, {problem.mesh.number_of_nodes} vertices"),
-        ("elements", f"of order {problem.order}"),
-        (problem.kind.constant, "by region" if regions else _told(problem.coefficient)),
-        ("source", _told(problem.source)),
-        ("bedding", None if problem.bedding == 0.0 else _told(problem.bedding)),
-        *((f"support: {name}", _told(value)) for name, value in problem.supports.items()),
-        *((f"flux: {name}", _told(value)) for name, value in problem.fluxes.items()),
-        *((f"contact: {name}", one.law.name) for name, one in {**problem.contact, **problem.areas}.items()),
-        *_stated_margin(problem),
-    ]
-    heading = problem.title or f"Scalar problem: {problem.kind.value}"
-    return heading, lambda: [plot_problem(problem)] if _small(problem.mesh) else [], _rows(rows)
 
 
 def _discrete(problem: DiscreteProblem) -> _Shown:
@@ -388,8 +385,7 @@ _KINDS: Mapping[type, Callable[..., _Shown]] = {
     Certificate: _certificate,
     Path: _path,
     SolutionSet: _solution_set,
-    ContactProblem: _problem,
-    ScalarProblem: _scalar_problem,
+    Statement: _problem,
     DiscreteProblem: _discrete,
     History: _history,
     Study: _study,
@@ -402,8 +398,7 @@ _PICTURES: Mapping[type, Callable[..., Figure]] = {
     Certificate: plot_certificate,
     Path: plot_path,
     SolutionSet: plot_solutions,
-    ContactProblem: plot_problem,
-    ScalarProblem: plot_problem,
+    Statement: plot_problem,
     DiscreteProblem: _stated_of,
     History: plot_march,
     Study: plot_study,

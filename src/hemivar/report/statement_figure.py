@@ -8,7 +8,7 @@ import numpy as np
 
 from hemivar.basics.types import IntArray
 from hemivar.files.boundary import polylines
-from hemivar.mechanics import ScalarProblem, Statement
+from hemivar.mechanics import Statement
 from hemivar.report.mesh_lines import mesh_lines
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREEN, MANY_CELLS, RED, body_axes, drawing, with_unit
@@ -36,9 +36,8 @@ def plot_problem(problem: Statement, *, unit: str = "", legend: bool = True) -> 
     """
     from matplotlib.lines import Line2D
 
-    loads = problem.fluxes if isinstance(problem, ScalarProblem) else problem.tractions
     roles = {
-        "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, loads),
+        "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, problem.boundary_loads),
         "contact": (RED, 1.8, problem.contact),
     }  # fmt: skip
     with drawing():

@@ -10,7 +10,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.fem.transfer import interpolate
-from hemivar.mechanics.scalar import Statement
+from hemivar.mechanics.statement_base import Statement
 from hemivar.solvers.base import Solver
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.solution import Solution

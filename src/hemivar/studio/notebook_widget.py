@@ -11,7 +11,7 @@ from hemivar.basics import disk
 from hemivar.errors import ProblemError
 from hemivar.files.problem_file import ProblemFile, problem_text, read_text
 from hemivar.files.sample import template
-from hemivar.mechanics.scalar import Statement
+from hemivar.mechanics.statement_base import Statement
 from hemivar.studio.binary_message import Message
 from hemivar.studio.jobs import Bench
 from hemivar.studio.page_worker import Desk

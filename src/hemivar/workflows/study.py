@@ -28,15 +28,15 @@ from hemivar.certificates.continuous.body_constants import body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate
+from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.elements import voigt_index
-from hemivar.fem.error_norms import KnownField, error_norms, voigt_strain
+from hemivar.fem.error_norms import KnownField, error_norms
 from hemivar.fem.transfer import interpolation_matrix
 from hemivar.files.kept_solution import KeptSolution
 from hemivar.files.kept_work import KeptWork
 from hemivar.files.problem_file import read_problem_file
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics import ContactProblem, Statement
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status, as_method, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
@@ -283,7 +283,7 @@ def studying(problem: Statement | ManufacturedProblem | str | Path, options: Stu
         )
     known = options.known if isinstance(options.known, KnownField) else None
     if known is not None:
-        error_norms(stated, np.zeros((len(stated.mesh.nodes(stated.order)), _components(stated))), known)
+        error_norms(stated, np.zeros((len(stated.mesh.nodes(stated.order)), stated.components)), known)
     kept: KeptWork[KeptSolution] | None = None
     if options.checkpoint is not None:
         digest = study_digest(stated, options)
@@ -511,10 +511,6 @@ def _mesh(task: _Task) -> tuple[int, StudyLevel]:
 # ---- errors ----------------------------------------------------------------------------------------------------
 
 
-def _components(stated: Statement) -> int:
-    return 1 if isinstance(stated, ScalarProblem) else stated.mesh.dim
-
-
 def _on(solution: Solution) -> Mesh:
     assert solution.problem.field is not None
     return solution.problem.field.mesh
@@ -537,13 +533,13 @@ def _nodal(solution: Solution) -> Array:
 def _pressure(solution: Solution, stated: Statement, known: KnownField) -> Array:
     """The pressure ``-n . sigma n`` of a known field at the contact points, n their normal; (m,)."""
     contact = solution.contact
-    if not contact.count or contact.points is None or contact.frames is None or isinstance(stated, ScalarProblem):
+    if not contact.count or contact.points is None or contact.frames is None:
         return np.full(contact.count, np.nan)
     normal, points = contact.frames[:, 0], contact.points
     if stated.mesh.regions and not stated.material.homogeneous:
         return np.full(contact.count, np.nan)  # a point may lie between two materials
     slope = known.gradients(points)
-    strain = voigt_strain(slope)
+    strain = constitutive_law(stated).strain(slope)
     stress = np.einsum("mij,mj->mi", stated.material.stiffness_tensor(points), strain)
     stress = stress[:, voigt_index(stated.mesh.dim)]
     return np.asarray(-np.einsum("mi,mij,mj->m", normal, stress, normal))

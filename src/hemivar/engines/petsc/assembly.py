@@ -31,8 +31,8 @@ from hemivar.fem.energy_integral import BeddedEnergy, bedded_energy
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
 from hemivar.fem.mass import body_blocks
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
-from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mechanics.statement_base import Statement
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["assemble"]
@@ -196,7 +196,7 @@ def _named(contact: ContactPoints, names: tuple[str, ...]) -> ContactPoints:
 
 
 def _check_suited(problem: Statement) -> None:
-    if isinstance(problem, ScalarProblem):
+    if not isinstance(problem, ContactProblem):
         raise MethodError("the engine 'petsc' has no scalar problems; leave --engine out")
     if problem.order != 1:
         raise MethodError("the engine 'petsc' has linear elements only; write order = 1, or leave --engine out")
