@@ -12,6 +12,7 @@ from hemivar.discrete.contact import selects
 from hemivar.errors import SupportError
 from hemivar.fem.hierarchy import coarser
 from hemivar.fem.load_line import LoadLine
+from hemivar.fem.reactions import nodal_contact_forces
 from hemivar.mechanics import Side
 from hemivar.mesh import Mesh
 
@@ -188,6 +189,7 @@ def test_reactions_balance_loads_and_contact(order: int) -> None:
     assert held.count < (5 if order == 1 else 9)  # its ends are held: their force is part of the reactions
     total = sum(force[0] for force in found.reactions.values()) - found.normal_force + 0.5 + 0.3
     assert total == pytest.approx(0.0, abs=1e-10)
+    assert nodal_contact_forces(found.problem, found.multiplier).sum() == pytest.approx(-found.normal_force)
     assert found.on("bottom").contact_length > 0.0
     other = found.problem.with_(load=2.0 * found.problem.load)
     with pytest.raises(hv.errors.ProblemError, match="under the stated load only"):
