@@ -76,7 +76,7 @@ def test_what_heat_refuses(make: Any, words: str) -> None:
             Heat(1.0, 1.0, contact={"top": HeatContact(HeatContact.touching(1.0))}),
             "a conductance that depends on contact, but the body has no contact there",
         ),
-        (Heat(1.0, 1.0, contact={"bottom": HeatContact(1.0)}, supports={"bottom": 0.0}), "held by a prescribed temperature"),
+        (Heat(1.0, 1.0, contact={"bottom": HeatContact(1.0)}, supports={"bottom": 0.0}), "a prescribed temperature"),
         (Heat(1.0, 1.0, temperature=[1.0, 2.0]), "initial displacement has shape|initial temperature has shape"),
         ("warm", "the heat of an evolution"),
     ],
