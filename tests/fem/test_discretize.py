@@ -12,6 +12,7 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
+from hemivar import gallery
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate, stress, v_norm
@@ -64,6 +65,11 @@ def at(problem: ContactProblem, field: np.ndarray, point: tuple[float, ...]) -> 
 
 
 # ---- known answers -----------------------------------------------------------------------------------------
+
+
+def test_nothing_is_computed_that_nobody_asked_for() -> None:
+    """Sums of rows read the whole matrix, on every level."""
+    assert "row_sums" not in vars(discretize(gallery.survey("5.1", 4)).bulk)
 
 
 def test_clamped_rectangle() -> None:

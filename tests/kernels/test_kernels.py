@@ -24,6 +24,8 @@ from hemivar.linear import Hierarchy
 from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import Levels, Preconditioner, Transfer, Truncated
+from hemivar.linear.products import diagonal
+from hemivar.linear.truncated_level import narrow
 from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
@@ -319,6 +321,39 @@ def test_sums_and_steps_of_conjugate_gradients_are_those_of_numpy(n: int) -> Non
     finally:
         library.call.hv_set_threads(threads())
     assert bits[0] == bits[1] == bits[2]
+
+
+@built
+def test_a_diagonal_is_found_without_reading_all_entries(monkeypatch: pytest.MonkeyPatch, forget: None) -> None:
+    rng, n = np.random.default_rng(4), 5000
+    A = sp.csr_array(sp.random_array((n, n), density=1e-3, rng=rng) + sp.diags_array(rng.standard_normal(n)))
+    A.data[A.indices == 7] = 0.0
+    A.eliminate_zeros()  # a row whose diagonal entry is not there
+    narrowed = narrow(A)
+    np.testing.assert_array_equal(diagonal(narrowed), A.diagonal())
+    for other in (A, sp.csr_array((A.data, A.indices[::-1].copy(), A.indptr), shape=A.shape)):
+        np.testing.assert_array_equal(diagonal(other), other.diagonal())
+    library = kernels()
+    assert library is not None
+    starts, columns, numbers = narrowed.indptr, narrowed.indices, narrowed.data
+    beyond = starts.copy()
+    beyond[9] = columns.size + 1
+    for parts in (
+        (starts.astype(np.int64), columns, numbers),
+        (starts, columns[::2], numbers[::2]),
+        (starts, columns[:-1], numbers),
+        (starts, columns, numbers.astype(np.float32)),
+        (starts[:0], columns, numbers),
+        (starts[::-1].copy(), columns, numbers),
+        (-starts, columns, numbers),
+        (beyond, columns, numbers),
+    ):
+        with pytest.raises(ValueError, match=r"must|cannot hold"):
+            library.diagonal(*parts)
+    with monkeypatch.context() as patch:
+        patch.setenv("HEMIVAR_KERNELS", "none")
+        kernels.cache_clear()
+        np.testing.assert_array_equal(diagonal(narrowed), A.diagonal())
 
 
 @built

@@ -14,6 +14,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.linear.products import diagonal
 
 __all__ = ["FEW_ZEROS", "Bulk", "Quadratic", "without_zeros"]
 
@@ -98,7 +99,7 @@ class Quadratic(PickleMixin):
     @cached_property
     def diagonal(self) -> Array:
         """Diagonal of the stiffness, shape (n,)."""
-        return np.asarray(self.stiffness.diagonal())
+        return diagonal(self.stiffness)
 
     @cached_property
     def diagonal_range(self) -> tuple[float, float]:

@@ -143,7 +143,9 @@ class EdgeBlocks:
         if compiled is not None:
             diagonal, upper = np.ascontiguousarray(self.diagonal), np.ascontiguousarray(self.upper)
             parts = compiled.rows(diagonal, upper, np.ascontiguousarray(free))
-            return sp.csr_array(parts, shape=(len(parts[2]) - 1,) * 2)
+            matrix = sp.csr_array(parts, shape=(len(parts[2]) - 1,) * 2)
+            matrix.has_canonical_format = True  # SciPy would find out by a look at all entries
+            return matrix
         nodes = np.flatnonzero(free.any(axis=1))
         starts, columns, source = self._rows(nodes)
         free = free[nodes]

@@ -1,5 +1,6 @@
 // What Python calls. Arrays are checked there; 0 means done, 1 no memory, 2 not for these kernels.
 #include <algorithm>
+#include <atomic>
 #include <new>
 #include <stdexcept>
 
@@ -206,6 +207,25 @@ HEMIVAR_API void hv_multiply(int64_t n, const int32_t* indptr, const int32_t* in
             y[i] = sum;
         }
     });
+}
+
+// The diagonal of a matrix by rows with sorted columns; 2 if rows do not follow one another up to the number of entries.
+HEMIVAR_API int hv_diagonal(int64_t n, int64_t entries, const int32_t* indptr, const int32_t* indices,
+                            const double* data, double* out) {
+    constexpr int64_t chunk = 4 * kChunk;
+    std::atomic<bool> strange{false};
+    share((n + chunk - 1) / chunk, [&](int64_t piece) {
+        for (int64_t i = piece * chunk; i < std::min(n, (piece + 1) * chunk); ++i) {
+            const int32_t begin = indptr[i], end = indptr[i + 1];
+            if (begin < 0 || begin > end || end > entries) {
+                strange = true;
+                return;
+            }
+            const int32_t* place = std::lower_bound(indices + begin, indices + end, static_cast<int32_t>(i));
+            out[i] = place < indices + end && *place == i ? data[place - indices] : 0.0;
+        }
+    });
+    return strange ? 2 : 0;
 }
 
 // x += length p, r -= length q; the square of r.

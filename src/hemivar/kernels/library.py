@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from hemivar.basics.machine import cores
-from hemivar.basics.types import Array
+from hemivar.basics.types import AnyArray, Array
 
 __all__ = ["Kernels", "kernels", "threads"]
 
@@ -51,6 +51,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_graph_close": ([c_void_p, c_int, c_void_p, c_void_p], c_int),
     "hv_graph_lengths": ([c_void_p, c_int, c_void_p, c_void_p], c_int64),
     "hv_graph_rows": ([c_void_p, c_int, *[c_void_p] * 6], c_int),
+    "hv_diagonal": ([c_int64, c_int64, *[c_void_p] * 4], c_int),
     "hv_multiply": ([c_int64, *[c_void_p] * 5], None),
     "hv_advance": ([c_int64, c_double, c_void_p, c_void_p, c_void_p, c_void_p], c_double),
     "hv_curvature": ([c_int64, *[c_void_p] * 4], None),
@@ -83,6 +84,18 @@ class Kernels:
             raise MemoryError("no memory for the compiled kernels")
         if status:
             raise ValueError("the compiled kernels cannot hold this matrix")
+
+    def diagonal(self, indptr: AnyArray, indices: AnyArray, data: Array) -> Array:
+        """The diagonal (n,) of a square matrix by rows, whose columns are in order."""
+        parts = {"starts": (indptr, np.int32), "columns": (indices, np.int32), "numbers": (data, np.float64)}
+        for name, (array, kind) in parts.items():
+            if array.dtype != kind or array.ndim != 1 or not array.flags.c_contiguous or not array.flags.aligned:
+                raise ValueError(f"{name} of rows must be a contiguous array of {np.dtype(kind).name}")
+        if indices.size != data.size or not indptr.size:
+            raise ValueError(f"{indices.size} columns must have as many numbers, not {data.size}")
+        found, at = np.empty(indptr.size - 1), self.address
+        self.check(self.call.hv_diagonal(found.size, data.size, at(indptr), at(indices), at(data), at(found)))
+        return found
 
     def curvature(self, p: Array, q: Array, diagonal: Array) -> tuple[float, float]:
         """``p'q`` and ``p' diag(diagonal) p`` of arrays (n,), summed in the same order by any number of threads."""

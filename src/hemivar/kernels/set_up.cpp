@@ -70,33 +70,39 @@ Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, 
     const int64_t work = (nodes + kChunk - 1) / kChunk;
     Array<int32_t> owner(n);  // node of each unknown
     for (int64_t k = 0; k < n; ++k) owner[k] = place[k] / d;
-    // Columns of the row of a node but its own, in order; rows of its components have the same ones, as a rule.
-    auto columns_of = [&](int64_t i, std::vector<int32_t>& found) {
-        found.clear();
+    // Whether two rows have the same columns.
+    auto same = [&](int32_t row, int32_t other) {
+        const int32_t begin = matrix.indptr[row], from = matrix.indptr[other];
+        return std::equal(matrix.indices + begin, matrix.indices + matrix.indptr[row + 1], matrix.indices + from,
+                          matrix.indices + matrix.indptr[other + 1]);
+    };
+    // Nodes of the row of a node but its own, in order, behind what is there already.
+    auto add_nodes = [&](int64_t i, std::vector<int32_t>& found) {
+        const size_t first = found.size();
         bool sorted = true;
+        int32_t last = -1;
         for (int c = 0; c < d; ++c) {
             const int32_t row = unknown[i * d + c];
-            if (row < 0) continue;
-            size_t at = 0;
-            const size_t known = found.size();
+            if (row < 0 || (last >= 0 && same(row, last))) continue;
+            last = row;
             for (int32_t e = matrix.indptr[row]; e < matrix.indptr[row + 1]; ++e) {
                 const int32_t node = owner[matrix.indices[e]];
-                if (node == i || (!found.empty() && found.back() == node)) continue;
-                while (at < known && found[at] < node) ++at;
-                if (at < known && found[at] == node) continue;
-                sorted = sorted && (found.empty() || found.back() < node);
+                if (node == i || (found.size() > first && found.back() == node)) continue;
+                sorted = sorted && (found.size() == first || found.back() < node);
                 found.push_back(node);
             }
         }
         if (sorted) return;
-        std::sort(found.begin(), found.end());
-        found.erase(std::unique(found.begin(), found.end()), found.end());
+        std::sort(found.begin() + first, found.end());
+        found.erase(std::unique(found.begin() + first, found.end()), found.end());
     };
+    std::vector<std::vector<int32_t>> columns(work);  // of each piece
     share(work, [&](int64_t piece) {
-        std::vector<int32_t> found;
+        std::vector<int32_t>& found = columns[piece];
         for (int64_t i = piece * kChunk; i < std::min(nodes, (piece + 1) * kChunk); ++i) {
-            columns_of(i, found);
-            start[i + 1] = static_cast<int32_t>(found.size());
+            const size_t known = found.size();
+            add_nodes(i, found);
+            start[i + 1] = static_cast<int32_t>(found.size() - known);
             double largest = 0.0;
             for (int c = 0; c < d; ++c) {
                 const int32_t row = unknown[i * d + c];
@@ -129,24 +135,28 @@ Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, 
     make(rows.own, nodes);
     make(rows.inverse, nodes);
     share(work, [&](int64_t piece) {
-        std::vector<int32_t> found, number;  // columns in order, and where they go
+        std::vector<int32_t> number;  // where the columns of a node go
+        std::vector<float*> entry;    // where the entries of a row go, of the first component
+        const int32_t* found = columns[piece].data();
         for (int64_t i = piece * kChunk; i < std::min(nodes, (piece + 1) * kChunk); ++i) {
-            columns_of(i, found);
+            const int64_t count_of = start[i + 1] - start[i];
+            const int32_t* end = found + count_of;
             const int64_t low = i / block * block, high = std::min(nodes, low + block);
             auto rank = [&](int32_t j) { return j < low || j >= high ? 1 : (j < i ? 0 : 2); };
             int count[3] = {0, 0, 0};
-            for (int32_t j : found) ++count[rank(j)];
+            for (const int32_t* j = found; j < end; ++j) ++count[rank(*j)];
             before[i] = static_cast<uint16_t>(count[0]);
             outside[i] = static_cast<uint16_t>(count[1]);
             int32_t next[3] = {start[i], start[i] + count[0], start[i] + count[0] + count[1]};
-            number.resize(found.size());
-            for (size_t e = 0; e < found.size(); ++e) {
+            number.resize(count_of);
+            for (int64_t e = 0; e < count_of; ++e) {
                 number[e] = next[rank(found[e])]++;
                 column[number[e]] = found[e];
             }
-            std::fill_n(&rows.block[start[i] * dd], static_cast<int64_t>(found.size()) * dd, 0.0f);
+            std::fill_n(&rows.block[start[i] * dd], count_of * dd, 0.0f);
             std::fill_n(&rows.own[i * dd], dd, 0.0f);
             bool free[6];
+            int32_t last = -1;
             for (int c = 0; c < d; ++c) {
                 const int32_t row = unknown[i * d + c];
                 free[c] = row >= 0;
@@ -154,21 +164,24 @@ Level::Level(const Csr& matrix, int size, int64_t count, const int32_t* places, 
                     rows.own[i * dd + c * d + c] = 1.0f;
                     continue;
                 }
-                size_t near = 0;
-                for (int32_t e = matrix.indptr[row]; e < matrix.indptr[row + 1]; ++e) {
-                    const int32_t other = matrix.indices[e], j = owner[other], inside = (place[other] - j * d) * d + c;
-                    const float value = static_cast<float>(matrix.data[e] * unit[row] * unit[other]);
-                    if (j == i) {
-                        rows.own[i * dd + inside] = value;
-                        continue;
+                const int32_t begin = matrix.indptr[row], length = matrix.indptr[row + 1] - begin;
+                if (last < 0 || !same(row, last)) {
+                    entry.resize(length);
+                    const int32_t* near = found;
+                    for (int32_t e = 0; e < length; ++e) {
+                        const int32_t other = matrix.indices[begin + e], j = owner[other];
+                        if (j != i && (near == end || *near != j)) near = std::lower_bound(found, end, j);
+                        float* own = j == i ? &rows.own[i * dd] : &rows.block[number[near - found] * dd];
+                        entry[e] = own + (place[other] - j * d) * d;
                     }
-                    if (near < found.size() && found[near] != j) ++near;  // as a rule it is the next one
-                    if (near >= found.size() || found[near] != j) {
-                        near = std::lower_bound(found.begin(), found.end(), j) - found.begin();
-                    }
-                    rows.block[number[near] * dd + inside] = value;
+                }
+                last = row;
+                for (int32_t e = 0; e < length; ++e) {
+                    const double value = matrix.data[begin + e] * unit[row] * unit[matrix.indices[begin + e]];
+                    entry[e][c] = static_cast<float>(value);
                 }
             }
+            found = end;
             // With all that couples blocks counted twice the sum of smoother and transpose exceeds the matrix.
             double coupled[6] = {0, 0, 0, 0, 0, 0}, most = 0.0;
             for (int64_t e = start[i] + before[i]; e < start[i] + before[i] + outside[i]; ++e) {

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.linear.point_smoother import Points, PointSmoother
+from hemivar.linear.products import diagonal
 
 __all__ = ["Coupling", "Level", "TruncatedLevel", "narrow"]
 
@@ -82,7 +83,7 @@ class Level:
         self.coupling = Coupling(coupling)
         #: Which of them are those of what is added between contact unknowns.
         self.added = np.searchsorted(keys, self.coupling.rows * matrix.shape[0] + contact[self.coupling.columns])
-        self.diagonal = np.abs(self.matrix.diagonal())
+        self.diagonal = np.abs(diagonal(self.matrix))
 
     def contact_rows(self, matrix: sp.csr_array) -> sp.csr_array:
         """The rows of the contact unknowns of a matrix with the entries of this one."""
@@ -167,6 +168,9 @@ class TruncatedLevel:
 
 def narrow(matrix: sp.csr_array) -> sp.csr_array:
     """The matrix with 32-bit indices, which the compiled kernels ask for, in order; its numbers may be shared."""
+    short = matrix.indices.dtype == matrix.indptr.dtype == np.int32
+    if isinstance(matrix, sp.csr_array) and short and matrix.has_sorted_indices:
+        return matrix  # with what it knows of itself
     matrix = sp.csr_array(matrix)
     indices, indptr = matrix.indices.astype(np.int32, copy=False), matrix.indptr.astype(np.int32, copy=False)
     if matrix.has_sorted_indices:
