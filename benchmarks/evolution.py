@@ -49,7 +49,7 @@ from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.linear import factorisation
 from hemivar.linear.factorisation import factorise, mumps_available
 from hemivar.linear.krylov import conjugate_gradients
-from hemivar.linear.levels import Truncated
+from hemivar.linear.levels import LevelMatrix, Preconditioner
 from hemivar.linear.threads import one_thread
 from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
@@ -126,19 +126,19 @@ def counting() -> Iterator[Counted]:
 
     for (kind, name), original in kept.items():
         setattr(kind, name, (made if name == "__init__" else timed)(original))
-    cycle = Truncated.cycle
+    cycle = Preconditioner.__call__
 
     def cycled(self: Any, *given: Any) -> Any:
         counted.cycles += 1
         return cycle(self, *given)
 
-    Truncated.cycle = cycled  # type: ignore[method-assign]
+    Preconditioner.__call__ = cycled  # type: ignore[method-assign]
     try:
         yield counted
     finally:
         for (kind, name), original in kept.items():
             setattr(kind, name, original)
-        Truncated.cycle = cycle  # type: ignore[method-assign]
+        Preconditioner.__call__ = cycle  # type: ignore[method-assign]
 
 
 def stepped(discrete: DiscreteEvolution, steps: int, solver: hv.Solver | None) -> tuple[Array, Array, Counted]:
@@ -206,8 +206,9 @@ class Linear:
         levels = self.levels.levels
         top = len(levels.levels) - 1
         with one_thread():
+            cycle = levels.preconditioner(top)
             found = conjugate_gradients(
-                levels.matrix(top), levels.diagonal(top), rest, lambda r: levels.cycle(top, r), tolerance, 100
+                LevelMatrix(levels, top), levels.diagonal(top), rest, cycle, tolerance, 100, flexible=cycle.flexible
             )
         self.cycles += found.iterations
         return found.solution
