@@ -22,7 +22,7 @@ from hemivar.discrete.contact import contact_unknowns, selects
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.linear.definite import lowest_quotient, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
-from hemivar.linear.levels import Levels, Truncated
+from hemivar.linear.levels import LevelMatrix, Levels, Truncated
 from hemivar.systems.body_on_levels import levels_of
 from hemivar.systems.free_unknowns import free_unknowns
 from hemivar.systems.workspace import Workspace
@@ -109,7 +109,7 @@ class MultigridNorm:
 
     def norm(self, v: Array) -> float:
         """``|v|_K = sqrt(v'K v)``."""
-        return float(np.sqrt(max(float(v @ (self.stiffness @ v)), 0.0)))
+        return float(np.sqrt(max(float(v @ self._levels.multiply(self._top, v)), 0.0)))
 
     def riesz(self, b: Array, guess: Array | None = None) -> tuple[Array, float]:
         """About ``K^-1 b`` (n,), and a bound of ``|b|_{K^-1}`` that is at most about 1 % too large.
@@ -123,7 +123,7 @@ class MultigridNorm:
         if guess is None:
             x, found, left = self._descend(self._top, b)
             return x, float(np.sqrt(found + left))
-        rest = b - self.stiffness @ guess
+        rest = b - self._levels.multiply(self._top, guess)
         before = float(guess @ (b + rest))
         x, found, left = self._descend(self._top, rest, before)
         return guess + x, float(np.sqrt(max(before + found + left, 0.0)))
@@ -230,7 +230,8 @@ class MultigridNorm:
             found = float(b @ x)
             return np.zeros(0)
 
-        x = conjugate_gradients(levels.matrix(k), levels.diagonal(k), b, precondition, 0.0, _CYCLES, gained).solution
+        matrix = LevelMatrix(levels, k)
+        x = conjugate_gradients(matrix, levels.diagonal(k), b, precondition, 0.0, _CYCLES, gained).solution
         return x, max(found, 0.0), left
 
     def largest_eigenvalue(self, trace: sp.csr_array, weight: Array, near: float | None = None) -> Mode:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.fem.elements import barycentric_gradients, shape_derivatives
+from hemivar.fem.elements import scaled_gradients, shape_derivatives
 from hemivar.fem.fields import FieldSource, _mesh_and_order
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -96,11 +96,14 @@ def deformation(source: FieldSource | Mesh, displacement: Array) -> Deformation:
     strain = rotation = volume = 0.0
     for start in range(0, mesh.number_of_cells, _CELLS_AT_A_TIME):
         cells = slice(start, start + _CELLS_AT_A_TIME)
-        slopes, moved = barycentric_gradients(mesh, cells), displacement[nodes[cells]]
-        beyond: BoolArray = np.zeros(len(moved), dtype=bool)
+        slopes, nodes_of = scaled_gradients(mesh, cells, mesh.volumes[cells]), nodes[cells].T
+        beyond: BoolArray = np.zeros(nodes_of.shape[1], dtype=bool)
         for corner in corners:
-            shapes = slopes if order == 1 else np.einsum("ab,mbd->mad", shape_derivatives(order, corner), slopes)
-            gradient = np.einsum("mai,maj->mij", moved, shapes)
+            shapes = slopes if order == 1 else np.tensordot(shape_derivatives(order, corner), slopes, axes=1)
+            gradient = np.zeros((mesh.dim, mesh.dim, beyond.size))
+            for number, shape in zip(nodes_of, shapes, strict=True):
+                for component, moved in zip(gradient, displacement.T, strict=True):
+                    component += moved[number] * shape
             stretched, turned = _principal(gradient), _angle(gradient)
             strain, rotation = max(strain, float(stretched.max())), max(rotation, float(turned.max()))
             beyond |= (stretched >= SMALL) | (turned >= SMALL)
@@ -109,19 +112,20 @@ def deformation(source: FieldSource | Mesh, displacement: Array) -> Deformation:
 
 
 def _angle(gradient: Array) -> Array:
-    """Angle of the small rotation of each gradient (k, d, d), (k,)."""
-    skew = 0.5 * (gradient - gradient.transpose(0, 2, 1))
-    return np.asarray(np.sqrt(0.5 * np.einsum("kij,kij->k", skew, skew)))
+    """Angle of the small rotation of each gradient (d, d, k), (k,)."""
+    pairs = [(0, 1)] if len(gradient) == 2 else [(0, 1), (0, 2), (1, 2)]
+    return np.asarray(np.sqrt(sum((0.5 * (gradient[i, j] - gradient[j, i])) ** 2 for i, j in pairs)))
 
 
 def _principal(gradient: Array) -> Array:
-    """Largest principal strain by size of each gradient (k, d, d); in space a bound from below where it is far smaller
+    """Largest principal strain by size of each gradient (d, d, k); in space a bound from below where it is far smaller
     than the largest of all and than :data:`SMALL`, (k,)."""
-    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
-    if strain.shape[1] == 2:
-        mean = 0.5 * (strain[:, 0, 0] + strain[:, 1, 1])
-        return np.asarray(np.abs(mean) + np.hypot(0.5 * (strain[:, 0, 0] - strain[:, 1, 1]), strain[:, 0, 1]))
-    found = np.sqrt(np.einsum("kij,kij->k", strain, strain) / 3.0)  # at most the largest, and at least it over sqrt(3)
+    strain = 0.5 * (gradient + gradient.transpose(1, 0, 2))
+    if len(strain) == 2:
+        mean = 0.5 * (strain[0, 0] + strain[1, 1])
+        return np.asarray(np.abs(mean) + np.hypot(0.5 * (strain[0, 0] - strain[1, 1]), strain[0, 1]))
+    square = (strain**2).sum(axis=(0, 1))
+    found = np.sqrt(square / 3.0)  # at most the largest, and at least it over sqrt(3)
     close = np.flatnonzero(math.sqrt(3.0) * found >= min(SMALL, float(found.max(initial=0.0))))
-    found[close] = np.abs(np.linalg.eigvalsh(strain[close])).max(axis=1)
+    found[close] = np.abs(np.linalg.eigvalsh(strain[:, :, close].transpose(2, 0, 1))).max(axis=1)
     return np.asarray(found)

@@ -342,7 +342,7 @@ class Truncated:
             patch.smooth(x, right, forward=True)
         for _ in range(levels.sweeps):
             kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
-        rest = A @ x
+        rest = self.multiply(k, x)
         np.subtract(right, rest, out=rest)
         coarse = transfer.restriction @ rest
         below = self._changed[k - 1]
