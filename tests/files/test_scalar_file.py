@@ -86,6 +86,22 @@ def test_written_and_read_again(number: int, tmp_path: Path) -> None:
     np.testing.assert_array_equal(one.offset, other.offset)
 
 
+def test_what_one_key_gives_by_regions_another_may_give_for_all(tmp_path: Path) -> None:
+    mesh = hv.rectangle((1.0, 1.0), 4)
+    mesh = hv.Mesh(mesh.points, mesh.cells, mesh.boundaries, {"low": np.arange(16), "high": np.arange(16, 32)})
+    by_region = {"low": 1.0, "high": Formula("1 + x", minimum=0.0)}
+    for coefficient, density in ((2.0, by_region), ({"low": 2.0, "high": 3.0}, 4.0)):
+        problem = hv.ScalarProblem(mesh, coefficient, density=density, supports={"left": 0.0})  # type: ignore[arg-type]
+        path = hv.write_problem(problem, tmp_path / "p.toml", beside=True)
+        assert difference(problem, hv.read_problem(path)) is None
+    lines = path.read_text().replace("density = 4.0", "").replace("tension = 3.0", "tension = 3.0\ndensity = 1.0")
+    path.write_text(lines)
+    with pytest.raises(
+        hv.errors.ProblemError, match=r"regions.low. density: is missing; give it in every .*or in none"
+    ):
+        hv.read_problem(path)
+
+
 def test_regions_are_written_beside(tmp_path: Path) -> None:
     mesh = hv.rectangle((1.0, 1.0), 4)
     mesh = hv.Mesh(mesh.points, mesh.cells, mesh.boundaries, {"low": np.arange(16), "high": np.arange(16, 32)})

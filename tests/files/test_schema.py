@@ -18,18 +18,24 @@ from hemivar.files.schema import decode, encode, rows_of
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.files.toml import KEYS, TomlTable
 from hemivar.formula import Formula
-from hemivar.mechanics.statement import Contact
+from hemivar.mechanics import Pressure
+from hemivar.mechanics.statement import Contact, ContactProblem
 from hemivar.mechanics.thermal import Heat, HeatContact
+from hemivar.mesh import MeshRecipe
 
 DOCS = Path(__file__).parents[2] / "docs"
 #: Page and heading, the classes whose fields stand below, and whether their table has a column of defaults.
 ON_THE_PAGE: dict[str, tuple[str, str, tuple[Any, ...], bool]] = {
+    "mesh": ("problem-file.md", "`[mesh]`", (MeshRecipe, ContactProblem), True),
+    "loads": ("problem-file.md", "`[loads]`", (ContactProblem, Pressure), False),
     "contact.*": ("problem-file.md", "`[contact.NAME]`", (Contact,), True),
     "time": ("problem-file.md", "`[time]`", (March, TimeSettings), True),
     "output": ("problem-file.md", "`[output]`", (Save, OutputSettings), False),
     "solver": ("problem-file.md", "`[solver]`", (SolverSettings,), True),
     "heat": ("thermal.md", "In a problem file", (Heat, HeatContact), True),
 }
+#: Tables that state a part of a class only.
+SPREAD = ("mesh", "loads")
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,7 @@ class Sample:
 
     length: float = field(metadata=stated(Form.NUMBER, "the length", above=0.0, below=9.0))
     part: float = field(default=0.5, metadata=stated(Form.NUMBER, least=0.0, most=1.0))
-    count: int = field(default=1, metadata=stated(Form.WHOLE, least=1))
+    count: int = field(default=1, metadata=stated(Form.WHOLE, least=1, most=9))
     on: bool = field(default=False, metadata=stated(Form.FLAG))
     kind: str = field(default="a", metadata=stated(Form.TEXT, choices=("a", "b")))
     name: str | None = field(default=None, metadata=stated(Form.FILE, key="file", endings=(".csv",)))
@@ -82,6 +88,7 @@ def test_what_has_its_default_is_not_written() -> None:
         ({"length": True}, "length: must be a number, not true"),
         ({"part": 1.5}, "part: is 1.5; it must lie between 0 and 1"),
         ({"count": 0}, "count: is 0; give a whole number of at least 1"),
+        ({"count": 10}, "count: is 10; write a whole number from 1 to 9"),
         ({"on": 1}, "on: must be true or false, not the number 1"),
         ({"kind": "c"}, "kind: 'c' is not known"),
         ({"file": "x.png"}, "file: is 'x.png'; give the name of a file that ends in .csv"),
@@ -106,7 +113,8 @@ def test_the_page_says_what_the_fields_say(name: str) -> None:
     """The rows of the page are those that ``rows_of`` makes."""
     page, heading, classes, defaults = ON_THE_PAGE[name]
     part = re.split(r"\n## ", (DOCS / page).read_text(encoding="utf-8").split(f"## {heading}\n")[1])[0]
-    missing = [row for row in rows_of(*classes, defaults=defaults) if row not in part.splitlines()]
+    table = name if name in SPREAD else ""
+    missing = [row for row in rows_of(*classes, defaults=defaults, part=table) if row not in part.splitlines()]
     assert missing == []
     keys = set(KEYS[name]) if name in KEYS else set(keys_of(*classes))
     assert keys <= set(re.findall(r"^\| `(\w+)` \|", part, re.MULTILINE))
@@ -115,9 +123,10 @@ def test_the_page_says_what_the_fields_say(name: str) -> None:
 @pytest.mark.parametrize("name", ON_THE_PAGE)
 def test_what_may_be_a_formula_is_marked(name: str) -> None:
     for cls in ON_THE_PAGE[name][2]:
-        for key, (_, said) in stated_fields(cls).items():
+        for key, (_, said) in stated_fields(cls, name if name in SPREAD else "").items():
             if said.form is not Form.OWN:
-                mark = "*(f, t)*" if said.timed else "*(f)*" if said.form in (Form.QUANTITY, Form.VECTOR) else ""
+                formula = said.form in (Form.QUANTITY, Form.VECTOR, Form.TENSOR)
+                mark = "*(f, t)*" if said.timed else "*(f)*" if formula else ""
                 assert (mark in said.says) if mark else "*(f" not in said.says, key
 
 

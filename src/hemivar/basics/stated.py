@@ -36,6 +36,8 @@ class Form(StrEnum):
     """A number, or a formula of the place."""
     VECTOR = "vector"
     """A number or a formula for each direction."""
+    TENSOR = "tensor"
+    """A quantity, or a row of them for each direction."""
     OWN = "own"
     """Read and written by a function of its own."""
 
@@ -61,6 +63,11 @@ class Stated:
         Whether a formula may use the time.
     left_out : str
         What the page says of a file that leaves it out; its default is shown if this is empty.
+    by : str
+        "boundary" or "region" where there is a value for each that is named; one for all regions may stand in their
+        place.
+    table : str
+        Of a class that several tables state: which of them states it.
     """
 
     form: Form
@@ -74,6 +81,8 @@ class Stated:
     endings: tuple[str, ...] = ()
     timed: bool = False
     left_out: str = ""
+    by: str = ""
+    table: str = ""
 
 
 def stated(form: Form, says: str = "", **how: object) -> Mapping[str, Stated]:
@@ -81,12 +90,15 @@ def stated(form: Form, says: str = "", **how: object) -> Mapping[str, Stated]:
     return {"stated": Stated(form, says, **how)}  # type: ignore[arg-type]
 
 
-def stated_fields(kind: DataclassInstance | type[DataclassInstance]) -> dict[str, tuple[Field[object], Stated]]:
-    """The fields of a dataclass that a problem file states, by their keys in files."""
+def stated_fields(
+    kind: DataclassInstance | type[DataclassInstance], table: str = ""
+) -> dict[str, tuple[Field[object], Stated]]:
+    """The fields of a dataclass that a problem file states, in one of several tables, by their keys in files."""
     found = {one.metadata["stated"].key or one.name: one for one in fields(kind) if "stated" in one.metadata}
-    return {key: (one, one.metadata["stated"]) for key, one in found.items()}
+    stated = {key: (one, one.metadata["stated"]) for key, one in found.items()}
+    return {key: both for key, both in stated.items() if both[1].table == table}
 
 
-def keys_of(*kinds: DataclassInstance | type[DataclassInstance]) -> tuple[str, ...]:
+def keys_of(*kinds: DataclassInstance | type[DataclassInstance], table: str = "") -> tuple[str, ...]:
     """The keys of dataclasses in a table of a problem file."""
-    return tuple(key for kind in kinds for key in stated_fields(kind))
+    return tuple(key for kind in kinds for key in stated_fields(kind, table))

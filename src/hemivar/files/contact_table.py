@@ -11,12 +11,11 @@ import numpy as np
 from hemivar.basics.arguments import suggest
 from hemivar.basics.stated import keys_of
 from hemivar.basics.types import Array, Parameter
-from hemivar.files.body_table import check_boundary
 from hemivar.files.memory_table import memory_record, read_memory
 from hemivar.files.mesh_table import file_name
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import quantity_record
-from hemivar.files.schema import decode, encode
+from hemivar.files.schema import check_named, decode, encode
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.laws import (
@@ -50,7 +49,7 @@ def read_contacts(table: TomlTable, mesh: Mesh, folder: Path) -> dict[str, Conta
     reader = _Reader(mesh.dim, folder)
     found: dict[str, Contact] = {}
     for name in table.data:
-        check_boundary(mesh, table, name)
+        check_named(mesh, table, name)
         found[name] = reader.contact(table.table(name, KEYS["contact.*"]))
     return found
 

@@ -10,8 +10,10 @@ from typing import Literal, cast
 
 from hemivar.basics.memory import problem_bytes, refined_cells, require
 from hemivar.errors import ProblemError
+from hemivar.files.schema import decode, encode
 from hemivar.files.toml import TomlTable, context, printable
-from hemivar.mechanics.statement import Quadrature
+from hemivar.mechanics.scalar import ScalarProblem
+from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh import Grid, Mesh, MeshRecipe
 
 __all__ = ["StatedMesh", "file_name", "mesh_record", "read_mesh_table"]
@@ -73,14 +75,10 @@ def read_mesh_table(table: TomlTable, folder: Path) -> StatedMesh:
     if len(sources) != 1:
         given = f"{' and '.join(sources)} are given" if sources else "none is given"
         raise table.error("rectangle, box, file", f"{given}; give one of the three")
-    refine = table.whole("refine", table.data.get("refine", 0), 0)
-    scale = table.positive("scale") if "scale" in table else 1.0
-    order = table.whole("order", table.data.get("order", 1), 1)
-    if order > 2:
-        raise table.error("order", f"is {order}; write 1 or 2")
-    quadrature = Quadrature(table.text("quadrature", "nodal", [q.value for q in Quadrature]))
     source = _file(table, folder) if sources[0] == "file" else _grid(table, sources[0])
-    return StatedMesh(MeshRecipe(source, scale, refine), order, quadrature, table)
+    recipe, elements = decode(MeshRecipe, table, part="mesh"), decode(ContactProblem, table, part="mesh")
+    quadrature = Quadrature(elements.get("quadrature", Quadrature.NODAL))
+    return StatedMesh(MeshRecipe(source, **recipe), elements.get("order", 1), quadrature, table)
 
 
 def _file(table: TomlTable, folder: Path) -> Path:
@@ -113,7 +111,7 @@ def _grid(table: TomlTable, shape: str) -> Grid:
     return Grid(size, counts, pattern, origin)
 
 
-def mesh_record(recipe: MeshRecipe, order: int, quadrature: Quadrature, folder: Path) -> dict[str, object]:
+def mesh_record(recipe: MeshRecipe, problem: ContactProblem | ScalarProblem, folder: Path) -> dict[str, object]:
     """The table [mesh] for a mesh that was made like this, in a problem file of a folder."""
     source = recipe.source
     record: dict[str, object]
@@ -125,15 +123,7 @@ def mesh_record(recipe: MeshRecipe, order: int, quadrature: Quadrature, folder: 
             record["origin"] = source.origin
     else:
         record = {"file": file_name(source, folder)}
-    if recipe.scale != 1.0:
-        record["scale"] = recipe.scale
-    if recipe.refine:
-        record["refine"] = recipe.refine
-    if order != 1:
-        record["order"] = order
-    if quadrature is not Quadrature.NODAL:
-        record["quadrature"] = quadrature.value
-    return record
+    return record | encode(recipe, part="mesh") | encode(problem, part="mesh")
 
 
 def file_name(path: Path, folder: Path) -> str:

@@ -21,7 +21,7 @@ from hemivar.basics import disk
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
-from hemivar.files.body_table import loads_record, read_bedding, read_loads, read_supports, supports_record
+from hemivar.files.body_table import loads_record, read_loads, read_supports, supports_record
 from hemivar.files.changes import Change, changed
 from hemivar.files.contact_table import SideFiles, _Reader, contact_record, read_contacts
 from hemivar.files.material_table import material_record, read_material
@@ -216,9 +216,7 @@ def parse_problem_file(
         through = read_in_time(top, mesh, one.material.inert, one.kind)
         return ProblemFile(one, solver, name, levels, *through, changes=tuple(changes))
     material = read_material(top.table("material", KEYS["material"]), mesh)
-    loads = top.table("loads", KEYS["loads"])
-    body, tractions = read_loads(loads, mesh)
-    bedding = read_bedding(loads, mesh)
+    loads = read_loads(top.table("loads", KEYS["loads"]), mesh)
     supports = read_supports(top.table("supports", None), mesh)
     contact = read_contacts(top.table("contact", None), mesh, folder)
     time, output = read_in_time(top, mesh, material.inert)
@@ -236,13 +234,11 @@ def parse_problem_file(
             material=material,
             contact=contact,
             supports=supports,
-            body_force=body,
-            tractions=tractions,
             title=top.text("title", ""),
             order=stated.order,
             quadrature=stated.quadrature,
-            bedding=bedding,
             units=units,
+            **loads,  # type: ignore[arg-type]
         )
     heat = None
     if "heat" in top:
@@ -403,18 +399,14 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
             raise not_expressible("mesh", "made of arrays, or changed after it was made", can)
         recipe = MeshRecipe(files.put("mesh.msh", msh_text(problem.mesh)))
     aside = SideFiles(folder, None if files is None else files.table)
-    data: dict[str, object] = {"title": problem.title} if problem.title else {}
+    assert isinstance(problem, ContactProblem | ScalarProblem)
+    data: dict[str, object] = {"kind": problem.kind.value} if isinstance(problem, ScalarProblem) else {}
+    data |= {"title": problem.title} if problem.title else {}
+    data["mesh"] = mesh_record(recipe, problem, folder)
     if isinstance(problem, ScalarProblem):
-        data = {
-            "kind": problem.kind.value,
-            **data,
-            "mesh": mesh_record(recipe, problem.order, Quadrature.NODAL, folder),
-        }
         return _encoded(data | scalar_record(problem, aside) | _time_records(stated, problem.kind), settings)
-    assert isinstance(problem, ContactProblem)
-    data["mesh"] = mesh_record(recipe, problem.order, problem.quadrature, folder)
     data["material"] = material_record(problem.material)
-    data["loads"] = loads_record(problem.body_force, problem.tractions, problem.bedding, problem.mesh.dim)
+    data["loads"] = loads_record(problem)
     data["supports"] = supports_record(problem.supports)
     data["contact"] = {name: contact_record(name, contact, aside) for name, contact in problem.contact.items()}
     if stated.heat is not None:

@@ -6,26 +6,32 @@ written.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hemivar.basics.arguments import suggest
 from hemivar.basics.stated import Form, Stated, stated_fields
+from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
-from hemivar.files.toml import TomlTable, kind
+from hemivar.files.toml import TomlTable, array, kind
+from hemivar.formula import Formula
+from hemivar.mechanics.gradient_energy import GradientEnergy
+from hemivar.mesh import Mesh
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["decode", "encode", "read_value", "rows_of"]
+__all__ = ["check_named", "decode", "encode", "read_value", "rows_of", "written"]
 
 
 def decode(
     cls: DataclassInstance | type[DataclassInstance],
     table: TomlTable,
-    dim: int = 0,
+    dim: int | Mesh = 0,
+    part: str = "",
     **own: Callable[[TomlTable], object],
 ) -> dict[str, Any]:
     """The fields of a dataclass that a table gives, by their names; the others keep their defaults.
@@ -35,8 +41,10 @@ def decode(
     cls : type or instance
         A dataclass of stated fields.
     table : TomlTable
-    dim : int
-        Directions of the body.
+    dim : int or Mesh
+        Directions of the body, or its mesh, where something is given by names of boundaries or regions.
+    part : str
+        Which table it is, of a class that several state.
     **own : function
         Readers of fields of the form ``OWN``, by name.
 
@@ -46,15 +54,37 @@ def decode(
         One line that names the file, the table and the key.
     """
     found = {}
-    for key, (one, said) in stated_fields(cls).items():
+    for key, (one, said) in stated_fields(cls, part).items():
         if key in table:
-            found[one.name] = own[one.name](table) if said.form is Form.OWN else read_value(table, key, said, dim)
+            found[one.name] = own[one.name](table) if said.form is Form.OWN else _read(table, key, said, dim)
         elif _default(one) is MISSING:
             raise table.error(key, f"is missing; give {said.says}")
     return found
 
 
-def encode(value: DataclassInstance, where: str = "", **own: Callable[..., object]) -> dict[str, object]:
+def _read(table: TomlTable, key: str, said: Stated, dim: int | Mesh) -> object:
+    """The value of a key, or one for each of the boundaries or regions that it names."""
+    if isinstance(dim, int):
+        return read_value(table, key, said, dim)
+    if not said.by or (said.by == "region" and not isinstance(table.data[key], dict)):
+        return read_value(table, key, said, dim.dim)
+    named = table.table(key, None, inline=bool(table.name))
+    for name in named.data:
+        check_named(dim, named, name, said.by)
+    return {name: read_value(named, name, said, dim.dim) for name in named.data}
+
+
+def check_named(mesh: Mesh, table: TomlTable, name: str, what: str = "boundary") -> None:
+    """Refuse the name of a boundary or region that the mesh does not have."""
+    many = "boundaries" if what == "boundary" else "regions"
+    known = list(getattr(mesh, many))
+    if name not in known:
+        raise table.error(name, f"the mesh has no {what} '{name}'{suggest(name, known, many)}")
+
+
+def encode(
+    value: DataclassInstance, where: str = "", part: str = "", **own: Callable[..., object]
+) -> dict[str, object]:
     """The table of a dataclass of stated fields, from which :func:`decode` reads the same.
 
     Parameters
@@ -62,8 +92,10 @@ def encode(value: DataclassInstance, where: str = "", **own: Callable[..., objec
     value : dataclass
     where : str
         What messages call it.
+    part : str
+        Which table it is, of a class that several state.
     **own : function
-        Writers of fields of the form ``OWN``, by name; a field of that form without one is left out.
+        Writers of fields, by name; a field of the form ``OWN`` without one is left out.
 
     Raises
     ------
@@ -71,18 +103,18 @@ def encode(value: DataclassInstance, where: str = "", **own: Callable[..., objec
         A value is one that a file cannot say.
     """
     record = {}
-    for key, (one, said) in stated_fields(value).items():
-        part, default = getattr(value, one.name), _default(one)
-        if part is None or (default is not MISSING and not callable(part) and _equal(part, default)):
+    for key, (one, said) in stated_fields(value, part).items():
+        given, default = getattr(value, one.name), _default(one)
+        if given is None or (default is not MISSING and not callable(given) and _equal(given, default)):
             continue
-        if said.form is not Form.OWN:
-            record[key] = _written(part, said.form, f"{where}.{one.name}".lstrip("."))
-        elif one.name in own:
-            record[key] = own[one.name](part)
+        if one.name in own:
+            record[key] = own[one.name](given)
+        elif said.form is not Form.OWN:
+            record[key] = written(given, said.form, f"{where}.{one.name}".lstrip("."))
     return record
 
 
-def rows_of(*classes: type[DataclassInstance], defaults: bool = True) -> list[str]:
+def rows_of(*classes: type[DataclassInstance], defaults: bool = True, part: str = "") -> list[str]:
     """The rows of dataclasses in the tables of the page of the problem file: key, what it is, and its default.
 
     Parameters
@@ -90,10 +122,12 @@ def rows_of(*classes: type[DataclassInstance], defaults: bool = True) -> list[st
     *classes : type
     defaults : bool
         Whether the table has a column of defaults.
+    part : str
+        Which table it is, of classes that several state.
     """
     rows = []
     for cls in classes:
-        for key, (one, said) in stated_fields(cls).items():
+        for key, (one, said) in stated_fields(cls, part).items():
             default = _default(one)
             shown = said.left_out or ("" if default is MISSING or default is None else f"`{_toml(default)}`")
             rows.append(f"| `{key}` | {said.says} |" + (f" {shown} |" if shown and defaults else " |" * defaults))
@@ -112,6 +146,8 @@ def _toml(value: object) -> str:
 
 
 def _equal(one: object, other: object) -> bool:
+    if isinstance(one, Mapping):
+        return not one
     given, default = np.asarray(one), np.asarray(other)
     if default.ndim == 0 and given.size:  # a vector of zeros is none
         return bool(np.all(given == default))
@@ -129,7 +165,10 @@ def read_value(table: TomlTable, key: str, said: Stated, dim: int = 0) -> object
         case Form.NUMBER:
             return _within(table, key, table.number(key, value), said)
         case Form.WHOLE:
-            return table.whole(key, value, int(said.least or 0))
+            whole = table.whole(key, value, int(said.least or 0))
+            if said.most is not None and whole > said.most:
+                raise table.error(key, f"is {whole}; write a whole number from {said.least:g} to {said.most:g}")
+            return whole
         case Form.FLAG:
             if not isinstance(value, bool):
                 raise table.error(key, f"must be true or false, not {kind(value)}")
@@ -142,6 +181,10 @@ def read_value(table: TomlTable, key: str, said: Stated, dim: int = 0) -> object
             return table.numbers(key, dim, f"a list of {dim} numbers")
         case Form.VECTOR:
             return table.vector(key, value, dim, timed=said.timed)
+        case Form.TENSOR if isinstance(value, list):
+            what = f"a number, a formula, or {dim} lists of {dim} of these"
+            rows = [table.items(key, row, (dim,), what) for row in table.items(key, value, (dim,), what)]
+            return array([table.quantity(key, entry, dim) for row in rows for entry in row], (dim, dim))
     least = -np.inf if said.least is None else said.least
     return table.quantity(key, value, dim, least, said.above, said.timed)
 
@@ -170,8 +213,19 @@ def _file(table: TomlTable, key: str, endings: tuple[str, ...]) -> str:
     return name
 
 
-def _written(value: object, form: Form, where: str) -> object:
+def written(value: object, form: Form, where: str) -> object:
+    """A value, or one for each of several names, as a file states it."""
+    if isinstance(value, Mapping):
+        return {name: written(one, form, f"{where}['{name}']") for name, one in value.items()}
     match form:
+        case Form.TENSOR:
+            if isinstance(value, GradientEnergy):
+                raise not_expressible(where, f"a {type(value).__name__}", "a number, a formula or a tensor")
+            if isinstance(value, Formula) or (not callable(value) and np.ndim(value) == 0):  # type: ignore[arg-type]
+                return quantity_record(value, where)
+            entries = entries_record(value, where)
+            size = round(len(entries) ** 0.5)
+            return [entries[k * size : (k + 1) * size] for k in range(size)]
         case Form.QUANTITY:
             return quantity_record(value, where)
         case Form.VECTOR | Form.POINT:

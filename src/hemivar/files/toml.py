@@ -21,7 +21,10 @@ from hemivar.evolution.plan import March
 from hemivar.evolution.save import Save
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.formula import TIME, VARIABLES, Formula, FormulaArray
+from hemivar.mechanics.conditions import Pressure
 from hemivar.mechanics.material_registry import MATERIAL_LAWS
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh import MeshRecipe
 
 __all__ = ["KEYS", "Quantity", "TomlTable", "array", "context", "kind", "listed", "printable", "text_of"]
 
@@ -40,14 +43,11 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "pattern",
             "origin",
             "file",
-            "scale",
-            "refine",
-            "order",
-            "quadrature",
+            *keys_of(MeshRecipe, ContactProblem, table="mesh"),
         ),
         "material": (*_MATERIAL, "regions"),
         "material.regions.*": _MATERIAL,
-        "loads": ("body", "traction", "pressure", "bedding"),
+        "loads": keys_of(ContactProblem, Pressure, table="loads"),
         "contact.*": ("normal", "friction", "gap", "belt", "obstacle", "normals", "damping", "memory"),
         "time": keys_of(March, TimeSettings),
         "output": (*keys_of(Save, OutputSettings), "checkpoint"),

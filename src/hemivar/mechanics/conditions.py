@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal, TypeVar, cast, overload
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.instants import at_time, depends_on_time
@@ -57,9 +58,9 @@ class Fixed(PickleMixin):
         ``f(x, t)``.
     """
 
-    x: ScalarData | None = None
-    y: ScalarData | None = None
-    z: ScalarData | None = None
+    x: ScalarData | None = field(default=None, metadata=stated(Form.QUANTITY, timed=True))
+    y: ScalarData | None = field(default=None, metadata=stated(Form.QUANTITY, timed=True))
+    z: ScalarData | None = field(default=None, metadata=stated(Form.QUANTITY, timed=True))
 
     def __post_init__(self) -> None:
         if self.x is None and self.y is None and self.z is None:
@@ -81,7 +82,7 @@ class Prescribed(PickleMixin):
         ``f(x, t)``.
     """
 
-    value: VectorData
+    value: VectorData = field(metadata=stated(Form.VECTOR, key="displacement", timed=True))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "value", plain_data(self.value, "Prescribed(...)", most=LARGEST))
@@ -97,7 +98,13 @@ class Pressure(PickleMixin):
         A callable gets points, shape (k, d), and returns shape (k,); it may depend on time, ``f(x, t)``.
     """
 
-    value: ScalarData
+    value: ScalarData = field(
+        metadata=stated(
+            Form.QUANTITY,
+            "force per area against the outward normal, by name: `pressure = { right = 2.0 }` *(f, t)*",
+            key="pressure", timed=True, by="boundary", table="loads",
+        )
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "value", plain_data(self.value, "Pressure(...)", vector=False))

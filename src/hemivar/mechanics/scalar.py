@@ -30,7 +30,7 @@ from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
 from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time, refuse_time
 from hemivar.mechanics.per_volume import Regional, checked_per_volume, checked_quantity
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement_base import ORDER, Statement
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["AREA", "ScalarContact", "ScalarKind", "ScalarProblem", "Side"]
@@ -206,13 +206,17 @@ class ScalarProblem(Statement):
     coefficient: Coefficient | Mapping[str, Coefficient]
     contact: Mapping[str, ScalarContact] = field(default_factory=dict)
     area: ScalarContact | Mapping[str, ScalarContact] = field(default_factory=dict)
-    supports: Mapping[str, ScalarData] = field(default_factory=dict)
-    source: ScalarData = 0.0
-    fluxes: Mapping[str, ScalarData] = field(default_factory=dict)
-    bedding: ScalarData = 0.0
+    supports: Mapping[str, ScalarData] = field(
+        default_factory=dict, metadata=stated(Form.QUANTITY, timed=True, by="boundary")
+    )
+    source: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, timed=True, table="loads"))
+    fluxes: Mapping[str, ScalarData] = field(
+        default_factory=dict, metadata=stated(Form.QUANTITY, key="flux", timed=True, by="boundary", table="loads")
+    )
+    bedding: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, least=0.0, table="loads"))
     kind: ScalarKind = ScalarKind.MEMBRANE
     title: str = ""
-    order: int = 1
+    order: int = field(default=1, metadata=ORDER)
     density: Regional | None = None
     viscosity: Regional | None = None
     capacity: Regional | None = None

@@ -41,7 +41,7 @@ from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, la
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
 from hemivar.mechanics.per_volume import checked_quantity
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement_base import ORDER, Statement
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
@@ -262,12 +262,41 @@ class ContactProblem(Statement):
     material: Material
     contact: Mapping[str, Contact] = field(default_factory=dict)
     supports: Mapping[str, Support] = field(default_factory=dict)
-    body_force: VectorData | float = 0.0
-    tractions: Mapping[str, Traction] = field(default_factory=dict)
+    body_force: VectorData | float = field(
+        default=0.0,
+        metadata=stated(
+            Form.VECTOR, "force per volume, one number for each direction *(f, t)*",
+            key="body", timed=True, table="loads",
+        ),
+    )  # fmt: skip
+    tractions: Mapping[str, Traction] = field(
+        default_factory=dict,
+        metadata=stated(
+            Form.VECTOR, "force per area of boundary, by name: `traction = { top = [0.0, -2.0] }` *(f, t)*",
+            key="traction", timed=True, by="boundary", table="loads",
+        ),
+    )  # fmt: skip
     title: str = ""
-    order: int = 1
-    quadrature: Quadrature = Quadrature.NODAL
-    bedding: ScalarData = 0.0
+    order: int = field(default=1, metadata=ORDER)
+    quadrature: Quadrature = field(
+        default=Quadrature.NODAL,
+        metadata=stated(
+            Form.TEXT,
+            'where the contact laws act: `"nodal"` at the nodes of the contact boundary, `"midpoint"` at the midpoints '
+            "of its facets (piecewise constant pressure; plane meshes only; a contact boundary held at both ends has "
+            "more midpoints than free nodes and is refused)",
+            choices=tuple(Quadrature), table="mesh",
+        ),
+    )  # fmt: skip
+    bedding: ScalarData = field(
+        default=0.0,
+        metadata=stated(
+            Form.QUANTITY,
+            "stiffness per volume of springs all over the body, a force `-bedding u` per volume (Winkler), >= 0 *(f)*; "
+            "such a body needs no support",
+            least=0.0, table="loads",
+        ),
+    )  # fmt: skip
     units: Units = field(default_factory=Units)
 
     def __post_init__(self) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from hemivar.basics.arguments import described, expect, number, suggest
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.stated import Form, stated
 from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import (
@@ -37,7 +38,12 @@ if TYPE_CHECKING:
     from hemivar.mechanics.scalar import ScalarContact
     from hemivar.mechanics.statement import Contact
 
-__all__ = ["Statement"]
+__all__ = ["ORDER", "Statement"]
+
+#: What a file says of the order of the elements.
+ORDER = stated(
+    Form.WHOLE, "1: linear elements; 2: quadratic ones (contact in 3D needs 1)", least=1, most=2, table="mesh"
+)
 
 
 class Statement(PickleMixin, ReprMixin):

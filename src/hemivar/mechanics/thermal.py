@@ -207,15 +207,27 @@ class Heat(PickleMixin):
     """
 
     conductivity: Coefficient = field(
-        metadata=stated(Form.OWN, "a number, d lists of d numbers, or `{ REGION = ... }` *(f)*")
+        metadata=stated(
+            Form.TENSOR, "a number, d lists of d numbers, or `{ REGION = ... }` *(f)*", least=0.0, by="region"
+        )
     )
-    capacity: Regional = field(metadata=stated(Form.OWN, "heat per volume and degree, or `{ REGION = ... }` *(f)*"))
+    capacity: Regional = field(
+        metadata=stated(
+            Form.QUANTITY, "heat per volume and degree, or `{ REGION = ... }` *(f)*", least=0.0, by="region"
+        )
+    )
     expansion: Regional | None = field(
-        default=None, metadata=stated(Form.OWN, "strain per degree, or `{ REGION = ... }` *(f)*")
+        default=None,
+        metadata=stated(Form.QUANTITY, "strain per degree, or `{ REGION = ... }` *(f)*", least=0.0, by="region"),
     )
     thermal_stress: Regional | None = field(
         default=None,
-        metadata=stated(Form.OWN, "pressure per degree in place of the expansion, or `{ REGION = ... }` *(f)*"),
+        metadata=stated(
+            Form.QUANTITY,
+            "pressure per degree in place of the expansion, or `{ REGION = ... }` *(f)*",
+            least=0.0,
+            by="region",
+        ),
     )
     coupling: float = field(
         default=0.0, metadata=stated(Form.NUMBER, "absolute temperature in the heat of deformation")
@@ -224,12 +236,23 @@ class Heat(PickleMixin):
     temperature: ScalarData = field(default=0.0, metadata=stated(Form.QUANTITY, "temperature at the start *(f)*"))
     supports: Mapping[str, ScalarData] = field(
         default_factory=dict,
-        metadata=stated(Form.OWN, "prescribed temperatures, `{ NAME = ... }` *(f, t)*", left_out="none"),
+        metadata=stated(
+            Form.QUANTITY,
+            "prescribed temperatures, `{ NAME = ... }` *(f, t)*",
+            timed=True,
+            by="boundary",
+            left_out="none",
+        ),
     )
     fluxes: Mapping[str, ScalarData] = field(
         default_factory=dict,
         metadata=stated(
-            Form.OWN, "heat flow into the body per area, `{ NAME = ... }` *(f, t)*", key="flux", left_out="none"
+            Form.QUANTITY,
+            "heat flow into the body per area, `{ NAME = ... }` *(f, t)*",
+            key="flux",
+            timed=True,
+            by="boundary",
+            left_out="none",
         ),
     )
     source: ScalarData = field(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.stated import Form, stated
 
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
@@ -61,8 +62,18 @@ class MeshRecipe:
     """
 
     source: Grid | Path
-    scale: float = 1.0
-    refine: int = 0
+    scale: float = field(
+        default=1.0,
+        metadata=stated(
+            Form.NUMBER, "factor for all coordinates, such as `1e-3` from mm to m", above=0.0, table="mesh"
+        ),
+    )
+    refine: int = field(
+        default=0,
+        metadata=stated(
+            Form.WHOLE, "how many times every triangle is cut into four (tetrahedron into eight)", table="mesh"
+        ),
+    )
 
     def begin(self, halvings: int = 0) -> Mesh:
         """The mesh before refinement, from numbers of cells halved so many times (0 for files)."""
