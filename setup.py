@@ -66,8 +66,12 @@ class KernelsWheel(bdist_wheel):
 
 kernels = Extension(
     "hemivar.kernels._compiled",
-    sources=[f"{KERNELS}/{name}.cpp" for name in ("api", "cycle", "mesh_sums", "pool", "set_up")],
-    depends=[f"{KERNELS}/{name}.hpp" for name in ("lanes", "levels", "memory", "mesh_sums", "pool")],
+    sources=[
+        f"{KERNELS}/{name}.cpp" for name in ("active_sets", "api", "cycle", "mesh_sums", "panels", "pool", "set_up")
+    ],
+    depends=[
+        f"{KERNELS}/{name}.hpp" for name in ("active_sets", "lanes", "levels", "memory", "mesh_sums", "panels", "pool")
+    ],
     language="c++",
     optional=True,
 )

@@ -4,11 +4,14 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 #include <thread>
 #include <vector>
 
+#include "active_sets.hpp"
 #include "levels.hpp"
 #include "mesh_sums.hpp"
+#include "panels.hpp"
 #include "pool.hpp"
 
 using namespace hemivar;
@@ -169,9 +172,77 @@ bool refused(const Work& work) {
     return false;
 }
 
+// A unit lower triangle whose columns share their rows in runs of 1, 2, ..., 13, and substitution through it.
+void substitute() {
+    const int32_t n = 120, count = 91;
+    std::vector<int32_t> starts{0}, rows;
+    std::vector<double> entries;
+    for (int32_t width = 1, first = 0; first < count; first += width++) {
+        for (int32_t j = first; j < first + width; ++j) {
+            for (int32_t i = j; i < n; ++i) {
+                if (i >= first + width && (i + width) % 3 != 0) continue;
+                rows.push_back(i);
+                entries.push_back(i == j ? 1.0 : 0.25 / (1 + (i + j) % 5) / width);
+            }
+            starts.push_back(static_cast<int32_t>(rows.size()));
+        }
+    }
+    check(starts.size() == count + 1, "the triangle has another size");
+    const Panels panels(count, starts.data(), rows.data(), entries.data());
+    std::vector<double> right(n), x, back(n), turned;
+    for (int32_t i = 0; i < n; ++i) right[i] = 1.0 + i % 7;
+    x = turned = right;
+    panels.forward(x.data());
+    panels.backward(turned.data());
+    std::vector<double> of_rows(n, 0.0), of_columns(turned);
+    for (int32_t j = 0; j < n; ++j) of_rows[j] += j < count ? 0.0 : x[j];
+    for (int32_t j = 0; j < count; ++j) {
+        of_columns[j] = 0.0;
+        for (int32_t e = starts[j]; e < starts[j + 1]; ++e) {
+            of_rows[rows[e]] += entries[e] * x[j];
+            of_columns[j] += entries[e] * turned[rows[e]];
+        }
+    }
+    for (int32_t i = 0; i < n; ++i) {
+        check(std::fabs(of_rows[i] - right[i]) < 1e-10, "substitution does not solve with the triangle");
+        check(std::fabs(of_columns[i] - right[i]) < 1e-10, "substitution does not solve with its transpose");
+    }
+}
+
+// Springs on a rigid obstacle: the points that are pushed in are held, the others fly.
+void settle(int64_t n) {
+    const double inf = std::numeric_limits<double>::infinity();
+    std::vector<double> stiffness(n, 3.0), bounds(2 * n, 0.0), zero(3 * n, 0.0), low(n, 0.0), high(n, inf);
+    std::vector<double> first(n, -inf), last(n, 0.0), matrix(n * n, 0.0), weights(n, 0.5), compliance(n, 0.5);
+    for (int64_t i = 0; i < n; ++i) {
+        bounds[n + i] = inf;
+        for (int64_t j = 0; j < n; ++j) matrix[i * n + j] = i == j ? 2.0 : 0.01;
+    }
+    const Tables law{n,           3,           stiffness.data(), bounds.data(), zero.data(), zero.data(), zero.data(),
+                     zero.data(), low.data(),  high.data(),      first.data(),  last.data()};
+    ActiveSets sets(law, matrix.data(), weights.data(), compliance.data());
+    std::vector<double> load(n), r(n, 0.0), lam(n, 0.0), of_law(n);
+    for (int64_t i = 0; i < n; ++i) load[i] = i % 2 ? 1.0 : -1.0;
+    double told[3];
+    check(sets.run(load.data(), r.data(), lam.data(), of_law.data(), 20, 0.0, 1e-12, 1.0, told) == ActiveSets::kClose,
+          "the rounds do not settle");
+    for (int64_t i = 0; i < n; ++i) {
+        check(i % 2 ? r[i] == 0.0 && of_law[i] > 0.0 : r[i] < 0.0 && of_law[i] == 0.0, "a point is on another piece");
+    }
+    check(sets.distance(r.data(), of_law.data()) < 1e-12, "the pairs are off their law");
+    matrix[0] = -1.0;
+    lam.assign(n, -1.0);
+    load.assign(n, -1.0);
+    ActiveSets soft(law, matrix.data(), weights.data(), compliance.data());
+    check(soft.run(load.data(), r.data(), lam.data(), of_law.data(), 20, 0.0, 1e-12, 1.0, told) == ActiveSets::kGivenUp,
+          "a matrix that is not definite is taken");
+}
+
 }  // namespace
 
 int main() {
+    substitute();
+    for (int64_t n : {1, 2, 7, 40}) settle(n);
     std::vector<std::vector<double>> found;
     for (int threads : {1, 3}) {
         Pool::set_threads(threads);

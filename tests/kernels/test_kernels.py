@@ -121,11 +121,17 @@ def test_rows_of_contact_unknowns_are_changed_as_without(make: object) -> None:
 
 _RUN = """
 import sys, hashlib, numpy as np, hemivar as hv
+from dataclasses import replace
 from hemivar import gallery
 from hemivar.kernels import kernels, threads
 for problem in hv.discretize(gallery.survey("5.1", 96, "right")), hv.discretize(gallery.survey_cube("5.1", 14)):
     found = hv.solve(problem, hv.solvers.NonsmoothMultigrid())
     print(hashlib.sha256(found.unknowns.tobytes()).hexdigest())
+stated = gallery.survey("5.1", 16, "right")
+stated = replace(stated, material=replace(stated.material, density=1.0, viscosity=(0.4, 0.4)))
+print(hashlib.sha256(hv.solve(stated).unknowns.tobytes()).hexdigest())
+history = hv.march(hv.Evolution(stated, inertia=True), 0.1, step=0.01)
+print(hashlib.sha256(history.moment.body.displacement.tobytes()).hexdigest())
 assert kernels() is not None
 print(threads(), file=sys.stderr)
 """

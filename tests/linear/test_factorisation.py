@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import pickle
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.fem.assembly import stiffness_matrix
+from hemivar.kernels import kernels
 from hemivar.linear import factorisation
 from hemivar.linear.factorisation import Factorisation, SuperLUFactorisation, factorise
+from hemivar.linear.triangular_sweeps import PanelSweeps, RowSweeps
 from hemivar.mechanics import Material
 from hemivar.mesh import box, rectangle
 
@@ -29,9 +34,21 @@ def made(matrix: sp.csr_array, kept: IntArray, many: bool) -> Factorisation:
     return SuperLUFactorisation(matrix, kept, many)
 
 
-@pytest.mark.parametrize("many", [False, True])
+@pytest.fixture(params=["whole", "rows", "panels"])
+def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Whole solves, sweeps by rows and those of the compiled kernels."""
+    if request.param == "panels" and kernels() is None:
+        pytest.skip("the kernels are not compiled here")
+    monkeypatch.setenv("HEMIVAR_KERNELS", "auto" if request.param == "panels" else "none")
+    kernels.cache_clear()
+    yield request.param
+    monkeypatch.undo()
+    kernels.cache_clear()
+
+
 @pytest.mark.parametrize("seed", range(3))
-def test_loads_go_to_the_kept_unknowns_and_back_as_in_dense_algebra(seed: int, many: bool) -> None:
+def test_loads_go_to_the_kept_unknowns_and_back_as_in_dense_algebra(seed: int, way: str) -> None:
+    many = way != "whole"
     K, random = body(7, seed), np.random.default_rng(seed + 10)
     n = K.shape[0]
     kept = np.sort(random.choice(n, 12, replace=False)).astype(np.int64)
@@ -61,11 +78,14 @@ def test_loads_go_to_the_kept_unknowns_and_back_as_in_dense_algebra(seed: int, m
         assert not factor.solve_interior(load)[kept].any()
 
 
-def test_sweeps_leave_the_load_as_it_was() -> None:
+def test_sweeps_leave_the_load_as_it_was(way: str) -> None:
     K = body(5, 0)
     kept = np.arange(0, 50, 7)
     load, y = np.ones(K.shape[0]), np.ones(kept.size)
     factor = made(K, kept, True)
+    assert isinstance(factor, SuperLUFactorisation)
+    assert factor._halves is not None
+    assert isinstance(factor._halves.sweeps, PanelSweeps) is (way == "panels")
     first = factor.reduce(load)
     inner = np.array(first.inner)
     answers: list[Array] = [factor.extend(first, y) for _ in range(2)]
@@ -102,3 +122,70 @@ def test_many_loads_in_the_plane_go_by_halves_whatever_is_installed(
     none = np.zeros(0, dtype=np.int64)
     assert factorise(K, none) == "whole"
     assert isinstance(factorise(K, none, many=True), SuperLUFactorisation) is swept
+
+
+def triangle(seed: int) -> sp.csc_array:
+    """The first columns of a unit lower triangle: runs of columns that share their rows, and others."""
+    random = np.random.default_rng(seed)
+    n, count = 90, 70
+    L, j = np.eye(n), 0
+    while j < count:
+        width = min(int(random.integers(1, 14)), count - j)
+        below = np.flatnonzero(random.uniform(size=n) < 0.2)
+        for k in range(j, j + width):
+            L[k + 1 : j + width, k] = random.normal(size=j + width - k - 1)
+            rows = below[below >= j + width]
+            L[rows, k] = random.normal(size=rows.size)
+        j += width
+    found = sp.csc_array(L[:, :count])
+    found.indices, found.indptr = found.indices.astype(np.int32), found.indptr.astype(np.int32)
+    return found
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sweeps_by_panels_and_by_rows_solve_with_the_triangle_and_its_transpose(seed: int) -> None:
+    columns = triangle(seed)
+    n, count = columns.shape
+    L = np.eye(n)
+    L[:, :count] = columns.toarray()
+    b, compiled = np.random.default_rng(seed).normal(size=n), kernels()
+    for sweeps in (RowSweeps.of(columns, count), *([] if compiled is None else [PanelSweeps(compiled, columns)])):
+        for solve, matrix in ((sweeps.forward, L), (sweeps.backward, L.T)):
+            x = b.copy()
+            solve(x)
+            np.testing.assert_allclose(matrix @ x, b, atol=1e-12 * np.abs(x).max())
+
+
+@pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
+def test_wrong_triangles_are_refused_at_the_door() -> None:
+    compiled = kernels()
+    assert compiled is not None
+    for change in (
+        "L.indptr = L.indptr.astype(np.int64)",
+        "L.indices = L.indices.astype(np.int64)",
+        "L.data = L.data.astype(np.float32)",
+        "L.data = L.data[:-1]",
+        "L.data = np.repeat(L.data, 2)[::2]",
+        "L.indices[0] = 1",
+        "L.indices[-1] = 90",
+        "L.indices[-1] = -1",
+        "L.indices[1:3] = L.indices[1:3][::-1]",
+        "L.indptr[-1] += 1",
+        "L.indptr[0] = 1",
+        "L.indptr[4] = L.indptr[3]",
+        "L.indptr = L.indptr[:-1]",
+        "L.indptr[2] = 10**6",
+    ):
+        L = triangle(0)
+        assert L.indptr[1] > 2
+        exec(change, {"L": L, "np": np})
+        with pytest.raises(ValueError, match="triangle"):
+            PanelSweeps(compiled, L)
+    sweeps = PanelSweeps(compiled, triangle(0))
+    for wrong in (np.zeros(89), np.zeros(90, dtype=np.float32), np.zeros(180)[::2], np.zeros((90, 1))):
+        with pytest.raises(ValueError, match="vector of 90"):
+            sweeps.forward(wrong)
+        with pytest.raises(ValueError, match="vector of 90"):
+            sweeps.backward(wrong)
+    with pytest.raises(TypeError, match="this process"):
+        pickle.dumps(sweeps)

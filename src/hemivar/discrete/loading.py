@@ -49,7 +49,8 @@ class Loading(PickleMixin):
         remedy = "pass ContactLaw(normal, friction), resolved at the contact points"
         if type(self.law) is not ContactLaw:  # looked at in every time step, and abstract classes are slow to ask
             expect(self.law, VectorLaw, "the law of a discrete problem", remedy)
-        constant = float(real_array(self.constant, "constant", 0, finite=False))
+        given = self.constant
+        constant = given if type(given) is float else float(real_array(given, "constant", 0, finite=False))
         if not math.isfinite(constant):
             raise ProblemError(f"constant = {self.constant}; the constant part of the energy must be finite")
         object.__setattr__(self, "load", _own(self.load, "load", 1))

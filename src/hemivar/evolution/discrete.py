@@ -368,7 +368,7 @@ class StepMatrices:
         if isinstance(model.bulk, Potential):
             assert isinstance(model.parts, Composition)
             model = replace(model.parts, place=self.discrete.full(place)).model(model.resisted)
-        return replace(base, model=model, loading=Loading(load, offset, law), law_known=not first)
+        return DiscreteProblem(model, Loading(load, offset, law), base.warnings, base.shown, not first)
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete

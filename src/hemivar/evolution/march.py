@@ -120,7 +120,8 @@ def marching(
         if taken is None:
             ended = happened[0]
             break
-        told = yield replace(run.accept(taken, happened), unkept=unkept)
+        event = run.accept(taken, happened)
+        told = yield replace(event, unkept=unkept) if unkept else event
         late = kept is not None and clock.perf_counter() - written >= 60.0 * kept.minutes
         # What the clock says differs between processes: the largest holds for all.
         told, due, late = discrete.vectors.largest(float(bool(told)), budget.due(), float(late)).tolist()

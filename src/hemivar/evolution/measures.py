@@ -30,10 +30,11 @@ def contact_forces(discrete: DiscreteEvolution, moment: TimeState) -> dict[str, 
     rubbed = friction_of(force)
     if rubbed.shape[1] > 1:  # the tangents of different points point in different directions
         rubbed = discrete.problem.contact.global_vectors(force * (np.arange(lam.shape[1]) > 0))
-    shut, depth = np.where(lam[:, 0] > 0.0, weights, 0.0), moment.local.displacement[:, 0]
-    add = np.add.reduce
+    depth = moment.local.displacement[:, 0]
+    summed = np.empty((len(lam), rubbed.shape[1] + 2))
+    summed[:, 0], summed[:, 1:-1], summed[:, -1] = force[:, 0], rubbed, np.where(lam[:, 0] > 0.0, weights, 0.0)
     for _, index in parts:
-        own += [add(force[index, 0]), *add(rubbed[index], axis=0), add(shut[index])]
+        own += np.add.reduce(summed[index], axis=0).tolist()
         deep.append(float(depth[index].max(initial=-np.inf)))
     sums = discrete.vectors.total(*own).reshape(len(parts), -1)
     deepest = discrete.vectors.largest(*deep)

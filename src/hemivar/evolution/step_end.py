@@ -86,6 +86,8 @@ class _StepWork:
 
     def total(self, vectors: Vectors) -> _StepWork:
         """That of all processes."""
+        if vectors.alone:
+            return self
         return _StepWork(*vectors.total(*vars(self).values()).tolist())
 
 
@@ -224,18 +226,17 @@ def _balance(
     if len(solved) > 1:
         parts = [one.stage.rule.share * step for one in solved]
         ways = [(part * one.body.velocity, part * one.local.velocity) for part, one in zip(parts, solved, strict=True)]
-    done = _StepWork(
-        branch_loss=sum(
-            _branch_loss(branch, h, way / step, period, step)
-            for h, (period, branch) in zip(before.branches, discrete.branches, strict=True)
-        ),
-        memory=sum(
-            _memory_loss(discrete, before, found, block, solved[-1].own, stage.rule, step)
-            for block in law.blocks
-            if block.name in before.memory
-        ),
+    branch_loss = sum(
+        _branch_loss(branch, h, way / step, period, step)
+        for h, (period, branch) in zip(before.branches, discrete.branches, strict=True)
     )
-    for one, (du, dr) in zip(solved, ways, strict=True):
+    memory = sum(
+        _memory_loss(discrete, before, found, block, solved[-1].own, stage.rule, step)
+        for block in law.blocks
+        if block.name in before.memory
+    )
+    done = _work_of(discrete, solved[0], *ways[0], branch_loss, memory)
+    for one, (du, dr) in zip(solved[1:], ways[1:], strict=True):
         done += _work_of(discrete, one, du, dr)
     done, now = done.total(discrete.vectors), energies(discrete, found, law)
     body = done.internal - (now["elastic"] - old.elastic) + done.inertial - (now["kinetic"] - old.kinetic)
@@ -258,7 +259,9 @@ def _balance(
     ).closed()
 
 
-def _work_of(discrete: DiscreteEvolution, one: SolvedStage, du: Array, dr: Array) -> _StepWork:
+def _work_of(
+    discrete: DiscreteEvolution, one: SolvedStage, du: Array, dr: Array, branch_loss: float = 0.0, memory: float = 0.0
+) -> _StepWork:
     """Work and losses of a stage on a way (n + k,) of the body and one (m, c) of the contact points."""
     stage, n, lam = one.stage, discrete.unknowns, one.solution.multiplier
     weights = discrete.problem.contact.weights[:, None]
@@ -282,6 +285,8 @@ def _work_of(discrete: DiscreteEvolution, one: SolvedStage, du: Array, dr: Array
         friction=float((pressed * dr)[:, 1:].sum()),
         damping=damping,
         jumps=jumps,
+        branch_loss=branch_loss,
+        memory=memory,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
+from hemivar.discrete.residual import Residual
 from hemivar.evolution.balance import allowed_work, rounding_of
 from hemivar.evolution.data_in_time import DataInTime, StatedData
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices
@@ -322,7 +323,8 @@ class TimeStepper:
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
         off = solution.residual  # it is told against all that the tolerance was held against
-        told = replace(solution, residual=replace(off, scale=off.scale + size))
+        off = Residual(off.equilibrium, off.inclusion, off.scale + size, off.noise)
+        told = replace(solution, residual=off)
         reached = stage_state(discrete, stage, solution.unknowns) if found.reached is None else found.reached
         return SolvedStage(stage, told, reached, point, own, found.resistance, found.leaps)
 

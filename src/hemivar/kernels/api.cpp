@@ -4,8 +4,10 @@
 #include <new>
 #include <stdexcept>
 
+#include "active_sets.hpp"
 #include "levels.hpp"
 #include "mesh_sums.hpp"
+#include "panels.hpp"
 #include "pool.hpp"
 
 #ifdef _WIN32
@@ -81,7 +83,7 @@ auto ordered_sum(int64_t n, const Work& work) {
 
 }  // namespace
 
-HEMIVAR_API int hv_abi() { return 2; }
+HEMIVAR_API int hv_abi() { return 3; }
 
 HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
 
@@ -276,6 +278,40 @@ HEMIVAR_API void hv_turn(int64_t n, double factor, const double* z, double* p) {
         const int64_t to = std::min(n, (piece + 1) * chunk);
         for (int64_t k = piece * chunk; k < to; ++k) p[k] = z[k] + factor * p[k];
     });
+}
+
+HEMIVAR_API Panels* hv_panels_new(int64_t count, const int32_t* starts, const int32_t* rows, const double* entries) {
+    Panels* made = nullptr;
+    guarded([&] { made = new Panels(count, starts, rows, entries); });
+    return made;
+}
+
+HEMIVAR_API void hv_panels_free(Panels* panels) { delete panels; }
+
+HEMIVAR_API void hv_panels_forward(const Panels* panels, double* x) { panels->forward(x); }
+
+HEMIVAR_API void hv_panels_backward(const Panels* panels, double* x) { panels->backward(x); }
+
+// tables: stiffness, bounds, anchor, base, slope, knots, low, high, first, last, matrix, weights, compliance.
+HEMIVAR_API ActiveSets* hv_active_sets_new(int64_t n, int64_t states, const double* const* tables) {
+    ActiveSets* made = nullptr;
+    const double* const* t = tables;
+    guarded([&] {
+        const Tables law{n, states, t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9]};
+        made = new ActiveSets(law, t[10], t[11], t[12]);
+    });
+    return made;
+}
+
+HEMIVAR_API void hv_active_sets_free(ActiveSets* sets) { delete sets; }
+
+HEMIVAR_API int hv_active_sets_run(ActiveSets* sets, const double* load, double* r, double* lam, double* of_law,
+                                   int64_t most, double atol, double rtol, double load_size, double* told) {
+    return sets->run(load, r, lam, of_law, most, atol, rtol, load_size, told);
+}
+
+HEMIVAR_API double hv_active_sets_distance(ActiveSets* sets, const double* r, const double* lam) {
+    return sets->distance(r, lam);
 }
 
 // On Windows an extension must have one; nobody imports it.

@@ -16,7 +16,7 @@ from hemivar.basics.types import AnyArray, Array
 __all__ = ["Kernels", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
-_ABI = 2
+_ABI = 3
 _NAMES = ("_compiled.so", "_compiled.pyd")
 #: Most threads that are ever taken.
 _MOST = 256
@@ -57,6 +57,14 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_curvature": ([c_int64, *[c_void_p] * 4], None),
     "hv_products": ([c_int64, *[c_void_p] * 4], None),
     "hv_turn": ([c_int64, c_double, c_void_p, c_void_p], None),
+    "hv_panels_new": ([c_int64, *[c_void_p] * 3], c_void_p),
+    "hv_panels_free": ([c_void_p], None),
+    "hv_panels_forward": ([c_void_p, c_void_p], None),
+    "hv_panels_backward": ([c_void_p, c_void_p], None),
+    "hv_active_sets_new": ([c_int64, c_int64, c_void_p], c_void_p),
+    "hv_active_sets_free": ([c_void_p], None),
+    "hv_active_sets_distance": ([*[c_void_p] * 3], c_double),
+    "hv_active_sets_run": ([*[c_void_p] * 5, c_int64, c_double, c_double, c_double, c_void_p], c_int),
 }
 
 

@@ -18,8 +18,9 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.kernels import kernels as compiled_kernels
 from hemivar.linear.definite import positive_pivots
-from hemivar.linear.pyamg_kernels import kernels
+from hemivar.linear.triangular_sweeps import PanelSweeps, RowSweeps, sweeps_of
 
 __all__ = [
     "CondensedLoad",
@@ -120,9 +121,9 @@ class SuperLUFactorisation:
     The ordering is a minimum degree ordering of the graph whose vertices are the groups of unknowns with the same
     sparsity pattern (the components at a node), which is several times smaller than the matrix.
 
-    For many loads the factor ``L_I`` of the other unknowns, with the rows of the kept ones under it, is laid out by
-    rows twice, as ``L`` and as its transpose.  Each half of a solve is then one compiled sweep, which takes half the
-    time of SuperLU's, and what SuperLU holds is given back.
+    For many loads, and where the matrix is small, the factor ``L_I`` of the other unknowns, with the rows of the kept
+    ones under it, is laid out for compiled sweeps.  Each half of a solve is then one of them, and what SuperLU holds is
+    given back.
     """
 
     def __init__(self, matrix: sp.csr_array, kept: IntArray, many: bool = False) -> None:
@@ -143,9 +144,14 @@ class SuperLUFactorisation:
         index = np.argsort(np.argsort(rank[kept]))
         self._shifted: Array = in_order[np.ix_(index, index)]
         self.schur: Array = self._shifted - np.diag(self._shift)
-        self._halves = self._halved(self._factor, n - kept.size) if many else None
+        self._halves = self._halved(self._factor, n - kept.size) if many or self._quickly(n) else None
         if self._halves is not None:
             self._factor = None
+
+    @staticmethod
+    def _quickly(n: int) -> bool:
+        """Whether factors of this size are laid out in less time than their sweeps save."""
+        return n <= _QUICK and compiled_kernels() is not None
 
     def _halved(self, factor: spla.SuperLU, first: int) -> _TriangularFactors | None:
         """Both sweeps by themselves, if the factors are those of a symmetric elimination, the kept unknowns last."""
@@ -158,12 +164,10 @@ class SuperLUFactorisation:
             return None
         full = factor.L
         end = int(full.indptr[first])
-        data = np.concatenate([full.data[:end], np.ones(n - first)])
-        rows = np.concatenate([full.indices[:end], np.arange(first, n, dtype=full.indices.dtype)])
-        starts = np.concatenate([full.indptr[:first], end + np.arange(n - first + 1, dtype=full.indptr.dtype)])
+        columns_before = full.data[:end], full.indices[:end], full.indptr[: first + 1]
+        sweeps = sweeps_of(sp.csc_array(columns_before, shape=(n, first), copy=True), first)
         order = self._order[np.argsort(columns)]
-        place = np.searchsorted(self._kept, order[first:])
-        return _TriangularFactors.of(sp.csc_array((data, rows, starts), shape=(n, n)), pivots, order, place)
+        return _TriangularFactors(sweeps, pivots, order, np.searchsorted(self._kept, order[first:]), np.argsort(order))
 
     @staticmethod
     def _trailing_product(factor: spla.SuperLU, count: int) -> Array | None:
@@ -235,65 +239,33 @@ class SuperLUFactorisation:
 
 
 @dataclass(frozen=True, eq=False)
-class _Triangle:
-    """A lower triangular matrix (n, n) with ones on its diagonal, by rows."""
-
-    starts: IntArray
-    columns: IntArray
-    entries: Array
-
-    def sweep(self, x: Array, first: int = 0) -> None:
-        """Solve in place from row ``first`` on: ``x (n,)`` is the solution before it and the right side from it on.
-
-        One sweep of Gauss and Seidel is forward substitution, and no sum looks at what has not been solved.
-        """
-        kernels().gauss_seidel(self.starts, self.columns, self.entries, x, x, first, x.size, 1)
-
-
-@dataclass(frozen=True, eq=False)
 class _TriangularFactors:
     """``K = L D L'`` with ``L = [[L_I, 0], [L_CI, 1]]``, the kept unknowns last.
 
     Attributes
     ----------
-    lower : _Triangle
-        L.
-    upper : _Triangle
-        Its transpose, from the last unknown to the first, which makes it a lower triangle as well.
+    sweeps : RowSweeps or PanelSweeps
+        Through L and its transpose.
     pivots : array (n - k,)
         D on the unknowns I; on the kept ones it is the Schur complement.
     order : int array (n,)
         The unknown in each place.
     place : int array (k,)
         Which of the kept unknowns stands in each of the last places.
-    behind : int array (n,)
-        Of each unknown, how many places lie behind its own.
+    back : int array (n,)
+        The place of each unknown.
     """
 
-    lower: _Triangle
-    upper: _Triangle
+    sweeps: RowSweeps | PanelSweeps
     pivots: Array
     order: IntArray
     place: IntArray
-    behind: IntArray
-
-    @classmethod
-    def of(cls, lower: sp.csc_array, pivots: Array, order: IntArray, place: IntArray) -> _TriangularFactors:
-        """From L by columns."""
-        n, rows = order.size, sp.csr_array(lower)
-        upper = _Triangle(
-            np.ascontiguousarray(lower.nnz - lower.indptr[::-1], dtype=rows.indptr.dtype),
-            np.ascontiguousarray(n - 1 - lower.indices[::-1], dtype=rows.indices.dtype),
-            np.ascontiguousarray(lower.data[::-1]),
-        )
-        behind = np.empty(n, dtype=np.int64)
-        behind[order] = np.arange(n)[::-1]
-        return cls(_Triangle(rows.indptr, rows.indices, rows.data), upper, pivots, order, place, behind)
+    back: IntArray
 
     def forward(self, load: Array) -> CondensedLoad:
         """``L^-1`` of a load (n,)."""
         swept = load.take(self.order)
-        self.lower.sweep(swept)
+        self.sweeps.forward(swept)
         first = self.pivots.size
         inner, force = swept[:first], np.empty(self.place.size)
         force[self.place] = swept[first:]
@@ -303,9 +275,9 @@ class _TriangularFactors:
     def backward(self, reduced: CondensedLoad, kept: Array) -> Array:
         """``L'^-1`` of what the other sweep has left, values of the kept unknowns (k,) given."""
         assert reduced.inner is not None
-        x = np.concatenate([reduced.inner, kept.take(self.place)])[::-1].copy()
-        self.upper.sweep(x, self.place.size)
-        return x.take(self.behind)
+        x = np.concatenate([reduced.inner, kept.take(self.place)])
+        self.sweeps.backward(x)
+        return x.take(self.back)
 
 
 class MumpsFactorisation:

@@ -6,6 +6,7 @@ method decides by goes through :class:`Vectors`, so that all processes decide al
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -54,8 +55,7 @@ class Whole:
         return np.asarray(values, dtype=float)
 
     def largest(self, *values: float) -> Array:
-        found = np.asarray(values, dtype=float)
-        return np.where(np.isnan(found), np.inf, found)
+        return np.asarray([math.inf if value != value else value for value in values], dtype=float)
 
     def norms(self, *vectors: Array) -> Array:
         return np.array([norm(vector) for vector in vectors])

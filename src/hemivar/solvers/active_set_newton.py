@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,6 +27,7 @@ from hemivar.solvers.controls import Controls
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
+from hemivar.systems.compiled_rounds import CompiledRounds, compiled_rounds
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.dense_newton import DenseFactor, newton_matrix
 
@@ -90,6 +91,7 @@ class NewtonCache:
 
     _law: _Graphs | None = field(default=None, repr=False)
     factor: DenseFactor = field(default_factory=DenseFactor, repr=False)
+    _known: tuple[_Graphs, Array, CompiledRounds | None] | None = field(default=None, repr=False)
 
     def graphs(self, system: CondensedProblem) -> _Graphs | None:
         """The graphs of the law; None where its bound depends on the state and Newton's equation cannot follow it."""
@@ -105,6 +107,16 @@ class NewtonCache:
                 made = _GeneralGraph(law, pair, body.per_area, body.compliance) if made is None else made
             found = self._law = made
         return found
+
+    def compiled(self, system: CondensedProblem, graphs: _Graphs) -> CompiledRounds | None:
+        """What makes the rounds in one call, where it can."""
+        known = self._known
+        if known is None or known[0] is not graphs or known[1] is not system.matrix:
+            body, found = system.body, None
+            if body.everywhere:
+                found = compiled_rounds(graphs, system.matrix, system.weights, body.resilience)
+            known = self._known = graphs, system.matrix, found
+        return known[2]
 
 
 def active_set_newton(
@@ -133,50 +145,19 @@ def active_set_newton(
         Newton's equations that are solved at most.
     """
     began = time.perf_counter()
-    body, active, weights = system.body, system.active, system.weights[:, None]
-    graphs, stiffness, whole = cache.graphs(system), body.per_area, body.everywhere
+    graphs = cache.graphs(system)
     if graphs is None:
         return None
-    if not whole:
-        r = np.where(active, r, system.fixed)
-    p = stiffness * r + lam
-    if not math.isfinite(float(p.sum())):
-        return None
-    on, load = graphs.onto(p, r), system.problem.loading.load_size
-    for number in range(1, rounds + 1):
-        r = on.place if whole else np.where(active, on.place, system.fixed)
-        free = ~on.held if whole else active & ~on.held
-        balance = system.out_of_balance(r)
-        change = cache.factor.direction(system, on, free, balance)
-        if change is None:
-            return None
-        r = r + change
-        balance = balance - system.couple(change)
-        lam = balance / weights
-        if not whole:
-            reaction = system.law_at(r, lam).nearest_multiplier(r, np.zeros(r.shape))
-            lam = np.where(active, lam, reaction)
-        on = graphs.onto(stiffness * r + lam, r)
-        of_law = on.multiplier if whole else np.where(active, on.multiplier, lam)
-        off = of_law - lam
-        if on.moved:
-            off = np.abs(off) + stiffness * np.abs((on.place if whole else np.where(active, on.place, r)) - r)
-        missed = norm(weights * off)
-        if not math.isfinite(missed):
-            return None
-        if missed > _PART * (controls.atol + controls.rtol * load):
-            force = norm(weights * of_law)
-            if missed > _PART * (controls.atol + controls.rtol * max(load, force)):
-                continue
-            scale = _load_scale(system, graphs, load, force).of(force)
-            if missed > _PART * (controls.atol + controls.rtol * scale):
-                continue
+    start = _Start(system, graphs, r, lam, controls, rounds)
+    compiled = cache.compiled(system, graphs)
+    pairs = _pairs(start, cache.factor) if compiled is None else _compiled_pairs(start, compiled)
+    for number, r, of_law, free in pairs:
         if not _stands(system, r, of_law, free):
             return None
         iterated = time.perf_counter()
         unknowns = system.unknowns(r)
         place = system.problem.contact.trace_of(unknowns) - system.problem.offset
-        residual = _residual(system, unknowns, place, of_law, graphs, load, controls, out_of_balance)
+        residual = _residual(system, unknowns, place, of_law, start, compiled, out_of_balance)
         if residual.below(controls.atol, controls.rtol):
             solution = Solution(
                 problem=system.problem,
@@ -198,7 +179,86 @@ def active_set_newton(
     return None
 
 
-def _stands(system: CondensedProblem, r: Array, lam: Array, free: BoolArray) -> bool:
+#: A round and what it found: local displacements and multiplier of the law (m, d), components that moved.
+_Pair = tuple[int, Array, Array, BoolArray | None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Where the rounds begin, and when they have settled."""
+
+    system: CondensedProblem
+    graphs: _Graphs
+    r: Array
+    lam: Array
+    controls: Controls
+    rounds: int
+
+    @property
+    def load(self) -> float:
+        """Size of the load."""
+        return self.system.problem.loading.load_size
+
+    def close(self, missed: float, force: float) -> bool:
+        """Whether multipliers of body and law are as near as is asked, those of the law being a force of this size."""
+        controls = self.controls
+        allowed = _PART * (controls.atol + controls.rtol * self.load)
+        if missed > allowed:
+            scale = _load_scale(self.system, self.graphs, self.load, force).of(force)
+            allowed = _PART * (controls.atol + controls.rtol * scale)
+        return missed <= allowed
+
+
+def _compiled_pairs(start: _Start, compiled: CompiledRounds) -> Iterator[_Pair]:
+    """What :func:`_pairs` finds, by the compiled kernels."""
+    r, lam, number = start.r, start.lam, 0
+    atol, rtol = _PART * start.controls.atol, _PART * start.controls.rtol
+    while number < start.rounds:
+        found = compiled.run(start.system.load, r, lam, start.rounds - number, atol, rtol, start.load)
+        if found is None or not found.settled:
+            return
+        r, lam, number = found.r, found.lam, number + found.count
+        if start.close(found.missed, found.force):
+            yield number, r, found.of_law, None
+
+
+def _pairs(start: _Start, factor: DenseFactor) -> Iterator[_Pair]:
+    """The pairs at which rounds have settled: whoever asks for another was not content with the last."""
+    system, graphs, controls = start.system, start.graphs, start.controls
+    body, active, weights = system.body, system.active, system.weights[:, None]
+    stiffness, whole, load = body.per_area, body.everywhere, start.load
+    r = start.r if whole else np.where(active, start.r, system.fixed)
+    p = stiffness * r + start.lam
+    if not math.isfinite(float(p.sum())):
+        return
+    on = graphs.onto(p, r)
+    for number in range(1, start.rounds + 1):
+        r = on.place if whole else np.where(active, on.place, system.fixed)
+        free = ~on.held if whole else active & ~on.held
+        balance = system.out_of_balance(r)
+        change = factor.direction(system, on, free, balance)
+        if change is None:
+            return
+        r = r + change
+        balance = balance - system.couple(change)
+        lam = balance / weights
+        if not whole:
+            reaction = system.law_at(r, lam).nearest_multiplier(r, np.zeros(r.shape))
+            lam = np.where(active, lam, reaction)
+        on = graphs.onto(stiffness * r + lam, r)
+        of_law = on.multiplier if whole else np.where(active, on.multiplier, lam)
+        off = of_law - lam
+        if on.moved:
+            off = np.abs(off) + stiffness * np.abs((on.place if whole else np.where(active, on.place, r)) - r)
+        missed, force = norm(weights * off), norm(weights * of_law)
+        if not math.isfinite(missed):
+            return
+        most = _PART * (controls.atol + controls.rtol * max(load, force))
+        if missed <= most and start.close(missed, force):
+            yield number, r, of_law, free
+
+
+def _stands(system: CondensedProblem, r: Array, lam: Array, free: BoolArray | None) -> bool:
     """Whether friction that weakens, under a bound that depends on the state, leaves a pair stable, the bound frozen:
     whether there is one solution is not known before."""
     if not system.law.state_dependent:
@@ -206,6 +266,7 @@ def _stands(system: CondensedProblem, r: Array, lam: Array, free: BoolArray) -> 
     law = separable(system.law, "a bound that depends on the state")
     if law.friction.profile.convex:
         return True
+    assert free is not None  # the compiled kernels take no such laws
     index = np.flatnonzero(free)
     H = newton_matrix(system, index, law.frozen(r, lam).linearise(r).hessian)
     return not index.size or not lapack.dpotrf(H, lower=1)[1]
@@ -233,18 +294,20 @@ def _residual(
     u: Array,
     r: Array,
     lam: Array,
-    graphs: _Graphs,
-    load: float,
-    controls: Controls,
+    start: _Start,
+    compiled: CompiledRounds | None,
     known: Callable[[Array], ForceResidual] | None,
 ) -> Residual:
     """The residual of the full problem."""
-    problem, body = system.problem, system.body
-    contact = problem.contact
-    force = contact.pressed(system.weights[:, None] * lam)
+    problem, body, controls = system.problem, system.body, start.controls
+    contact, weights = problem.contact, system.weights[:, None]
+    force = contact.pressed(weights * lam)
     size = norm(force)
-    inclusion = norm(system.weights[:, None] * graphs.graph_distance(r, lam, body.resilience))
-    scale = _load_scale(system, graphs, load, size)
+    if compiled is None:
+        inclusion = norm(weights * start.graphs.graph_distance(r, lam, body.resilience))
+    else:
+        inclusion = compiled.distance(r, lam)
+    scale = _load_scale(system, start.graphs, start.load, size)
 
     def of(rest: ForceResidual) -> Residual:
         balance = rest.force

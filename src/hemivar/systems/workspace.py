@@ -101,7 +101,9 @@ class Workspace:
 
         ``many`` if many loads are to come, see :func:`hemivar.systems.condense`.
         """
-        many = many or _FOR_MANY in self._shelf(problem.model).things
+        known = self._shelf(problem.model).things.get(_FOR_MANY)
+        if known is not None:  # every step in time asks
+            return cast(CondensedProblem, known).for_problem(problem)
         what = _FOR_MANY if many else _CONDENSATION
         return self.once(what, problem.model, lambda: condense(problem, many)).for_problem(problem)
 

@@ -1,0 +1,143 @@
+"""Rounds of active sets on a small condensed body in one call of the compiled kernels."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.kernels import Kernels, kernels
+from hemivar.laws.separate import SeparateLaw
+
+__all__ = ["CompiledRounds", "Rounds", "compiled_rounds"]
+
+#: Components up to which the factors of the kernels are as fast as those of LAPACK.
+_MOST = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Rounds:
+    """Where rounds of active sets ended.
+
+    Attributes
+    ----------
+    count : int
+        Rounds that were made.
+    settled : bool
+        Whether the multiplier of the body misses that of the law by no more than was allowed.
+    r, lam, of_law : arrays (m, d)
+        Local displacements, multiplier of the body and that of the law.
+    missed, force : float
+        By how much it is missed, and the size of the force of the law.
+    """
+
+    count: int
+    settled: bool
+    r: Array
+    lam: Array
+    of_law: Array
+    missed: float
+    force: float
+
+
+class CompiledRounds:
+    """A condensed body and the tables of a law, as the kernels read them; the factor that was made last is kept.
+
+    It belongs to one thread: its memory is used again.
+
+    Parameters
+    ----------
+    kernels : Kernels
+    law : SeparateLaw
+        Straight on its pieces.
+    matrix : array (m d, m d)
+        Stiffness between the local components, all of which are free to move; symmetric.
+    weights : array (m,)
+    compliance : array (m, d)
+        By which displacements are held against multipliers.
+
+    Raises
+    ------
+    ValueError
+        An array is not what it should be.
+    """
+
+    def __init__(self, kernels: Kernels, law: SeparateLaw, matrix: Array, weights: Array, compliance: Array) -> None:
+        self.shape, self._call = law.shape, kernels.call
+        n, states, kinks = law.stiffness.size, len(law.anchor), len(law.knots)
+        if law.curved:
+            raise ValueError("the law must be straight on its pieces")
+        if states != 2 * kinks + 1 or law.shape[0] * law.shape[1] != n or weights.shape != law.shape[:1]:
+            raise ValueError(f"tables of {states} states and {n} components do not belong to {law.shape} components")
+        # What the kernels point to is held here.
+        self._tables = [
+            _table(law.stiffness, (n,)),
+            _table(law.bounds, (2 * kinks, n)),
+            *(_table(table, (states, n)) for table in (law.anchor, law.base, law.slope)),
+            *(_table(table, (kinks, n)) for table in (law.knots, law.low, law.high)),
+            *(_table(end, (n,)) for end in law.domain),
+            _table(matrix, (n, n)),
+            _table(np.repeat(weights, law.shape[1]), (n,)),
+            _table(compliance.ravel(), (n,)),
+        ]
+        at = kernels.address
+        tables = np.array([at(table) for table in self._tables], dtype=np.uintp)
+        self._pointer = self._call.hv_active_sets_new(n, states, at(tables))
+        if not self._pointer:
+            raise MemoryError("no memory for the compiled kernels")
+        weakref.finalize(self, self._call.hv_active_sets_free, self._pointer)
+        # Load, displacement, multiplier, multiplier of the law, numbers that are told.
+        self._room = np.zeros((5, max(n, 3)))
+        self._at = [at(row) for row in self._room]
+
+    def __reduce__(self) -> str:
+        raise TypeError("compiled rounds belong to this process")
+
+    def run(self, load: Array, r: Array, lam: Array, most: int, atol: float, rtol: float, size: float) -> Rounds | None:
+        """Rounds from a pair, ``most`` of them, until it is missed by no more than ``atol + rtol max(size, force)``.
+
+        None where Newton's equation has no solution, or a number is not finite.
+
+        Parameters
+        ----------
+        load : array (m d,)
+        r, lam : arrays (m, d)
+        most : int
+        atol, rtol, size : float
+        """
+        self._fill(load, r, lam)
+        end = self._call.hv_active_sets_run(self._pointer, *self._at[:4], most, atol, rtol, size, self._at[4])
+        if end > 1:
+            return None
+        found = self._room[1:4, : load.size].copy().reshape(3, *self.shape)
+        count, missed, force = self._room[4, :3].tolist()
+        return Rounds(int(count), end == 1, found[0], found[1], found[2], missed, force)
+
+    def distance(self, r: Array, lam: Array) -> float:
+        """Norm of the weighted distances of pairs (m, d) to the graphs of their laws, as of
+        :meth:`SeparateLaw.graph_distance`."""
+        self._fill(r, r, lam)
+        return float(self._call.hv_active_sets_distance(self._pointer, *self._at[1:3]))
+
+    def _fill(self, load: Array, r: Array, lam: Array) -> None:
+        shape, n = self.shape, self.shape[0] * self.shape[1]
+        if load.size != n or r.shape != shape or lam.shape != shape:
+            raise ValueError(f"pairs of {shape} components are needed, not {load.shape}, {r.shape} and {lam.shape}")
+        self._room[0, :n], self._room[1, :n], self._room[2, :n] = load.ravel(), r.ravel(), lam.ravel()
+
+
+def _table(numbers: Array, shape: tuple[int, ...]) -> Array:
+    found = np.require(numbers, float, ["C", "A"])
+    if found.shape != shape:
+        raise ValueError(f"a table of the active sets has shape {found.shape} in place of {shape}")
+    return found
+
+
+def compiled_rounds(law: object, matrix: Array, weights: Array, compliance: Array) -> CompiledRounds | None:
+    """What makes rounds in one call; None where the kernels are not there, or not for such a law or body."""
+    library = kernels()
+    if library is None or not isinstance(law, SeparateLaw) or law.curved or not 0 < law.stiffness.size <= _MOST:
+        return None
+    return CompiledRounds(library, law, matrix, weights, compliance)
