@@ -135,16 +135,17 @@ def test_a_small_workspace_forgets_the_body_used_longest_ago(factorisations: lis
 
 def test_threads_wait_for_one_factorisation(factorisations: list[int]) -> None:
     problem = discrete_square(n=8)
-    workspace, gate = hv.systems.Workspace(), threading.Barrier(4)
+    workspace, gate = hv.systems.Workspace(), threading.Barrier(8)
+    problems = [problem, *variants(problem)] * 2
 
     def work(p: hv.DiscreteProblem) -> np.ndarray:
         gate.wait()
         return hv.solve(p, hv.solvers.NonsmoothNewton(), workspace=workspace).unknowns
 
-    with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(work, [problem, *variants(problem)]))
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(work, problems))
     assert len(factorisations) == 1
-    for u, p in zip(found, [problem, *variants(problem)], strict=True):
+    for u, p in zip(found, problems, strict=True):
         np.testing.assert_array_equal(u, hv.solve(p, hv.solvers.NonsmoothNewton()).unknowns)
 
 
