@@ -71,3 +71,10 @@ def test_what_a_notebook_shows() -> None:
         (hv.solve(gallery.membrane_obstacle(4).problem), "contact area"),
     ):  # fmt: skip
         assert words in html_of(shown)
+
+
+def test_a_summary_of_antiplane_shear_has_no_pressure() -> None:
+    said = hv.solve(gallery.antiplane_friction(8).problem).summary()
+    assert "friction force" in str(said)
+    assert "normal force" not in str(said)
+    assert "pressure" not in str(said)

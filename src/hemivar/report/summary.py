@@ -97,7 +97,10 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
 
 
 def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
-    yield "normal force", _with(f"{solution.normal_force:.6g}", units.force)
+    contact = solution.contact
+    presses = bool(np.diff(contact.trace.indptr)[:: contact.components].any())  # in antiplane shear nothing does
+    if presses:
+        yield "normal force", _with(f"{solution.normal_force:.6g}", units.force)
     friction = solution.friction_force
     if friction.size == 1:
         yield "friction force", _with(f"{friction[0]:.6g}", units.force)
@@ -111,7 +114,8 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
         yield "max opening", _with(f"{max(-float(solution.penetration[glued].min()), 0.0):.6g}", units.length)
         yield "damage", f"at most {float(damage[glued].max()):.3g}"
         yield "dissipated", _with(f"{float(solution.contact.weights[glued] @ lost[glued]):.6g}", units.energy)
-    yield from extreme_rows(float(solution.penetration.max()), float(solution.pressure.max()), units)
+    if presses:
+        yield from extreme_rows(float(solution.penetration.max()), float(solution.pressure.max()), units)
 
 
 def _body_part(solution: Solution, units: Units) -> Iterator[Row]:
