@@ -167,8 +167,10 @@ def read_value(table: TomlTable, key: str, said: Stated, dim: int = 0) -> object
         case Form.WHOLE:
             whole = table.whole(key, value, int(said.least or 0))
             if said.most is not None and whole > said.most:
-                least, most = int(said.least or 0), int(said.most)
-                which = f"{least} or {most}" if most == least + 1 else f"a whole number from {least} to {most}"
+                lowest, highest = int(said.least or 0), int(said.most)
+                which = (
+                    f"{lowest} or {highest}" if highest == lowest + 1 else f"a whole number from {lowest} to {highest}"
+                )
                 raise table.error(key, f"is {whole}; write {which}")
             return whole
         case Form.FLAG:
