@@ -102,9 +102,12 @@ def test_a_frame_shows_the_body_where_it_is() -> None:
     film = flying(2)
     picture = plane(film, scale=2.0)
     picture.show(film.frame(3))
-    drawn = np.concatenate(picture.border.get_segments())
+    drawn = np.concatenate(picture.drawn.border.get_segments())
     assert drawn[:, 0].min() == pytest.approx(3.0)
     assert drawn[:, 0].max() == pytest.approx(5.0)
+    assert picture.drawn.lines is not None
+    across = np.asarray(picture.drawn.lines.get_path().vertices)[:, 0]
+    assert (across.min(), across.max()) == pytest.approx((3.0, 5.0))
     assert picture.label.get_text() == "t = 0.750 s     displacement times 2"
     frame = film.frame(3)
     for kind, mark in picture.marks.items():
@@ -173,12 +176,12 @@ def test_the_foundation_of_a_round_body_is_drawn_piece_by_piece() -> None:
 def test_colours_have_one_scale(colour: FilmColour) -> None:
     film = flying(2)
     picture = plane(film, colour)
-    limits = picture.fill.get_clim()
+    limits = picture.drawn.fill.get_clim()
     frame = film.frame(2)
     picture.show(frame)
     speeds = np.linalg.norm(frame.velocity if colour is FilmColour.SPEED else frame.displacement, axis=1)
-    assert np.asarray(picture.fill.get_array()) == pytest.approx(speeds[film.cells].mean(axis=1))
-    assert picture.fill.get_clim() == limits
+    assert np.asarray(picture.drawn.fill.get_array()) == pytest.approx(speeds[film.cells].mean(axis=1))
+    assert picture.drawn.fill.get_clim() == limits
     most = np.linalg.norm(film.frame(3).velocity, axis=1) if colour is FilmColour.SPEED else np.full(1, 1.5)
     assert limits == (0.0, pytest.approx(np.quantile(most, 0.98)))
     (bar,) = [ax for ax in picture.fig.axes if ax is not picture.ax]
@@ -193,14 +196,14 @@ def test_a_body_in_space_shows_the_face_that_touches() -> None:
     assert np.cos(azimuth) < -0.3  # seen from x < 0
     assert 0.0 < picture.ax.elev < 60.0
     speeds = np.linalg.norm(film.frame(2).velocity, axis=1)
-    assert np.asarray(picture.surface.get_array()) == pytest.approx(speeds[picture.facets].mean(axis=1))
+    assert np.asarray(picture.drawn.surface.get_array()) == pytest.approx(speeds[picture.drawn.facets].mean(axis=1))
     assert picture.ax.get_xlim3d() == pytest.approx((0.0, 4.0 + 2.0 * 1.5))
     data = np.array(picture.marks[KINDS[0]].get_data_3d()).T
     assert np.array_equal(data, (film.frame(2).places + 2.0 * np.eye(3)[0])[~film.frame(2).states.closed])
     assert picture.ax.get_xlabel() == "x (m)"
     assert picture.ax.get_zlabel() == ""  # too short for a scale
     plain = SolidPicture(film, [0], 1.0, ("", ""), FilmColour.NONE)
-    assert plain.surface.get_array() is None
+    assert plain.drawn.surface.get_array() is None
     assert len(plain.fig.axes) == 1
 
 

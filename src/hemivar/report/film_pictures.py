@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,8 +16,9 @@ from hemivar.files.boundary import polylines
 from hemivar.files.film import Film, FilmFrame
 from hemivar.mesh import Mesh
 from hemivar.report.deformed import round_number
+from hemivar.report.drawn_body import DrawnPlane, DrawnSurface, force_arrows, mark_states
 from hemivar.report.picture import new_figure
-from hemivar.report.style import BLUE, DASHES, GREY, MANY_CELLS, MARKERS, RED, in_rows, state_mark, with_unit
+from hemivar.report.style import BLUE, DASHES, GREY, RED, in_rows, state_mark, with_unit
 from hemivar.solvers.contact_states import KINDS
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ _MOST_HATCHES = 2000
 _FARTHEST = 1e9
 #: The longest arrow, of the diameter of the body.
 _ARROW = 0.16
-#: Room between an arrow and the mark of its contact point, of the diameter of the body.
-_BESIDE_MARK = 0.012
+#: Axes in space shorter than this part of the longest have no scale.
+_SHORT = 0.3
 #: Part of the vertices that the scale of colours holds in every frame: the rest are corners.
 _BRIGHT = 0.98
 
@@ -53,7 +53,7 @@ class FilmColour(StrEnum):
     """The size of the velocity: waves are seen."""
 
 
-class FilmPicture(ABC):
+class FilmPicture:
     """What both kinds of films share: the scale, the extent of all frames, the colours, and the time label.
 
     Parameters
@@ -71,6 +71,7 @@ class FilmPicture(ABC):
     fig: Figure
     ax: Any
     label: Text
+    drawn: DrawnPlane | DrawnSurface
 
     def __init__(
         self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
@@ -78,6 +79,7 @@ class FilmPicture(ABC):
         self.film, self.units, self.colour = film, units, colour
         with np.errstate(over="ignore", invalid="ignore"):
             self._measure(film, shown, scale)
+        self.mesh = Mesh(film.points, film.cells)
         digits = max(0, 2 - math.floor(math.log10(max(float(np.ptp(film.times)), 1e-300))))
         self._digits = min(digits, 12)
 
@@ -158,9 +160,23 @@ class FilmPicture(ABC):
         )
         bar.set_label(with_unit(self.colour.value, unit))
 
-    @abstractmethod
     def show(self, frame: FilmFrame) -> None:
         """Draw a frame."""
+        moved = self.film.points + self.factor * frame.displacement[: len(self.film.points)]
+        self.drawn.move(moved, None if self.colour is FilmColour.NONE else self.coloured(frame))
+        places = frame.places + self.factor * frame.moved
+        for kind, mark in self.marks.items():
+            at = places[frame.states.numbers == KINDS.index(kind)].T
+            if len(at) == 3:
+                mark.set_data_3d(*at)  # type: ignore[attr-defined]
+            else:
+                mark.set_data(*at)
+        self._tell(frame)
+
+    def _mark(self) -> None:
+        """Marks of the states, without a place."""
+        none = np.zeros((0, self.film.points.shape[1]))
+        self.marks = {kind: mark_states(self.ax, kind, none, len(self.places)) for kind in self.kinds}
 
 
 class _Range:
@@ -181,17 +197,18 @@ def _longest(vectors: Array) -> float:
 class PlanePicture(FilmPicture):
     """A plane body: mesh, outline at rest, contact points by state, forces, the foundation."""
 
+    drawn: DrawnPlane
+
     def __init__(
         self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
     ) -> None:
         super().__init__(film, shown, scale, units, colour)
         with IMPORTS:
-            from matplotlib.collections import LineCollection, PolyCollection
+            from matplotlib.collections import LineCollection
             from matplotlib.lines import Line2D
 
         places = self.places
-        self.edges = _edges(film.cells)
-        self.outline = polylines(_outline(film.cells))
+        self.outline = polylines(self.mesh.boundary_facets)
         self.length = _ARROW * self.size
         self.normal, self.half = _normals(film, self.outline, places)
         self.straight = self._straight()
@@ -209,21 +226,10 @@ class PlanePicture(FilmPicture):
         ax = self.ax
         for line in self.outline:
             ax.plot(*film.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=2.5)
+        self.drawn = DrawnPlane(ax, self.mesh, frame, "by cells" if bar else "plainly")
         if bar:
-            self.fill = PolyCollection(list(film.points[film.cells]), cmap="cividis", linewidths=0.0, zorder=1.5)
-            self.fill.set_antialiased(False)
-            self.fill.set_array(np.zeros(len(film.cells)))
-            self._bar(self.fill, (0.87, (1.05 + foot) / tall, 0.022, 1.0 - (1.4 + foot) / tall))
-        else:
-            self.fill = PolyCollection([], facecolors="#d9e6f2", alpha=0.6, linewidths=0.0, zorder=1.5)
-        self.lines = LineCollection([], colors="#8f8f8f", linewidths=0.4, zorder=2)
-        self.border = LineCollection([], colors="black", linewidths=0.9, zorder=3)
-        for collection in (self.fill, self.lines, self.border):
-            ax.add_collection(collection, autolim=False)
-        size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
-        self.marks = {
-            kind: ax.plot([], [], ls="", ms=size, mew=0.6, zorder=6, **MARKERS[kind])[0] for kind in self.kinds
-        }
+            self._bar(self.drawn.fill, (0.87, (1.05 + foot) / tall, 0.022, 1.0 - (1.4 + foot) / tall))
+        self._mark()
         ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         ax.set_aspect("equal")
         ax.locator_params(axis="y", nbins=max(2, min(6, round(3.0 * (tall - 1.4)))))
@@ -277,38 +283,19 @@ class PlanePicture(FilmPicture):
 
     def show(self, frame: FilmFrame) -> None:
         """Draw a frame."""
-        moved = self.film.points + self.factor * frame.displacement[: len(self.film.points)]
-        if self.colour is FilmColour.NONE:
-            self.fill.set_verts([moved[line] for line in self.outline])
-        else:
-            self.fill.set_verts(list(moved[self.film.cells]))
-            self.fill.set_array(self.coloured(frame)[self.film.cells].mean(axis=1))
-        if len(self.film.cells) <= MANY_CELLS:
-            self.lines.set_segments(list(moved[self.edges]))
-        self.border.set_segments([moved[line] for line in self.outline])
-        places = frame.places + self.factor * frame.moved
-        for kind, mark in self.marks.items():
-            mark.set_data(*places[frame.states.numbers == KINDS.index(kind)].T)
+        super().show(frame)
         if self.arrows is not None:
             self.arrows.remove()
             self.arrows = None
-        if len(places):
+        if len(self.places):
             self._ground(frame)
-        step = max(1, len(places) // _MOST_ARROWS)
-        if self.strongest > 0.0 and len(places):
-            # in the foundation: arrows that push end at the body, those that pull begin there
-            scale = self.strongest / self.length
+        if self.strongest > 0.0 and len(self.places):
+            places, step = frame.places + self.factor * frame.moved, max(1, len(self.places) // _MOST_ARROWS)
             pulls = np.einsum("pd,pd->p", frame.force, self.normal) > 0.0
-            sizes = np.linalg.norm(frame.force, axis=1, keepdims=True)
-            way = np.divide(frame.force, sizes, out=np.zeros_like(frame.force), where=sizes > 0.0)
-            beside = _BESIDE_MARK * self.size * way
-            tails = places + np.where(pulls[:, None], beside, -frame.force / scale - beside)
-            self.arrows = self.ax.quiver(
-                *tails[::step].T, *frame.force[::step].T, angles="xy", scale_units="xy", scale=scale, color=RED,
-                units="inches", width=0.0115, headwidth=3.6, headlength=4.6, headaxislength=4.2, zorder=5,
-                minlength=0.5,
-            )  # fmt: skip
-        self._tell(frame)
+            scale = self.strongest / self.length
+            self.arrows, _ = force_arrows(
+                self.ax, places[::step], frame.force[::step], pulls[::step], scale, self.size, RED
+            )
 
     def _ground(self, frame: FilmFrame) -> None:
         """Draw the foundation: one line as far as the body goes where its boundary is straight, else piece by piece."""
@@ -344,56 +331,31 @@ class PlanePicture(FilmPicture):
 class SolidPicture(FilmPicture):
     """The surface of a body in 3D, coloured."""
 
+    drawn: DrawnSurface
+
     def __init__(
         self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
     ) -> None:
         super().__init__(film, shown, scale, units, colour)
-        with IMPORTS:
-            from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-        self.facets = Mesh(film.points, film.cells).boundary_facets
         extent = np.maximum(self.high - self.low, 1e-6 * float((self.high - self.low).max()))
         slender = float(extent[2] / extent[:2].max())
         tall = 3.0 if slender < 0.4 else 5.0
         self.fig = new_figure((6.3, tall))
         room = 0.94 - 0.3 / tall  # below a title
-        self.ax = self.fig.add_axes((0.02, 0.06, 0.8, room), projection="3d", computed_zorder=False)
-        self.surface = Poly3DCollection(
-            list(film.points[self.facets]), linewidths=0.15, edgecolors="#00000060", zorder=2, cmap="cividis"
-        )
-        self.surface.set_clip_on(False)  # the square in which matplotlib sees a scene is smaller than the picture
-        self.surface.set_array(np.zeros(len(self.facets)))
-        if colour is FilmColour.NONE:
-            self.surface.set_array(None)
-            self.surface.set_facecolor("#d9e6f2")
-        else:
-            self._bar(self.surface, (0.85, 0.24, 0.022, 0.56))
-        self.ax.add_collection3d(self.surface)
+        facets, ends = self.mesh.boundary_facets, (self.low, self.low + extent)
+        zoom = 1.5 if slender < 0.4 else 1.2
+        self.drawn = DrawnSurface(self.fig, (0.02, 0.06, 0.8, room), facets, ends, units[0], zoom, _SHORT)
+        self.ax = self.drawn.ax
+        if colour is not FilmColour.NONE:
+            self._bar(self.drawn.surface, (0.85, 0.24, 0.022, 0.56))
+        self._mark()
         places = self.places
-        size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 0.8, 3.6))
-        self.marks = {
-            kind: self.ax.plot([], [], [], ls="", ms=size, mew=0.1 * size, zorder=10, clip_on=False, **MARKERS[kind])[0]
-            for kind in self.kinds
-        }
         if len(places):
             self.ax.view_init(*self._view(places))
             self.fig.legend(
                 handles=[state_mark(kind, kind.label) for kind in self.kinds], loc="lower right",
                 ncols=in_rows(len(self.kinds)), handlelength=1.2,
             )  # fmt: skip
-        for axis, low, wide in zip("xyz", self.low, extent, strict=True):
-            getattr(self.ax, f"set_{axis}lim")(low, low + wide)
-            own = getattr(self.ax, f"{axis}axis")
-            own.set_pane_color((1.0, 1.0, 1.0, 0.0))
-            if wide < 0.3 * extent.max():  # too short for a scale of its own
-                own.set_ticks([])
-            else:
-                self.ax.locator_params(axis=axis, nbins=4)
-                getattr(self.ax, f"set_{axis}label")(
-                    with_unit(axis, units[0]), labelpad=15.0 * float(wide / extent.max())
-                )
-        self.ax.set_box_aspect(extent, zoom=1.5 if slender < 0.4 else 1.2)
-        self.ax.grid(False)
         self.label = self.fig.text(0.03, 0.14 / tall, "", fontsize=9, family="monospace")
         self._clock(0.03, 0.06 / tall, 0.4)
 
@@ -405,17 +367,6 @@ class SolidPicture(FilmPicture):
             return (-20.0 if toward[2] < 0.0 else 28.0), -60.0
         side = math.degrees(math.atan2(toward[1], toward[0]))
         return 24.0, side + 50.0 if side > 0.0 else side - 50.0
-
-    def show(self, frame: FilmFrame) -> None:
-        """Draw a frame."""
-        moved = self.film.points + self.factor * frame.displacement[: len(self.film.points)]
-        self.surface.set_verts(list(moved[self.facets]))
-        if self.colour is not FilmColour.NONE:
-            self.surface.set_array(self.coloured(frame)[self.facets].mean(axis=1))
-        places = frame.places + self.factor * frame.moved
-        for kind, mark in self.marks.items():
-            mark.set_data_3d(*places[frame.states.numbers == KINDS.index(kind)].T)
-        self._tell(frame)
 
 
 def _normals(film: Film, outline: list[IntArray], places: Array) -> tuple[Array, Array]:
@@ -444,15 +395,3 @@ def _normals(film: Film, outline: list[IntArray], places: Array) -> tuple[Array,
             across = np.abs(normal[near[k]] @ toward[k])
             both[k], size[k] = normal[near[k]][int(np.argmin(across))], 1.0
     return both / size[:, None], half
-
-
-def _edges(cells: IntArray) -> IntArray:
-    """The edges of triangles, each once, (k, 2)."""
-    return np.unique(np.sort(np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]), axis=1), axis=0)
-
-
-def _outline(cells: IntArray) -> IntArray:
-    """Directed edges of triangles that belong to one of them only, (k, 2)."""
-    edges = np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
-    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
-    return np.asarray(edges[first[count == 1]])

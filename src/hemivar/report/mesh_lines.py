@@ -11,8 +11,9 @@ from hemivar.basics.types import Array, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
 
-__all__ = ["mesh_lines"]
+__all__ = ["mesh_lines", "mesh_path"]
 
 #: Distance of lines in points from which on they are drawn in full.
 _WIDE = 9.0
@@ -35,11 +36,17 @@ def mesh_lines(
         Below 1 they are as much paler, over colours.
     """
     from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
 
     apart = 72.0 * inches / math.sqrt(0.5 * max(cells, 1))
-    codes = np.tile(np.array([Path.MOVETO, Path.LINETO], dtype=np.uint8), len(edges))
     return PathPatch(
-        Path(points[edges].reshape(-1, 2), codes), fill=False, edgecolor=colour, zorder=2,
+        mesh_path(points, edges), fill=False, edgecolor=colour, zorder=2,
         linewidth=float(np.clip(0.06 * apart, 0.1, 0.6)), alpha=pale * float(np.clip(apart / _WIDE, 0.3, 1.0)),
     )  # fmt: skip
+
+
+def mesh_path(points: Array, edges: IntArray) -> Path:
+    """The edges (k, 2) between vertices (N, 2) as one path."""
+    from matplotlib.path import Path
+
+    codes = np.tile(np.array([Path.MOVETO, Path.LINETO], dtype=np.uint8), len(edges))
+    return Path(points[edges].reshape(-1, 2), codes)

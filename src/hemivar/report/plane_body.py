@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -14,10 +13,10 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, polylines
 from hemivar.report.body_colour import BodyColour
 from hemivar.report.deformed import DeformedBody, round_number
+from hemivar.report.drawn_body import DrawnPlane, force_arrows, mark_states
 from hemivar.report.law_figures import law_captions
-from hemivar.report.mesh_lines import mesh_lines
 from hemivar.report.paper import NOTE
-from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, state_mark
+from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, RED, figure_of, state_mark
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -33,10 +32,6 @@ _BELOW = 36.0
 _FEW, _SMALL, _BESIDE = 5, 0.06, (1.7, 1.3)
 #: Least distance along the boundary, relative to the body, at which two marks, or two arrows, are told apart.
 _APART, _ARROWS_APART = 0.018, 0.022
-#: Room between an arrow and the mark of its contact point, relative to the body.
-_BESIDE_MARK = 0.012
-#: Of arrows, in inches.
-_THICK = 0.0115
 
 
 class Arrows(StrEnum):
@@ -89,20 +84,15 @@ class PlaneBody:
     def _body(self, ax: Axes, colour: BodyColour) -> Axes:
         from matplotlib.lines import Line2D
 
-        moved, lowest = self.body.vertices, ax
+        lowest, plain = ax, colour is BodyColour.NONE
         self.handles.append(Line2D([], [], color="black", lw=0.9, label=self.body.label))
-        if colour is BodyColour.NONE:
-            for line in self.outline:
-                ax.fill(*moved[line].T, color="#d9e6f2", alpha=0.45, lw=0.0, zorder=1.5)
-        else:
-            lowest = self._colours(ax, colour)
-        if self.mesh.number_of_cells <= MANY_CELLS:
-            ink = ("#8f8f8f", 1.0) if colour is BodyColour.NONE else ("black", 0.3)
-            inches = 0.9 * ax.get_window_extent().width / figure_of(ax).dpi
-            ax.add_patch(mesh_lines(moved, self.mesh.edges, self.mesh.number_of_cells, inches, *ink))
-        for line in self.outline:
-            ax.plot(*moved[line].T, color="black", lw=0.9, zorder=3)
-        return lowest
+        inches = 0.9 * ax.get_window_extent().width / figure_of(ax).dpi
+        drawn = DrawnPlane(
+            ax, self.mesh, inches, *(("plainly", ("#8f8f8f", 1.0)) if plain else ("not", ("black", 0.3)))
+        )
+        drawn.move(self.body.vertices)
+        drawn.fit()
+        return lowest if plain else self._colours(ax, colour)
 
     def _colours(self, ax: Axes, colour: BodyColour) -> Axes:
         """Cells in one colour by their stress, or vertices by their displacement; returns the axes of the scale."""
@@ -175,21 +165,11 @@ class PlaneBody:
         return np.sort(np.concatenate(kept))
 
     def _states(self, ax: Axes) -> None:
-        places = self.body.contact_places
-        size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
-        shown = self._apart(_APART)
+        places, shown = self.body.contact_places, self._apart(_APART)
         for kind, here, label in self.body.states():
-            if here.any():
-                ax.plot(
-                    # one mark at least of each state that there is
-                    *places[shown[here[shown]] if here[shown].any() else np.flatnonzero(here)[:1]].T,
-                    ls="",
-                    ms=size,
-                    mew=0.6,
-                    zorder=6,
-                    clip_on=False,
-                    **MARKERS[kind],
-                )
+            if here.any():  # one mark at least of each state that there is
+                at = shown[here[shown]] if here[shown].any() else np.flatnonzero(here)[:1]
+                mark_states(ax, kind, places[at], len(places))
             self.handles.append(state_mark(kind, label))
 
     def _forces(self, ax: Axes, arrows: Arrows) -> float:
@@ -214,20 +194,14 @@ class PlaneBody:
         reference = round_number(largest)
         length = 0.16 * self.size
         for row, (name, vectors, colour) in enumerate(sets):
-            drawn = vectors[shown] * (length / largest)
-            pushes = (solution.pressure > 0.0) & (np.einsum("md,md->m", across, vectors) > 0.0)
-            sizes = np.linalg.norm(drawn, axis=1, keepdims=True)
-            beside = _BESIDE_MARK * self.size * np.divide(drawn, sizes, out=np.zeros_like(drawn), where=sizes > 0.0)
-            tails = places[shown] + np.where(pushes[shown, None], -drawn - beside, beside)
-            quiver = ax.quiver(
-                *tails.T, *vectors[shown].T, angles="xy", scale_units="xy", scale=largest / length,
-                color=colour, units="inches", width=_THICK, headwidth=3.6, headlength=4.6, headaxislength=4.2,
-                zorder=5 + 0.1 * row,
-            )  # fmt: skip
+            pulls = (solution.pressure <= 0.0) | (np.einsum("md,md->m", across, vectors) <= 0.0)
+            quiver, ends = force_arrows(
+                ax, places[shown], vectors[shown], pulls[shown], largest / length, self.size, colour, 5.0 + 0.1 * row
+            )
             quiver.set_in_layout(False)
             said = f"{name}: {reference:g} {self.units[1]}".rstrip()
             self.keys.append((quiver, said, reference, reference * length / largest))
-            ax.update_datalim(np.vstack([tails, tails + drawn]))
+            ax.update_datalim(ends)
         ax.autoscale_view()
         return length
 

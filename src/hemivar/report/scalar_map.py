@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,16 +11,16 @@ from hemivar.errors import ProblemError
 from hemivar.files.boundary import polylines
 from hemivar.mechanics.scalar import ScalarProblem, Side
 from hemivar.report.certificate_line import FOOT, write_below, write_foot
+from hemivar.report.drawn_body import DrawnSurface, mark_states
 from hemivar.report.law_figures import law_captions
 from hemivar.report.picture import new_figure
-from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, body_axes, state_mark, with_unit
+from hemivar.report.style import MANY_CELLS, body_axes, state_mark, with_unit
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from mpl_toolkits.mplot3d import Axes3D
 
 __all__ = ["area_maps", "over_area", "plot_scalar"]
 
@@ -89,10 +88,8 @@ def plot_scalar(
     beside = np.flatnonzero(~over)
     if len(beside):
         assert contact.points is not None
-        size = float(np.clip(30.0 / math.sqrt(len(beside)), 1.4, 4.4))
         for kind, here in solution.states.take(beside).present.items():
-            at = contact.points[beside[here]].T
-            ax.plot(*at, ls="", ms=size, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
+            mark_states(ax, kind, contact.points[beside[here]], len(beside))
             handles.append(state_mark(kind, f"{kind.label} ({np.count_nonzero(here)})"))
     if legend:
         sides = {one.side for one in (*stated.contact.values(), *stated.areas.values()) if not one.rubs}
@@ -110,24 +107,14 @@ def plot_scalar(
 
 
 def _surface(solution: Solution, stated: ScalarProblem, title: str | None, unit: str, line: str) -> Figure:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
     mesh = stated.mesh
-    facets = mesh.boundary_facets
     fig = new_figure((6.3, 5.0))
-    ax = cast("Axes3D", fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d"))
-    surface = Poly3DCollection(list(mesh.points[facets]), linewidths=0.15, edgecolors="#00000060")
-    surface.set_array(solution.displacement[facets, 0].mean(axis=1))
-    surface.set_cmap("cividis")
-    surface.set_rasterized(len(facets) > MANY_FACETS)
-    ax.add_collection3d(surface)
-    fig.colorbar(surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(stated.kind.unknown)
-    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit), zlabel=with_unit("z", unit))
-    ax.set_box_aspect(high - low, zoom=1.0)
+    extent = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    drawn = DrawnSurface(fig, (0.02, 0.06, 0.74, 0.82), mesh.boundary_facets, extent, unit, zoom=1.0)
+    drawn.move(mesh.points, solution.displacement[: mesh.number_of_nodes, 0])
+    fig.colorbar(drawn.surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(stated.kind.unknown)
     if title:
-        ax.set_title(title)
+        drawn.ax.set_title(title)
     if line:
         write_foot(fig, line)
     return fig

@@ -16,8 +16,9 @@ from hemivar.errors import ProblemError
 from hemivar.report.body_colour import BodyColour
 from hemivar.report.certificate_line import certificate_line, write_foot
 from hemivar.report.deformed import DeformedBody
+from hemivar.report.drawn_body import mark_size
 from hemivar.report.picture import new_figure
-from hemivar.report.solid_body import legend_of_solid, mark_size, sharp_edges, viewing_direction
+from hemivar.report.solid_body import legend_of_solid, sharp_edges, viewing_direction
 from hemivar.report.style import GREY, MARKERS, drawing, with_unit
 from hemivar.solvers import Solution
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,15 +13,14 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.report.body_colour import BodyColour
 from hemivar.report.certificate_line import write_foot
 from hemivar.report.deformed import DeformedBody
+from hemivar.report.drawn_body import DrawnSurface, mark_states
 from hemivar.report.picture import new_figure
-from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, in_rows, state_mark, with_unit
+from hemivar.report.style import DASHES, GREY, in_rows, state_mark
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from matplotlib.ticker import MaxNLocator
-    from mpl_toolkits.mplot3d import Axes3D
 
-__all__ = ["draw_solid", "legend_of_solid", "mark_size", "sharp_edges", "viewing_direction"]
+__all__ = ["draw_solid", "legend_of_solid", "sharp_edges", "viewing_direction"]
 
 
 def sharp_edges(mesh: Mesh, degrees: float = 30.0) -> IntArray:
@@ -40,44 +39,26 @@ def draw_solid(body: DeformedBody, colour: BodyColour, title: str | None, units:
 
     ``units`` are those of length and stress.
     """
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     problem, mesh, moved = body.problem, body.mesh, body.vertices
-    facets = mesh.boundary_facets
     fig = new_figure((6.3, 5.0))
-    ax = cast("Axes3D", fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d", computed_zorder=False))
-    fine = len(facets) > MANY_FACETS
-    surface = Poly3DCollection(list(moved[facets]), linewidths=0.15, edgecolors="#00000060", zorder=2)
-    surface.set_rasterized(fine)
-    if colour is BodyColour.NONE:
-        surface.set_facecolor("#d9e6f2")
-    else:
-        surface.set_array(body.values(colour)[facets].mean(axis=1))
-        surface.set_cmap("cividis")
-        fig.colorbar(surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(colour.label(*units))
-    ax.add_collection3d(surface)
-    if fine:  # possible once the surface has axes
-        surface.set_edgecolor("face")
+    extent = (np.minimum(moved, mesh.points).min(axis=0), np.maximum(moved, mesh.points).max(axis=0))
+    drawn = DrawnSurface(fig, (0.02, 0.06, 0.74, 0.82), mesh.boundary_facets, extent, units[0])
+    plain, ax = colour is BodyColour.NONE, drawn.ax
+    drawn.move(moved, None if plain else body.values(colour))
+    if not plain:
+        fig.colorbar(drawn.surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(colour.label(*units))
     edges = mesh.points[sharp_edges(mesh)]
     ax.add_collection3d(Line3DCollection(list(edges), colors=GREY, linewidths=0.7, linestyles=[DASHES], zorder=1))
     if problem.contact_points:
         elevation, azimuth = _view(problem)
         ax.view_init(elevation, azimuth)
-        places, size = body.contact_places, mark_size(problem.contact_points)
         for kind, here, _ in body.states():
             if here.any():
-                ax.plot(*places[here].T, ls="", ms=size, mew=0.1 * size, zorder=10, **MARKERS[kind])
+                mark_states(ax, kind, body.contact_places[here], problem.contact_points)
     legend_of_solid(fig, body)
     write_foot(fig, line)
-    low, high = np.minimum(moved, mesh.points).min(axis=0), np.maximum(moved, mesh.points).max(axis=0)
-    extent = np.maximum(high - low, 1e-6 * float((high - low).max()))
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    ax.set_box_aspect(extent, zoom=1.02)
-    for axis, label in zip((ax.xaxis, ax.yaxis, ax.zaxis), "xyz", strict=True):
-        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
-        axis.set_major_locator(_few_ticks(float(extent["xyz".index(label)] / extent.max())))
-        axis.set_label_text(with_unit(label, units[0]))
-    ax.grid(False)
     if title:
         fig.suptitle(title, fontsize=10, y=0.98)
     return fig
@@ -98,17 +79,6 @@ def legend_of_solid(fig: Figure, body: DeformedBody) -> None:
         handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.03), ncols=in_rows(len(handles)), columnspacing=1.4,
         handlelength=1.8,
     )  # fmt: skip
-
-
-def _few_ticks(share: float) -> MaxNLocator:
-    from matplotlib.ticker import MaxNLocator
-
-    return MaxNLocator(max(1, round(5 * share)))
-
-
-def mark_size(count: int) -> float:
-    """Size of a mark in points, so that marks on a surface leave it visible."""
-    return float(np.clip(30.0 / math.sqrt(count), 0.8, 3.6))
 
 
 def viewing_direction(problem: DiscreteProblem) -> Array:
