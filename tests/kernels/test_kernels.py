@@ -119,6 +119,43 @@ def test_rows_of_contact_unknowns_are_changed_as_without(make: object) -> None:
     assert not truncated.fast_cycle(top, x)[unknown[held]].any()
 
 
+@built
+@pytest.mark.parametrize("weights", ["of entries", "of nodes", "of nodes but one"])
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_a_cycle_is_that_of_dense_matrices(d: int, weights: str) -> None:
+    """Sweeps by nodes around an exact coarse solve; unknowns that are missing or turned, other columns in every row."""
+    rng, nodes, few = np.random.default_rng(10 * d + len(weights)), 60, 7
+    there, below = rng.random((nodes, d)) < 0.8, rng.random((few, d)) < 0.8
+    there[:, 0] = below[:, 0] = True
+    place, n = np.flatnonzero(there), int(there.sum())
+    A = np.where(rng.random((n, n)) < 0.1, rng.standard_normal((n, n)), 0.0)
+    A = A + A.T
+    A += np.diag(np.abs(A).sum(axis=1) + 0.1)
+    size = 10.0 ** rng.uniform(-2, 2, nodes)[place // d]
+    A = A * size * size[:, None]
+    nodal = np.where(rng.random((nodes, few)) < 0.3, rng.uniform(0.2, 1.0, (nodes, few)), 0.0)
+    P = np.kron(nodal, np.eye(d))
+    if weights == "of entries":
+        P = np.kron(nodal, np.ones((d, d))) * rng.uniform(size=(nodes * d, few * d))
+    P = P[np.ix_(place, np.flatnonzero(below))]
+    if weights == "of nodes but one":
+        P[tuple(np.argwhere(P)[n // 2])] = 0.0
+    signs = np.where(rng.random(n) < 0.5, -1.0, 1.0)
+    P *= signs[:, None]
+    coarse = P.T @ A @ P
+    slots = [NodeSlots(np.flatnonzero(below), d, few), NodeSlots(place, d, nodes, signs)]
+    none = [np.zeros(0, dtype=int)] * 2
+    levels = Levels([sp.csr_array(coarse), sp.csr_array(A)], [Transfer.of(sp.csr_array(P))], none, none, slots=slots)
+    assert levels.compiled is not None
+    b = size * rng.standard_normal(n)
+    lower = np.where(place[:, None] // d >= place // d, A, 0.0)
+    expected = np.linalg.solve(lower, b)
+    expected += P @ np.linalg.solve(coarse, P.T @ (b - A @ expected))
+    expected += np.linalg.solve(lower.T, b - A @ expected)
+    found = levels._whole.fast_cycle(1, b)
+    np.testing.assert_allclose(found * size, expected * size, atol=2e-5 * np.abs(expected * size).max())
+
+
 _RUN = """
 import sys, hashlib, numpy as np, hemivar as hv
 from dataclasses import replace

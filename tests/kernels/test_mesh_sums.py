@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -122,6 +123,25 @@ def test_blocks_are_those_of_numpy(name: str, law: str, without: Callable[[Calla
     expected = without(lambda: stiffness_blocks(mesh, stated, graph))
     assert isinstance(expected, EdgeBlocks)
     same(stiffness_blocks(mesh, stated, graph), expected, mesh)
+
+
+@pytest.mark.parametrize("law", ["varying tensor", "varying flux"])
+@pytest.mark.parametrize("name", ["square", "cube"])
+def test_cells_by_portions_have_the_sums_of_all(name: str, law: str) -> None:
+    """To the last bit, for cells are added in their order."""
+    mesh = MESHES[name]()
+    stated, count = laws(mesh.dim)[law], mesh.number_of_cells
+    graph = BlockGraph.of(mesh.edges, mesh.number_of_nodes, mesh.dim)
+    assert graph is not None
+    sums = []
+    for ends in ([0, count], [0, 7, count // 3, count]):
+        upper = np.zeros((len(mesh.edges), len(stated.strains), len(stated.strains)))
+        for first, last in pairwise(ends):
+            part = slice(first, last)
+            matrices = np.ascontiguousarray(stated.on(mesh, 1, part)[0][:, 0])
+            graph.add(mesh.points, mesh.cells, part, mesh.volumes[part], stated.strains, matrices, upper)
+        sums.append(upper)
+    np.testing.assert_array_equal(*sums)
 
 
 @pytest.mark.parametrize("name", ["square", "cube"])

@@ -127,9 +127,18 @@ def _free_directions(supports: Supports, groups: list[BoundaryContact]) -> tuple
 def basis_of(directions: Array, free: BoolArray) -> sp.csr_array:
     """The matrix P, shape (nodes * c, n); its columns are the free directions, node by node."""
     count, dim = free.shape
-    node, slot = np.nonzero(free)
-    data = directions[node, slot]
-    rows = node[:, None] * dim + np.arange(dim)
-    keep = data != 0.0
-    starts = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
-    return sp.csr_array(sp.csc_array((data[keep], rows[keep], starts), shape=(count * dim, len(node))))
+    narrow = np.int32 if directions.size < np.iinfo(np.int32).max else np.int64
+    place = np.flatnonzero(free)
+    rows, data = place.astype(narrow), np.ones(len(place))
+    starts = np.arange(len(place) + 1, dtype=narrow)
+    turned = np.repeat((directions != np.eye(dim)).any(axis=(1, 2)), dim)[place]
+    if turned.any():  # these columns may have more than one entry
+        node, slot = np.divmod(place[turned], dim)
+        values = directions[node, slot]
+        keep = values != 0.0
+        many = np.ones(len(place), dtype=np.int64)
+        many[turned] = keep.sum(axis=1)
+        starts[1:] = np.cumsum(many)
+        data, rows, at = np.repeat(data, many), np.repeat(rows, many), np.repeat(turned, many)
+        data[at], rows[at] = values[keep], (node[:, None] * dim + np.arange(dim))[keep]
+    return sp.csr_array(sp.csc_array((data, rows, starts), shape=(count * dim, len(place))))

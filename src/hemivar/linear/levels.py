@@ -48,16 +48,19 @@ class Transfer:
     Attributes
     ----------
     prolongation : sparse array, shape (n_fine, n_coarse)
-    restriction : sparse array, shape (n_coarse, n_fine)
     """
 
     prolongation: sp.csr_array
-    restriction: sp.csr_array
+
+    @cached_property
+    def restriction(self) -> sp.csr_array:
+        """Its transpose, shape (n_coarse, n_fine); the compiled cycle has one of its own."""
+        return narrow(sp.csr_array(self.prolongation.T))
 
     @staticmethod
     def of(prolongation: sp.csr_array) -> Transfer:
-        """From the prolongation alone."""
-        return Transfer(narrow(prolongation), narrow(sp.csr_array(prolongation.T)))
+        """With indices as the compiled kernels ask for."""
+        return Transfer(narrow(prolongation))
 
 
 class Levels:

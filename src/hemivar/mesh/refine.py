@@ -63,9 +63,11 @@ class Refinement(PickleMixin):
     def interpolation(self) -> sp.csr_array:
         """Nodal values on the finer mesh from those on the coarser one, shape (N, N_coarse)."""
         count = len(self.ends)
-        rows = np.repeat(np.arange(count), 2)
-        shape = (count, self.mesh.number_of_nodes)
-        return sp.csr_array((np.full(2 * count, 0.5), (rows, self.ends.ravel())), shape=shape)
+        narrow = np.int32 if 2 * count < np.iinfo(np.int32).max else np.int64
+        parts = np.full(2 * count, 0.5), self.ends.ravel().astype(narrow), np.arange(0, 2 * count + 1, 2, dtype=narrow)
+        found = sp.csr_array(parts, shape=(count, self.mesh.number_of_nodes))
+        found.sum_duplicates()  # nodes of both meshes are ends of themselves
+        return found
 
     def named(self, boundaries: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> Refinement | None:
         """The refinement, with the facets and cells that those of the finer mesh are parts of under their names.
