@@ -8,7 +8,7 @@ in turn, the same body without its foundation: the same matrices, scheme and ste
 the same tolerance.  ``linear_ms`` is a step of the latter: one back-substitution with a factorisation of the same
 matrix by the same library, or conjugate gradients around a cycle of the same hierarchy, and the products with stiffness
 and viscosity that make its load.  ``swept_ms`` is the same where the back-substitution is that of the march: with
-SuperLU the march sweeps through factors that are laid out by rows, which is faster than SuperLU's own solve.
+SuperLU the march sweeps through factors that are laid out for it, which is faster than SuperLU's own solve.
 ``step_ms`` is a step of the march, with its residual, margin, ledger and row.  What is paid once (mesh, matrices,
 factors, levels) is in neither.  Every step does the same work in every repeat: of each the shortest time counts, and
 the mean of these is printed.  BLAS takes one thread if ``OMP_NUM_THREADS=1`` is set.

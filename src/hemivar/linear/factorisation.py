@@ -98,7 +98,7 @@ def factorise(matrix: sp.csr_array, kept: IntArray, many: bool = False) -> Facto
     matrix : sparse array (n, n)
     kept : int array (k,)
     many : bool
-        Many loads are to come: for about a fourth more than the factors cost, a load and its way back then take one
+        Many loads are to come: for at most a fourth more than the factors cost, a load and its way back then take one
         sweep through each half of the factors, and not a whole solve each.  MUMPS does not lend its halves: in the
         plane SuperLU is taken then, whose sweeps are faster than MUMPS's solve.
 
