@@ -44,7 +44,7 @@ _WHAT_TO_DO = re.compile(
 _REASONS = (
     "basics/packed", "basics/deprecation", "engines/petsc/checkpoint", "files/kept_solution", "files/sweep_point",
     "files/time_table", "laws/coupled/plane_potential",
-    "files/contact_table.py", "files/problem_file", "files/scalar_tables", "files/thermal_table", "files/quantities",
+    "files/contact_table.py", "files/problem_file", "files/schema", "files/thermal_table", "files/quantities",
     "kernels/library", "linear/compiled", "certificates/__init__", "files/toml", "fem/energy_integral",
 )  # fmt: skip
 MESSAGES = messages()
