@@ -67,10 +67,12 @@ class KernelsWheel(bdist_wheel):
 kernels = Extension(
     "hemivar.kernels._compiled",
     sources=[
-        f"{KERNELS}/{name}.cpp" for name in ("active_sets", "api", "cycle", "mesh_sums", "panels", "pool", "set_up")
+        f"{KERNELS}/{name}.cpp"
+        for name in ("active_sets", "api", "cycle", "mesh_sums", "panels", "patches", "pool", "set_up")
     ],
     depends=[
-        f"{KERNELS}/{name}.hpp" for name in ("active_sets", "lanes", "levels", "memory", "mesh_sums", "panels", "pool")
+        f"{KERNELS}/{name}.hpp"
+        for name in ("active_sets", "lanes", "levels", "memory", "mesh_sums", "panels", "patches", "pool")
     ],
     language="c++",
     optional=True,

@@ -1,10 +1,11 @@
 // The compiled kernels by themselves, for the sanitizers of a compiler: a square by bilinear levels, two unknowns a node;
-// matrices of a square of triangles and of a cube of tetrahedra.
+// matrices of a square of triangles and of a cube of tetrahedra; patches of squares and cubes cut into simplices.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <limits>
+#include <map>
 #include <thread>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "levels.hpp"
 #include "mesh_sums.hpp"
 #include "panels.hpp"
+#include "patches.hpp"
 #include "pool.hpp"
 
 using namespace hemivar;
@@ -238,6 +240,140 @@ void settle(int64_t n) {
           "a matrix that is not definite is taken");
 }
 
+// n^dim cubes, each cut into simplices along the ways from its lowest corner to its highest one.
+struct Cut {
+    int dim, count, l;
+    std::vector<double> points, inverse, signs, energies, compliance;
+    std::vector<int64_t> cells, cell_facets, facet_nodes, alike, owners;
+
+    Cut(int dim, int n, bool apart) : dim(dim), l(dim) {
+        const int side = n + 1;
+        int nodes = 1, cubes = 1;
+        for (int i = 0; i < dim; ++i) {
+            nodes *= side;
+            cubes *= n;
+        }
+        for (int k = 0; k < nodes; ++k) {
+            for (int i = 0, rest = k; i < dim; ++i, rest /= side) points.push_back(rest % side);
+        }
+        for (int cube = 0; cube < cubes; ++cube) {
+            int corner = 0, step[3] = {1, side, side * side};
+            for (int i = 0, rest = cube; i < dim; ++i, rest /= n) corner += rest % n * step[i];
+            std::vector<int> way(dim);
+            for (int i = 0; i < dim; ++i) way[i] = i;
+            int number = 0;
+            do {
+                int node = corner;
+                cells.push_back(node);
+                std::vector<double> matrix(dim * dim, 0.0);  // its inverse takes steps along axes to the edges
+                for (int i = 0; i < dim; ++i) {
+                    cells.push_back(node += step[way[i]]);
+                    matrix[i * dim + way[i]] = 1.0;
+                    if (i + 1 < dim) matrix[i * dim + way[i + 1]] = -1.0;
+                }
+                inverse.insert(inverse.end(), matrix.begin(), matrix.end());
+                alike.push_back(apart ? static_cast<int64_t>(alike.size()) : number);
+                ++number;
+            } while (std::next_permutation(way.begin(), way.end()));
+        }
+        count = static_cast<int>(cells.size()) / (dim + 1);
+        std::map<std::vector<int64_t>, int64_t> known;
+        for (int c = 0; c < count; ++c) {
+            for (int f = 0; f <= dim; ++f) {
+                std::vector<int64_t> facet;
+                for (int a = 0; a <= dim; ++a) {
+                    if (a != f) facet.push_back(cells[c * (dim + 1) + a]);
+                }
+                const auto found = known.emplace(facet, static_cast<int64_t>(known.size()));
+                if (found.second) {
+                    facet_nodes.insert(facet_nodes.end(), facet.begin(), facet.end());
+                    owners.push_back(0);
+                }
+                ++owners[found.first->second];
+                cell_facets.push_back(found.first->second);
+                signs.push_back(found.second ? 1.0 : -1.0);
+            }
+        }
+        // Energies that are definite: the first number of the compliance weighs the unit matrix, the rest nothing.
+        const int whole = (dim + 1) * dim * dim, modes = dim * (dim + 1) / 2, v = modes * (modes + 1) / 2;
+        energies.assign(whole * v * whole, 0.0);
+        for (int r = 0; r < whole; ++r) energies[(r * v) * whole + r] = 1.0;
+        for (int c = 0; c < count; ++c) {
+            compliance.push_back(apart ? 1.0 + 0.1 * (c % 7) : 1.0);
+            for (int k = 1; k < v; ++k) compliance.push_back(0.0);
+        }
+    }
+
+    PatchBody body() const {
+        return {dim, l, 0, count, static_cast<int64_t>(owners.size()), energies.data(), compliance.data(),
+                inverse.data(), signs.data(), points.data(), cell_facets.data(), facet_nodes.data(), alike.data()};
+    }
+};
+
+double square(const std::vector<double>& numbers) {
+    double sum = 0.0;
+    for (double x : numbers) sum += x * x;
+    return sum;
+}
+
+// Sweeps over the patches of vertices: the same bits with any threads, less energy, no cell out of balance.
+void improve_simplices(int dim, int n, bool apart, bool priced) {
+    const Cut mesh(dim, n, apart);
+    const int corners = dim + 1, block = dim * dim, moments = corners * block;
+    const int64_t nodes = static_cast<int64_t>(mesh.points.size()) / dim, facets = mesh.body().facets;
+    std::vector<int64_t> sides, ranked(nodes), start(nodes + 1), seen(mesh.cells.size()), order(nodes);
+    std::vector<int64_t> bounds(kColours + 1), rows(facets, -1);
+    for (int a = 0; a < corners; ++a) {
+        for (int f = 0; f < corners; ++f) {
+            if (f != a) sides.push_back(f);
+        }
+    }
+    for (int64_t k = 0; k < nodes; ++k) ranked[k] = (k * 7919) % nodes;
+    const int64_t colours = colour_patches(mesh.count, corners, mesh.cells.data(), nodes, ranked.data(), start.data(),
+                                           seen.data(), order.data(), bounds.data());
+    check(colours > 1 && bounds[colours] == nodes, "patches without a colour");
+    std::vector<uint8_t> free(facets, 1);
+    std::vector<double> matrices, offsets;
+    for (int64_t f = 0; f < facets; ++f) {
+        if (mesh.owners[f] == 2 || f % 3 == 0) continue;
+        free[f] = priced;
+        if (!priced) continue;
+        rows[f] = static_cast<int64_t>(offsets.size()) / block;
+        for (int k = 0; k < block * block; ++k) matrices.push_back(k % (block + 1) == 0 ? 0.5 : 0.0);
+        for (int k = 0; k < block; ++k) offsets.push_back(0.1 * k);
+    }
+    std::vector<std::vector<double>> found;
+    for (int threads : {1, 4}) {
+        Pool::set_threads(threads);
+        std::vector<double> slope(mesh.count * moments), stress(facets * block, 0.0);
+        for (size_t k = 0; k < slope.size(); ++k) slope[k] = std::sin(1.0 + static_cast<double>(k));
+        const double before = square(slope);  // with the unit matrix energy and slope are the same
+        const PatchBody body = mesh.body();
+        const PatchSweep sweep{corners, dim, nodes, colours, sides.data(), start.data(), seen.data(), order.data(),
+                          bounds.data(), free.data(), priced ? rows.data() : nullptr, matrices.data(), offsets.data(),
+                          slope.data(), stress.data()};
+        for (int turn = 0; turn < 2; ++turn) improve_patches(body, sweep);
+        const double after = square(slope);
+        check(std::isfinite(after) && (priced || apart || after < before), "patches do not lower the energy");
+        for (int c = 0; c < mesh.count; ++c) {
+            for (int i = 0; i < dim; ++i) {
+                double force = 0.0;
+                for (int f = 0; f < corners; ++f) {
+                    const int64_t facet = mesh.cell_facets[c * corners + f];
+                    for (int a = 0; a < dim; ++a) {
+                        force += mesh.signs[c * corners + f] * stress[facet * block + a * dim + i];
+                    }
+                }
+                check(std::abs(force) < 1e-11, "a cell is out of balance");
+            }
+        }
+        check(square(stress) > 1e-6, "nothing moves");
+        slope.insert(slope.end(), stress.begin(), stress.end());
+        found.push_back(slope);
+    }
+    check(found[0] == found[1], "bits of patches depend on the number of threads");
+}
+
 }  // namespace
 
 int main() {
@@ -317,5 +453,11 @@ int main() {
         answers.emplace_back(out.begin(), out.end());
     }
     check(answers[0] == answers[1], "bits depend on the number of threads");
+    for (bool apart : {false, true}) {
+        for (bool priced : {false, true}) {
+            improve_simplices(2, 12, apart, priced);
+            improve_simplices(3, apart ? 3 : 5, apart, priced);
+        }
+    }
     std::puts("the kernels stand");
 }

@@ -126,6 +126,50 @@ for turn in range(int(sys.argv[2])):
 print(raised, done)
 """
 
+_FUZZ_PATCHES = """
+from hemivar.certificates.continuous.compiled_patches import CompiledPatches, PatchOrder, Prices
+from hemivar.certificates.continuous.facet_table import facet_table
+from hemivar.certificates.continuous.patches import PatchKind, cell_patches, patch_sides
+from hemivar.certificates.continuous.split_element import split_element
+from hemivar.mesh import box, rectangle
+
+def body(dim):
+    mesh = rectangle((1.0, 1.0), 2) if dim == 2 else box((1.0, 1.0, 1.0), 1)
+    table, element = facet_table(mesh), split_element(dim)
+    kind = list(PatchKind)[rng.integers(3)]
+    v, count, facets = len(element.values[0, 0]), len(table.cells), len(table.facets)
+    root = rng.standard_normal((count, v, v))
+    made = dict(compliance=root @ root.transpose(0, 2, 1), inverse=table.inverse, signs=table.signs,
+                cell_facets=table.cell_facets, facet_nodes=table.facets, points=mesh.points, alike=np.arange(count))
+    patches = cell_patches(table, kind)
+    ordered = dict(patches=patches, chosen=rng.uniform(size=int(patches.max()) + 1) < 0.9)
+    block = element.block
+    improved = dict(sides=patch_sides(dim, kind), free=rng.uniform(size=facets) < 0.9,
+                    slope=rng.standard_normal((count, element.moments)), moments=np.zeros((facets, dim, dim)))
+    rows = np.where(rng.uniform(size=facets) < 0.3, rng.integers(3, size=facets), -1)
+    priced = dict(rows=rows, matrices=np.tile(np.eye(block), (3, 1, 1)), offsets=np.ones((3, block)))
+    return element, made, ordered, improved, priced
+
+raised = done = 0
+for turn in range(int(sys.argv[2])):
+    element, made, ordered, improved, priced = body(int(rng.choice([2, 3])))
+    def maybe(given):
+        if rng.uniform() < 0.3:
+            name = list(given)[rng.integers(len(given))]
+            given = given | {name: spoiled(given[name])}
+        return given
+    try:
+        patches = CompiledPatches(library, element, **maybe(made))
+        order = patches.ordered(**maybe(ordered))
+        parts = maybe({name: getattr(order, name) for name in ("start", "seen", "order", "bounds")})
+        prices = Prices(**maybe(priced)) if rng.uniform() < 0.5 else None
+        patches.improve(PatchOrder(**parts), **maybe(improved), prices=prices)
+        done += 1
+    except (ValueError, TypeError, OverflowError, IndexError, AttributeError, MemoryError):
+        raised += 1
+print(raised, done)
+"""
+
 
 _FUZZ_SUMS = """
 import contextlib
@@ -172,10 +216,14 @@ print(raised, done)
 
 @built
 @pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("kind", [_FUZZ, _FUZZ_SUMS], ids=["levels", "sums"])
-def test_no_wrong_array_ends_the_process(kind: str, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("script", "turns"),
+    [(_FUZZ, 1500), (_FUZZ_SUMS, 1500), (_FUZZ_PATCHES, 2000)],
+    ids=["levels", "sums", "patches"],
+)
+def test_no_wrong_array_ends_the_process(script: str, turns: int, seed: int) -> None:
     environment = os.environ | {"HEMIVAR_KERNELS": "auto", "HEMIVAR_NUM_THREADS": "2", "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-X", "faulthandler", "-c", _SPOILED + kind, str(seed), "1500"]
+    command = [sys.executable, "-X", "faulthandler", "-c", _SPOILED + script, str(seed), str(turns)]
     run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr[-2000:]
     raised, done = map(int, run.stdout.split())

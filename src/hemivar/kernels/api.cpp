@@ -8,6 +8,7 @@
 #include "levels.hpp"
 #include "mesh_sums.hpp"
 #include "panels.hpp"
+#include "patches.hpp"
 #include "pool.hpp"
 
 #ifdef _WIN32
@@ -83,7 +84,7 @@ auto ordered_sum(int64_t n, const Work& work) {
 
 }  // namespace
 
-HEMIVAR_API int hv_abi() { return 3; }
+HEMIVAR_API int hv_abi() { return 4; }
 
 HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
 
@@ -312,6 +313,21 @@ HEMIVAR_API int hv_active_sets_run(ActiveSets* sets, const double* load, double*
 
 HEMIVAR_API double hv_active_sets_distance(ActiveSets* sets, const double* r, const double* lam) {
     return sets->distance(r, lam);
+}
+
+// The number of colours of patches; -1 if these are too many, -2 if there is no memory.
+HEMIVAR_API int64_t hv_patch_order(int64_t cells, int64_t seen_of_cell, const int64_t* patches, int64_t count,
+                                   const int64_t* ranked, int64_t* start, int64_t* seen, int64_t* order,
+                                   int64_t* bounds) {
+    int64_t colours = -2;
+    guarded([&] {
+        colours = colour_patches(cells, seen_of_cell, patches, count, ranked, start, seen, order, bounds);
+    });
+    return colours;
+}
+
+HEMIVAR_API int hv_improve_patches(const PatchBody* body, const PatchSweep* sweep) {
+    return guarded([&] { improve_patches(*body, *sweep); });
 }
 
 // On Windows an extension must have one; nobody imports it.

@@ -16,7 +16,7 @@ from hemivar.basics.types import AnyArray, Array
 __all__ = ["Kernels", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
-_ABI = 3
+_ABI = 4
 _NAMES = ("_compiled.so", "_compiled.pyd")
 #: Most threads that are ever taken.
 _MOST = 256
@@ -65,6 +65,8 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_active_sets_free": ([c_void_p], None),
     "hv_active_sets_distance": ([*[c_void_p] * 3], c_double),
     "hv_active_sets_run": ([*[c_void_p] * 5, c_int64, c_double, c_double, c_double, c_void_p], c_int),
+    "hv_patch_order": ([c_int64, c_int64, c_void_p, c_int64, *[c_void_p] * 5], c_int64),
+    "hv_improve_patches": ([c_void_p, c_void_p], c_int),
 }
 
 

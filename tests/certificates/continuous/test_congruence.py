@@ -8,8 +8,7 @@ import pytest
 from hemivar.basics.types import IntArray
 from hemivar.certificates.continuous.body_data import BodyData, body_data
 from hemivar.certificates.continuous.congruence import congruent_cells
-from hemivar.certificates.continuous.patches import PatchKind, lowering_inverse
-from hemivar.certificates.continuous.rings import ring_batches
+from hemivar.certificates.continuous.patches import lowering_inverse
 from hemivar.gallery.survey_problems import survey_cube
 from hemivar.mechanics import ContactProblem, Material
 from hemivar.mesh import box, rectangle
@@ -56,33 +55,6 @@ def test_cells_of_other_size_shape_or_material_are_others() -> None:
     alike = congruent_cells(data_on(named, material))
     assert len(np.unique(alike)) == 12
     assert not np.isin(alike[CORNER], np.delete(alike, CORNER)).any()
-
-
-def test_rings_of_one_kind_are_translates_of_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hemivar.certificates.continuous.rings._MANY", 8)
-    named = CUBE.named({}, {"hard": CORNER, "soft": np.setdiff1d(np.arange(len(CUBE.cells)), CORNER)})
-    material = Material.by_region({"hard": Material.lame(40.0, 3.0), "soft": Material.lame(4.0, 3.0)})
-    data = data_on(named, material)
-    table, every = data.table, np.ones(len(data.table.facets), dtype=bool)
-    every[(table.mesh.points[table.facets] @ [1.0, 0.0, 10.0]).max(axis=1) < 0.5] = False  # half of the bottom
-    rings, _ = ring_batches(table, PatchKind.EDGE, every, every, alike=congruent_cells(data))
-    each, _ = ring_batches(table, PatchKind.EDGE, every, every)
-    kinds = {ring.kind for ring in rings} - {-1}
-    assert len(kinds) >= 7  # seven edges inside
-    assert sum(len(ring.facets) for ring in rings if ring.kind >= 0) > 0.4 * sum(len(ring.facets) for ring in each)
-    assert _cells(rings) == _cells(each)
-    for kind in kinds:
-        same = [ring for ring in rings if ring.kind == kind]
-        nodes = CUBE.points[table.facets[np.concatenate([ring.facets for ring in same])]]
-        local = nodes - nodes[:, :1, :1]
-        assert len(nodes) >= 8
-        assert np.abs(local - local[0]).max() < 1e-14
-        assert not np.isin(np.concatenate([ring.cells for ring in same]), CORNER).any()  # of these there are few
-        assert len(np.unique(np.concatenate([ring.free for ring in same]), axis=0)) == 1
-
-
-def _cells(rings: list) -> set[tuple[int, ...]]:  # type: ignore[type-arg]
-    return {tuple(sorted(cells)) for ring in rings for cells in ring.cells.tolist()}
 
 
 def test_an_inverse_that_raises_a_misfit_is_not_taken() -> None:

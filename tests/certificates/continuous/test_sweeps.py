@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import contact_traces
 from hemivar.certificates.continuous.facet_table import facet_table
-from hemivar.certificates.continuous.patches import Batch, PatchKind, coloured, patch_batches, rigid_modes
-from hemivar.certificates.continuous.rings import ring_batches
+from hemivar.certificates.continuous.patches import PatchKind, coloured, patch_batches, rigid_modes
 from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
 from hemivar.gallery.survey_problems import survey
 from hemivar.mechanics import Clamped, ContactProblem, Material
@@ -22,7 +21,7 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import solve
 
 from .admissibility import imbalance
-from .bodies import BODIES, VARYING, blocks_in_space, plane_mesh, space_mesh
+from .bodies import BODIES, VARYING, plane_mesh, space_mesh
 
 KINDS = (PatchKind.FACET, PatchKind.EDGE, PatchKind.VERTEX)
 
@@ -64,15 +63,15 @@ def _energy(stress: AdmissibleStress) -> float:
 @pytest.mark.parametrize("many", [1, 64], ids=["by kinds", "each"])
 def test_flat_cells_lose_no_balance(name: str, thin: float, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A body thousand times as high as it is wide, and its cells: what rounding leaves unbalanced is not changed."""
-    monkeypatch.setattr("hemivar.certificates.continuous.rings._MANY", many)
+    monkeypatch.setattr("hemivar.certificates.continuous.sweeps._MANY", many)
     problem = BODIES[name]()
     flat = np.diag([thin, *np.ones(problem.mesh.dim - 1)])
     u = solve(problem).displacement @ flat
     problem = replace(problem, mesh=problem.mesh.moved(flat))
     stress = admissible_stress(body_data(problem, u))
     assert imbalance(stress, 1, order=1) < 1e-14
-    for general in (False, True):
-        sweeper, before = PatchSmoother(stress, general), _energy(stress)
+    for compiled in (False, True):
+        sweeper, before = PatchSmoother(stress, compiled), _energy(stress)
         for _ in range(2):
             sweeper.sweep(PatchKind.VERTEX if problem.mesh.dim == 2 else PatchKind.EDGE)
             after = _energy(sweeper.stress)
@@ -201,57 +200,6 @@ def test_patches_of_one_batch_share_no_cell_and_all_facets_have_one(mesh: Mesh, 
     assert (seen == per_facet).all()
 
 
-@pytest.mark.parametrize(
-    "mesh", [plane_mesh(5), space_mesh(2), blocks_in_space().mesh], ids=["plane", "space", "blocks"]
-)
-@pytest.mark.parametrize("held", [False, True], ids=["free", "held"])
-def test_rings_and_rows_are_all_patches_from_facet_to_facet(mesh: Mesh, held: bool) -> None:
-    """The same patches as :func:`patch_batches` has; side by side in them stand cells with a common facet."""
-    table = facet_table(mesh)
-    kind = PatchKind.VERTEX if table.dim == 2 else PatchKind.EDGE
-    free = np.ones(len(table.facets), dtype=bool)
-    free[mesh.points[table.facets][:, :, -1].max(axis=1) == mesh.points[:, -1].min()] = not held
-    whole = np.random.default_rng(2).uniform(size=len(free)) < 0.9
-    rings, rest = ring_batches(table, kind, free, whole)
-    expected = patches_of(patch_batches(table, kind, free))
-    others = patches_of(patch_batches(table, kind, free, rest))
-    fine = {(facets, cells) for facets, cells in expected if whole[list(facets)].all()}
-    apart = {patch for patch in fine if not joined(table.cell_facets, patch[1])}
-    found = patches_of([ring.as_batch(table) for ring in rings])
-    assert len(found) == len(set(found))
-    assert len(apart) == (len(mesh.cells) == 60)  # blocks that touch along an edge
-    assert set(found) == fine - apart
-    assert {patch for patch in others if not whole[list(patch[0])].all()} == set(others) <= set(expected) - set(found)
-    for ring in rings:
-        cells = ring.cells.ravel()
-        assert len(np.unique(cells)) == len(cells)
-        slots = ring.facets.shape[1]
-        for c in range(ring.cells.shape[1]):
-            at = np.take_along_axis(table.cell_facets[ring.cells[:, c]], ring.sides[:, c], axis=1)
-            assert np.array_equal(at, ring.facets[:, [c, (c + 1) % slots]])
-            through = np.take_along_axis(table.signs[ring.cells[:, c]], ring.sides[:, c], axis=1)
-            assert not (through * ring.turn[:, [c, (c + 1) % slots]]).sum(axis=1).any()  # what enters leaves
-        assert np.array_equal(ring.free, free[ring.facets])
-        assert ring.flows == ring.free.all()
-
-
-def patches_of(batches: list[Batch]) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-    """Patches by their facets and cells."""
-    return [
-        (tuple(sorted(facets)), tuple(sorted(cells)))
-        for batch in batches
-        for facets, cells in zip(batch.facets.tolist(), batch.cells.tolist(), strict=True)
-    ]
-
-
-def joined(cell_facets: IntArray, cells: tuple[int, ...]) -> bool:
-    """Whether one comes from each of the cells to each other one through common facets."""
-    seen, left = {cells[0]}, set(cells[1:])
-    while near := {cell for cell in left if any(set(cell_facets[cell]) & set(cell_facets[other]) for other in seen)}:
-        seen, left = seen | near, left - near
-    return not left
-
-
 def test_colours_are_few_and_the_same_each_time() -> None:
     table = facet_table(plane_mesh(12))
     colours = coloured(table.cells, table.mesh.number_of_nodes)
@@ -270,26 +218,3 @@ def test_a_stress_without_free_facets_stays() -> None:
     sweeper = PatchSmoother(stress)
     sweeper.sweep(PatchKind.VERTEX)
     assert sweeper.stress.misfit.sum() == pytest.approx(0.0, abs=1e-28)
-
-
-@pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("many", [1, 64], ids=["by kinds", "each"])
-def test_rings_and_rows_give_what_patches_of_any_shape_give(
-    name: str, many: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Fields without force and moment, and what flows through: the same space as the null space of all conditions."""
-    monkeypatch.setattr("hemivar.certificates.continuous.rings._MANY", many)
-    stress = first_stress(name)
-    traces = contact_traces(stress.data)
-    price = None
-    if traces is not None:
-        price = ContactPenalty(
-            traces.facets, traces.moments(traces.allowed(traces.forces(stress.tractions.moments))), 0.5
-        )
-    quick, general = PatchSmoother(stress), PatchSmoother(stress, general=True)
-    for kind in (PatchKind.FACET, PatchKind.VERTEX if stress.data.table.dim == 2 else PatchKind.EDGE):
-        for contact in (price, None):
-            for sweeper in (quick, general):
-                sweeper.sweep(kind, contact)
-            found, expected = quick.stress.tractions.moments, general.stress.tractions.moments
-            assert found == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())

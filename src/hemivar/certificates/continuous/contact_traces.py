@@ -30,6 +30,8 @@ EXACT = "a bound of the distance to the exact solution"
 #: which the multiplier between force and law has kinks of its own.
 _PARTS = 4
 _MORE_PARTS = 32
+#: Parts, in space, of the rule by which a choice is looked for.
+_FEW_PARTS = 1
 #: Distance to a kink, over the largest displacement or gap, that is rounding.
 _ROUNDING = 1e-11
 #: Gap, over the extent of the body, where its normal misses the obstacle.
@@ -79,6 +81,15 @@ class ContactTraces:
     def loose(self) -> Array:
         """Projections (k, d, d) on the components that no support holds."""
         return np.asarray(np.eye(self.data.table.dim) - self.data.unknown[self.facets])
+
+    @cached_property
+    def rough(self) -> ContactTraces:
+        """The same facets with fewer points in space: to look for a choice, never to judge it."""
+        if self.data.table.dim == 2 or self.weights.shape[1] <= len(_cut_triangle(_FEW_PARTS)[1]):
+            return self
+        found = contact_traces(self.data, _FEW_PARTS)
+        assert found is not None
+        return found
 
     def forces(self, moments: Array) -> Array:
         """Force of the foundation on the body, reversed, at the points: xi in local components, shape (k, q, d).
@@ -181,31 +192,31 @@ def radial_parts(slip: Array, force: Array) -> tuple[Array, Array]:
     return size, np.where(size > 0.0, along, np.sqrt(np.einsum("mi,mi->m", force, force)))
 
 
-def contact_traces(data: BodyData) -> ContactTraces | None:
-    """The points of all contact facets; None if there is no contact."""
+def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
+    """The points of all contact facets; None if there is no contact. In space edges are cut into so many parts."""
     if not data.problem.contact:
         return None
     table, dim = data.table, data.table.dim
-    parts = []
+    found = []
     for number, name in enumerate(data.problem.contact):
         facets = np.flatnonzero(data.contact == number)
         if dim == 2:
             barycentric, share = _between_kinks(data, name, facets)
         else:
-            points, weights = _cut_triangle()
+            points, weights = _cut_triangle(parts)
             barycentric = np.broadcast_to(points, (len(facets), *points.shape))
             share = np.broadcast_to(weights, (len(facets), len(weights)))
         local, frames, places = local_traces(data, name, facets, barycentric)
         law = separable(data.problem.contact[name].law, EXACT).at(places.reshape(-1, dim))
-        parts.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
-    width = max(part[1].shape[1] for part in parts)
-    law = ContactLaw.concatenate([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in parts])
-    facets = np.concatenate([part[0] for part in parts])
-    barycentric = np.concatenate([_padded(part[1], width) for part in parts])
+        found.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
+    width = max(part[1].shape[1] for part in found)
+    law = ContactLaw.concatenate([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in found])
+    facets = np.concatenate([part[0] for part in found])
+    barycentric = np.concatenate([_padded(part[1], width) for part in found])
     shapes = shape_values(data.order, barycentric)
-    weights = np.concatenate([_padded(part[2], width, 0.0) for part in parts])
-    frames = np.concatenate([_padded(part[3], width) for part in parts])
-    local = np.concatenate([_padded(part[4], width) for part in parts])
+    weights = np.concatenate([_padded(part[2], width, 0.0) for part in found])
+    frames = np.concatenate([_padded(part[3], width) for part in found])
+    local = np.concatenate([_padded(part[4], width) for part in found])
     local, beyond = _snapped(law, local.reshape(-1, dim), _scale(data, local))
     return ContactTraces(
         data, facets, barycentric, shapes, weights, frames, local.reshape(frames.shape[:3]), law.frozen_at(local), law,
@@ -317,22 +328,22 @@ def _crossings(a: Array, b: Array, c: Array) -> list[Array]:
         return [q / a, c / q]
 
 
-def _cut_triangle() -> tuple[Array, Array]:
+def _cut_triangle(parts: int) -> tuple[Array, Array]:
     """Barycentric coordinates (q, 3) and weights (q,) of a rule of degree 4 on the parts of a triangle.
 
     That of degree 3 has negative weights, which may make squares with kinks too small.
     """
     point, weight = quadrature_rule(2, 4)
     points = []
-    for i in range(_PARTS):
-        for j in range(_PARTS - i):
+    for i in range(parts):
+        for j in range(parts - i):
             corner = np.array([[i, j], [i + 1, j], [i, j + 1]], dtype=float)
             points.append(point @ corner)
-            if i + j < _PARTS - 1:
+            if i + j < parts - 1:
                 points.append(point @ np.array([[i + 1, j + 1], [i, j + 1], [i + 1, j]], dtype=float))
     # the corners take no part in integrals, but constants must hold there too
-    at = np.vstack([np.concatenate(points) / _PARTS, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
-    shares = np.append(np.tile(weight, _PARTS**2) / _PARTS**2, np.zeros(3))
+    at = np.vstack([np.concatenate(points) / parts, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
+    shares = np.append(np.tile(weight, parts**2) / parts**2, np.zeros(3))
     return np.column_stack([1.0 - at.sum(axis=1), at]), shares
 
 

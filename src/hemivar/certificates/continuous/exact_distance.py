@@ -242,9 +242,10 @@ def _price(sweeper: PatchSmoother, traces: ContactTraces, constants: TraceBounds
     """The price ``max(1, eta / rho) / Lambda``: with it a sum of squares falls where ``eta + rho`` does."""
     if not 0.0 < constants.both < np.inf:
         return None
+    traces = traces.rough
     forces = traces.forces(sweeper.moments)
     eta = float(np.sqrt(sweeper.misfit))
-    best = _chosen(traces, forces, replace(constants, weighted=None), eta)
+    best = _chosen(traces, sweeper.moments, replace(constants, weighted=None), eta)
 
     def multiplier(forces: Array) -> Array:
         return _multiplier(traces, forces, best.weight, best.paying)
@@ -269,6 +270,7 @@ def _multiplier(
 
 def _best_gap(
     traces: ContactTraces,
+    moments: Array,
     forces: Array,
     exact: Array,
     paying: tuple[BoolArray, BoolArray],
@@ -279,22 +281,27 @@ def _best_gap(
 ) -> tuple[float, FenchelGap]:
     """The least bound over the weights of the gap, and the gap of the best one; a ``fine`` one is worth more looks."""
 
-    def of(power: float) -> tuple[float, FenchelGap]:
-        gap = fenchel_gap(traces, forces, 10.0**power * constants.both).only(paying, traces, forces, exact)
+    def of(power: float, at: ContactTraces, forces: Array, exact: Array) -> tuple[float, FenchelGap]:
+        gap = fenchel_gap(at, forces, 10.0**power * constants.both).only(paying, at, forces, exact)
         rho = constants.distance(gap.normal, gap.tangential)
         return _value(base + rho, float(gap.normal_gap.sum() + gap.tangential_gap.sum()), c), gap
 
+    rough = traces.rough
+    seen = (traces, forces, exact)
+    if rough is not traces:
+        there = rough.forces(moments)
+        seen = (rough, there, rough.allowed(there))
     lowest, start, highest = _POWERS
-    tried = {start: of(start)}
+    tried = {start: of(start, *seen)}
+    best = start
     for step in (1.0, 0.5, 0.25) if fine else (1.0,):
-        best = None
-        while best != min(tried, key=lambda power: tried[power][0]):  # on to the next one as long as it is better
-            best = min(tried, key=lambda power: tried[power][0])
+        moved = True
+        while moved:  # on to the next one as long as it is better
             beside = (power for power in (best - step, best + step) if lowest <= power <= highest)
-            tried |= {power: of(power) for power in beside if power not in tried}
-            if step < 1.0:
-                break
-    return min(tried.values(), key=lambda pair: pair[0])
+            tried |= {power: of(power, *seen) for power in beside if power not in tried}
+            now = min(tried, key=lambda power: tried[power][0])
+            moved, best = now != best and step == 1.0, now
+    return tried[best] if rough is traces else of(best, traces, forces, exact)
 
 
 def _bound(
@@ -331,7 +338,7 @@ def _bound(
             )
         reasons += _doubts(traces, constants)
         modes = SoftModes(traces)
-        found = _chosen(traces, traces.forces(stress.tractions.moments), constants, base, modes, direct - eta_all)
+        found = _chosen(traces, stress.tractions.moments, constants, base, modes, direct - eta_all)
         if constants.guaranteed and any(part.any() for part in found.alpha) and found.value < np.inf:
             wrong = _contradiction(found, modes)
             found = replace(found, value=np.inf) if wrong else found
@@ -404,7 +411,7 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
 
 def _chosen(
     traces: ContactTraces,
-    forces: Array,
+    moments: Array,
     constants: TraceBounds,
     base: float,
     modes: SoftModes | None = None,
@@ -416,6 +423,7 @@ def _chosen(
     """
     table, coupling = traces.data.table, _coupling(traces, constants)
     corners = table.mesh.points[table.facets[traces.facets]]
+    forces = traces.forces(moments)
     exact = traces.allowed(forces)
     near = tuple(part.max(axis=1) for part in one_sided_constants(traces, exact))
     every = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
@@ -449,7 +457,7 @@ def _chosen(
         c, alpha = constant(paying)
         if not c < 1.0 or not (paying[0].any() or paying[1].any()):
             continue
-        value, gap = _best_gap(traces, forces, exact, paying, constants, base, c, modes is not None)
+        value, gap = _best_gap(traces, moments, forces, exact, paying, constants, base, c, modes is not None)
         rho, paid = constants.distance(gap.normal, gap.tangential), gap.normal_gap + gap.tangential_gap
         value = min(value, confined(alpha, c, base + rho, gap.multiplier, float(paid.sum())))
         if value < best.value:

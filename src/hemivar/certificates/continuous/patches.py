@@ -20,6 +20,8 @@ __all__ = [
     "lowering",
     "lowering_inverse",
     "patch_batches",
+    "patch_sides",
+    "priorities",
     "rigid_modes",
 ]
 
@@ -51,7 +53,7 @@ class Batch:
     cells: IntArray
     place: IntArray
 
-    def take(self, chosen: BoolArray | slice) -> Batch:
+    def take(self, chosen: BoolArray | IntArray | slice) -> Batch:
         """Some of the patches."""
         return Batch(self.facets[chosen], self.cells[chosen], self.place[chosen])
 
@@ -73,9 +75,7 @@ def coloured(of_cells: IntArray, count: int, seed: int = 0, first: IntArray | No
         Patches of smaller numbers are chosen before others.
     """
     colour = np.full(count + 1, -1, dtype=np.int64)  # the last for -1
-    number = np.random.default_rng(seed).permutation(count) + 1
-    if first is not None:
-        number[np.lexsort((number, -first))] = np.arange(1, count + 1)
+    number = priorities(count, seed, first) + 1
     cells_of = np.bincount(of_cells[of_cells >= 0], minlength=count)
     colour[:-1][cells_of == 0] = colour[-1] = 0
     current, left = 0, np.ascontiguousarray(of_cells.T)  # cells with patches that have no colour
@@ -96,10 +96,24 @@ def coloured(of_cells: IntArray, count: int, seed: int = 0, first: IntArray | No
     return colour[:-1]
 
 
-def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray, patches: BoolArray | None = None) -> list[Batch]:
+def priorities(count: int, seed: int = 0, first: IntArray | None = None) -> IntArray:
+    """Numbers from 0 on, at random and different for each; patches of higher ones are coloured before others."""
+    number = np.random.default_rng(seed).permutation(count)
+    if first is not None:
+        number[np.lexsort((number, -first))] = np.arange(count)
+    return number
+
+
+def patch_batches(
+    table: FacetTable,
+    kind: PatchKind,
+    free: BoolArray,
+    patches: BoolArray | None = None,
+    first: IntArray | None = None,
+) -> list[Batch]:
     """The patches of a kind, of the facets that are free, shape (F,), in batches; colour after colour.
 
-    Of all patches, or of some alone: a bool for each vertex, edge or facet.
+    Of all patches, or of some alone: a bool for each vertex, edge or facet. ``first`` is that of :func:`coloured`.
     """
     of_facets, of_cells = facet_patches(table, kind), cell_patches(table, kind)
     count = int(max(of_facets.max(initial=-1), of_cells.max(initial=-1))) + 1
@@ -128,7 +142,7 @@ def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray, patches: 
     inside = keys[found] == wanted if len(keys) else np.zeros(wanted.shape, dtype=bool)
     place = np.where(inside, found - first_facet[patch_of][:, None], facets_of[patch_of][:, None])
 
-    colour = coloured(np.where(facets_of[of_cells] > 0, of_cells, -1), count)
+    colour = coloured(np.where(facets_of[of_cells] > 0, of_cells, -1), count, first=first)
     batches = []
     live = np.flatnonzero(facets_of > 0)
     kinds, group = np.unique(np.column_stack([colour, facets_of, cells_of])[live], axis=0, return_inverse=True)
@@ -155,6 +169,15 @@ def cell_patches(table: FacetTable, kind: PatchKind) -> IntArray:
     if kind is PatchKind.FACET or table.dim == 2:
         return table.cell_facets
     return _edges(table, table.cells, EDGES[3])
+
+
+def patch_sides(dim: int, kind: PatchKind) -> IntArray:
+    """Local facets (q, p) of a cell that are of each of its patches, in the order of :func:`cell_patches`."""
+    every = range(dim + 1)
+    if kind is PatchKind.FACET or (kind is PatchKind.EDGE and dim == 2):
+        return np.arange(dim + 1)[:, None]
+    corners = [(a,) for a in every] if kind is PatchKind.VERTEX else EDGES[3]
+    return np.array([[facet for facet in every if facet not in corner] for corner in corners])
 
 
 def _edges(table: FacetTable, simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:

@@ -25,6 +25,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.facet_table import facet_vertices
 from hemivar.errors import ProblemError
+from hemivar.mesh.keys import equal_rows
 
 __all__ = ["Tractions", "UnsettledTractions", "equilibrated", "shared_forces", "unsettled"]
 
@@ -32,6 +33,8 @@ __all__ = ["Tractions", "UnsettledTractions", "equilibrated", "shared_forces", "
 _FREE = 1e-10
 #: Numbers of the matrices solved together, and cells and facets that are looked at together: they fit a cache.
 _ENTRIES, _CELLS = 1 << 19, 1 << 12
+#: Vertices whose cells hang together in the same way for which one matrix is factored.
+_MANY = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +333,15 @@ class _Stars:
         graph[:, diagonal, diagonal] = -graph.sum(axis=2)
         right = np.take(lack, pairs, axis=0)
         if components == 1:
-            found = np.linalg.solve(graph + 1.0 / size, right)
+            number = _alike(at, one * size + two, len(chosen))
+            found = np.empty(right.shape)
+            for kind in range(int(number.max(initial=-1)) + 1):  # stars that hang together in the same way
+                same = np.flatnonzero(number == kind)
+                flat = right[same].transpose(1, 0, 2).reshape(size, -1)
+                flat = np.linalg.solve(graph[same[0]] + 1.0 / size, flat)
+                found[same] = flat.reshape(size, len(same), dim).transpose(1, 0, 2)
+            rest = np.flatnonzero(number < 0)
+            found[rest] = np.linalg.solve(graph[rest] + 1.0 / size, right[rest])
         else:
             full = np.einsum("kab,ij->kaibj", graph, np.eye(dim))
             full += (self.free / size)[chosen][:, None, :, None, :]
@@ -351,6 +362,19 @@ def _ranges(first: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
     count = first[chosen + 1] - first[chosen]
     at = np.repeat(np.arange(len(chosen)), count)
     return at, np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count) + first[chosen][at]
+
+
+def _alike(at: IntArray, pairs: IntArray, count: int) -> IntArray:
+    """Numbers (count,) from 0 on, the same for those with the same pairs; -1 for those that have few like them.
+
+    ``at`` says in order whose each pair is.
+    """
+    many = np.bincount(at, minlength=count)
+    if not len(at) or many.min() != many.max():
+        return np.full(count, -1)
+    number = equal_rows(pairs.reshape(count, -1))
+    size = np.bincount(number)
+    return np.where(size >= _MANY, np.cumsum(size >= _MANY) - 1, -1)[number]
 
 
 def _refuse_pinched(joined: IntArray, vertex: IntArray, nodes: int, points: Array) -> None:

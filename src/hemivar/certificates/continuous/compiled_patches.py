@@ -1,0 +1,275 @@
+"""Patches in the compiled kernels: what these read is checked here."""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import c_int64, c_void_p
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.certificates.continuous.body_data import BodyData
+from hemivar.certificates.continuous.congruence import congruent_cells
+from hemivar.certificates.continuous.patches import priorities
+from hemivar.certificates.continuous.split_element import SplitElement
+from hemivar.kernels import Kernels, kernels
+
+__all__ = ["CompiledPatches", "PatchOrder", "Prices"]
+
+#: Colours that the kernels know.
+_COLOURS = 256
+
+
+@dataclass(frozen=True, eq=False)
+class Prices:
+    """What contact tractions cost: for moments m of a facet ``m'P m / 2 + p'm``.
+
+    Attributes
+    ----------
+    rows : int array, shape (F,)
+        Where facets stand below; -1 for others.
+    matrices : array, shape (c, n, n)
+        P.
+    offsets : array, shape (c, n)
+        p.
+    """
+
+    rows: IntArray
+    matrices: Array
+    offsets: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PatchOrder:
+    """Patches with their cells, colour after colour.
+
+    A cell is seen at q places, its vertices, edges or facets, which are numbered ``q cell + place``.
+
+    Attributes
+    ----------
+    start : int array, shape (P + 1,)
+        Where the cells of each patch begin.
+    seen : int array, shape (s,)
+        Cells, each with the place at which the patch sees it.
+    order : int array, shape (p,)
+        The patches.
+    bounds : int array, shape (colours + 1,)
+        Where those of each colour begin.
+    """
+
+    start: IntArray
+    seen: IntArray
+    order: IntArray
+    bounds: IntArray
+
+    def touching(self, touched: BoolArray) -> PatchOrder:
+        """Those alone that see a cell at a place (M, q) that is touched."""
+        patch = np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+        some = np.zeros(len(self.start) - 1, dtype=bool)
+        some[patch[touched.ravel()[self.seen[: len(patch)]]]] = True
+        kept = some[self.order]
+        bounds = np.concatenate([[0], np.cumsum(kept)])[self.bounds]
+        return PatchOrder(self.start, self.seen, self.order[kept], bounds)
+
+
+class _Body(ctypes.Structure):
+    """``PatchBody`` of patches.hpp."""
+
+    _fields_ = [
+        *((name, c_int64) for name in ("dim", "nodes", "inner", "cells", "facets")),
+        *((name, c_void_p) for name in ("energies", "compliance", "inverse", "signs", "points")),
+        *((name, c_void_p) for name in ("cell_facets", "facet_nodes", "alike")),
+    ]
+
+
+class _Sweep(ctypes.Structure):
+    """``PatchSweep`` of patches.hpp."""
+
+    _fields_ = [
+        *((name, c_int64) for name in ("seen_of_cell", "sides_of_seen", "patches", "colours")),
+        *((name, c_void_p) for name in ("sides", "start", "seen", "order", "bounds", "free")),
+        *((name, c_void_p) for name in ("rows", "matrices", "offsets", "slope", "moments")),
+    ]
+
+
+class CompiledPatches:
+    """What improves the patches of one body.
+
+    Parameters
+    ----------
+    library : Kernels
+    element : SplitElement
+    compliance : array, shape (M, v, v)
+        Pulled back to the reference simplex.
+    inverse : array, shape (M, d, d)
+        Of the Jacobians.
+    signs : array, shape (M, d + 1)
+    cell_facets : int array, shape (M, d + 1)
+    facet_nodes : int array, shape (F, l)
+    points : array, shape (N, d)
+        Of the nodes.
+    alike : int array, shape (M,)
+        The same numbers for cells that are translates of each other.
+
+    Raises
+    ------
+    ValueError
+        An array is not what it should be.
+    """
+
+    def __init__(
+        self,
+        library: Kernels,
+        element: SplitElement,
+        compliance: Array,
+        inverse: Array,
+        signs: Array,
+        cell_facets: IntArray,
+        facet_nodes: IntArray,
+        points: Array,
+        alike: IntArray,
+    ) -> None:
+        dim, corners, number = element.dim, element.dim + 1, len(element.values[0, 0])
+        count, facets, places = len(cell_facets), len(facet_nodes), element.block // dim
+        upper = np.asarray(compliance, dtype=float)
+        if upper.shape != (count, number, number):
+            raise ValueError(f"the compliance must have shape {(count, number, number)}, not {upper.shape}")
+        rows, columns = element.upper
+        self._library, self._element = library, element
+        self._arrays = (  # in the order of the structure
+            np.ascontiguousarray(element.energies.transpose(1, 0, 2)),
+            np.ascontiguousarray(upper[:, rows, columns]),
+            _given("inverse", inverse, (count, dim, dim)),
+            _given("signs", signs, (count, corners)),
+            _given("points", points, (len(points), dim)),
+            _numbers("cell_facets", cell_facets, (count, corners), facets),
+            _numbers("facet_nodes", facet_nodes, (facets, places), len(points)),
+            _numbers("alike", alike, (count,), None),
+        )
+        inner = element.energies.shape[1] - element.moments
+        self._body = _Body(dim, places, inner, count, facets, *map(library.address, self._arrays))
+
+    def __reduce__(self) -> str:
+        raise TypeError("compiled patches belong to this process")
+
+    @classmethod
+    def of(cls, data: BodyData, element: SplitElement) -> CompiledPatches | None:
+        """Those of a body; None where the kernels are not there."""
+        library, table = kernels(), data.table
+        if library is None:
+            return None
+        return cls(
+            library, element, data.reference_compliance, table.inverse, table.signs, table.cell_facets,
+            data.facet_nodes, data.problem.mesh.nodes(data.order), congruent_cells(data),
+        )  # fmt: skip
+
+    def ordered(self, patches: IntArray, chosen: BoolArray, first: IntArray | None = None) -> PatchOrder | None:
+        """The chosen ones of the patches (M, q) of cells; None where they need more colours than the kernels know.
+
+        Their colours are those of :func:`hemivar.certificates.continuous.patches.coloured`.
+        """
+        count, numbers = len(chosen), _numbers("patches", patches, (self._body.cells, patches.shape[-1]), len(chosen))
+        if chosen.dtype != bool or chosen.ndim != 1:
+            raise ValueError("which patches are chosen must be an array of bool")
+        numbers = np.where(chosen[numbers], numbers, -1)
+        ranked = np.empty(count, dtype=np.int64)
+        ranked[count - 1 - priorities(count, first=first)] = np.arange(count)
+        start, seen = np.empty(count + 1, dtype=np.int64), np.empty(numbers.size, dtype=np.int64)
+        order, bounds = np.empty(count, dtype=np.int64), np.empty(_COLOURS + 1, dtype=np.int64)
+        at = self._library.address
+        colours = self._library.call.hv_patch_order(
+            *numbers.shape, at(numbers), count, at(ranked), at(start), at(seen), at(order), at(bounds)
+        )
+        if colours < -1:
+            raise MemoryError("no memory for the compiled kernels")
+        if colours < 0:
+            return None
+        bounds = bounds[: colours + 1]
+        return PatchOrder(start, seen[: start[-1]], order[: bounds[-1]], bounds)
+
+    def improve(
+        self,
+        order: PatchOrder,
+        sides: IntArray,
+        free: BoolArray,
+        slope: Array,
+        moments: Array,
+        prices: Prices | None = None,
+    ) -> None:
+        """Lower the misfit on patches, colour after colour.
+
+        Parameters
+        ----------
+        order : PatchOrder
+        sides : int array, shape (q, p)
+            Facets of a cell that are of the patch that sees it, by the place.
+        free : bool array, shape (F,)
+            Facets whose tractions may change, in all components.
+        slope : array, shape (M, n)
+            Half the derivatives of the misfit of each cell by the moments on its facets, changed in place.
+        moments : array, shape (F, l, d)
+            Changed in place.
+        prices : Prices, optional
+            Of contact tractions.
+        """
+        body, element = self._body, self._element
+        count, facets, block = body.cells, body.facets, element.block
+        for name, array, shape in (
+            ("slope", slope, (count, element.moments)), ("moments", moments, (facets, body.nodes, body.dim))
+        ):  # fmt: skip
+            if array.dtype != float or array.shape != shape or not array.flags.carray:
+                raise ValueError(f"{name} must be an array of float64 of shape {shape}, contiguous and writeable")
+        sides = _numbers("sides", sides, (len(sides), sides.shape[-1]), body.dim + 1)
+        if free.dtype != bool or free.shape != (facets,):
+            raise ValueError(f"which facets are free must be an array of {facets} bool")
+        mask = np.ascontiguousarray(free).view(np.uint8)
+        start, colours = np.ascontiguousarray(order.start), len(order.bounds) - 1
+        seen = _numbers("seen", order.seen, (len(order.seen),), count * len(sides))
+        start = _rising("start", start, len(seen))
+        patches = _numbers("order", order.order, (len(order.order),), len(start) - 1)
+        bounds = _rising("bounds", order.bounds, len(patches))
+        if np.bincount(patches, minlength=1).max() > 1:
+            raise ValueError("a patch must not be named twice")
+        at = self._library.address
+        costs: tuple[np.ndarray, ...] = ()
+        if prices is not None:
+            number = len(prices.matrices)
+            costs = (
+                _numbers("rows", prices.rows, (facets,), number, least=-1),
+                _given("matrices", prices.matrices, (number, block, block)),
+                _given("offsets", prices.offsets, (number, block)),
+            )
+        sweep = _Sweep(
+            len(sides), sides.shape[1], len(start) - 1, colours,
+            at(sides), at(start), at(seen), at(patches), at(bounds), at(mask),
+            *(map(at, costs) if costs else [None] * 3), at(slope), at(moments),
+        )  # fmt: skip
+        self._library.check(self._library.call.hv_improve_patches(ctypes.addressof(body), ctypes.addressof(sweep)))
+
+
+def _given(name: str, array: Array, shape: tuple[int, ...]) -> Array:
+    """A contiguous array of float64 of this shape."""
+    found = np.require(array, float, ["C", "A"])
+    if found.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, not {found.shape}")
+    return found
+
+
+def _numbers(name: str, array: IntArray, shape: tuple[int, ...], end: int | None, least: int = 0) -> IntArray:
+    """A contiguous array of int64 of this shape; numbers from ``least`` to below the end, if there is one."""
+    given = np.asarray(array)
+    if given.shape != shape or given.dtype.kind not in "iu":
+        raise ValueError(f"{name} must be integers of shape {shape}, not {given.dtype} of shape {given.shape}")
+    found = np.require(given, np.int64, ["C", "A"])
+    if end is not None and found.size and not (found.min() >= least and found.max() < end):
+        raise ValueError(f"{name} must be from {least} to {end - 1}")
+    return found
+
+
+def _rising(name: str, array: IntArray, end: int) -> IntArray:
+    """Integers that rise from 0 to the end."""
+    found = _numbers(name, array, (len(array),), None)
+    if not len(found) or found[0] != 0 or found[-1] != end or np.any(np.diff(found) < 0):
+        raise ValueError(f"{name} must rise from 0 to {end}")
+    return found
