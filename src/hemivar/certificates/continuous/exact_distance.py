@@ -385,7 +385,8 @@ class _Choice:
 
 
 def _cells(misfit: Array, rest: Oscillation) -> Array:
-    return np.asarray((np.sqrt(np.maximum(misfit, 0.0)) + rest.cells) ** 2)
+    misfit = np.maximum(misfit, 0.0)
+    return np.where(rest.cells > 0.0, (np.sqrt(misfit) + rest.cells) ** 2, misfit)  # not even rounding without any
 
 
 def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
