@@ -12,7 +12,7 @@ import pytest
 import hemivar as hv
 from hemivar.discrete import Quadratic
 from hemivar.laws import ContactLaw
-from hemivar.linear.factorisation import SuperLUFactorisation, mumps_available
+from hemivar.linear.factorisation import mumps_available
 from hemivar.systems import elimination
 from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
@@ -58,7 +58,6 @@ def test_another_load_gap_or_law_costs_no_factorisation(factorisations: list[int
 @pytest.mark.skipif(mumps_available(), reason="counts the solves of SuperLU")
 def test_another_load_costs_two_sparse_solves(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, workspace, newton = discrete_square(n=12), hv.systems.Workspace(), hv.solvers.NonsmoothNewton()
-    monkeypatch.setattr(SuperLUFactorisation, "_quickly", lambda *_: False)  # whole solves can be counted
     factors = sparse_factors(monkeypatch)
     first = hv.solve(problem, newton, workspace=workspace)
     spent = sum(one.solves for one in factors)
@@ -71,10 +70,7 @@ def test_another_load_costs_two_sparse_solves(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("many", [False, True])
-def test_reducing_a_load_and_extending_its_solution_against_dense_matrices(
-    many: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(SuperLUFactorisation, "_quickly", lambda *_: False)  # small factors are split otherwise
+def test_reducing_a_load_and_extending_its_solution_against_dense_matrices(many: bool) -> None:
     problem = discrete_square(n=5)
     K, f = problem.stiffness, np.random.default_rng(2).standard_normal(problem.unknowns)
     kept = np.unique(problem.contact.trace.indices).astype(np.int64)

@@ -18,7 +18,6 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.kernels import kernels as compiled_kernels
 from hemivar.linear.definite import positive_pivots
 from hemivar.linear.triangular_sweeps import PanelSweeps, RowSweeps, sweeps_of
 
@@ -121,9 +120,8 @@ class SuperLUFactorisation:
     The ordering is a minimum degree ordering of the graph whose vertices are the groups of unknowns with the same
     sparsity pattern (the components at a node), which is several times smaller than the matrix.
 
-    For many loads, and where the matrix is small, the factor ``L_I`` of the other unknowns, with the rows of the kept
-    ones under it, is laid out for compiled sweeps.  Each half of a solve is then one of them, and what SuperLU holds is
-    given back.
+    For many loads the factor ``L_I`` of the other unknowns, with the rows of the kept ones under it, is laid out for
+    compiled sweeps.  Each half of a solve is then one of them, and what SuperLU holds is given back.
     """
 
     def __init__(self, matrix: sp.csr_array, kept: IntArray, many: bool = False) -> None:
@@ -144,14 +142,9 @@ class SuperLUFactorisation:
         index = np.argsort(np.argsort(rank[kept]))
         self._shifted: Array = in_order[np.ix_(index, index)]
         self.schur: Array = self._shifted - np.diag(self._shift)
-        self._halves = self._halved(self._factor, n - kept.size) if many or self._quickly(n) else None
+        self._halves = self._halved(self._factor, n - kept.size) if many else None
         if self._halves is not None:
             self._factor = None
-
-    @staticmethod
-    def _quickly(n: int) -> bool:
-        """Whether factors of this size are laid out in less time than their sweeps save."""
-        return n <= _QUICK and compiled_kernels() is not None
 
     def _halved(self, factor: spla.SuperLU, first: int) -> _TriangularFactors | None:
         """Both sweeps by themselves, if the factors are those of a symmetric elimination, the kept unknowns last."""

@@ -131,7 +131,7 @@ class PanelSweeps:
 
 def sweeps_of(columns: sp.csc_array, count: int) -> RowSweeps | PanelSweeps:
     """Of the first ``count`` columns of L, (n, count)."""
-    columns.sort_indices()
+    columns = sp.csc_array(sp.csr_array(columns))  # which sorts rows in half the time that sorting them takes
     compiled = compiled_kernels()
     narrow = columns.indptr.dtype == columns.indices.dtype == np.int32
     return RowSweeps.of(columns, count) if compiled is None or not narrow else PanelSweeps(compiled, columns)
