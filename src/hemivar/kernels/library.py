@@ -9,11 +9,12 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from hemivar.basics.machine import cores
 from hemivar.basics.types import AnyArray, Array
 
-__all__ = ["Kernels", "kernels", "threads"]
+__all__ = ["Kernels", "expect_list", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
 _ABI = 4
@@ -88,6 +89,13 @@ class Kernels:
         return int(array.__array_interface__["data"][0])
 
     @staticmethod
+    def made(pointer: int | None) -> int:
+        """What a function has made; raises where there was no memory for it."""
+        if not pointer:
+            raise MemoryError("no memory for the compiled kernels")
+        return pointer
+
+    @staticmethod
     def check(status: int) -> None:
         """Raise what a function could not do."""
         if status == 1:
@@ -99,8 +107,7 @@ class Kernels:
         """The diagonal (n,) of a square matrix by rows, whose columns are in order."""
         parts = {"starts": (indptr, np.int32), "columns": (indices, np.int32), "numbers": (data, np.float64)}
         for name, (array, kind) in parts.items():
-            if array.dtype != kind or array.ndim != 1 or not array.flags.c_contiguous or not array.flags.aligned:
-                raise ValueError(f"{name} of rows must be a contiguous array of {np.dtype(kind).name}")
+            expect_list(f"{name} of rows", array, kind)
         if indices.size != data.size or not indptr.size:
             raise ValueError(f"{indices.size} columns must have as many numbers, not {data.size}")
         found, at = np.empty(indptr.size - 1), self.address
@@ -139,6 +146,12 @@ def _vector(x: Array, n: int) -> Array:
     if found.shape != (n,):
         raise ValueError(f"a vector of {n} numbers is needed, not {found.shape}")
     return found
+
+
+def expect_list(what: str, array: AnyArray, kind: DTypeLike) -> None:
+    """That the kernels can read a list of numbers where it is."""
+    if array.dtype != kind or array.ndim != 1 or not array.flags.c_contiguous or not array.flags.aligned:
+        raise ValueError(f"{what} must be a contiguous array of {np.dtype(kind).name}")
 
 
 def _changed(x: Array, n: int) -> None:

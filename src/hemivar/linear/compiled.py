@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.kernels import Kernels
+from hemivar.kernels import Kernels, expect_list
 
 if TYPE_CHECKING:
     from hemivar.linear.levels import Transfer
@@ -89,9 +89,7 @@ class CompiledLevels:
         if not matrices or len(transfers) != len(matrices) - 1:
             raise ValueError(f"{len(matrices)} levels must have a transfer between any two, not {len(transfers)}")
         call, at = kernels.call, kernels.address
-        self.pointer = call.hv_levels_new(len(matrices))
-        if not self.pointer:
-            raise MemoryError("no memory for the compiled kernels")
+        self.pointer = kernels.made(call.hv_levels_new(len(matrices)))
         weakref.finalize(self, call.hv_levels_free, self.pointer)
         self.matrices = list(matrices)  # which products read
         self.sizes = [matrix.shape[0] for matrix in matrices]
@@ -147,9 +145,7 @@ class CompiledTruncation:
     def __init__(self, levels: CompiledLevels) -> None:
         self._levels = levels
         self._kernels = levels.kernels
-        self._pointer = self._kernels.call.hv_truncation_new(levels.pointer)
-        if not self._pointer:
-            raise MemoryError("no memory for the compiled kernels")
+        self._pointer = self._kernels.made(self._kernels.call.hv_truncation_new(levels.pointer))
         weakref.finalize(self, self._kernels.call.hv_truncation_free, self._pointer)
 
     def __reduce__(self) -> str:
@@ -198,8 +194,7 @@ def _check(matrix: sp.csr_array, shape: tuple[int, int]) -> None:
     """That the kernels read what they expect, and nothing beyond its ends."""
     indptr, indices, data = matrix.indptr, matrix.indices, matrix.data
     for name, array, kind in (("indptr", indptr, np.int32), ("indices", indices, np.int32), ("data", data, np.float64)):
-        if array.dtype != kind or array.ndim != 1 or not array.flags.c_contiguous or not array.flags.aligned:
-            raise ValueError(f"{name} of a matrix must be a contiguous array of {np.dtype(kind).name}")
+        expect_list(f"{name} of a matrix", array, kind)
     if matrix.shape != shape or indptr.size != shape[0] + 1:
         raise ValueError(f"a matrix of shape {matrix.shape} stands where {shape} is asked for")
     if indptr[0] != 0 or np.any(np.diff(indptr) < 0) or indptr[-1] != indices.size or indices.size != data.size:

@@ -129,13 +129,13 @@ def conjugate_gradients(
             square = compiled.advance(length, p, q, x, r)
         if vectors.alone and math.sqrt(square) <= tolerance:  # else it is summed with what is enough, by all at once
             return Descent(x, r, iteration)
-        asked = enough is not None and not far
-        off = enough(iteration, x) if enough is not None and not far else np.zeros(0)
+        asked = None if far else enough
+        off = np.zeros(0) if asked is None else asked(iteration, x)
         rest, wanted = np.sqrt(vectors.total(square, float(off @ off))).tolist()
         if rest <= tolerance or rest < wanted:
             return Descent(x, r, iteration)
         far -= far > 0
-        if asked and sparing and iteration > 1:
+        if asked is not None and sparing and iteration > 1:
             while far < _TRUSTED and rest > wanted * _FAR ** (far + 1):
                 far += 1
     return Descent(x, r, limit)

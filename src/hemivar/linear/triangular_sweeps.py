@@ -107,9 +107,7 @@ class PanelSweeps:
         if not rising.all() or rows.max(initial=-1) >= self.size:
             raise ValueError(f"rows of a triangle must rise in each column, up to {self.size - 1}")
         at = kernels.address
-        self._pointer = kernels.call.hv_panels_new(count, at(starts), at(rows), at(data))
-        if not self._pointer:
-            raise MemoryError("no memory for the compiled kernels")
+        self._pointer = kernels.made(kernels.call.hv_panels_new(count, at(starts), at(rows), at(data)))
         weakref.finalize(self, kernels.call.hv_panels_free, self._pointer)
 
     def __reduce__(self) -> str:

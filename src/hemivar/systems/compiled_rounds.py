@@ -84,9 +84,7 @@ class CompiledRounds:
         ]
         at = kernels.address
         tables = np.array([at(table) for table in self._tables], dtype=np.uintp)
-        self._pointer = self._call.hv_active_sets_new(n, states, at(tables))
-        if not self._pointer:
-            raise MemoryError("no memory for the compiled kernels")
+        self._pointer = kernels.made(self._call.hv_active_sets_new(n, states, at(tables)))
         weakref.finalize(self, self._call.hv_active_sets_free, self._pointer)
         # Load, displacement, multiplier, multiplier of the law, numbers that are told.
         self._room = np.zeros((5, max(n, 3)))
