@@ -101,7 +101,7 @@ class Path(PickleMixin, ReprMixin):
     curved : bool array (k - 1,)
         Whether the path between them is curved; otherwise r is exactly linear there.
     folds : tuple of Fold
-    jumps : tuple of Jump
+    jumps : tuple of PathJump
     ended : PathEnd
         Why the path ends where it does, in a sentence.
     perturbed : bool

@@ -75,7 +75,7 @@ def refuse(hold: CoercivityResult, motion: str, who: str = "the body", remedy: s
 
     Parameters
     ----------
-    hold : Hold
+    hold : CoercivityResult
     motion : str
         The motion in words.
     who, remedy : str

@@ -51,7 +51,7 @@ def growths(
     law : VectorLaw
     forces : array (nodes * d,)
         Nodal loads.
-    motions : FreeMotions
+    motions : RigidModes
     """
     slack = geometric_slack(contact.points, contact.weights)
     return [

@@ -69,7 +69,7 @@ class CoercivityResult:
 
     Attributes
     ----------
-    verdict : Verdict
+    verdict : Coercivity
     direction : array (a,) or None
         Coefficients of length one.
     growth : float

@@ -63,7 +63,7 @@ class RigidModes:
     ----------
     motions : sparse array (nodes * d, a)
         Nodal displacements, of size one.
-    groups : tuple of MovingGroup
+    groups : tuple of Mechanism
         Parts that move independently of one another.
     parts : Parts
         All of the body.

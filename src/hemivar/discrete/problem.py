@@ -50,7 +50,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         What changes: load, offsets and law.
     warnings : tuple of str
         Sentences on what results of this problem do not show by themselves; empty for most problems.
-    shown : Held or None
+    shown : CoercivityProof or None
         How the body was shown to be held, of which model, load and law; see :attr:`held` and :attr:`limit`.
     law_known : bool
         The law follows another one of the same points: it is not tried out.

@@ -63,7 +63,7 @@ class ThermalState(PickleMixin):
     ----------
     moment : TimeState
         Temperatures, of the evolution of heat alone.
-    book : HeatBook
+    book : HeatBalance
     rounds : int
         How many times motion and heat were computed in the last step.
     contraction : float

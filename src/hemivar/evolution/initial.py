@@ -107,7 +107,7 @@ def accelerated(
     ----------
     advance : TimeStepper
     moment : TimeState
-    acting : Acting
+    acting : ExternalData
         What acts then.
     moving : pair of Kinematics
         Of prescribed displacements (k,) and of offsets of the contact points (m, c).

@@ -48,8 +48,8 @@ def settled(
         Of a body that :func:`yields_at_once`.
     step : float
         Length of the next step.
-    jump : Jump
-    start, now : Acting
+    jump : SelectionRule
+    start, now : ExternalData
         What acted before, and what acts now.
     """
     chosen = jump if jump.follows or jump is SelectionRule.GLOBAL else SelectionRule.LOCAL

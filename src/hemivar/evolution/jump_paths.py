@@ -74,7 +74,7 @@ class PathResult:
     Attributes
     ----------
     solution : Solution
-    leaps : tuple of Leap
+    leaps : tuple of DissipatedJump
     """
 
     solution: Solution
@@ -88,7 +88,7 @@ class JumpPaths:
     Parameters
     ----------
     discrete : DiscreteEvolution
-    bodies : Bodies
+    bodies : StepMatrices
     workspace : Workspace
     transient : Workspace
         For the bodies of transients, which come and go.
@@ -109,7 +109,7 @@ class JumpPaths:
         stage : Stage
         convexity_defect : float
             c - 1 of its problem.
-        jump : Jump
+        jump : SelectionRule
         solver : Solver or None
         controls : Controls
 

@@ -36,7 +36,7 @@ def march(
 
     Parameters
     ----------
-    evolution : Evolution, DiscreteEvolution, or KnownStatement of an evolution
+    evolution : Evolution, DiscreteEvolution, or ManufacturedProblem of an evolution
     until : float
         Time at which it ends.
     workspace : Workspace, optional
@@ -71,17 +71,17 @@ def marching(
 
     Parameters
     ----------
-    evolution : Evolution, DiscreteEvolution, or KnownStatement of an evolution
+    evolution : Evolution, DiscreteEvolution, or ManufacturedProblem of an evolution
     plan : March
         Until when, by which scheme and steps.
     workspace : Workspace, optional
         Where factors and levels are kept.
-    tools : Tools, optional
+    tools : Backend, optional
         Of another engine.
 
     Yields
     ------
-    Stepped
+    StepEvent
         Every step; the generator returns a :class:`History`.
     """
     remedy = "give an Evolution(problem, ...); a contact problem becomes one by hemivar.Evolution(problem)"

@@ -39,7 +39,7 @@ class MarchState:
     Attributes
     ----------
     moment : TimeState
-    pace : Pace
+    pace : StepSizeState
     rows : tuple of Row
     frames : tuple of Frame
     frame_place : pair of int

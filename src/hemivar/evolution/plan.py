@@ -37,7 +37,7 @@ class March:
         Time at which it ends.
     scheme : Scheme
         :class:`ImplicitEuler` by default.
-    step : float or Stepping, optional
+    step : float or StepSizeController, optional
         A length, :class:`FixedStep` or :class:`AdaptiveStep`; a hundredth of the whole by default.
     save : Save
     stops : sequence of float
@@ -45,7 +45,7 @@ class March:
         (``min``, ``max``, ``abs`` of the time) are found by themselves.
     events : sequence of Event
         A step ends where one happens.
-    jump : Jump or str
+    jump : SelectionRule or str
         What happens where a step may have several solutions and nothing viscous chooses one.
     method : Solver or str, optional
         Of the steps, or its name as in :func:`hemivar.solve`; chosen by their size by default.

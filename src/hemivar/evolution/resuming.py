@@ -29,7 +29,7 @@ def misfit(state: MarchState, advance: TimeStepper, stepping: StepSizeController
     state : MarchState
     advance : TimeStepper
         Of the evolution that goes on.
-    stepping : Stepping
+    stepping : StepSizeController
     columns : sequence of str
         Names of the values that a row of its table has.
 

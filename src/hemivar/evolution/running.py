@@ -137,11 +137,11 @@ class _Tried:
     Attributes
     ----------
     taken : StepResult
-    pace : Pace
+    pace : StepSizeState
         At which it was taken.
     errors : pair of float
         Relative, in the energy norm and at the contact points.
-    following : Pace
+    following : StepSizeState
         What comes next, if it stands; what to try in its place, if not.
     unsolved : float
         The shortest step that was tried in its place, and could not be solved; 0 if none was.

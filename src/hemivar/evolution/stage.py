@@ -187,10 +187,10 @@ def posed_stage(
     Parameters
     ----------
     discrete : DiscreteEvolution
-    bodies : Bodies
+    bodies : StepMatrices
     before : TimeState
     operator : StepOperator
-    at, end, start : Acting
+    at, end, start : ExternalData
         What acts at the time of the stage, at the end of the step and at its beginning.
     step_law : StepLaw
         The law of the step.

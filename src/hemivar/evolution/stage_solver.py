@@ -60,7 +60,7 @@ class StageSolution:
     solution : Solution
     resistance : float
         Against which it was found, in units of the stiffness.
-    leaps : tuple of Leap
+    leaps : tuple of DissipatedJump
         Jumps on the way, where the path of equilibria was followed.
     reached : StageState or None
         Where its unknowns lead, if that was asked on the way.
@@ -79,7 +79,7 @@ class StageSolver:
     Parameters
     ----------
     discrete : DiscreteEvolution
-    bodies : Bodies
+    bodies : StepMatrices
     solver : Solver or None
     controls : Controls
     workspace : Workspace
@@ -154,7 +154,7 @@ class StageSolver:
         stage : Stage
         initial : Solution or None
             Of the same stage with a law that was not the right one yet.
-        jump : Jump
+        jump : SelectionRule
             Which solution is taken where there may be several.
         size : float
             That of :meth:`size`. A load that is left where all balances already is no measure of a tolerance.

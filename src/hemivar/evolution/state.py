@@ -98,7 +98,7 @@ class TimeState(PickleMixin):
         States of the memories of contact boundaries, by their names: arrays by name.
     ledger : EnergyBalance
         Energies, and all work and losses so far.
-    heat : Warmth or None
+    heat : ThermalState or None
         Temperatures and the balance of heat, of a body with heat.
     history : LastStep or None
         None where the next step begins anew: at the start, and where velocities jump.

@@ -46,7 +46,7 @@ class SolvedStage:
         The multiplier without the laws of the rate of the penetration.
     resistance : float
         Against which it was found, in units of the stiffness.
-    leaps : tuple of Leap
+    leaps : tuple of DissipatedJump
         Jumps on the way, where the path of equilibria was followed.
     """
 
@@ -119,7 +119,7 @@ def end_of_step(
     step : float
     time : float
         At the end.
-    end : Acting
+    end : ExternalData
         What acts there.
     multistep : bool
         Whether the next step asks for the mean rates of this one.

@@ -67,7 +67,7 @@ class StepLaw:
     Attributes
     ----------
     law : ContactLaw
-    blocks : tuple of BlockLaw
+    blocks : tuple of BoundaryLaw
         Boundaries with memory or damping, all boundaries if there is one; empty where the law is as stated.
     storing : ContactLaw or None
         The law whose energy is stored, where the law of the stage is another one.
@@ -168,10 +168,10 @@ def stage_law(
     Parameters
     ----------
     discrete : DiscreteEvolution
-    acting : Acting
+    acting : ExternalData
         At the time of the stage.
     before : TimeState
-    rule : Rule
+    rule : StageRule
     step : float
     guess, guess_multiplier : arrays (m, c)
         Of the stage: penetration, and slip since ``before``.

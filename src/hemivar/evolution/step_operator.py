@@ -43,7 +43,7 @@ class StepOperator:
 
     Attributes
     ----------
-    rule : Rule
+    rule : StageRule
         The stage.
     step : float
         Length of the whole step.
@@ -105,7 +105,7 @@ class StepOperators:
     Parameters
     ----------
     discrete : DiscreteEvolution
-    bodies : Bodies
+    bodies : StepMatrices
     scheme : Scheme
     """
 

@@ -45,7 +45,7 @@ class StepResult:
     solutions : tuple of Solution
         Of its stages.
     stages : tuple of Stage
-    leaps : tuple of Leap
+    leaps : tuple of DissipatedJump
         Jumps on the way, where the path of equilibria was followed.
     heat : StepResult or None
         The step of heat that belongs to it.
@@ -166,7 +166,7 @@ class TimeStepper:
         step : float
         end_time : float, optional
             Where it ends, if rounding of ``before.time + step`` matters.
-        jump : Jump
+        jump : SelectionRule
             Which solution is taken where there may be several.
         """
         end = before.time + step if end_time is None else end_time
@@ -253,9 +253,9 @@ class TimeStepper:
         before : TimeState
         span : float
             Its length.
-        start, now : Acting
+        start, now : ExternalData
             What acts at its beginning and at its end.
-        jump : Jump
+        jump : SelectionRule
             Which solution is taken where there may be several.
         """
         (rule,) = ImplicitEuler().rules(span)

@@ -20,7 +20,7 @@ def posed(problem: Posable, function: str) -> DiscreteProblem:
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem, ScalarProblem or KnownStatement
+    problem : DiscreteProblem, ContactProblem, ScalarProblem or ManufacturedProblem
     function : str
         Who asks, for messages.
 

@@ -29,7 +29,7 @@ class StatedMesh:
     order : int
         Polynomial degree of the elements.
     quadrature : Quadrature
-    table : Table
+    table : TomlTable
         Where it stands, for messages.
     """
 

@@ -247,7 +247,7 @@ class _Point:
     x, force : arrays of the shape of a point
         The point, and load minus elastic force there.
     r, lam : arrays (m, d)
-    on : OnGraph
+    on : GraphPosition
         Where the law is linearised.
     off : float
         |F|, as a force.

@@ -77,7 +77,7 @@ class DenseFactor:
         Parameters
         ----------
         body : DenseBody
-        on : OnGraph
+        on : GraphPosition
             The law there.
         free : bool array (m, d)
             Components that move.

@@ -238,11 +238,11 @@ class Recovery:
 
     Attributes
     ----------
-    body : Elimination
+    body : SchurComplement
     problem : DiscreteProblem
     offset : array (m d,)
         Of the components that are free to move.
-    reduced : Reduced
+    reduced : CondensedLoad
         The load.
     shift : array (k,)
         Where the load moves what no contact point sees.

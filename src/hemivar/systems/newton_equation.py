@@ -112,7 +112,7 @@ class GraphPoint:
         The point of the system.
     force : array of the shape of x
         Load minus elastic force at x.
-    on : OnGraph
+    on : GraphPosition
         The law there.
     free : bool array (m, d)
         Components that move.

@@ -132,7 +132,7 @@ def diagnose(*, limit: float = 30.0) -> Generator[Phase, bool | None, Diagnosis]
 
     Yields
     ------
-    Stage
+    Phase
         What is looked at; the generator returns a :class:`Diagnosis`.
     """
     with IMPORTS:

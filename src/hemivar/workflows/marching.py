@@ -43,7 +43,7 @@ class ProgressEvent(Notice):
 
     Attributes
     ----------
-    stepped : Stepped
+    stepped : StepEvent
     spent : float
         Seconds since the first step began.
     left : float
@@ -117,7 +117,7 @@ def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Backend 
     evolution : Evolution or DiscreteEvolution
     plan : March
         Until when, by which scheme and steps.
-    tools : Tools, optional
+    tools : Backend, optional
         Of another engine.
 
     Yields

@@ -209,7 +209,7 @@ class EvolutionOnRanks(DiscreteEvolution):
         Makes the statement on a mesh.
     body : BodyOnRanks
         The elastic body at the start.
-    frame : Frame
+    frame : OwnUnknowns
     skin : Mesh
         This rank's mesh with all boundary facets at its nodes.
     seen : int array (k,)

@@ -40,7 +40,7 @@ class MarchOnRanks:
     ----------
     discrete : EvolutionOnRanks
     plan : March
-    tools : Tools
+    tools : Backend
     """
 
     discrete: EvolutionOnRanks
