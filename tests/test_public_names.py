@@ -2,127 +2,127 @@
 
 from __future__ import annotations
 
-import atexit
 import json
-import pkgutil
 import subprocess
 import sys
-from functools import cache
+from collections.abc import Mapping
 
 import pytest
 
 import hemivar
+from tests.sources import PACKAGE, sources
 
-MODULES = [
-    module.name
-    for module in pkgutil.walk_packages(hemivar.__path__, "hemivar.")
-    if not module.name.endswith(("__main__", "kernels._compiled")) and ".distributed" not in module.name
-]
+MODULES = [f"hemivar.{file.name}" for file in sources(PACKAGE) if file.name not in ("", "__main__")]
 
-KINDS = """
-import importlib, json, sys
-for module in {modules!r}:
-    importlib.import_module(module)
-import hemivar
-for module in {later!r}:
-    importlib.import_module(module)
-print(json.dumps({{name: type(getattr(hemivar, name)).__name__ for name in hemivar.__all__}}))
-"""
+# One interpreter that has loaded what takes long and is not hemivar.  Each start runs in a fork of it, and each code
+# that comes after that start in a fork of that; all say how they ended, and what they have told.
+INTERPRETER = """
+import asyncio, concurrent.futures.process, gc, json, multiprocessing.queues, os, sys, tomllib, traceback, webbrowser
+import matplotlib.figure, meshio, numpy, pyamg, rich.console, skfem, typer
+import scipy.integrate, scipy.interpolate, scipy.ndimage, scipy.optimize, scipy.sparse.linalg, scipy.stats
 
-
-# One interpreter that has loaded what takes long and is not hemivar; each code runs in a fork of it.
-SERVER = """
-import contextlib, io, json, os, sys, traceback
-import matplotlib.figure, meshio, numpy, pyamg, rich.console, scipy.optimize, scipy.sparse.linalg, skfem, typer
-assert not [name for name in sys.modules if name.startswith("hemivar")]
-for line in sys.stdin:
-    if os.fork():
-        os.wait()
-        continue
-    printed, failed = io.StringIO(), ""
+def fork(label, code, later, names):
+    if child := os.fork():
+        os.waitpid(child, 0)
+        return
+    failed = ""
     try:
-        with contextlib.redirect_stdout(printed):
-            exec(json.loads(line), {"__name__": "__main__"})
+        exec(code, names)
     except BaseException:
         failed = traceback.format_exc()
-    print(json.dumps([printed.getvalue(), failed]), flush=True)
+    print(json.dumps([label, failed, names.get("told")]), flush=True)
+    for other in later:
+        fork(label, other, (), names)
     os._exit(0)
+
+assert not [name for name in sys.modules if name.startswith("hemivar")]
+gc.disable()
+gc.freeze()
+for label, (code, *later) in json.load(sys.stdin).items():
+    fork(label, code, later, {"__name__": "__main__"})
 """
 
-
-@cache
-def server() -> subprocess.Popen[str]:
-    made = subprocess.Popen([sys.executable, "-c", SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    atexit.register(made.kill)
-    return made
-
-
-def python(code: str) -> str:
-    """What a code prints in an interpreter that has imported nothing of hemivar."""
-    asked, answers = server().stdin, server().stdout
-    assert asked is not None
-    assert answers is not None
-    asked.write(json.dumps(code) + "\n")
-    asked.flush()
-    printed, failed = json.loads(answers.readline())
-    assert not failed, failed
-    return str(printed)
+KINDS = "import hemivar as hv; told = {name: type(getattr(hv, name)).__name__ for name in hv.__all__}"
+PICKLED = "import hemivar as hv, pickle; assert pickle.loads(pickle.dumps(hv.certify)) is hv.certify"
+ROOM = "import hemivar.certificates, hemivar; assert hemivar.certificates.certify is hemivar.certify"
+CALLED = "assert callable(hv.certify) and callable(hv.march) and callable(hv.solve)"
+REPLACED = "import hemivar as hv; hv.mark = 1; hv.solve = len; assert (hv.mark, hv.solve) == (1, len)"
+USED = ("find_solutions", "follow_path", "solve", "read_problem", "certificates.smallness", "laws.Capped")
 
 
-def kinds(modules: list[str], later: list[str]) -> dict[str, str]:
-    return dict(json.loads(python(KINDS.format(modules=modules, later=later))))
+def imported(*modules: str) -> str:
+    return "import " + ", ".join(modules)
+
+
+Starts = Mapping[str, tuple[str, ...]]
+#: What is run in a fresh interpreter, and each of what is run after it.
+STARTS: Starts = {
+    "nothing": ("", KINDS, PICKLED, ROOM, REPLACED),
+    "certify": ("import hemivar as hv; hv.certify", PICKLED, ROOM),
+    "report": (imported("hemivar.report"), KINDS, PICKLED, ROOM),
+    "a room from within": (imported("hemivar.certificates.smallness", "hemivar", "hemivar.certificates"), KINDS),
+    "every module": (imported(*MODULES), KINDS),
+    "every module from the back": (imported("hemivar", *MODULES[::-1]), KINDS),
+    **{name: (f"import hemivar as hv; hv.{name}", CALLED) for name in USED},
+}
+#: The full orders that differ from those by when the package itself is named.
+OTHER_ORDERS: Starts = {
+    "nothing": ("", KINDS),
+    "the package, then every module": (imported("hemivar", *MODULES), KINDS),
+    "every module from the back, then the package": (imported(*MODULES[::-1], "hemivar"), KINDS),
+}
+#: What must be found.
+PLANTED: Starts = {
+    "a start that fails": (imported("hemivar.nowhere"),),
+    "a module in the place of a function": ("import hemivar as hv; hv.certify = hv", CALLED),
+    "another kind": ("told = {'certify': 'type'}",),
+    "an interpreter that dies": ("import os", "os._exit(1)"),
+}
+
+
+def misfits(starts: Starts) -> dict[str, list[str]]:
+    """What failed or was cut short, and the names that are of another kind than in a fresh interpreter, by start."""
+    done = subprocess.run(
+        [sys.executable, "-c", INTERPRETER], input=json.dumps(starts), capture_output=True, text=True, check=True
+    )
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    fresh = next(kinds for label, _, kinds in answers if label == "nothing" and kinds)
+    found = {}
+    for label, codes in starts.items():
+        told = [(failed, kinds or {}) for name, failed, kinds in answers if name == label]
+        faults = [failed for failed, _ in told if failed]
+        kinds = [kind for _, kinds in told for kind in kinds.items()]
+        faults += [f"{name} is a {kind}" for name, kind in kinds if kind == "module" or kind != fresh[name]]
+        faults += [f"{len(codes) - len(told)} codes did not end"] * (len(told) < len(codes))
+        found |= {label: faults} if faults else {}
+    return found
 
 
 @pytest.fixture(scope="module")
-def expected() -> dict[str, str]:
-    """What each name is in a fresh interpreter."""
-    return kinds([], [])
+def found() -> dict[str, list[str]]:
+    return misfits({**STARTS, **PLANTED})
 
 
-@pytest.mark.parametrize(
-    ("modules", "later"),
-    [
-        (MODULES, []),
-        (MODULES[::-1], []),
-        ([], MODULES),
-        ([], MODULES[::-1]),
-        (["hemivar.report"], []),
-        (["hemivar.certificates.smallness"], ["hemivar.certificates"]),
-    ],
-    ids=["first", "first, from the back", "later", "later, from the back", "report", "a room from within"],
-)
-def test_names_are_the_same_after_every_import(expected: dict[str, str], modules: list[str], later: list[str]) -> None:
-    assert "module" not in expected.values()
-    assert kinds(modules, later) == expected
+def test_names_are_the_same_after_every_import(found: dict[str, list[str]]) -> None:
+    """And ``certify`` is a function, pickled by its name; the room of certificates has another name."""
+    assert {label: faults for label, faults in found.items() if label not in PLANTED} == {}
 
 
-@pytest.mark.parametrize(
-    "name", ["find_solutions", "follow_path", "solve", "read_problem", "certificates.smallness", "laws.Capped"]
-)
-def test_using_one_name_changes_no_other(name: str) -> None:
-    code = f"import hemivar as hv; hv.{name}; print(callable(hv.certify), callable(hv.march), callable(hv.solve))"
-    assert python(code).split() == ["True", "True", "True"]
+def test_a_name_that_is_not_the_same_is_found(found: dict[str, list[str]]) -> None:
+    first = {label: faults[0].splitlines()[-1] for label, faults in found.items() if label in PLANTED}
+    assert first == {
+        "a start that fails": "ModuleNotFoundError: No module named 'hemivar.nowhere'",
+        "a module in the place of a function": "AssertionError",
+        "another kind": "certify is a type",
+        "an interpreter that dies": "1 codes did not end",
+    }
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if not any(p.startswith("_") for p in name.split("."))])
-def test_no_name_that_a_module_exports_is_hidden_by_a_module(name: str) -> None:
-    module = sys.modules.get(name) or __import__(name, fromlist=["_"])
-    hidden = [public for public in getattr(module, "__all__", ()) if type(getattr(module, public)).__name__ == "module"]
-    assert hidden == []
+@pytest.mark.slow
+def test_names_are_the_same_after_the_other_orders() -> None:
+    assert misfits(OTHER_ORDERS) == {}
 
 
-@pytest.mark.parametrize("before", ["", "import hemivar as hv; hv.certify", "import hemivar.report"])
-def test_certify_is_a_function_and_no_module(before: str) -> None:
-    """A name is a function or a package; the room of certificates has another name than the function."""
-    python(f"{before}\nimport hemivar, pickle; assert pickle.loads(pickle.dumps(hemivar.certify)) is hemivar.certify")
-    python(f"{before}\nimport hemivar.certificates, hemivar; assert hemivar.certificates.certify is hemivar.certify")
-    assert "hemivar.certify" not in MODULES
-
-
-def test_no_module_at_the_root_has_the_name_of_a_public_one() -> None:
+def test_no_module_has_the_name_of_a_public_one() -> None:
     assert not {name.removeprefix("hemivar.") for name in MODULES} & set(hemivar.__all__)
-
-
-def test_own_attributes_can_be_set_and_a_name_replaced() -> None:
-    code = "import hemivar; hemivar.mark = 1; hemivar.solve = len; print(hemivar.mark, hemivar.solve is len)"
-    assert python(code).split() == ["1", "True"]
+    assert "hemivar.certify" not in MODULES
