@@ -8,11 +8,10 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
-SOURCE = Path(__file__).parents[1] / "src" / "hemivar"
+from tests.sources import PACKAGE, sources, trees
 
 #: Calls whose first text is a message, by the name that is called, with what kind it is.
 _CALLS = {
@@ -64,17 +63,18 @@ def text_of(node: ast.expr | None) -> str | None:
 def messages() -> list[Message]:
     """All of them, in the order of the files."""
     found: list[Message] = []
-    for file in sorted(SOURCE.rglob("*.py")):
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        name = file.relative_to(SOURCE)
-        for kind, text, line in _of(tree, "cli" in name.parts):
-            if " " in text.strip():
-                found.append(Message(kind, " ".join(text.split()) if kind != "line" else text, f"{name}:{line}"))
+    with trees(sources(PACKAGE)) as files:
+        for file in files:
+            for kind, text, line in _of(file.nodes, file.room == "cli"):
+                if " " in text.strip():
+                    found.append(
+                        Message(kind, " ".join(text.split()) if kind != "line" else text, f"{file.file}:{line}")
+                    )
     return list(dict.fromkeys(found))
 
 
-def _of(tree: ast.Module, command: bool) -> Iterator[tuple[str, str, int]]:
-    for node in ast.walk(tree):
+def _of(nodes: Iterable[ast.AST], command: bool) -> Iterator[tuple[str, str, int]]:
+    for node in nodes:
         match node:
             case ast.Call(func=ast.Name(id=called) | ast.Attribute(attr=called)):
                 yield from _called(node, called, command)
@@ -115,11 +115,11 @@ def _texts(value: ast.expr) -> Iterator[tuple[str, int]]:
             yield from _texts(child)
 
 
-def written() -> str:
-    """All messages, one in a line, by kind."""
-    lines = [f"{one.kind:<8}{one.place:<44}{one.text.strip()}".replace("\n", " / ") for one in messages()]
+def written(found: Iterable[Message]) -> str:
+    """Messages, one in a line, by kind."""
+    lines = [f"{one.kind:<8}{one.place:<44}{one.text.strip()}".replace("\n", " / ") for one in found]
     return "\n".join(sorted(lines)) + "\n"
 
 
 if __name__ == "__main__":
-    sys.stdout.write(written())
+    sys.stdout.write(written(messages()))
