@@ -32,9 +32,9 @@ class BuildKernels(build_ext):
     """The library has a name without the version of Python."""
 
     def get_ext_filename(self, name: str) -> str:
-        """``hemivar/kernels/_compiled.so``, or ``.pyd``."""
+        """``hemivar/kernels/_compiled.kernels.so``, or ``.pyd``: no name of a module, as it is none."""
         suffix = Path(super().get_ext_filename(name)).suffix
-        return str(Path(*name.split(".")).with_suffix(suffix))
+        return str(Path(*name.split(".")).with_suffix(f".kernels{suffix}"))
 
     def build_extension(self, ext: Extension) -> None:
         """With the options of the compiler at hand."""

@@ -71,7 +71,7 @@ def test_the_environment_says_how_many_threads_and_whether_at_all(
 def test_a_library_that_is_damaged_or_of_another_version_is_left_alone(
     monkeypatch: pytest.MonkeyPatch, forget: None, tmp_path: Path
 ) -> None:
-    (tmp_path / "_compiled.so").write_bytes(b"no library")
+    (tmp_path / "_compiled.kernels.so").write_bytes(b"no library")
     monkeypatch.setattr(library_module, "__file__", str(tmp_path / "library.py"))
     assert kernels() is None
 

@@ -15,12 +15,30 @@ import os
 import sys
 import threading
 import weakref
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-__all__ = ["IMPORTS", "Lock", "cached_property"]
+import lazy_loader
+
+__all__ = ["IMPORTS", "Lock", "cached_property", "on_demand"]
 
 #: Held while a module is loaded on first use. A process that forks waits for it, so that no child has half a module.
 IMPORTS = threading.RLock()
+
+
+def on_demand(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
+    """``__getattr__``, ``__dir__`` and ``__all__`` of a package whose names are loaded when they are first used.
+
+    Which names there are, and where each comes from, stands in ``__init__.pyi`` beside the file of the package.
+    """
+    attached, names, public = lazy_loader.attach_stub(package, file)
+
+    def load(name: str) -> object:
+        with IMPORTS:
+            return attached(name)
+
+    return load, names, public
+
 
 if TYPE_CHECKING or sys.version_info >= (3, 12):
     from functools import cached_property

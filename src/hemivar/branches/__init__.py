@@ -1,26 +1,7 @@
 """Several solutions of one problem: all of them at one load, and the path that joins them over the load."""
 
-from hemivar.branches.chain import Chain, chain_of
-from hemivar.branches.follow import PathOptions, follow_path, following
-from hemivar.branches.follower import PathProgress
-from hemivar.branches.path import Fold, Path, PathEnd, PathJump
-from hemivar.branches.search import SearchProgress
-from hemivar.branches.solutions import SolutionSet, SolutionsOptions, find_solutions, finding
+from __future__ import annotations
 
-__all__ = [
-    "Chain",
-    "Fold",
-    "Path",
-    "PathEnd",
-    "PathJump",
-    "PathOptions",
-    "PathProgress",
-    "SearchProgress",
-    "SolutionSet",
-    "SolutionsOptions",
-    "chain_of",
-    "find_solutions",
-    "finding",
-    "follow_path",
-    "following",
-]
+from hemivar.basics.first_use import on_demand
+
+__getattr__, __dir__, __all__ = on_demand(__name__, __file__)

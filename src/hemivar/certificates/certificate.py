@@ -14,10 +14,10 @@ from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.display import ReprMixin
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, Record
 from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound
-from hemivar.certificates.continuous.exact_certificate import distance_to_exact
 from hemivar.certificates.distance_to_exact import DistanceToExact
 from hemivar.certificates.kind import LocalStudy, study
 from hemivar.certificates.linear_bodies import convex_body
@@ -288,6 +288,8 @@ def certify(
         found = _known(_certified(point, tolerance, kept if trace_constant else None, budget, exact))
     if not exact:
         return found
+    with IMPORTS:
+        from hemivar.certificates.continuous.exact_certificate import distance_to_exact
     distance = distance_to_exact(problem, u, max_time=budget.left, workspace=kept)
     return replace(found, exact=distance)
 

@@ -199,12 +199,12 @@ def check_drawable(
 
 def _write(session: Session, solution: Solution, certificate: Certificate | None, colour: str | None) -> None:
     """Write what was asked for, data before pictures, and what may end the process last."""
-    from hemivar.files import write_json, write_vtu
+    from hemivar import files
 
     writer, outputs = session.writer, session.outputs
     units = {"units": writer.units} if writer.units else None
-    writer.write("--json", outputs["--json"], lambda path: write_json(solution, path, certificate, units))
-    writer.write("--vtu", outputs["--vtu"], lambda path: write_vtu(solution, path))
+    writer.write("--json", outputs["--json"], lambda path: files.write_json(solution, path, certificate, units))
+    writer.write("--vtu", outputs["--vtu"], lambda path: files.write_vtu(solution, path))
     draw(session, solution, certificate, colour)
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import cast
 
 from hemivar.basics import disk
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
@@ -31,7 +32,6 @@ from hemivar.files.scalar_tables import SCALAR_KEYS, read_scalar, scalar_record
 from hemivar.files.schema import decode, encode
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.files.thermal_table import HEAT_KEYS, heat_record, read_heat
-from hemivar.files.time_table import output_record, read_in_time, time_record
 from hemivar.files.toml import KEYS, TomlTable, context, printable, text_of
 from hemivar.mechanics.scalar import ScalarKind, ScalarProblem
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -213,13 +213,13 @@ def parse_problem_file(
         if stated.quadrature is Quadrature.MIDPOINT:
             raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
         one = replace(read_scalar(top, mesh, stated.order, folder), units=units)
-        through = read_in_time(top, mesh, one.material.inert, one.kind)
+        through = _read_in_time(top, mesh, one.material.inert, one.kind)
         return ProblemFile(one, solver, name, levels, *through, changes=tuple(changes))
     material = read_material(top.table("material", KEYS["material"]), mesh)
     loads = read_loads(top.table("loads", KEYS["loads"]), mesh)
     supports = read_supports(top.table("supports", None), mesh)
     contact = read_contacts(top.table("contact", None), mesh, folder)
-    time, output = read_in_time(top, mesh, material.inert)
+    time, output = _read_in_time(top, mesh, material.inert)
     if stated.order == 2 and mesh.dim == 3 and contact:
         raise table.error("order", "contact in 3D needs elements of order 1; write order = 1")
     if stated.quadrature is Quadrature.MIDPOINT and mesh.dim == 3 and contact:
@@ -414,11 +414,24 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
     return _encoded(data | _time_records(stated), settings)
 
 
+def _read_in_time(
+    top: TomlTable, mesh: Mesh, inert: bool, scalar: ScalarKind | None = None
+) -> tuple[TimeSettings | None, OutputSettings]:
+    """The tables [time] and [output]; what time needs is loaded where one of them stands."""
+    if "time" not in top and "output" not in top:
+        return None, OutputSettings()
+    with IMPORTS:
+        from hemivar.files.time_table import read_in_time
+    return read_in_time(top, mesh, inert, scalar)
+
+
 def _time_records(stated: ProblemFile, scalar: ScalarKind | None = None) -> dict[str, object]:
     """The tables [time], [output] and [units]."""
     units = stated.units.record()
     found: dict[str, object] = {"units": units} if units else {}
     if stated.time is not None:
+        with IMPORTS:
+            from hemivar.files.time_table import output_record, time_record
         found["time"] = time_record(stated.time, scalar)
         found["output"] = output_record(stated.time.march, stated.output)
     return found

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from hemivar.basics.stated import Form, stated
-from hemivar.evolution.plan import March
 from hemivar.mechanics.conditions import ScalarData, VectorData
 from hemivar.solvers import METHODS
+
+if TYPE_CHECKING:
+    from hemivar.evolution.plan import March
 
 __all__ = ["OutputSettings", "SolverSettings", "TimeSettings"]
 

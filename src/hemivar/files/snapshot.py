@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.evolution.history import Frame
 from hemivar.fem.thermal_stress import cell_thermal_stress
 from hemivar.laws import separable
 from hemivar.laws.memory import MemoryChain
 from hemivar.solvers.boundary_result import ContactValues
 from hemivar.solvers.contact_states import ContactStates, contact_states
+
+if TYPE_CHECKING:
+    from hemivar.evolution.discrete import DiscreteEvolution
+    from hemivar.evolution.history import Frame
 
 __all__ = ["Snapshot", "moving_states", "snapshot"]
 

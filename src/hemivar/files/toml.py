@@ -5,20 +5,18 @@ from __future__ import annotations
 import difflib
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
-from types import MappingProxyType
 
 import numpy as np
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.stated import keys_of
 from hemivar.basics.types import Array
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
-from hemivar.evolution.plan import March
-from hemivar.evolution.save import Save
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.formula import TIME, VARIABLES, Formula, FormulaArray
 from hemivar.mechanics.conditions import Pressure
@@ -32,8 +30,38 @@ _LINEAR = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "densi
 _BY_LAW = ("law", *(p.name for entry in MATERIAL_LAWS.values() for p in entry.parameters))
 _MATERIAL = tuple(dict.fromkeys((*_LINEAR, *_BY_LAW)))
 
+
+class _Keys(Mapping[str, tuple[str, ...]]):
+    """Keys by table; a function gives those of a table that few files have, so that its classes are not loaded."""
+
+    def __init__(self, known: Mapping[str, tuple[str, ...] | Callable[[], tuple[str, ...]]]) -> None:
+        self._known = known
+
+    def __getitem__(self, table: str) -> tuple[str, ...]:
+        keys = self._known[table]
+        return keys() if callable(keys) else keys
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._known)
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+
+def _time_keys() -> tuple[str, ...]:
+    with IMPORTS:
+        from hemivar.evolution.plan import March
+    return keys_of(March, TimeSettings)
+
+
+def _output_keys() -> tuple[str, ...]:
+    with IMPORTS:
+        from hemivar.evolution.save import Save
+    return (*keys_of(Save, OutputSettings), "checkpoint")
+
+
 #: Keys of each table; tables named after boundaries or regions are written with a star.
-KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+KEYS: Mapping[str, tuple[str, ...]] = _Keys(
     {
         "": ("title", "mesh", "material", "loads", "supports", "contact", "heat", "time", "output", "solver", "units"),
         "mesh": (
@@ -49,8 +77,8 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "material.regions.*": _MATERIAL,
         "loads": keys_of(ContactProblem, Pressure, table="loads"),
         "contact.*": ("normal", "friction", "gap", "belt", "obstacle", "normals", "damping", "memory"),
-        "time": keys_of(March, TimeSettings),
-        "output": (*keys_of(Save, OutputSettings), "checkpoint"),
+        "time": _time_keys,
+        "output": _output_keys,
         "solver": keys_of(SolverSettings),
         "units": tuple(one.name for one in fields(Units)),
     }

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import norm as normal
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.defined_above import above
@@ -394,9 +393,7 @@ def _fitted(curve: _Curve, best: Array, options: FitOptions, ends: tuple[Array, 
     bounds = curve.experiment.error_bounds(law, solutions) / measurements.scales
     pseudo = np.linalg.pinv(J, rcond=_RANK)
     certified = np.full(p, np.nan) if not np.isfinite(bounds).all() else np.abs(pseudo) @ bounds.ravel() * unit
-    factor = (
-        float(student.ppf(0.5 + 0.5 * options.confidence, count - p)) if options.noise is None else _normal(options)
-    )
+    factor = float(stdtrit(count - p, 0.5 + 0.5 * options.confidence)) if options.noise is None else _normal(options)
     half = factor * errors + np.nan_to_num(certified, nan=0.0)
     intervals = np.column_stack([values - half, values + half])
     found = Fit(
@@ -407,7 +404,7 @@ def _fitted(curve: _Curve, best: Array, options: FitOptions, ends: tuple[Array, 
 
 
 def _normal(options: FitOptions) -> float:
-    return float(normal.ppf(0.5 + 0.5 * options.confidence))
+    return float(ndtri(0.5 + 0.5 * options.confidence))
 
 
 def _with_messages(found: Fit, best: Array, ends: tuple[Array, Array]) -> Fit:

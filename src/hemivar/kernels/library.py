@@ -18,7 +18,8 @@ __all__ = ["Kernels", "expect_list", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
 _ABI = 4
-_NAMES = ("_compiled.so", "_compiled.pyd")
+#: With a dot inside, so that nothing that lists the modules of a package takes the library for one.
+_NAMES = ("_compiled.kernels.so", "_compiled.kernels.pyd")
 #: Most threads that are ever taken.
 _MOST = 256
 

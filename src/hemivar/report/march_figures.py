@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["MARCH_FIGURES", "plot_march"]
+__all__ = ["MARCH_FIGURES", "Units", "plot_march"]
 
 #: Entries of the ledger in the order in which they are stacked, with label and colour: what is stored, then losses.
 _STORED = (

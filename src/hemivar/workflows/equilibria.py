@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from hemivar.branches import Path, PathOptions, SolutionSet, SolutionsOptions, finding, following
+from hemivar.branches import (
+    Path,
+    PathOptions,
+    PathProgress,
+    SearchProgress,
+    SolutionSet,
+    SolutionsOptions,
+    finding,
+    following,
+)
 from hemivar.fem import LoadLine
 from hemivar.fem.posed import Posable, posed
 from hemivar.mechanics import Statement
 from hemivar.workflows.events import FoundEvent, WarningEvent, Work
 
-__all__ = ["path", "solutions"]
+__all__ = ["PathOptions", "PathProgress", "SearchProgress", "SolutionsOptions", "path", "solutions"]
 
 
 def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work[SolutionSet]:

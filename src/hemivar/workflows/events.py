@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
-from hemivar.branches import PathProgress, SearchProgress
-from hemivar.certificates import Certificate
-from hemivar.discrete.problem import DiscreteProblem
-from hemivar.solvers import Progress, Solution, Solver
+from hemivar.basics.generators import result_of
+
+if TYPE_CHECKING:
+    from hemivar.branches import PathProgress, SearchProgress
+    from hemivar.certificates import Certificate
+    from hemivar.discrete.problem import DiscreteProblem
+    from hemivar.solvers import Progress, Solution, Solver
 
 __all__ = [
     "CertificateEvent",
@@ -21,6 +24,7 @@ __all__ = [
     "StartEvent",
     "WarningEvent",
     "Work",
+    "result_of",
 ]
 
 
@@ -121,6 +125,6 @@ class CertificateEvent(Notice):
 Result = TypeVar("Result")
 
 #: What a use case yields.
-Event: TypeAlias = Progress | SearchProgress | PathProgress | Notice
+Event: TypeAlias = "Progress | SearchProgress | PathProgress | Notice"
 #: A use case at work: it yields events, ends early after a step if it is sent True, and returns its result.
 Work: TypeAlias = Generator[Event, bool | None, Result]

@@ -13,12 +13,12 @@ from hemivar.certificates import Certificate, certify, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
 from hemivar.fem.posed import Posable, posed
-from hemivar.solvers import Controls, Solution, Solver, Status, as_method, solving, suited, transfer_solution
+from hemivar.solvers import Controls, Progress, Solution, Solver, Status, as_method, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import CertificateEvent, FoundEvent, MethodEvent, StartEvent, WarningEvent, Work
 
-__all__ = ["STATIONARY", "RunOptions", "RunResult", "certificate_of", "run", "solved"]
+__all__ = ["STATIONARY", "Progress", "RunOptions", "RunResult", "certificate_of", "run", "solved"]
 
 #: Residual, relative to the load, up to which a pair counts as a solution.
 STATIONARY = 1e-8

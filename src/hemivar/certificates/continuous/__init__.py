@@ -1,17 +1,7 @@
 """The distance of a computed displacement to the exact solution: equilibrated stresses and trace constants."""
 
-from hemivar.certificates.continuous.body_constants import body_constants
-from hemivar.certificates.continuous.exact_certificate import distance_to_exact
-from hemivar.certificates.continuous.exact_distance import DistanceParts, ExactDistance, exact_distance
-from hemivar.certificates.continuous.lower_bounds import LowerBound, LowerBounds, lower_bounds
+from __future__ import annotations
 
-__all__ = [
-    "DistanceParts",
-    "ExactDistance",
-    "LowerBound",
-    "LowerBounds",
-    "body_constants",
-    "distance_to_exact",
-    "exact_distance",
-    "lower_bounds",
-]
+from hemivar.basics.first_use import on_demand
+
+__getattr__, __dir__, __all__ = on_demand(__name__, __file__)

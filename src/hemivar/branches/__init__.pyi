@@ -1,0 +1,17 @@
+"""The public names of ``hemivar.branches`` and where each comes from; loaded on first use."""
+
+from .chain import Chain as Chain
+from .chain import chain_of as chain_of
+from .follow import PathOptions as PathOptions
+from .follow import follow_path as follow_path
+from .follow import following as following
+from .follower import PathProgress as PathProgress
+from .path import Fold as Fold
+from .path import Path as Path
+from .path import PathEnd as PathEnd
+from .path import PathJump as PathJump
+from .search import SearchProgress as SearchProgress
+from .solutions import SolutionSet as SolutionSet
+from .solutions import SolutionsOptions as SolutionsOptions
+from .solutions import find_solutions as find_solutions
+from .solutions import finding as finding

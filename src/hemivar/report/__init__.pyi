@@ -1,0 +1,37 @@
+"""The public names of ``hemivar.report`` and where each comes from; loaded on first use."""
+
+from .adaptive_figures import plot_adaptive as plot_adaptive
+from .adaptive_figures import plot_meshes as plot_meshes
+from .animation import animate as animate
+from .bodies import plot_solution as plot_solution
+from .body_colour import BodyColour as BodyColour
+from .certificate_figure import plot_certificate as plot_certificate
+from .contact_curves import plot_contact as plot_contact
+from .film_pictures import FilmColour as FilmColour
+from .histories import plot_errors as plot_errors
+from .histories import plot_history as plot_history
+from .identification_figure import fit_table as fit_table
+from .identification_figure import plot_fit as plot_fit
+from .law_figures import plot_law as plot_law
+from .law_figures import plot_laws as plot_laws
+from .march_figures import MARCH_FIGURES as MARCH_FIGURES
+from .march_figures import Units as Units
+from .march_figures import plot_march as plot_march
+from .paper import Legend as Legend
+from .paper import paper as paper
+from .path_diagrams import plot_path as plot_path
+from .plane_body import Arrows as Arrows
+from .saving import save as save
+from .scene import render_solution as render_solution
+from .solution_pictures import plot_solutions as plot_solutions
+from .statement_figure import plot_problem as plot_problem
+from .study_figures import plot_study as plot_study
+from .study_figures import plot_sweep as plot_sweep
+from .study_tables import study_table as study_table
+from .study_tables import sweep_table as sweep_table
+from .survey import SurveyReport as SurveyReport
+from .survey import run_survey as run_survey
+from .tables import PAPER_TABLE_1 as PAPER_TABLE_1
+from .tables import Table as Table
+from .tables import adaptive_table as adaptive_table
+from .tables import comparison_table as comparison_table

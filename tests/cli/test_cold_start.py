@@ -1,0 +1,57 @@
+"""Each command loads what it needs: packages that take long to load and that it does not use are left alone."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+#: What takes long to load, by command: none of these may be loaded.
+_TIME = ("hemivar.evolution", "hemivar.branches", "hemivar.identification", "hemivar.gallery", "hemivar.adapt")
+_SCIPY = ("scipy.stats", "scipy.optimize", "scipy.ndimage", "scipy.integrate", "scipy.interpolate", "scipy.spatial")
+ABSENT = {
+    "solve": (
+        *_TIME,
+        *_SCIPY,
+        "hemivar.certificates.continuous.exact_distance",
+        "hemivar.studio",
+        "matplotlib",
+        "meshio",
+    ),
+    "new": (*_TIME, *_SCIPY, "scipy", "numpy", "hemivar.laws", "hemivar.solvers"),
+    "laws": (*_TIME, *_SCIPY, "scipy.sparse", "skfem", "hemivar.mesh", "hemivar.solvers", "matplotlib"),
+    "--help": (*_TIME, *_SCIPY, "scipy", "numpy", "hemivar.laws"),
+}
+_CODE = """
+import contextlib, io, json, sys
+from hemivar.cli import main
+sys.argv = ["hemivar", *sys.argv[1:]]
+with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+    main()
+print(json.dumps(sorted(sys.modules)))
+"""
+
+
+@pytest.mark.parametrize("command", ABSENT)
+def test_a_command_leaves_alone_what_it_does_not_use(command: str, tmp_path: Path) -> None:
+    problem = tmp_path / "problem.toml"
+    if command == "solve":
+        subprocess.run([sys.executable, "-m", "hemivar", "new", str(problem)], check=True, capture_output=True)
+    words = {"solve": [str(problem)], "new": [str(problem)], "laws": ["softening"], "--help": []}[command]
+    done = subprocess.run([sys.executable, "-c", _CODE, command, *words], capture_output=True, text=True, check=True)
+    loaded = set(json.loads(done.stdout.splitlines()[-1]))
+    assert command == "--help" or any(name.startswith("hemivar.files") or name == "hemivar.laws" for name in loaded)
+    assert not loaded.intersection(ABSENT[command])
+
+
+def test_a_name_loaded_on_first_use_is_not_hidden_by_a_module_of_its_name() -> None:
+    code = """
+import hemivar.evolution.march, hemivar.workflows.study, hemivar.workflows.sweep, hemivar.report.paper
+import hemivar
+for found in (hemivar.evolution.march, hemivar.workflows.study, hemivar.workflows.sweep, hemivar.march):
+    assert callable(found), found
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
