@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
@@ -55,3 +57,10 @@ for found in (hemivar.evolution.march, hemivar.workflows.study, hemivar.workflow
     assert callable(found), found
 """
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_what_lists_the_modules_of_the_package_finds_modules_only() -> None:
+    """Editors, pydoc and the collection of doctests import each name that they list."""
+    kernels = importlib.import_module("hemivar.kernels")
+    names = {module.name for module in pkgutil.iter_modules(kernels.__path__)}
+    assert names == {path.stem for path in Path(kernels.__path__[0]).glob("*.py")} - {"__init__"}

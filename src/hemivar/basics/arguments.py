@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import difflib
+import functools
+import inspect
 import math
 import numbers
 import operator
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from types import UnionType
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.errors import ProblemError
@@ -17,9 +19,11 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["check_numbers", "described", "expect", "number", "suggest", "whole_number"]
+__all__ = ["check_numbers", "described", "expect", "expecting", "number", "suggest", "whole_number"]
 
 Kind = TypeVar("Kind")
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 
 
 def described(value: object) -> str:
@@ -55,6 +59,53 @@ def expect(value: object, kind: Any, name: str, remedy: str) -> object:
     if isinstance(value, type) and issubclass(value, kind):
         raise ProblemError(f"{name} is the class {value.__name__}; make one of it: {value.__name__}(...)")
     raise ProblemError(f"{name} is {described(value)}; {remedy}")
+
+
+def expecting(
+    **kinds: type | UnionType | list[type],
+) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+    """A function whose arguments are of these classes, or lists of objects of them; others are refused at the call.
+
+    Where the default of an argument is None, None is what it is without one.
+
+    Raises
+    ------
+    ProblemError
+        ``FUNCTION: NAME is WHAT; pass CLASS(...)``, before anything is done.
+    """
+
+    def wrapped(function: Callable[Given, Result]) -> Callable[Given, Result]:
+        signature, shown = inspect.signature(function), function.__name__
+
+        @functools.wraps(function)
+        def checked(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+            for name, value in signature.bind(*args, **kwargs).arguments.items():
+                kind = kinds.get(name)
+                if kind is None or (value is None and signature.parameters[name].default is None):
+                    continue
+                if isinstance(kind, list):
+                    _expect_each(value, kind[0], f"{shown}: {name}")
+                else:
+                    expect(value, kind, f"{shown}: {name}", _remedy(kind))
+            return function(*args, **kwargs)
+
+        return checked
+
+    return wrapped
+
+
+def _remedy(kind: type | UnionType) -> str:
+    if kind in (str, bool):
+        return "give a text" if kind is str else "give True or False"
+    kinds: tuple[type, ...] = kind.__args__ if isinstance(kind, UnionType) else (kind,)
+    return "pass " + " or ".join(f"{one.__name__}(...)" for one in kinds)
+
+
+def _expect_each(values: object, kind: type, name: str) -> None:
+    if isinstance(values, str | bytes) or not isinstance(values, Sequence):
+        raise ProblemError(f"{name} is {described(values)}; give a list of {kind.__name__}(...)")
+    for value in values:
+        expect(value, kind, f"an entry of {name}", _remedy(kind))
 
 
 def suggest(name: str, known: Sequence[str], what: str = "known") -> str:

@@ -17,7 +17,7 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-__all__ = ["norm", "real_array", "real_matrix"]
+__all__ = ["norm", "real_array", "real_matrix", "unmasked"]
 
 #: Squares of norms between which no square of an entry that counts over- or underflows.
 _TINY, _HUGE = 1e-240, 1e240
@@ -89,6 +89,7 @@ def real_matrix(value: object, name: str, *, own: bool = False) -> sp.csr_array:
             raise ProblemError(f"{name} has shape {dense.shape}; it must have 2 axes")
         return sp.csr_array(np.atleast_2d(dense))
     sparse: sp.sparray = value
+    _check_structure(sparse, name)
     _checked(sparse.data if sparse.format not in ("lil", "dok") else sparse.tocoo().data, name)
     try:
         given = isinstance(sparse, sp.csr_array) and sparse.dtype == np.float64
@@ -106,10 +107,47 @@ def real_matrix(value: object, name: str, *, own: bool = False) -> sp.csr_array:
     return matrix
 
 
-def _checked(value: object, name: str) -> AnyArray:
-    """The array of what was given, if its entries may be real numbers."""
+def unmasked(value: object, name: str) -> object:
+    """What was given, if it is no masked array.
+
+    Raises
+    ------
+    ProblemError
+        It is one: NumPy would forget the mask.
+    """
     if isinstance(value, np.ma.MaskedArray):
         raise ProblemError(f"{name} is a masked array, whose mask would be lost; fill it in, .filled(...)")
+    return value
+
+
+def _check_structure(matrix: sp.sparray, name: str) -> None:
+    """Refuse a matrix whose rows or columns lead outside of it: SciPy reads memory there without a look."""
+    where: list[tuple[AnyArray, int]]
+    if matrix.format in ("csr", "csc", "bsr"):
+        rows, columns = matrix.shape if matrix.format != "csc" else matrix.shape[::-1]
+        if matrix.format == "bsr":
+            rows, columns = rows // matrix.blocksize[0], columns // matrix.blocksize[1]
+        starts, where = matrix.indptr, [(matrix.indices, columns)]
+        stored = min(len(matrix.indices), len(matrix.data))
+        if len(starts) != rows + 1 or starts[0] != 0 or (np.diff(starts) < 0).any() or starts[-1] > stored:
+            raise ProblemError(f"{name} is a damaged sparse matrix: its row pointers do not fit; make it anew")
+    elif matrix.format == "coo":
+        if len({len(matrix.row), len(matrix.col), len(matrix.data)}) != 1:
+            raise ProblemError(f"{name} is a damaged sparse matrix: its lists differ in length; make it anew")
+        where = [(matrix.row, matrix.shape[0]), (matrix.col, matrix.shape[1])]
+    else:
+        return
+    for index, count in where:
+        if index.size and not 0 <= index.min() <= index.max() < count:
+            worst = index.min() if index.min() < 0 else index.max()
+            raise ProblemError(
+                f"{name} is a damaged sparse matrix: it has an entry at {worst} of {count}; make it anew"
+            )
+
+
+def _checked(value: object, name: str) -> AnyArray:
+    """The array of what was given, if its entries may be real numbers."""
+    value = unmasked(value, name)
     if hasattr(value, "tocsr"):
         raise ProblemError(f"{name} is a sparse matrix; give an array, .toarray()")
     try:

@@ -7,7 +7,9 @@ import io
 import re
 from collections.abc import Iterable
 
-__all__ = ["cell_read", "csv_text"]
+from hemivar.errors import FileError
+
+__all__ = ["cell_read", "csv_rows", "csv_text"]
 
 #: What a spreadsheet takes for the beginning of a formula.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
@@ -31,6 +33,22 @@ def csv_text(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     writer.writerow([_guarded(name) for name in columns])
     writer.writerows([_guarded(cell) for cell in row] for row in rows)
     return stream.getvalue()
+
+
+def csv_rows(text: str, name: str) -> list[list[str]]:
+    """The rows of a CSV text that are not empty.
+
+    Raises
+    ------
+    FileError
+        A line is no line of a table: a cell of more than 131 072 characters, as after a quotation mark that is never
+        closed.
+    """
+    reader = csv.reader(io.StringIO(text))
+    try:
+        return [row for row in reader if row]
+    except csv.Error as error:
+        raise FileError(f"{name}, line {reader.line_num}: this is no line of a table: {error}") from None
 
 
 def cell_read(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import os
 import re
@@ -173,8 +174,11 @@ def first_bytes(path: str | Path, count: int, what: str = "file") -> bytes:
 def read_text(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTES) -> str:
     """The text (UTF-8, with or without a byte order mark) of a regular file.  Raises as :func:`regular_file` does."""
     try:
-        text = read_bytes(path, what, most_bytes).decode("utf-8-sig")
+        content = read_bytes(path, what, most_bytes)
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            raise FileError(f"{what} {shown(path)} is UTF-16 text; save it as UTF-8") from error
         raise FileError(f"{what} {shown(path)} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
 

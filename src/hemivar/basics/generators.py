@@ -6,6 +6,9 @@ from collections.abc import Callable, Generator
 from contextlib import closing
 from typing import TypeVar
 
+from hemivar.basics.arguments import described
+from hemivar.errors import ProblemError
+
 __all__ = ["result_of"]
 
 Event = TypeVar("Event")
@@ -29,6 +32,10 @@ def result_of(
     -------
     Result
     """
+    if not isinstance(work, Generator):
+        raise ProblemError(
+            f"the work is {described(work)}; give what a workflow returns, such as workflows.run(problem)"
+        )
     with closing(work):
         try:
             event = next(work)

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
@@ -54,8 +54,9 @@ def numbered_field(mesh: Mesh, numbering: ArrayLike | None, prescribed: ArrayLik
     expect(mesh, Mesh, "mesh", "hemivar.Mesh(points, cells, boundaries), rectangle, box and read_mesh make one")
     if numbering is None:
         raise ProblemError("numbering is missing; give the unknown of each node and component, (N, d), -1 where fixed")
+    given_numbers = unmasked(numbering, "numbering")
     try:
-        numbers = np.asarray(numbering)
+        numbers = np.asarray(given_numbers)
     except ValueError as error:
         raise ProblemError(f"numbering is no array ({error}); give integers, shape (N, d)") from None
     orders = {(len(mesh.nodes(order)), mesh.dim): order for order in (2, 1)}
@@ -66,10 +67,10 @@ def numbered_field(mesh: Mesh, numbering: ArrayLike | None, prescribed: ArrayLik
         )
     flat = numbers.ravel().astype(np.int64)
     free = np.flatnonzero(flat >= 0)
-    count = np.bincount(flat[free], minlength=unknowns)
-    if flat.min(initial=0) < -1 or count.size > unknowns:
+    if flat.min(initial=0) < -1 or flat.max(initial=-1) >= unknowns:
         worst = flat.min() if flat.min() < -1 else flat.max()
         raise ProblemError(f"numbering holds {worst}; use 0 to {unknowns - 1}, and -1 where the displacement is fixed")
+    count = np.bincount(flat[free], minlength=unknowns)
     if (count != 1).any():
         which = int(np.flatnonzero(count != 1)[0])
         times = "at no node" if count[which] == 0 else f"at {count[which]} places"

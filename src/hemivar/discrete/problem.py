@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
 __all__ = ["DiscreteProblem"]
 
+#: Entries of a trace must be below: its products with itself are taken.
+_LARGEST = 1e100
+
 
 @dataclass(frozen=True, eq=False)
 class DiscreteProblem(PickleMixin, ReprMixin):
@@ -142,6 +145,8 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         """
         bulk = Quadratic(stiffness)
         rows = real_matrix(trace, "trace", own=True)
+        if not np.abs(rows.data).max(initial=0.0) < _LARGEST:
+            raise ProblemError(f"trace has entries above {_LARGEST:g}, whose squares are no numbers; scale its rows")
         own = real_array(weights, "weights", 1, own=True)
         m, components = own.shape[0], components_of(rows.shape[0], own)
         gaps = real_array(gap, "gap", 1)

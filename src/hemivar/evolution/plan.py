@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hemivar.basics.arguments import expect, number
+from hemivar.basics.arguments import expect, number, suggest
 from hemivar.basics.disk import path_of
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.stated import Form, stated
@@ -35,8 +35,8 @@ class March:
     ----------
     until : float
         Time at which it ends.
-    scheme : Scheme
-        :class:`ImplicitEuler` by default.
+    scheme : Scheme or str
+        :class:`ImplicitEuler` by default, or a name, as in a problem file.
     step : float or StepSizeController, optional
         A length, :class:`FixedStep` or :class:`AdaptiveStep`; a hundredth of the whole by default.
     save : Save
@@ -111,7 +111,7 @@ class March:
 
     def __post_init__(self) -> None:
         number(self.until, "until", "give the time at which it ends")
-        expect(self.scheme, Scheme, "the scheme", "give ImplicitEuler() or the like")
+        object.__setattr__(self, "scheme", _scheme_of(self.scheme))
         if self.step is not None and not isinstance(self.step, StepSizeController):
             object.__setattr__(self, "step", FixedStep(number(self.step, "the step", "give a time > 0")))
         expect(self.save, Save, "save", "give Save(every=...)")
@@ -131,7 +131,7 @@ class March:
         expect(self.controls, Controls, "controls", "pass Controls(rtol=...)")
         if not number(self.max_time, "max_time", "give seconds") >= 0.0:
             raise ProblemError(f"max_time = {self.max_time:g}; give seconds >= 0")
-        if isinstance(self.checkpoint, str | Path):
+        if self.checkpoint is not None and not isinstance(self.checkpoint, Checkpoint):
             object.__setattr__(self, "checkpoint", Checkpoint(path_of(self.checkpoint)))
         if self.resume and self.checkpoint is None:
             raise ProblemError("resume needs a checkpoint; name its file, checkpoint='run.ckpt'")
@@ -139,6 +139,15 @@ class March:
     def stepping(self, span: float) -> StepSizeController:
         """The control of steps of an evolution that lasts ``span``."""
         return FixedStep(span / 100.0) if self.step is None else self.step  # type: ignore[return-value]
+
+
+def _scheme_of(scheme: object) -> Scheme:
+    """A scheme given by its name or as an object."""
+    if not isinstance(scheme, str):
+        return expect(scheme, Scheme, "the scheme", f"give ImplicitEuler() or a name, such as '{ImplicitEuler.name}'")
+    if scheme not in SCHEMES:
+        raise ProblemError(f"there is no scheme '{scheme}'{suggest(scheme, tuple(SCHEMES), 'schemes')}")
+    return SCHEMES[scheme]
 
 
 def refuse_plan(stated: Evolution, plan: March) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -13,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.csv_text import cell_read, csv_text
+from hemivar.basics.csv_text import cell_read, csv_rows, csv_text
 from hemivar.basics.disk import path_of, read_text, regular_file, shown, whole_file, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import size_in_words
@@ -177,7 +175,7 @@ def read_history_table(path: str | Path) -> dict[str, Array]:
     if path.suffix.lower() == ".parquet":
         columns = _from_parquet(path)
     else:
-        rows = [row for row in csv.reader(io.StringIO(read_text(path, "table of a history"))) if row]
+        rows = csv_rows(read_text(path, "table of a history"), name)
         columns = _columns(name, rows)
     if not {"time", "step"} <= columns.keys() or not len(columns["time"]):
         raise FileError(

@@ -11,7 +11,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import ndtri, stdtrit
 
+from hemivar.basics import arguments
 from hemivar.basics.arguments import expect, whole_number
+from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.defined_above import above
 from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
@@ -72,6 +74,8 @@ class Parameter:
     start: float | None = None
 
     def __post_init__(self) -> None:
+        for end, value in (("lower end", self.low), ("upper end", self.high)):
+            arguments.number(value, f"the {end} of the range of {self.key}")
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
             raise ProblemError(
                 f"the range of {self.key} is {self.low:g} to {self.high:g}; give a lower end and a higher one"
@@ -151,7 +155,8 @@ class Fit(PickleMixin):
         The parameters found.
     intervals : array (p, 2)
         Each holds the true parameter with the confidence asked for if the law is the right one and the noise is normal
-        and independent: ``t`` times the standard error, and what the certified errors of the solutions can change.
+        and independent: ``t`` times the standard error, and what the certified errors of the solutions can change,
+        to both sides of the value; of its logarithm where the range is positive.
     standard_errors : array (p,)
         Infinite where the curve does not depend on a parameter.
     certified : array (p,)
@@ -298,12 +303,29 @@ class _Curve:
         return np.asarray(np.nan_to_num(scaled.reshape(n * q, p), nan=0.0, posinf=0.0, neginf=0.0))
 
 
+class _Watched:
+    """What is left, and where it was least so far; ends with :class:`OutOfTime` once the time is up."""
+
+    def __init__(self, curve: _Curve) -> None:
+        self.curve = curve
+        self.best, self.least = np.zeros(0), math.inf
+
+    def off(self, variables: Array) -> Array:
+        left = self.curve.off(variables)
+        check_time()
+        misfit = math.sqrt(float(left @ left) / left.size)
+        if misfit < self.least:
+            self.best, self.least = variables.copy(), misfit
+        return left
+
+
 def fit(
     experiment: Experiment,
     measurements: Measurements,
     parameters: Sequence[Parameter],
     law: Callable[[Array], VectorLaw],
     options: FitOptions | None = None,
+    max_time: float = math.inf,
 ) -> Generator[FitAttempt, None, Fit]:
     """Least squares over the parameters of a law, from several starts; yields an :class:`FitAttempt` after each.
 
@@ -319,6 +341,8 @@ def fit(
     law : callable
         The law at the contact points for values (p,).
     options : FitOptions, optional
+    max_time : float
+        Seconds for all starts; then the best that was found is returned, and a message says so.
 
     Returns
     -------
@@ -341,13 +365,21 @@ def fit(
     _check_units(curve, begin)
     low, high = (np.array([float(one.inside(getattr(one, end))) for one in parameters]) for end in ("low", "high"))
     rng = np.random.default_rng(options.seed)
-    best, least = begin, math.inf
+    best, least, budget, late = begin, math.inf, Budget(max_time), ""
     for number in range(options.starts):
         place = begin if not number else rng.uniform(low, high)
-        found = least_squares(
-            curve.off, np.clip(place, low, high), curve.slopes, (low, high), x_scale=1.0, ftol=1e-12, xtol=1e-10,
-            gtol=1e-12, max_nfev=60,
-        )  # fmt: skip
+        watched = _Watched(curve)
+        try:
+            with limited(budget):
+                found = least_squares(
+                    watched.off, np.clip(place, low, high), curve.slopes, (low, high), x_scale=1.0, ftol=1e-12,
+                    xtol=1e-10, gtol=1e-12, max_nfev=60,
+                )  # fmt: skip
+        except OutOfTime:
+            late = f"the time limit of {max_time:g} s ended the fit in start {number + 1} of {options.starts}"
+            if watched.least < least:
+                best, least = watched.best, watched.least
+            break
         misfit = math.sqrt(2.0 * found.cost / count)
         again = misfit <= least * (1.0 + _SAME) and bool((np.abs(curve.off(found.x) - curve.off(best)) <= _SAME).all())
         if misfit < least:
@@ -355,12 +387,15 @@ def fit(
         yield FitAttempt(number, options.starts, misfit)
         if number and again and misfit < _POOR:
             break
+    if late and least >= _NO_ANSWER / math.sqrt(count):
+        raise ProblemError(f"{late}, before the body was solved for any parameters; give more time")
     if least >= _NO_ANSWER / math.sqrt(count):
         raise ProblemError(
             "the body could not be solved for any parameters that were tried; look at the solution of the stated "
             "problem first, and narrow the ranges"
         )
-    return _fitted(curve, best, options, (low, high))
+    fitted = _fitted(curve, best, options, (low, high))
+    return replace(fitted, messages=(f"{late}: others may fit better", *fitted.messages)) if late else fitted
 
 
 def _check_units(curve: _Curve, begin: Array) -> None:
@@ -395,7 +430,10 @@ def _fitted(curve: _Curve, best: Array, options: FitOptions, ends: tuple[Array, 
     certified = np.full(p, np.nan) if not np.isfinite(bounds).all() else np.abs(pseudo) @ bounds.ravel() * unit
     factor = float(stdtrit(count - p, 0.5 + 0.5 * options.confidence)) if options.noise is None else _normal(options)
     half = factor * errors + np.nan_to_num(certified, nan=0.0)
-    intervals = np.column_stack([values - half, values + half])
+    with np.errstate(over="ignore", invalid="ignore"):
+        ratio = np.exp(half / unit)  # in the logarithm: what is positive has no interval below zero
+        low, high = np.where(by_log, values / ratio, values - half), np.where(by_log, values * ratio, values + half)
+    intervals = np.column_stack([low, high])
     found = Fit(
         tuple(parameters), values, intervals, errors, certified, options.confidence, noise, measurements, predicted, J,
         singular / max(noise, 1e-300), directions, tuple(solutions),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arrays import real_array
-from hemivar.basics.csv_text import cell_read
+from hemivar.basics.csv_text import cell_read, csv_rows
 from hemivar.basics.disk import path_of, read_text, shown
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
@@ -24,6 +22,7 @@ __all__ = ["Measurements", "read_measurements"]
 #: Columns whose names say that they were measured: goals, with a component.
 _MEASURED = re.compile(r"(contact|support)\..+\.force\.[xyz]|boundary\..+\.displacement\.[xyz]")
 _MOST_ROWS = 100_000
+_COMMAS = "commas between columns, points in numbers"
 _EXAMPLE = "as in 'supports.top.y' for what was set and 'support.top.force.y' for what was measured"
 
 
@@ -123,7 +122,9 @@ def read_measurements(path: str | Path) -> Measurements:
     path = path_of(path)
     name = shown(path)
     text = read_text(path, "measurements")
-    rows = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].lstrip().startswith("#")]
+    rows = [row for row in csv_rows(text, name) if not row[0].lstrip().startswith("#")]
+    if rows and len(rows[0]) == 1 and any(separator in rows[0][0] for separator in ";\t"):
+        raise FileError(f"{name}: the columns are not separated by commas; {_COMMAS}")
     if len(rows) < 2:
         raise FileError(f"{name}: a head and a row for each measurement are expected; name the columns {_EXAMPLE}")
     if len(rows) > _MOST_ROWS:
@@ -145,7 +146,8 @@ def _columns(name: str, head: Sequence[str], body: Sequence[Sequence[str]]) -> d
     for number, row in enumerate(body, start=1):
         if len(row) != len(head):
             raise FileError(
-                f"{name}: row {number} has {len(row)} entries, the head {len(head)}; give one for each column"
+                f"{name}: row {number} has {len(row)} entries, the head {len(head)}; give one for each column: "
+                f"{_COMMAS}"
             )
     columns = {}
     for place, key in enumerate(head):
@@ -153,7 +155,8 @@ def _columns(name: str, head: Sequence[str], body: Sequence[Sequence[str]]) -> d
         if None in values:
             first = values.index(None)
             raise FileError(
-                f"{name}: column '{shown(key)}' has {shown(body[first][place])!r} in row {first + 1}; give a number"
+                f"{name}: column '{shown(key)}' has {shown(body[first][place])!r} in row {first + 1}; give a number: "
+                f"{_COMMAS}"
             )
         columns[key] = np.array(values, dtype=float)
     return columns

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
@@ -184,6 +184,7 @@ def _check_cuts(points: Array, outer: IntArray, named: IntArray) -> None:
 
 def index_array(value: object, name: str, count: int) -> IntArray:
     """An array of whole numbers from 0 to ``count - 1``; of its own, unless what was given is read-only."""
+    value = unmasked(value, name)
     try:
         array = np.asarray(value)
     except ValueError:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arrays import unmasked
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import BoolArray, IntArray
 from hemivar.errors import ProblemError
@@ -66,7 +67,7 @@ def refined_where(mesh: Mesh, cells: object) -> Mesh:
 
 
 def _chosen(mesh: Mesh, cells: object) -> IntArray:
-    count, array = mesh.number_of_cells, np.asarray(cells)
+    count, array = mesh.number_of_cells, np.asarray(unmasked(cells, "the choice of cells"))
     if array.dtype == bool:
         if array.shape != (count,):
             raise ProblemError(

@@ -10,8 +10,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import expect, number
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arguments import described, expect, number
+from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.memory import mesh_bytes, refined_cells, require
 from hemivar.basics.portable import PickleMixin
@@ -222,6 +222,8 @@ class Mesh(PickleMixin):
         -------
         array, shape (N, d) or (N + E, d)
         """
+        if order not in (1, 2):
+            raise ProblemError(f"the order of the nodes is {described(order)}; give 1 or 2")
         if order == 1:
             return self.points
         middle = 0.5 * (self.points[self.edges[:, 0]] + self.points[self.edges[:, 1]])
@@ -371,7 +373,7 @@ class Mesh(PickleMixin):
         expect(boundaries, Mapping, "boundaries", "give a dict of choices by names")  # type: ignore[type-abstract]
         for name, value in boundaries.items():
             if callable(value):
-                mask = np.asarray(value(self.points[outer].mean(axis=1)))
+                mask = np.asarray(unmasked(value(self.points[outer].mean(axis=1)), f"boundary '{name}'"))
                 if mask.shape != (len(outer),) or mask.dtype != bool:
                     raise ProblemError(
                         f"boundary '{name}': the callable returned shape {mask.shape} of {mask.dtype}; it "

@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 
 from hemivar.adapt import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
-from hemivar.basics.arguments import expect
+from hemivar.basics.arguments import expect, expecting
 from hemivar.basics.display import brief
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.certificates import Certificate
@@ -93,6 +93,7 @@ class AdaptResult:
         return self.adaptive.ended is AdaptiveEnd.INTERRUPTED or self.complaint == "interrupted"
 
 
+@expecting(options=AdaptOptions)
 def adapt(problem: ContactProblem | ManufacturedProblem, options: AdaptOptions | None = None) -> Work[AdaptResult]:
     """Solve a problem on meshes that adapt to it, and certify the last solution.
 

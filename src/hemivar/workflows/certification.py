@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from hemivar.basics.arguments import expecting
 from hemivar.basics.types import Array
 from hemivar.certificates import Certificate
 from hemivar.certificates import certify as certificate_of_pair
@@ -38,6 +39,7 @@ class CertifyOptions:
     exact: bool = False
 
 
+@expecting(options=CertifyOptions)
 def certify(
     problem: Posable,
     unknowns: Array | None = None,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
@@ -104,6 +105,7 @@ class Comparison:
     __repr__ = brief
 
 
+@expecting(options=CompareOptions)
 def compare(problem: Posable, options: CompareOptions | None = None) -> Work[Comparison]:
     """Solve a problem by several methods, the reference first: newton, or multigrid where no factorisation fits.
 
@@ -170,6 +172,7 @@ def attempt(
     return Attempt(name, solution.status.value, note, solution, seconds, energy_norm_difference(solution, other))
 
 
+@expecting(one=Solution, other=Solution)
 def energy_norm_difference(one: Solution, other: Solution) -> float:
     """``|u - v|_K / |v|_K`` for two solutions of the same discrete problem (v the second one).
 

@@ -10,9 +10,11 @@ import time
 from collections.abc import Generator
 from dataclasses import dataclass
 
+from hemivar.basics.arguments import number
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.machine import cores, import_fails, system
 from hemivar.basics.memory import available_bytes
+from hemivar.errors import ProblemError
 from hemivar.kernels import kernels
 from hemivar.kernels import threads as kernel_threads
 from hemivar.workflows.events import Phase
@@ -135,18 +137,21 @@ def diagnose(*, limit: float = 30.0) -> Generator[Phase, bool | None, Diagnosis]
     Phase
         What is looked at; the generator returns a :class:`Diagnosis`.
     """
+    most = number(limit, "diagnose: limit", "give seconds")
+    if not 0.0 < most < 1e9:
+        raise ProblemError(f"diagnose: limit is {most:g}; give seconds > 0")
     with IMPORTS:
         from hemivar import __version__
 
     required = tuple(Part(name, _version(name), "needed", *_absent(name, module)) for name, module in _REQUIRED)
     optional = []
-    for number, (name, module, serves, remedy) in enumerate(_OPTIONAL):
+    for place, (name, module, serves, remedy) in enumerate(_OPTIONAL):
         version = _version(name) if importlib.util.find_spec(module) is not None else None
         if version is None:
             optional.append(Part(name, None, serves, remedy))
             continue
-        yield Phase(f"importing {name}", number, len(_OPTIONAL) + 1)
-        broken = import_fails(module, limit)
+        yield Phase(f"importing {name}", place, len(_OPTIONAL) + 1)
+        broken = import_fails(module, most)
         optional.append(Part(name, version, serves, remedy if broken else "", broken))
     for name, serves, remedy in _PROGRAMS:
         found = shutil.which(name)

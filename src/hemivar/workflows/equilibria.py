@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hemivar.basics.arguments import expecting
 from hemivar.branches import (
     Path,
     PathOptions,
@@ -20,6 +21,7 @@ from hemivar.workflows.events import FoundEvent, WarningEvent, Work
 __all__ = ["PathOptions", "PathProgress", "SearchProgress", "SolutionsOptions", "path", "solutions"]
 
 
+@expecting(options=SolutionsOptions)
 def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work[SolutionSet]:
     """All solutions that can be found.
 
@@ -51,6 +53,7 @@ def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work
     return found
 
 
+@expecting(options=PathOptions)
 def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
     """The equilibria while all loads grow, with the prescribed displacements if a statement is given.
 

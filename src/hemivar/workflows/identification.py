@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+import math
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect
+from hemivar.basics.arguments import described, expect, expecting
+from hemivar.basics.disk import shown
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
@@ -29,10 +31,13 @@ __all__ = ["identify", "identifying", "parameters_of_law"]
 #: A problem file, or a function of the values of parameters and inputs by their names.
 Model: TypeAlias = "str | Path | Callable[[Mapping[str, float]], Posable]"
 
+#: Tables of a problem file whose keys a column may set.
+_SET_BY_COLUMNS = ("loads", "supports", "contact")
 #: How far the range of a parameter reaches to both sides of its value in the file, as a factor.
 _RANGE = 20.0
 
 
+@expecting(options=FitOptions, changes=[Change], controls=Controls)
 def identify(
     problem: Model,
     data: Measurements | str | Path,
@@ -77,6 +82,7 @@ def identify(
     return result_of(identifying(problem, data, parameters, options, changes=changes, controls=controls))
 
 
+@expecting(options=FitOptions, changes=[Change], controls=Controls)
 def identifying(
     problem: Model,
     data: Measurements | str | Path,
@@ -105,7 +111,7 @@ def identifying(
     measured = read_measurements(data) if isinstance(data, str | Path) else data
     measured = expect(measured, Measurements, "the measured curve", "pass Measurements(...) or the path of a CSV file")
     wanted = _parameters(parameters, measured)
-    state = _statement(problem, changes)
+    state = _statement(problem, changes, measured.inputs)
     first = {one.key: one.middle for one in wanted}
     rows = [_posed(state, {**first, **measured.row(number)}) for number in range(measured.count)]
     experiment = Experiment.of(rows, tuple(measured.measured), controls)
@@ -115,7 +121,8 @@ def identifying(
         stated = state({**begin, **dict(zip(first, map(float, values), strict=True))})
         return _law_on(experiment.problems[0], stated)
 
-    attempts = fit(experiment, measured, wanted, law, options)
+    limit = math.inf if controls is None else controls.max_time
+    attempts = fit(experiment, measured, wanted, law, options, limit)
     while True:
         try:
             attempt = next(attempts)
@@ -179,9 +186,10 @@ def _parameters(
     parameters: Mapping[str, tuple[float, float]] | Sequence[Parameter], measured: Measurements
 ) -> tuple[Parameter, ...]:
     if isinstance(parameters, Mapping):
-        found = tuple(Parameter(key, float(low), float(high)) for key, (low, high) in parameters.items())
+        found = tuple(Parameter(key, *_range_of(key, ends)) for key, ends in parameters.items())
     else:
-        found = tuple(expect(one, Parameter, "a parameter", "pass Parameter(key, low, high)") for one in parameters)
+        listed: Iterable[object] = expect(parameters, Iterable, "the parameters", "give a dict of ranges by names")
+        found = tuple(expect(one, Parameter, "a parameter", "pass Parameter(key, low, high)") for one in listed)
     if not found:
         raise ProblemError("no parameter is to be fitted; name at least one with its range")
     keys = [one.key for one in found]
@@ -195,7 +203,16 @@ def _parameters(
     return found
 
 
-def _statement(problem: Model, changes: Sequence[Change]) -> Callable[[Mapping[str, float]], Posable]:
+def _range_of(key: str, ends: object) -> tuple[float, float]:
+    """The two ends of the range of a parameter."""
+    if not isinstance(ends, Sequence | np.ndarray) or isinstance(ends, str | bytes) or len(ends) != 2:
+        raise ProblemError(f"the range of {key} is {described(ends)}; give its two ends, such as (0.5, 5.0)")
+    return ends[0], ends[1]
+
+
+def _statement(
+    problem: Model, changes: Sequence[Change], inputs: Iterable[str]
+) -> Callable[[Mapping[str, float]], Posable]:
     if callable(problem):
         return problem
     if not isinstance(problem, str | Path):
@@ -203,6 +220,12 @@ def _statement(problem: Model, changes: Sequence[Change]) -> Callable[[Mapping[s
             f"identify: the problem is {described(problem)}; give the path of a problem file, or a function"
         )
     text, folder, name = read_text(problem), Path(problem).parent, str(problem)
+    for key in inputs:
+        if key.partition(".")[0] not in _SET_BY_COLUMNS:
+            raise ProblemError(
+                f"column '{key}' is no load and no support of {shown(name)}; name it as a key of "
+                f"{' or '.join(f'[{table}]' for table in _SET_BY_COLUMNS)}, or leave it out"
+            )
 
     def state(values: Mapping[str, float]) -> Posable:
         given = [*changes, *(Change(key, value) for key, value in values.items())]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias, cast
 
-from hemivar.basics.arguments import suggest
+from hemivar.basics.arguments import expecting, suggest
 from hemivar.basics.display import brief
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
@@ -46,6 +46,7 @@ class LawStudy(Notice):
     __repr__ = brief
 
 
+@expecting(name=str, parameters=Mapping, friction=bool, first=bool, label=str)
 def study_law(
     name: str,
     parameters: Mapping[str, Value] | None = None,

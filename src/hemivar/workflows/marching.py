@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import time as clock
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from hemivar.basics.arguments import expecting
 from hemivar.errors import ProblemError
 from hemivar.evolution import (
     Evolution,
@@ -17,10 +18,8 @@ from hemivar.evolution import (
 )
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
 from hemivar.evolution.march import Backend, refuse_plan
+from hemivar.files.problem_file import ProblemFile
 from hemivar.workflows.events import Notice, WarningEvent, Work
-
-if TYPE_CHECKING:
-    from hemivar.files.problem_file import ProblemFile
 
 __all__ = ["ProgressEvent", "ReadyEvent", "evolution_of", "march", "plan_of"]
 
@@ -55,6 +54,7 @@ class ProgressEvent(Notice):
     left: float
 
 
+@expecting(stated=ProblemFile)
 def evolution_of(stated: ProblemFile) -> Evolution:
     """The evolution that a problem file states; without a table ``[time]`` the body has no inertia and starts at rest.
 
@@ -77,6 +77,7 @@ def evolution_of(stated: ProblemFile) -> Evolution:
     return Evolution(stated.problem, time.inertia, start.get("displacement"), start.get("velocity"), heat=stated.heat)
 
 
+@expecting(stated=ProblemFile)
 def plan_of(stated: ProblemFile, *, every: float | None = None, **given: Any) -> March:
     """How the evolution of a problem file is computed.
 
@@ -106,6 +107,7 @@ def plan_of(stated: ProblemFile, *, every: float | None = None, **given: Any) ->
     return plan if every is None else replace(plan, save=replace(plan.save, every=every))
 
 
+@expecting(evolution=Evolution | DiscreteEvolution, plan=March)
 def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Backend | None = None) -> Work[History]:
     """Compute an evolution, with the tools of another engine if some are given.
 

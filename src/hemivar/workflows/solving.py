@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
 from hemivar.certificates import Certificate, certify, factorises
 from hemivar.discrete.problem import DiscreteProblem
@@ -70,6 +71,7 @@ class RunResult:
     __repr__ = brief
 
 
+@expecting(options=RunOptions, workspace=Workspace)
 def run(problem: Posable, options: RunOptions | None = None, workspace: Workspace | None = None) -> Work[RunResult]:
     """Solve a problem, with a certificate.
 

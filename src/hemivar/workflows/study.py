@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect, whole_number
+from hemivar.basics.arguments import described, expect, expecting, whole_number
 from hemivar.basics.content import content
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.first_use import cached_property
@@ -111,8 +111,12 @@ class StudyOptions:
                 "a study by several processes calls no function after every step; leave the callback of its controls "
                 "out, or take jobs = 1"
             )
+        expect(self.exact, bool, "exact", "give True or False")
         if self.known is not None and not isinstance(self.known, KnownField):
-            object.__setattr__(self, "known", KnownField(self.known))
+            listed: Sequence[str] = expect(
+                self.known, Sequence, "known", "give a formula of x and y for each component"
+            )  # type: ignore[type-abstract]
+            object.__setattr__(self, "known", KnownField(listed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,6 +248,7 @@ class Study(ReprMixin):
         return np.arange(count) < (count if self.reference == "exact solution" else max(count - 2, 0))
 
 
+@expecting(options=StudyOptions)
 def studying(problem: Statement | ManufacturedProblem | str | Path, options: StudyOptions | None = None) -> Work[Study]:
     """Solve a problem on meshes that are halved, each from the solution on the one before, and measure the errors.
 

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
@@ -181,6 +182,7 @@ class SurveyEvent(Notice):
     runs: SurveyRuns
 
 
+@expecting(options=SurveyOptions)
 def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
     """Recompute the simulations of the survey (section 5.3).
 

@@ -7,13 +7,13 @@ import hashlib
 import itertools
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect, whole_number
+from hemivar.basics.arguments import described, expect, expecting, whole_number
 from hemivar.basics.content import content
 from hemivar.basics.disk import noting_files_read, read_bytes
 from hemivar.basics.display import ReprMixin
@@ -78,6 +78,7 @@ class SweepAxis:
         return None
 
 
+@expecting(text=str)
 def read_axis(text: str) -> SweepAxis | Change:
     """The axis that ``key=low:high:count`` asks for, evenly spaced, or ``...:log`` evenly in the logarithm.
 
@@ -246,6 +247,7 @@ class _Task:
 
 
 @known_keywords
+@expecting(controls=Controls, changes=[Change])
 def sweep(
     problem: Source,
     axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis],
@@ -283,6 +285,7 @@ def sweep(
     return result_of(sweeping(problem, axes, SweepOptions(search, jobs, checkpoint, tuple(changes))))
 
 
+@expecting(options=SweepOptions)
 def sweeping(
     problem: Source, axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis], options: SweepOptions | None = None
 ) -> Work[Sweep]:
@@ -389,9 +392,10 @@ def sweep_digest(problem: Source, axes: Sequence[SweepAxis], options: SweepOptio
 def _axes(axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis]) -> tuple[SweepAxis, ...]:
     """The axes, checked."""
     if isinstance(axes, Mapping):
-        found = tuple(SweepAxis(key, tuple(values)) for key, values in axes.items())
+        found = tuple(SweepAxis(key, _listed(key, values)) for key, values in axes.items())
     else:
-        found = tuple(expect(axis, SweepAxis, "an axis", "pass SweepAxis(key, values)") for axis in axes)
+        listed: Iterable[object] = expect(axes, Iterable, "the parameters", "give a dict of values by names")
+        found = tuple(expect(axis, SweepAxis, "an axis", "pass SweepAxis(key, values)") for axis in listed)
     if not found:
         raise ProblemError("sweep: there is no parameter; give a range, as in contact.bottom.normal.q_max=0:1:21")
     twice = [axis.key for axis in found if sum(other.key == axis.key for other in found) > 1]
@@ -401,6 +405,13 @@ def _axes(axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis]) -> tuple[S
     if count > _MOST_POINTS:
         raise ProblemError(f"sweep: {count} points; take at most {_MOST_POINTS}")
     return found
+
+
+def _listed(key: str, values: object) -> tuple[object, ...]:
+    """The values of a parameter: a list of them, not one number and no text."""
+    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+        raise ProblemError(f"parameter '{key}' has the values {described(values)}; give a list, such as [1.0, 2.0]")
+    return tuple(values)
 
 
 def _values(axes: Sequence[SweepAxis], place: Sequence[int]) -> tuple[object, ...]:

@@ -1,0 +1,103 @@
+"""Every public function of the workflows with arguments of wrong kinds: it returns, or raises an error in words."""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import hemivar as hv
+from hemivar import workflows
+from tests.test_wrong_arguments import PROBLEM, WRONG, trouble
+
+EVOLUTION = hv.Evolution(PROBLEM)
+KEY = "contact.bottom.normal.stiffness"
+SOLUTION = hv.solve(PROBLEM)
+
+
+STATED = hv.files.ProblemFile(PROBLEM, hv.files.SolverSettings())
+
+
+def stated(values: object) -> hv.ContactProblem:
+    """A problem for any parameters."""
+    return PROBLEM
+
+
+MEASURED = hv.identification.Measurements({"a": [0.1, 0.2, 0.3]}, {"contact.bottom.force.y": [0.1, 0.2, 0.4]})
+#: What stands for the arguments that must be given, by the function and their name.
+RIGHT: dict[str, dict[str, object]] = {
+    "adapt": {"problem": PROBLEM},
+    "certify": {"problem": PROBLEM},
+    "compare": {"problem": PROBLEM},
+    "diagnose": {"limit": 0.1},
+    "energy_norm_difference": {"one": SOLUTION, "other": SOLUTION},
+    "evolution_of": {"stated": STATED},
+    "identify": {"problem": stated, "data": MEASURED, "parameters": {"k": (0.5, 2.0)}},
+    "identifying": {"problem": stated, "data": MEASURED, "parameters": {"k": (0.5, 2.0)}},
+    "march": {"evolution": EVOLUTION, "plan": hv.evolution.March(1.0, step=1.0)},
+    "path": {"problem": PROBLEM},
+    "plan_of": {"stated": STATED},
+    "read_axis": {"text": "a=1:2:3"},
+    "result_of": {"work": workflows.run(PROBLEM)},
+    "run": {"problem": PROBLEM},
+    "solutions": {"problem": PROBLEM},
+    "study": {"problem": PROBLEM, "refine": 1},
+    "study_law": {"name": "softening"},
+    "studying": {"problem": PROBLEM},
+    "survey": {"options": None},
+    "sweep": {"problem": stated, "axes": {"a": [1.0]}},
+    "sweeping": {"problem": stated, "axes": {"a": [1.0]}},
+}
+#: Arguments that are not tried: without options the survey runs for minutes, and tools are those of an engine.
+LEFT_OUT = {("survey", "options"), ("march", "tools")}
+#: What is given beside the usual wrong values.
+MORE: dict[str, tuple[object, ...]] = {
+    "axes": ({"a": 1}, {"a": "xy"}, {"a": []}, {1: [1.0]}, [("a", [1.0])]),
+    "parameters": ({"k": 10}, {"k": ("a", "b")}, {"k": (1.0,)}, {"k": (2.0, 1.0)}, {}, [("k", 1.0, 2.0)]),
+}
+
+
+def test_every_function_is_tried() -> None:
+    functions = {name for name in workflows.__all__ if inspect.isfunction(getattr(workflows, name))}
+    assert functions == RIGHT.keys()
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_wrong_arguments_are_refused_in_words(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    function: Callable[..., object] = getattr(workflows, name)
+
+    def call(**given: object) -> object:
+        made = function(**given)
+        return workflows.result_of(made) if inspect.isgenerator(made) else made
+
+    raw = []
+    parameters = inspect.signature(function).parameters.values()
+    for one in (one for one in parameters if one.kind is not one.VAR_KEYWORD and (name, one.name) not in LEFT_OUT):
+        for value in (*WRONG, *MORE.get(one.name, ())):
+            given = {**RIGHT[name], one.name: value}
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                if told := trouble(call, given):
+                    raw.append(f"{one.name} = {value!r:.60}: {told}")
+    assert not raw, "\n".join(raw)
+
+
+@pytest.mark.parametrize("option", ["checkpoint", "scheme", "step", "save", "stops", "events", "jump", "method"])
+def test_wrong_options_of_a_march_are_refused_in_words(option: str) -> None:
+    raw = []
+    for value in (*WRONG, 3):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if value is not None and (told := trouble(hv.evolution.March, {"until": 1.0, option: value})):
+                raw.append(f"{option} = {value!r:.60}: {told}")
+    assert not raw, "\n".join(raw)
+
+
+def test_a_scheme_is_given_by_its_name() -> None:
+    assert isinstance(hv.evolution.March(1.0, scheme="moreau-jean").scheme, hv.evolution.MoreauJean)
+    with pytest.raises(hv.HemivarError, match="did you mean 'newmark'"):
+        hv.evolution.March(1.0, scheme="newmrk")
