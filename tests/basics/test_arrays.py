@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
-from hemivar.basics.arrays import norm, real_array
+from hemivar.basics.arrays import norm, real_array, real_matrix
 from hemivar.errors import ProblemError
 
 
@@ -34,3 +35,20 @@ def test_norm_of_nothing_and_of_what_is_not_finite() -> None:
 def test_arrays_that_are_refused(value: object, message: str) -> None:
     with pytest.raises(ProblemError, match=message):
         real_array(value, "load", 1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["csr", "csc", "bsr", "coo"])
+@pytest.mark.parametrize("part", ["columns", "pointers", "negative"])
+def test_a_damaged_sparse_matrix_is_refused_before_it_is_read(kind: str, part: str) -> None:
+    """SciPy would read memory outside of the matrix."""
+    matrix = sp.csr_array(np.arange(1.0, 17.0).reshape(4, 4)).asformat(kind)
+    assert real_matrix(matrix, "A").shape == (4, 4)
+    if kind == "coo":
+        matrix.coords = (matrix.row.copy(), matrix.col.copy())
+        matrix.coords[0 if part == "pointers" else 1][2] = -1 if part == "negative" else 10**6
+    elif part == "pointers":
+        matrix.indptr[2] = 10**6
+    else:
+        matrix.indices[-1] = -1 if part == "negative" else 10**6
+    with pytest.raises(ProblemError, match=r"A is a damaged sparse matrix.*make it anew"):
+        real_matrix(matrix, "A")

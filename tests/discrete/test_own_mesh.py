@@ -167,3 +167,34 @@ def test_a_mesh_that_does_not_fit_is_refused_with_the_place() -> None:
     ):
         with pytest.raises(ProblemError, match=words):
             DiscreteProblem.of_arrays(**{**given, **change})  # type: ignore[arg-type]
+
+
+def test_a_huge_number_of_an_unknown_is_refused_before_anything_is_counted() -> None:
+    given = given_by(hv.discretize(block()))
+    numbers = given["numbering"].copy()
+    for wrong in (10**9, np.iinfo(np.int64).max, -2):
+        numbers[0, 0] = wrong
+        with pytest.raises(ProblemError, match=f"numbering holds {wrong}"):
+            DiscreteProblem.of_arrays(**{**given, "numbering": numbers})
+    with pytest.raises(ProblemError, match="numbering is a masked array"):
+        DiscreteProblem.of_arrays(**{**given, "numbering": np.ma.masked_less(given["numbering"], 0)})
+    with pytest.raises(ProblemError, match="trace has entries above"):
+        DiscreteProblem.of_arrays(**{**given, "trace": given["trace"] * 1e300})
+
+
+def test_masks_are_not_lost_in_meshes() -> None:
+    mesh = hv.rectangle((1.0, 1.0), 2)
+    for call in (
+        lambda: hv.Mesh(mesh.points, np.ma.masked_greater(mesh.cells, 5)),
+        lambda: mesh.with_boundaries({"left": lambda p: np.ma.masked_less(p[:, 0], 0.5) < 0.7}),
+        lambda: mesh.refined_where(np.ma.masked_less(np.arange(3), 1)),
+    ):
+        with pytest.raises(ProblemError, match="masked array"):
+            call()
+
+
+def test_nodes_are_those_of_order_one_or_two() -> None:
+    mesh = hv.rectangle((1.0, 1.0), 1)
+    for order in ("x", 3, None):
+        with pytest.raises(ProblemError, match=r"the order of the nodes is .*; give 1 or 2"):
+            mesh.nodes(order)  # type: ignore[arg-type]

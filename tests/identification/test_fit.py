@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import time
 from collections.abc import Mapping
 
 import numpy as np
@@ -43,7 +45,7 @@ def test_intervals_grow_with_the_noise_and_the_confidence() -> None:
     for noise, confidence in ((0.005, 0.95), (0.01, 0.95), (0.01, 0.99)):
         options = FitOptions(starts=1, noise=noise, confidence=confidence)
         found = hv.workflows.identify(TRILINEAR.state, TRILINEAR.measured(0.005, 2), TRILINEAR.ranges, options)
-        half[noise, confidence] = np.diff(found.intervals)[:, 0] / 2.0
+        half[noise, confidence] = np.diff(np.log(found.intervals))[:, 0] / 2.0
     np.testing.assert_allclose(half[0.01, 0.95], 2.0 * half[0.005, 0.95], rtol=1e-6)
     np.testing.assert_allclose(half[0.01, 0.99] / half[0.01, 0.95], 2.5758 / 1.95996, rtol=1e-4)
 
@@ -53,7 +55,7 @@ def test_a_curve_that_ends_before_the_peak_leaves_what_comes_after_it_open() -> 
     found = _fit(BILINEAR, early)
     assert found.identified == (True, False, False)
     assert any("strength is not identifiable from this curve" in text for text in found.messages)
-    assert np.isinf(found.intervals[1:]).all()
+    np.testing.assert_array_equal(found.intervals[1:], [[0.0, np.inf]] * 2)
     assert found.value("stiffness") == pytest.approx(40.0, rel=0.1)
 
 
@@ -71,6 +73,34 @@ def test_two_springs_in_a_row_cannot_be_told_apart() -> None:
     assert found.value("a") * found.value("b") == pytest.approx(1.0, rel=0.1)
     np.testing.assert_allclose(np.abs(found.directions[1]), np.sqrt(0.5), atol=1e-3)
     assert any("cannot tell a and b apart" in text for text in found.messages)
+
+
+def test_a_positive_parameter_has_no_interval_below_zero() -> None:
+    """Of a curve so noisy that the error is larger than the parameter."""
+    found = _fit(BILINEAR, BILINEAR.measured(0.05, seed=3), starts=1, noise=2.0)
+    assert (found.standard_errors > found.values).any()
+    assert (found.intervals[:, 0] >= 0.0).all()
+
+
+def test_the_time_limit_holds_for_the_whole_fit() -> None:
+    case = BILINEAR
+    with pytest.raises(ProblemError, match="time limit of 0 s ended the fit in start 1 of"):
+        hv.workflows.identify(case.state, case.measured(), case.ranges, controls=hv.Controls(max_time=0.0))
+    calls = 0
+
+    def state(values: Mapping[str, float]) -> hv.ContactProblem:
+        nonlocal calls
+        calls += 1
+        if calls > 60:  # after some evaluations of the curve
+            time.sleep(2.1)
+        return case.state(values)
+
+    begin = time.perf_counter()
+    found = hv.workflows.identify(
+        state, case.measured(0.01), case.ranges, FitOptions(starts=6), controls=hv.Controls(max_time=2.0)
+    )
+    assert time.perf_counter() - begin < 30.0
+    assert re.match(r"the time limit of 2 s ended the fit in start \d of 6: others may fit better", found.messages[0])
 
 
 def test_units_do_not_matter() -> None:

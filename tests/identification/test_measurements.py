@@ -28,6 +28,10 @@ def test_a_file_is_read(tmp_path: Path) -> None:
         ("", "a head and a row"),
         (HEAD, "a head and a row"),
         ("0.1,0.2\n0.3,0.4\n", "names of the columns"),
+        (HEAD.replace(",", ";") + "0,1;0,2\n", "commas between columns, points in numbers"),
+        (HEAD + "0,1,0,2\n", "commas between columns, points in numbers"),
+        (HEAD + '"0,1","0,2"\n', "commas between columns, points in numbers"),
+        (HEAD + '"' + "x" * 140_000 + "\n", "line 2: this is no line of a table"),
         (HEAD + "0.1\n", "row 1 has 1 entries, the head 2"),
         (HEAD + "0.1,0.2,0.3\n", "row 1 has 3 entries"),
         (HEAD + "0.1,x\n", "'x' in row 1; give a number"),
@@ -58,3 +62,10 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
 def test_columns_of_different_lengths() -> None:
     with pytest.raises(HemivarError, match=r"different lengths: 'a' 2, 'support.top.force.y' 3"):
         Measurements({"a": np.ones(2)}, {"support.top.force.y": np.arange(3.0)})
+
+
+def test_a_file_in_utf_16_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text(HEAD + "0.1,0.2\n", encoding="utf-16")
+    with pytest.raises(HemivarError, match="UTF-16 text; save it as UTF-8"):
+        read_measurements(path)
