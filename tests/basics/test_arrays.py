@@ -47,7 +47,7 @@ def test_a_damaged_sparse_matrix_is_refused_before_it_is_read(kind: str, part: s
         matrix.coords = (matrix.row.copy(), matrix.col.copy())
         matrix.coords[0 if part == "pointers" else 1][2] = -1 if part == "negative" else 10**6
     elif part == "pointers":
-        matrix.indptr[2] = 10**6
+        matrix.indptr[1] = 10**6
     else:
         matrix.indices[-1] = -1 if part == "negative" else 10**6
     with pytest.raises(ProblemError, match=r"A is a damaged sparse matrix.*make it anew"):
