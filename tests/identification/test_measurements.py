@@ -42,7 +42,7 @@ def test_a_file_is_read(tmp_path: Path) -> None:
         ("supports.top.y,load\n0.1,0.2\n", "no column of what was measured"),
         ("support.top.force.y\n0.2\n", "no column of what was set"),
         ("supports.top.y,support.top.force.y,supports.top.y\n1,2,3\n", "two columns have one name"),
-        ('supports.top.y;support.top.force.y\n"0,1";"0,2"\n', r"row 1 has . entries, the head 1|give a number"),
+        ('supports.top.y;support.top.force.y\n"0,1";"0,2"\n', r"commas between columns, points in numbers"),
     ],
 )
 def test_bad_files(text: str, says: str, tmp_path: Path) -> None:
