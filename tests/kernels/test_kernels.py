@@ -18,7 +18,7 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.discrete.contact import contact_unknowns
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.kernels import kernels, threads
+from hemivar.kernels import kernels, mesh_edges, threads
 from hemivar.kernels import library as library_module
 from hemivar.linear import Hierarchy
 from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
@@ -423,3 +423,37 @@ def test_sizes_and_units_do_not_matter() -> None:
         scaled = [sp.csr_array((size * A.data, A.indices, A.indptr), shape=A.shape) for A in matrices]
         found = Levels(scaled, transfers, none, none)._whole.fast_cycle(1, load * b)
         np.testing.assert_allclose(found * (size / load), expected, rtol=1e-6)
+
+
+@built
+def test_arrays_that_levels_keep_cannot_be_written_to() -> None:
+    """Products read memory where the columns lead."""
+    library = kernels()
+    assert library is not None
+    A = sp.csr_array(np.diag(np.arange(1.0, 6.0)))
+    A.indices, A.indptr = A.indices.astype(np.int32), A.indptr.astype(np.int32)
+    levels = CompiledLevels(library, [A], [], [np.zeros(0, dtype=int)], [NodeSlots.single(5)])
+    for part in (levels.matrices[0].data, levels.matrices[0].indices, levels.matrices[0].indptr):
+        with pytest.raises(ValueError, match="read-only"):
+            part[0] = 0
+    np.testing.assert_array_equal(levels.multiply(0, np.ones(5)), np.arange(1.0, 6.0))
+
+
+@built
+def test_a_lack_of_memory_is_called_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    library = kernels()
+    assert library is not None
+    for name in ("hv_edges_new", "hv_turn", "hv_advance", "hv_curvature", "hv_products", "hv_multiply", "hv_diagonal"):
+        monkeypatch.setattr(library.call, name, lambda *_: 1)
+    one = np.ones(3)
+    mesh = hv.rectangle((1.0, 1.0), 1)
+    for call in (
+        lambda: mesh_edges(mesh.cells, mesh.number_of_nodes),
+        lambda: library.turn(1.0, one, one.copy()),
+        lambda: library.advance(1.0, one, one, one.copy(), one.copy()),
+        lambda: library.curvature(one, one, one),
+        lambda: library.products(one, one, one),
+        lambda: library.diagonal(np.arange(4, dtype=np.int32), np.arange(3, dtype=np.int32), one),
+    ):
+        with pytest.raises(MemoryError):
+            call()

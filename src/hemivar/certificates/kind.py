@@ -123,7 +123,7 @@ def _components(point: Point) -> _Sorted:
     active = point.active
     law, tau = point.law(problem.local(point.u), point.lam), point.compliance
     r = np.where(active, law.fitted(problem.local(point.u), point.lam, tau), 0.0)
-    slack = _AT_END * max(float(np.abs(point.lam).max(initial=0.0)), np.finfo(float).tiny)
+    slack = max(_AT_END * float(np.abs(point.lam).max(initial=0.0)), np.finfo(float).tiny)
     first, *others = (_sort(sides, slack) for sides in law.sides(r, point.lam, active, tau, slack))
     found = first
     for more in others:

@@ -52,9 +52,11 @@ class Primitive:
             fine = _gauss(slope, low, high, _FINE)
             apart = np.abs(fine - _gauss(slope, low, high, _COARSE))
             size = _gauss(slope, low, high, _FINE, absolute=True)
-            spread = np.maximum(np.abs(low), np.abs(high)) * _gauss(bend, low, high, _FINE, absolute=True)
+            of_bend = _gauss(bend, low, high, _FINE, absolute=True)
             more = halving < _HALVINGS - 1 and low.size < _MOST_PARTS
-            rough = ~(apart <= _ROUNDING * (size + spread)) & more
+            with np.errstate(under="ignore"):
+                spread = np.maximum(np.abs(low), np.abs(high)) * of_bend
+                rough = ~(apart <= _ROUNDING * (size + spread)) & more
             kept.append(low[~rough])
             if not rough.any():
                 break

@@ -82,9 +82,23 @@ auto ordered_sum(int64_t n, const Work& work) {
     return sum;
 }
 
+// Two sums of n terms, which are written side by side.
+template <class Term>
+int two_sums(int64_t n, double* out, const Term& term) {
+    return guarded([&] {
+        const Pair found = ordered_sum(n, [&](int64_t from, int64_t to) {
+            Side<2> sum;
+            sum.over(from, to, term);
+            return Pair{sum.total(0), sum.total(1)};
+        });
+        out[0] = found.first;
+        out[1] = found.second;
+    });
+}
+
 }  // namespace
 
-HEMIVAR_API int hv_abi() { return 4; }
+HEMIVAR_API int hv_abi() { return 5; }
 
 HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
 
@@ -152,10 +166,8 @@ HEMIVAR_API int hv_cycle(const Truncation* truncation, int64_t top, const double
 }
 
 // The edges of a mesh, whose cells must stay where they are; how many there are.
-HEMIVAR_API Edges* hv_edges_new(int dim, int64_t nodes, int64_t cells, const int64_t* vertices) {
-    Edges* made = nullptr;
-    guarded([&] { made = new Edges(Simplices{dim, nodes, cells, vertices}); });
-    return made;
+HEMIVAR_API int hv_edges_new(int dim, int64_t nodes, int64_t cells, const int64_t* vertices, Edges** made) {
+    return guarded([&] { *made = new Edges(Simplices{dim, nodes, cells, vertices}); });
 }
 
 HEMIVAR_API void hv_edges_free(Edges* edges) { delete edges; }
@@ -200,15 +212,17 @@ HEMIVAR_API int hv_graph_rows(const Graph* graph, int components, const uint8_t*
 }
 
 // y = A x of a matrix by rows.
-HEMIVAR_API void hv_multiply(int64_t n, const int32_t* indptr, const int32_t* indices, const double* data,
+HEMIVAR_API int hv_multiply(int64_t n, const int32_t* indptr, const int32_t* indices, const double* data,
                              const double* x, double* y) {
     constexpr int64_t chunk = 4 * kChunk;
-    share((n + chunk - 1) / chunk, [&](int64_t piece) {
-        for (int64_t i = piece * chunk; i < std::min(n, (piece + 1) * chunk); ++i) {
-            double sum = 0.0;
-            for (int32_t e = indptr[i]; e < indptr[i + 1]; ++e) sum += data[e] * x[indices[e]];
-            y[i] = sum;
-        }
+    return guarded([&] {
+        share((n + chunk - 1) / chunk, [&](int64_t piece) {
+            for (int64_t i = piece * chunk; i < std::min(n, (piece + 1) * chunk); ++i) {
+                double sum = 0.0;
+                for (int32_t e = indptr[i]; e < indptr[i + 1]; ++e) sum += data[e] * x[indices[e]];
+                y[i] = sum;
+            }
+        });
     });
 }
 
@@ -217,7 +231,7 @@ HEMIVAR_API int hv_diagonal(int64_t n, int64_t entries, const int32_t* indptr, c
                             const double* data, double* out) {
     constexpr int64_t chunk = 4 * kChunk;
     std::atomic<bool> strange{false};
-    share((n + chunk - 1) / chunk, [&](int64_t piece) {
+    const auto piece_of_rows = [&](int64_t piece) {
         for (int64_t i = piece * chunk; i < std::min(n, (piece + 1) * chunk); ++i) {
             const int32_t begin = indptr[i], end = indptr[i + 1];
             if (begin < 0 || begin > end || end > entries) {
@@ -227,13 +241,15 @@ HEMIVAR_API int hv_diagonal(int64_t n, int64_t entries, const int32_t* indptr, c
             const int32_t* place = std::lower_bound(indices + begin, indices + end, static_cast<int32_t>(i));
             out[i] = place < indices + end && *place == i ? data[place - indices] : 0.0;
         }
-    });
-    return strange ? 2 : 0;
+    };
+    const int failed = guarded([&] { share((n + chunk - 1) / chunk, piece_of_rows); });
+    return strange ? 2 : failed;
 }
 
 // x += length p, r -= length q; the square of r.
-HEMIVAR_API double hv_advance(int64_t n, double length, const double* p, const double* q, double* x, double* r) {
-    return ordered_sum(n, [&](int64_t from, int64_t to) {
+HEMIVAR_API int hv_advance(int64_t n, double length, const double* p, const double* q, double* x, double* r,
+                           double* square) {
+    const auto piece = [&](int64_t from, int64_t to) {
         Side<1> sum;
         sum.over(from, to, [&](int64_t k, double* add) {
             x[k] += length * p[k];
@@ -241,44 +257,34 @@ HEMIVAR_API double hv_advance(int64_t n, double length, const double* p, const d
             add[0] = r[k] * r[k];
         });
         return sum.total(0);
-    });
+    };
+    return guarded([&] { *square = ordered_sum(n, piece); });
 }
 
 // p'q and p'Dp.
-HEMIVAR_API void hv_curvature(int64_t n, const double* p, const double* q, const double* diagonal, double* out) {
-    const Pair found = ordered_sum(n, [&](int64_t from, int64_t to) {
-        Side<2> sum;
-        sum.over(from, to, [&](int64_t k, double* add) {
-            add[0] = p[k] * q[k];
-            add[1] = p[k] * p[k] * diagonal[k];
-        });
-        return Pair{sum.total(0), sum.total(1)};
+HEMIVAR_API int hv_curvature(int64_t n, const double* p, const double* q, const double* diagonal, double* out) {
+    return two_sums(n, out, [&](int64_t k, double* add) {
+        add[0] = p[k] * q[k];
+        add[1] = p[k] * p[k] * diagonal[k];
     });
-    out[0] = found.first;
-    out[1] = found.second;
 }
 
 // z'r and z'q.
-HEMIVAR_API void hv_products(int64_t n, const double* z, const double* r, const double* q, double* out) {
-    const Pair found = ordered_sum(n, [&](int64_t from, int64_t to) {
-        Side<2> sum;
-        sum.over(from, to, [&](int64_t k, double* add) {
-            add[0] = z[k] * r[k];
-            add[1] = z[k] * q[k];
-        });
-        return Pair{sum.total(0), sum.total(1)};
+HEMIVAR_API int hv_products(int64_t n, const double* z, const double* r, const double* q, double* out) {
+    return two_sums(n, out, [&](int64_t k, double* add) {
+        add[0] = z[k] * r[k];
+        add[1] = z[k] * q[k];
     });
-    out[0] = found.first;
-    out[1] = found.second;
 }
 
 // p = z + factor p.
-HEMIVAR_API void hv_turn(int64_t n, double factor, const double* z, double* p) {
+HEMIVAR_API int hv_turn(int64_t n, double factor, const double* z, double* p) {
     constexpr int64_t chunk = 8192;
-    share((n + chunk - 1) / chunk, [&](int64_t piece) {
+    const auto turn = [&](int64_t piece) {
         const int64_t to = std::min(n, (piece + 1) * chunk);
         for (int64_t k = piece * chunk; k < to; ++k) p[k] = z[k] + factor * p[k];
-    });
+    };
+    return guarded([&] { share((n + chunk - 1) / chunk, turn); });
 }
 
 HEMIVAR_API Panels* hv_panels_new(int64_t count, const int32_t* starts, const int32_t* rows, const double* entries) {

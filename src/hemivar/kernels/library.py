@@ -17,7 +17,7 @@ from hemivar.basics.types import AnyArray, Array
 __all__ = ["Kernels", "expect_list", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
-_ABI = 4
+_ABI = 5
 #: With a dot inside, so that nothing that lists the modules of a package takes the library for one.
 _NAMES = ("_compiled.kernels.so", "_compiled.kernels.pyd")
 #: Most threads that are ever taken.
@@ -40,7 +40,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_truncation_matrix": ([c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p], c_int),
     "hv_truncation_root": ([c_void_p, c_void_p], c_int),
     "hv_cycle": ([c_void_p, c_int64, c_void_p, c_void_p], c_int),
-    "hv_edges_new": ([c_int, c_int64, c_int64, c_void_p], c_void_p),
+    "hv_edges_new": ([c_int, c_int64, c_int64, c_void_p, c_void_p], c_int),
     "hv_edges_free": ([c_void_p], None),
     "hv_edges_count": ([c_void_p], c_int64),
     "hv_edges_get": ([c_void_p] * 3, c_int),
@@ -54,11 +54,11 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_graph_lengths": ([c_void_p, c_int, c_void_p, c_void_p], c_int64),
     "hv_graph_rows": ([c_void_p, c_int, *[c_void_p] * 6], c_int),
     "hv_diagonal": ([c_int64, c_int64, *[c_void_p] * 4], c_int),
-    "hv_multiply": ([c_int64, *[c_void_p] * 5], None),
-    "hv_advance": ([c_int64, c_double, c_void_p, c_void_p, c_void_p, c_void_p], c_double),
-    "hv_curvature": ([c_int64, *[c_void_p] * 4], None),
-    "hv_products": ([c_int64, *[c_void_p] * 4], None),
-    "hv_turn": ([c_int64, c_double, c_void_p, c_void_p], None),
+    "hv_multiply": ([c_int64, *[c_void_p] * 5], c_int),
+    "hv_advance": ([c_int64, c_double, *[c_void_p] * 5], c_int),
+    "hv_curvature": ([c_int64, *[c_void_p] * 4], c_int),
+    "hv_products": ([c_int64, *[c_void_p] * 4], c_int),
+    "hv_turn": ([c_int64, c_double, c_void_p, c_void_p], c_int),
     "hv_panels_new": ([c_int64, *[c_void_p] * 3], c_void_p),
     "hv_panels_free": ([c_void_p], None),
     "hv_panels_forward": ([c_void_p, c_void_p], None),
@@ -119,26 +119,28 @@ class Kernels:
         """``p'q`` and ``p' diag(diagonal) p`` of arrays (n,), summed in the same order by any number of threads."""
         at, p, q = self.address, _vector(p, p.size), _vector(q, p.size)
         found = np.empty(2)
-        self.call.hv_curvature(p.size, at(p), at(q), at(_vector(diagonal, p.size)), at(found))
+        self.check(self.call.hv_curvature(p.size, at(p), at(q), at(_vector(diagonal, p.size)), at(found)))
         return float(found[0]), float(found[1])
 
     def products(self, z: Array, r: Array, q: Array) -> tuple[float, float]:
         """``z'r`` and ``z'q`` of arrays (n,), summed in the same order by any number of threads."""
         at, n, found = self.address, z.size, np.empty(2)
-        self.call.hv_products(n, at(_vector(z, n)), at(_vector(r, n)), at(_vector(q, n)), at(found))
+        self.check(self.call.hv_products(n, at(_vector(z, n)), at(_vector(r, n)), at(_vector(q, n)), at(found)))
         return float(found[0]), float(found[1])
 
     def turn(self, factor: float, z: Array, p: Array) -> None:
         """``p = z + factor p``, in place; both arrays (n,)."""
         _changed(p, p.size)
-        self.call.hv_turn(p.size, factor, self.address(_vector(z, p.size)), self.address(p))
+        self.check(self.call.hv_turn(p.size, factor, self.address(_vector(z, p.size)), self.address(p)))
 
     def advance(self, length: float, p: Array, q: Array, x: Array, r: Array) -> float:
         """``x += length p``, ``r -= length q``, in place, and the square of r; all arrays (n,)."""
         at, n = self.address, x.size
         for changed in (x, r):
             _changed(changed, n)
-        return float(self.call.hv_advance(n, length, at(_vector(p, n)), at(_vector(q, n)), at(x), at(r)))
+        square = np.empty(1)
+        self.check(self.call.hv_advance(n, length, at(_vector(p, n)), at(_vector(q, n)), at(x), at(r), at(square)))
+        return float(square[0])
 
 
 def _vector(x: Array, n: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import weakref
 
 import numpy as np
@@ -43,8 +44,11 @@ def mesh_edges(cells: IntArray, nodes: int) -> tuple[IntArray, IntArray] | None:
     call, at = library.call, library.address
     corners = _corners(cells)
     _expect("cells", cells, np.int64, (len(cells), corners))
-    made = call.hv_edges_new(corners - 1, nodes, len(cells), at(cells))
-    if not made:
+    made = ctypes.c_void_p()
+    status = call.hv_edges_new(corners - 1, nodes, len(cells), at(cells), ctypes.addressof(made))
+    if status == 1:
+        library.check(status)
+    if status:
         raise ValueError(f"nodes of cells must be distinct, and between 0 and {nodes - 1}")
     try:
         edges = np.empty((call.hv_edges_count(made), 2), dtype=np.int64)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <unordered_map>
 #include <vector>
 
@@ -743,7 +744,23 @@ int64_t colour_patches(int64_t cells, int64_t seen_of_cell, const int64_t* patch
     return colours;
 }
 
+// Patches of one colour are improved side by side: none of their cells may be in two of them.
+void expect_apart(const PatchBody& body, const PatchSweep& sweep) {
+    std::vector<int32_t> last(body.cells, -1);
+    for (int64_t colour = 0; colour < sweep.colours; ++colour) {
+        for (int64_t at = sweep.bounds[colour]; at < sweep.bounds[colour + 1]; ++at) {
+            const int64_t patch = sweep.order[at];
+            for (int64_t k = sweep.start[patch]; k < sweep.start[patch + 1]; ++k) {
+                int32_t& seen = last[sweep.seen[k] / sweep.seen_of_cell];
+                if (seen == colour) throw std::invalid_argument("two patches of a colour share a cell");
+                seen = static_cast<int32_t>(colour);
+            }
+        }
+    }
+}
+
 void improve_patches(const PatchBody& body, const PatchSweep& sweep) {
+    expect_apart(body, sweep);
     Kinds kinds(body, sweep);
     for (int64_t colour = 0; colour < sweep.colours; ++colour) {
         const int64_t first = sweep.bounds[colour], last = sweep.bounds[colour + 1];

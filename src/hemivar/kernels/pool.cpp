@@ -1,7 +1,6 @@
 #include "pool.hpp"
 
 #include <chrono>
-#include <system_error>
 #include <thread>
 
 namespace hemivar {
@@ -40,7 +39,7 @@ void Pool::start() {
     for (int k = 1; k < threads_; ++k) {
         try {
             std::thread([this] { work(); }).detach();
-        } catch (const std::system_error&) {
+        } catch (...) {  // no thread, or no memory for one
             return;  // fewer threads will do
         }
     }

@@ -330,7 +330,7 @@ def stationary_point(
 
     anchor_low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
     anchor_high = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, 0.0))
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         step = np.maximum(np.maximum(np.abs(b), 1e-300) / np.maximum(a, 1e-300), 1e-300)
         step = np.where(np.isfinite(step), step, 1.0)
         for endless, anchor, sign in (

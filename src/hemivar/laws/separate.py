@@ -381,7 +381,8 @@ class RadialLaw:
 def _bounds(first: Array, last: Array) -> Array:
     """Forces (2 K, ...) from which on a component is in the next part: it comes to a knot at one, and leaves it."""
     bounds = np.empty((2 * len(first), *first.shape[1:]))
-    bounds[::2] = np.where(first == last, last, np.nextafter(first, -np.inf))
+    with np.errstate(under="ignore"):  # the number below zero
+        bounds[::2] = np.where(first == last, last, np.nextafter(first, -np.inf))
     bounds[1::2] = last
     return bounds
 

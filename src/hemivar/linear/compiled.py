@@ -91,12 +91,13 @@ class CompiledLevels:
         call, at = kernels.call, kernels.address
         self.pointer = kernels.made(call.hv_levels_new(len(matrices)))
         weakref.finalize(self, call.hv_levels_free, self.pointer)
-        self.matrices = list(matrices)  # which products read
+        self.matrices = []  # which products read
         self.sizes = [matrix.shape[0] for matrix in matrices]
         self.entries = []
         for k, (A, contact, slot) in enumerate(zip(matrices, contacts, slots, strict=True)):
             n = A.shape[0]
             _check(A, (n, n))
+            self.matrices.append(_kept(A))
             if not slot.serves(n):
                 raise ValueError(f"level {k}: its unknowns have no places of their own in nodes")
             known = np.asarray(contact)
@@ -135,7 +136,9 @@ class CompiledLevels:
         if x.shape != (self.sizes[k],):
             raise ValueError(f"level {k} has {self.sizes[k]} unknowns, not {x.shape}")
         out, at = np.empty_like(x), self.kernels.address
-        self.kernels.call.hv_multiply(x.size, at(A.indptr), at(A.indices), at(A.data), at(x), at(out))
+        self.kernels.check(
+            self.kernels.call.hv_multiply(x.size, at(A.indptr), at(A.indices), at(A.data), at(x), at(out))
+        )
         return out
 
 
@@ -188,6 +191,14 @@ class CompiledTruncation:
         at = self._kernels.address
         self._kernels.check(self._kernels.call.hv_cycle(self._pointer, k, at(right), at(out)))
         return out
+
+
+def _kept(matrix: sp.csr_array) -> sp.csr_array:
+    """The matrix behind arrays that cannot be written to: products read where its columns lead."""
+    parts = [part.view() for part in (matrix.data, matrix.indices, matrix.indptr)]
+    for part in parts:
+        part.flags.writeable = False
+    return sp.csr_array(tuple(parts), shape=matrix.shape)
 
 
 def _check(matrix: sp.csr_array, shape: tuple[int, int]) -> None:

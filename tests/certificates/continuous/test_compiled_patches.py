@@ -412,7 +412,7 @@ def test_wrong_arrays_of_patches_are_refused_at_the_door() -> None:
         {"start": order.start[:-1]}, {"start": order.start[::-1]}, {"start": order.start + 1},
         {"seen": _entry(10**6)(order.seen)}, {"seen": _entry(-1)(order.seen)}, {"order": order.order + 1},
         {"order": np.zeros_like(order.order)}, {"bounds": order.bounds[1:]}, {"bounds": order.bounds[:-1]},
-        {"bounds": order.bounds[:0]},
+        {"bounds": order.bounds[:0]}, {"bounds": order.bounds[[0, -1]]},
     ):  # fmt: skip
         with pytest.raises(ValueError, match=r"must (be|rise|not)"):
             compiled.improve(replace(order, **change), **improved)

@@ -245,7 +245,10 @@ class CompiledPatches:
             at(sides), at(start), at(seen), at(patches), at(bounds), at(mask),
             *(map(at, costs) if costs else [None] * 3), at(slope), at(moments),
         )  # fmt: skip
-        self._library.check(self._library.call.hv_improve_patches(ctypes.addressof(body), ctypes.addressof(sweep)))
+        status = self._library.call.hv_improve_patches(ctypes.addressof(body), ctypes.addressof(sweep))
+        if status == 2:
+            raise ValueError("patches of one colour must not share a cell")
+        self._library.check(status)
 
 
 def _given(name: str, array: Array, shape: tuple[int, ...]) -> Array:
