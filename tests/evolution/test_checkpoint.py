@@ -15,6 +15,7 @@ import pytest
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution import Checkpoint, Frame, Row
+from hemivar.evolution.digest import differences
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.heat_balance import HeatBalance, ThermalState
 from hemivar.evolution.march_state import MarchState
@@ -133,3 +134,15 @@ def test_a_file_that_is_not_there_and_one_that_is(tmp_path: Path) -> None:
         Checkpoint(tmp_path / "run.ckpt", -1.0)
     with pytest.raises(ProblemError, match="time >= 0"):
         Checkpoint(tmp_path / "run.ckpt", math.nan)
+
+
+def test_the_message_says_what_differs(tmp_path: Path) -> None:
+    one = "1.0|evolution|scheme|method|steps"
+    for other, words in (
+        ("1.1|evolution|scheme|method|steps", "version"),
+        ("1.0|other|scheme|method|other", "evolution"),
+        ("1.0|evolution|other|other|steps", "scheme and method"),
+        ("1.1|evolution|other|other|steps", "version, scheme and method"),
+        ("0123456789abcdef", "evolution, scheme, method or version"),
+    ):
+        assert differences(one, other) == words

@@ -59,7 +59,7 @@ def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Sche
     assert [frame.time for frame in resumed.frames] == [frame.time for frame in whole.frames]
     with pytest.raises(FileError, match="another evolution"):
         march(beam(load=-0.6), 0.6, checkpoint=kept, resume=True, **options)
-    with pytest.raises(FileError, match="another evolution, scheme, method or version"):
+    with pytest.raises(FileError, match="another method;"):
         march(beam(), 0.6, checkpoint=kept, resume=True, method=hv.solvers.NonsmoothMultigrid(), **options)
     kept.file.write_bytes(b"not a checkpoint")
     with pytest.raises(FileError, match="not a checkpoint"):
@@ -372,7 +372,7 @@ def test_a_checkpoint_knows_all_numbers_of_an_array_and_all_kinks(tmp_path: Path
     with pytest.raises(FileError, match="another evolution"):
         march(evolution(other), 0.2, step=0.1, checkpoint=kept, resume=True)
     kinked("min(t, 1)", step=0.5, checkpoint=kept)
-    with pytest.raises(FileError, match="another evolution"):
+    with pytest.raises(FileError, match="another choice of steps, events or loads"):
         kinked("min(t, 1)", step=0.5, checkpoint=kept, resume=True, stops=(0.75,))
     with pytest.raises(FileError, match="another evolution"):
         kinked("min(t, 1.2)", step=0.5, checkpoint=kept, resume=True)
@@ -447,5 +447,5 @@ def test_a_march_goes_on_to_a_later_end_beyond_kinks_and_stops(tmp_path: Path) -
     assert {1.2, 1.3} <= set(resumed.times)
     assert np.array_equal(resumed.times, once.times)
     assert np.array_equal(resumed.moment.body.displacement, once.moment.body.displacement)
-    with pytest.raises(FileError, match="another evolution"):
+    with pytest.raises(FileError, match="another choice of steps, events or loads"):
         march(Evolution(problem), 2.0, checkpoint=kept, resume=True, step=0.25, stops=(0.7, 1.3))

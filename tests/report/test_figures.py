@@ -17,6 +17,7 @@ from PIL import Image
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, von_mises
+from hemivar.files import read_solution, write_vtu
 from hemivar.gallery import beam, membrane_obstacle, survey, survey_cube
 from hemivar.laws import Adhesive, Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Signorini, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem
@@ -26,7 +27,7 @@ from hemivar.report.deformed import DeformedBody
 from hemivar.report.law_figures import law_captions
 from hemivar.report.mesh_lines import mesh_lines
 from hemivar.report.statement_figure import painted, plot_problem
-from hemivar.solvers import Controls, Solution, solve
+from hemivar.solvers import Controls, Solution, Status, solve
 from hemivar.solvers.contact_states import KINDS
 from tests import bodies
 
@@ -459,3 +460,20 @@ def test_texts_that_fit_into_no_picture_are_cut(plane: Solution, tmp_path: Path)
         file = save(fig, tmp_path / f"{number}.png", dpi=20)
         assert max(Image.open(file).size) < 2000
         assert 200 < len(fig.axes[0].get_title()) < 300 if number == 0 else len(fig.axes[0].get_title()) < 300
+
+
+def test_what_is_no_solution_says_so_above_its_picture(plane: Solution, tmp_path: Path) -> None:
+    stopped = replace(plane, status=Status.INTERRUPTED)
+    for draw in (plot_solution, plot_contact):
+        for title in (None, "a block"):
+            texts = [text.get_text() for text in draw(stopped, title=title).findobj(Text)]
+            assert any(text.split("\n")[0] == f"NOT A SOLUTION: {Status.INTERRUPTED.value}" for text in texts)
+            assert not any("NOT A SOLUTION" in text.get_text() for text in draw(plane, title=title).findobj(Text))
+    write_vtu(stopped, tmp_path / "stopped.vtu")
+    assert "NOT A SOLUTION: interrupted" in (tmp_path / "stopped.vtu").read_bytes().decode(errors="replace")
+    write_vtu(plane, tmp_path / "plane.vtu")
+    assert "NOT A SOLUTION" not in (tmp_path / "plane.vtu").read_bytes().decode(errors="replace")
+    np.testing.assert_array_equal(
+        read_solution(tmp_path / "stopped.vtu", plane.problem)[0],
+        read_solution(tmp_path / "plane.vtu", plane.problem)[0],
+    )

@@ -13,42 +13,73 @@ from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.steps import AdaptiveStep, FixedStep
 from hemivar.laws import ContactLaw
 
-__all__ = ["identity"]
+__all__ = ["differences", "identity"]
+
+#: What a march is known by, in the order in which it is written.
+_PARTS = ("version", "evolution", "scheme", "method", "choice of steps, events or loads in time")
 
 
 def identity(advance: TimeStepper, *options: object) -> str:
-    """A digest of matrices, contact points, loads, laws, memories, method and options, for checkpoints.
+    """The version, and digests of the evolution, the scheme, the method and the options, for checkpoints.
+
+    The evolution is its matrices, contact points, loads, laws and memories.
 
     What was stated counts by its content: arrays by all their numbers, formulas by their text, functions by their
     code and what they enclose.  Loads and laws are looked at as well, at times within the first step: a function may
     do what its code does not say.
     """
-    discrete, digest = advance.discrete, hashlib.sha256()
+    method = (advance.stages.solver, advance.controls.rtol, advance.controls.atol)
+    steps = _digest(options, *_within_the_first_step(advance, *options))
+    parts = (_evolution(advance), _digest(advance.scheme), _digest(*method), steps)
+    return "|".join((version("hemivar"), *parts))
 
-    def add(*values: object) -> None:
-        for value in values:
-            for part in content(value):
-                digest.update(part)
 
-    add(version("hemivar"))
+def differences(one: str, other: str) -> str:
+    """Which parts of two identities differ, in words."""
+    parts, others = one.split("|"), other.split("|")
+    if not len(parts) == len(others) == len(_PARTS):
+        return "evolution, scheme, method or version"
+    found = [name for name, mine, yours in zip(_PARTS, parts, others, strict=True) if mine != yours]
+    if "evolution" in found and found[-1] == _PARTS[-1]:  # whose loads are others anyway
+        found.pop()
+    return found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
+
+
+def _digest(*values: object) -> str:
+    digest = hashlib.sha256()
+    for value in values:
+        for part in content(value):
+            digest.update(part)
+    return digest.hexdigest()[:32]
+
+
+def _evolution(advance: TimeStepper) -> str:
+    """The digest of what is computed, as it is stated."""
+    discrete = advance.discrete
+    found: list[object] = []
     for operator in (discrete.stiffness, discrete.viscosity, discrete.mass):
-        add(None if operator is None else operator.numbers)
-    add([(period, part.numbers) for period, part in discrete.branches])
+        found.append(None if operator is None else operator.numbers)
+    found.append([(period, part.numbers) for period, part in discrete.branches])
     contact = discrete.problem.contact
-    add(contact.trace.indptr, contact.trace.indices, contact.trace.data, contact.weights)
+    found += [contact.trace.indptr, contact.trace.indices, contact.trace.data, contact.weights]
     evolution = discrete.evolution
-    add(evolution)
-    for time in _looked_at(evolution.start, *options):
-        acting = advance.data.at(time)
-        add(acting.load, acting.prescribed, acting.offset)
-        if contact.count:
-            add(*_law_at(acting.law, acting.offset))
+    found.append(evolution)
     for name in ("displacement", "velocity"):
-        add(evolution.initial(name))
+        found.append(evolution.initial(name))
     if advance.beside is not None:
-        add(identity(advance.beside))
-    add(advance.scheme, advance.stages.solver, advance.controls.rtol, advance.controls.atol, options)
-    return digest.hexdigest()
+        found.append(identity(advance.beside))
+    return _digest(*found)
+
+
+def _within_the_first_step(advance: TimeStepper, *options: object) -> list[object]:
+    """Loads and laws at times within the first step."""
+    found: list[object] = []
+    for time in _looked_at(advance.discrete.evolution.start, *options):
+        acting = advance.data.at(time)
+        found += [acting.load, acting.prescribed, acting.offset]
+        if advance.discrete.problem.contact.count:
+            found += _law_at(acting.law, acting.offset)
+    return found
 
 
 def _looked_at(start: float, *options: object) -> list[float]:

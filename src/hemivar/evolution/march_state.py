@@ -16,6 +16,7 @@ from hemivar.basics.packed import read_arrays, write_arrays
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
+from hemivar.evolution.digest import differences
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.heat_balance import HeatBalance, ThermalState
 from hemivar.evolution.history import Frame, Row
@@ -200,8 +201,8 @@ class Checkpoint:
             )
         if owner != identity:
             raise FileError(
-                f"{shown}: the checkpoint belongs to another evolution, scheme, method or version; name its own file, "
-                "or start again without resume"
+                f"{shown}: the checkpoint belongs to another {differences(owner, identity)}; name its own file, or start "
+                "again without resume"
             )
         try:
             return _state(head, arrays)

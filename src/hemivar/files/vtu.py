@@ -23,7 +23,7 @@ from hemivar.files.snapshot import Snapshot
 from hemivar.mechanics.scalar import ScalarKind, ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh import Mesh
-from hemivar.solvers import Solution
+from hemivar.solvers import Solution, Status
 from hemivar.solvers.boundary_result import ContactValues
 
 __all__ = [
@@ -75,6 +75,8 @@ def write_vtu(
     rate.  Of a body with heat there are ``temperature`` at the points and ``thermal_stress`` in the cells, the rows of
     a matrix (d, d) that the whole stress is smaller by.
 
+    A solve that did not converge is named in the field data: ``NOT A SOLUTION: interrupted``.
+
     Parameters
     ----------
     solution : Solution or Snapshot
@@ -122,12 +124,19 @@ def write_vtu(
             point_data[name][used[~held]] = values[~held]
         blocks.insert(0, (boundary, data))
     kind = {CELL_TYPES[mesh.dim, field.order]: mesh.cell_nodes(field.order)}
-    write_grid(path, three_components(nodes), kind, point_data, cell_data, names)
+    write_grid(path, three_components(nodes), kind, point_data, cell_data, names, _warning(solution))
     if not boundaries:
         return path, None
     second = path.with_name(f"{path.stem}_contact.vtu")
     _write_contact(second, solution, blocks)
     return path, second
+
+
+def _warning(solution: Solution | Snapshot) -> str:
+    """What the file says of a body that is in no equilibrium."""
+    if isinstance(solution, Snapshot) or solution.status is Status.CONVERGED:
+        return ""
+    return f"NOT A SOLUTION: {solution.status.value}"
 
 
 def _body_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -231,10 +240,11 @@ def write_grid(
     point_data: Mapping[str, Array],
     cell_data: Mapping[str, Array],
     names: Sequence[str] = (),
+    warning: str = "",
 ) -> None:
     """Write a VTU file, silently; states and ``boundary`` become whole numbers.
 
-    ``names`` are those of the boundaries, whose numbers are written as field data.
+    ``names`` are those of the boundaries, whose numbers are written as field data; so is a warning, by its text.
     """
     with IMPORTS:
         import meshio
@@ -246,11 +256,14 @@ def write_grid(
     noise = io.StringIO()
     with whole_file(path) as name, contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
         grid.write(name, file_format="vtu")
-        if names:  # meshio writes no field data
+        known_numbers = {f"boundary {known}": number for number, known in enumerate(names)} | (
+            {warning: 1} if warning else {}
+        )
+        if known_numbers:  # meshio writes no field data
             arrays = "".join(
-                f'<DataArray type="Int32" Name={quoteattr(f"boundary {known}")} NumberOfTuples="1" '
+                f'<DataArray type="Int32" Name={quoteattr(known)} NumberOfTuples="1" '
                 f'format="ascii">{number}</DataArray>\n'
-                for number, known in enumerate(names)
+                for known, number in known_numbers.items()
             )
             start = b"<UnstructuredGrid>"
             told = start + f"<FieldData>\n{arrays}</FieldData>\n".encode()

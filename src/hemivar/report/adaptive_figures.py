@@ -16,7 +16,7 @@ from hemivar.certificates.continuous.exact_certificate import statement_of
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh
-from hemivar.report.certificate_line import FOOT, certificate_line, write_below, write_foot
+from hemivar.report.certificate_line import FOOT, certificate_line, title_of, write_below, write_foot
 from hemivar.report.mesh_lines import mesh_lines
 from hemivar.report.picture import new_figure
 from hemivar.report.style import (
@@ -109,8 +109,8 @@ def plot_adaptive(
         _scales(ax, unknowns)
         ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, labelspacing=0.8)
         write_below(ax, certificate_line(found.solution, certificate, statement_of(found.distance)))
-        if title:
-            ax.set_title(title)
+        if heading := title_of(found.solution, title):
+            ax.set_title(heading)
     return fig
 
 
@@ -160,8 +160,8 @@ def _compared(
         sure = all(level.guaranteed for one in solves.values() for level in one.levels)
         left.set_ylabel("relative error, guaranteed bound" if sure else "relative error, bound or estimate")
         left.legend(loc="best")
-        if title:
-            fig.suptitle(title, fontsize=10.0)
+        if heading := title_of(found.solution, title):
+            fig.suptitle(heading, fontsize=10.0)
         write_foot(fig, certificate_line(found.solution, certificate, statement_of(found.distance)))
     return fig
 
@@ -234,7 +234,7 @@ def plot_meshes(
     count = min(len(found.levels), _MOST - enlarged)
     chosen = np.unique(np.round(np.linspace(0, len(found.levels) - 1, count)).astype(int))
     levels = [found.levels[number] for number in chosen]
-    title = title or (None if found.goal is None else found.goal.goal.name)
+    title = title_of(found.solution, title or (None if found.goal is None else found.goal.goal.name))
     from matplotlib.cm import ScalarMappable
 
     columns = min(len(levels) + enlarged, _BESIDE)

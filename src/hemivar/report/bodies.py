@@ -8,7 +8,7 @@ from hemivar.certificates import Certificate
 from hemivar.errors import ProblemError
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.report.body_colour import BodyColour
-from hemivar.report.certificate_line import FOOT, certificate_line, write_below
+from hemivar.report.certificate_line import FOOT, certificate_line, title_of, write_below
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.plane_body import Arrows, PlaneBody
 from hemivar.report.scalar_map import plot_scalar
@@ -81,7 +81,7 @@ def plot_solution(
         The problem was made of arrays and has no mesh; ``scale`` is not a positive number; there are no such arrows or
         colours; or a scalar problem, which has colours of its own, is given some.
     """
-    line = certificate_line(solution, certificate)
+    line, title = certificate_line(solution, certificate), title_of(solution, title)
     if isinstance(solution.problem.origin, ScalarProblem):
         if colour is not None:
             raise ProblemError(f"colour = {str(colour)!r}: a scalar problem is coloured by its unknown; leave it out")

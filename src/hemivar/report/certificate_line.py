@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FOOT", "certificate_line", "with_notes", "write_below", "write_foot"]
+__all__ = ["FOOT", "certificate_line", "title_of", "with_notes", "write_below", "write_foot"]
 
 #: Room for the line below axes, in inches.
 FOOT = 0.22
@@ -30,6 +30,13 @@ def certificate_line(solution: Solution, certificate: Certificate | None, exact:
     if solution.deformation is not None and solution.deformation.large:
         told = f"beyond small strains ({solution.deformation.sizes}); {told}"
     return told if solution.status is Status.CONVERGED else f"{solution.status.value}: {told}"
+
+
+def title_of(solution: Solution, title: str | None) -> str | None:
+    """The title of a picture; above it, of what is no solution, that it is none and why."""
+    if solution.status is Status.CONVERGED:
+        return title
+    return "\n".join(part for part in (f"NOT A SOLUTION: {solution.status.value}", title) if part)
 
 
 def with_notes() -> bool:

@@ -14,7 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.files.boundary import contact_boundaries
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.scalar import ScalarProblem
-from hemivar.report.certificate_line import FOOT, certificate_line, with_notes, write_foot
+from hemivar.report.certificate_line import FOOT, certificate_line, title_of, with_notes, write_foot
 from hemivar.report.contact_maps import contact_maps
 from hemivar.report.picture import new_figure
 from hemivar.report.scalar_map import area_maps, over_area
@@ -63,7 +63,7 @@ def plot_contact(
     problem = solution.problem
     if problem.contact_points == 0:
         raise ProblemError("the problem has no contact point; draw it with plot_solution")
-    line = certificate_line(solution, certificate)
+    line, title = certificate_line(solution, certificate), title_of(solution, title)
     with drawing():
         contact = problem.contact
         if over_area(solution).any():

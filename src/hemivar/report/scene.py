@@ -14,7 +14,7 @@ from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.errors import ProblemError
 from hemivar.report.body_colour import BodyColour
-from hemivar.report.certificate_line import certificate_line, write_foot
+from hemivar.report.certificate_line import certificate_line, title_of, write_foot
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.drawn_body import mark_size
 from hemivar.report.picture import new_figure
@@ -104,8 +104,8 @@ def render_solution(
         if coloured is not BodyColour.NONE:
             bar = fig.colorbar(scene.colours(), cax=fig.add_axes((0.86, 0.24, 0.018, 0.5)))
             bar.set_label(coloured.label(unit, stress_unit))
-        if title:
-            fig.suptitle(title, fontsize=10, y=0.98)
+        if heading := title_of(solution, title):
+            fig.suptitle(heading, fontsize=10, y=0.98)
         legend_of_solid(fig, body)
         write_foot(fig, certificate_line(solution, certificate))
         with whole_file(path) as temporary:
