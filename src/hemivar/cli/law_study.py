@@ -165,7 +165,7 @@ def print_entry(entry: LawEntry) -> None:
     print(f'      {entry.kind} = {{ law = "{entry.name}"{required} }}')
     for p in entry.parameters:
         default = ", may be left out" if p.optional else "" if p.default is None else f", default {_text(p.default)}"
-        lowest = "" if p.minimum == -math.inf else f", at least {p.minimum:g}"
+        lowest = "" if p.minimum == -math.inf else ", positive" if p.positive else f", at least {p.minimum:g}"
         form = "a list, " if p.form is ParameterForm.NUMBERS else ""
         print(f"      {p.name:<11} {form}{p.meaning} [{p.unit}]{lowest}{default}")
 

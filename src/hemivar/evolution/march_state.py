@@ -201,8 +201,8 @@ class Checkpoint:
             )
         if owner != identity:
             raise FileError(
-                f"{shown}: the checkpoint belongs to another {differences(owner, identity)}; name its own file, or start "
-                "again without resume"
+                f"{shown}: the checkpoint belongs to another {differences(owner, identity)}; name its own file, or "
+                "start again without resume"
             )
         try:
             return _state(head, arrays)

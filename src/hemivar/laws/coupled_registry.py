@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from types import MappingProxyType
 
 from hemivar.basics.types import Parameter
@@ -24,6 +25,8 @@ from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["COUPLED_LAWS"]
 
+#: A number that must be above zero.
+_positive = partial(LawParameter, minimum=0.0, positive=True)
 _PRESSURE, _RATE = "force/area", "force/area/length"
 
 
@@ -84,10 +87,10 @@ _COUPLED = (
         "friction, too",
         "j(r) = Phi(rho), rho = sqrt(<w>^2 + ratio^2 |s|^2), with the opening w = -r and the slip s",
         (
-            LawParameter("strength", "largest traction in opening", _PRESSURE, minimum=0.0, example=30.0),
-            LawParameter("energy", "fracture energy G_c", "force/length", minimum=0.0, example=0.5),
-            LawParameter("stiffness", "initial stiffness", _RATE, minimum=0.0, example=1e4),
-            LawParameter("ratio", "shear strength over normal strength", "1", 1.0, minimum=0.0, example=1.5),
+            _positive("strength", "largest traction in opening", _PRESSURE, example=30.0),
+            _positive("energy", "fracture energy G_c", "force/length", example=0.5),
+            _positive("stiffness", "initial stiffness", _RATE, example=1e4),
+            _positive("ratio", "shear strength over normal strength", "1", 1.0, example=1.5),
             LawParameter(
                 "shape", "how the traction falls", "bilinear, exponential or trapezoidal", "bilinear",
                 form=ParameterForm.TEXT, choices=("bilinear", "exponential", "trapezoidal"),
@@ -104,20 +107,17 @@ _COUPLED = (
         "potential: solved by fixed point); stands for friction, too",
         "J(w, v) = Phi_B(w)(rho(v)), with the mode B of the state w",
         (
-            LawParameter("strength", "largest traction in opening", _PRESSURE, minimum=0.0, example=80.0),
-            LawParameter("shear_strength", "largest traction in shear", _PRESSURE, minimum=0.0, example=100.0),
-            LawParameter("energy", "fracture energy in opening, G_Ic", "force/length", minimum=0.0, example=0.969),
-            LawParameter("shear_energy", "fracture energy in shear, G_IIc", "force/length", minimum=0.0, example=1.719),
-            LawParameter("stiffness", "initial stiffness in opening", _RATE, minimum=0.0, example=1e6),
-            LawParameter("exponent", "eta or p of the criterion", "1", minimum=0.0, example=2.284),
+            _positive("strength", "largest traction in opening", _PRESSURE, example=80.0),
+            _positive("shear_strength", "largest traction in shear", _PRESSURE, example=100.0),
+            _positive("energy", "fracture energy in opening, G_Ic", "force/length", example=0.969),
+            _positive("shear_energy", "fracture energy in shear, G_IIc", "force/length", example=1.719),
+            _positive("stiffness", "initial stiffness in opening", _RATE, example=1e6),
+            _positive("exponent", "eta or p of the criterion", "1", example=2.284),
             LawParameter(
                 "criterion", "how modes mix", "benzeggagh-kenane or power", "benzeggagh-kenane",
                 form=ParameterForm.TEXT, choices=("benzeggagh-kenane", "power"),
             ),
-            LawParameter(
-                "shear_stiffness", "initial stiffness in shear; left out: as Turon et al.", _RATE, minimum=0.0,
-                optional=True,
-            ),
+            _positive("shear_stiffness", "initial stiffness in shear; left out: as Turon et al.", _RATE, optional=True),
             LawParameter("compression", "stiffness in penetration; left out: rigid", _RATE, minimum=0.0, optional=True),
         ),
     ),

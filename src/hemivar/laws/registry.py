@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import cast
@@ -104,6 +105,8 @@ class LawParameter:
         Texts allowed, if not all are.
     example : object
         A value that shows what the law does; the default if there is one, else 1.
+    positive : bool
+        Whether the smallest value itself, zero, is not allowed.
     """
 
     name: str
@@ -116,6 +119,7 @@ class LawParameter:
     instead: str = ""
     choices: tuple[str, ...] = ()
     example: Value = None
+    positive: bool = False
 
     @property
     def required(self) -> bool:
@@ -235,6 +239,8 @@ _EXTEND = LawParameter(
     choices=("constant", "linear"),
 )
 
+#: A number that must be above zero.
+_positive = partial(LawParameter, minimum=0.0, positive=True)
 _PRESSURE = "force/area"
 _RATE = "force/area/length"
 _LIST = ParameterForm.NUMBERS
@@ -285,8 +291,8 @@ _NORMAL = (
         "springs that push up to the penetration limit, then give way gradually and are gone",
         "j'(r) = stiffness r up to limit, then stiffness limit - softening (r - limit) down to 0",
         (
-            LawParameter("stiffness", "of the springs", _RATE, minimum=0.0, example=2.0),
-            LawParameter("limit", "penetration of the largest pressure", "length", minimum=0.0, example=0.1),
+            _positive("stiffness", "of the springs", _RATE, example=2.0),
+            _positive("limit", "penetration of the largest pressure", "length", example=0.1),
             LawParameter("softening", "rate at which the pressure falls", _RATE, minimum=0.0, example=0.5),
         ),
     ),
@@ -297,8 +303,8 @@ _NORMAL = (
         "springs that push up to the penetration limit and break there (residual 0) or yield (residual 1)",
         "j'(r) = stiffness r for 0 <= r <= limit, residual stiffness limit beyond",
         (
-            LawParameter("stiffness", "of the springs", _RATE, minimum=0.0, example=20.0),
-            LawParameter("limit", "penetration at which they break", "length", minimum=0.0, example=0.1),
+            _positive("stiffness", "of the springs", _RATE, example=20.0),
+            _positive("limit", "penetration at which they break", "length", example=0.1),
             LawParameter("residual", "share of the largest pressure that is left", "1", 0.0, 0.0),
         ),
     ),
@@ -310,7 +316,7 @@ _NORMAL = (
         "j(r) = stiffness/2 max(r, 0)^2 for r <= limit, +inf beyond",
         (
             LawParameter("stiffness", "of the springs", _RATE, minimum=0.0, example=2.0),
-            LawParameter("limit", "largest penetration", "length", minimum=0.0, example=0.1),
+            _positive("limit", "largest penetration", "length", example=0.1),
         ),
     ),
     LawEntry(
@@ -321,13 +327,11 @@ _NORMAL = (
         "gradually",
         "j'(r) = stiffness r for -strength/stiffness < r < 0; compression r, or rigid, for r > 0",
         (
-            LawParameter("stiffness", "of the glue", _RATE, minimum=0.0, example=5.0),
-            LawParameter("strength", "largest tension", _PRESSURE, minimum=0.0, example=0.5),
-            LawParameter(
-                "softening", "rate at which the tension falls; left out: at once", _RATE, minimum=0.0, optional=True
-            ),
+            _positive("stiffness", "of the glue", _RATE, example=5.0),
+            _positive("strength", "largest tension", _PRESSURE, example=0.5),
+            _positive("softening", "rate at which the tension falls; left out: at once", _RATE, optional=True),
             LawParameter("compression", "stiffness in penetration; left out: rigid", _RATE, minimum=0.0, optional=True),
-            LawParameter("energy", "fracture energy, instead of softening", "force/length", minimum=0.0, optional=True),
+            _positive("energy", "fracture energy, instead of softening", "force/length", optional=True),
         ),
     ),
     LawEntry(
@@ -458,7 +462,7 @@ _FRICTION = (
         "j(s) = bound sqrt(s1^2 + ratio^2 s2^2)",
         (
             _BOUND,
-            LawParameter("ratio", "bound across the axis over that along it", "1", minimum=0.0, example=0.5),
+            _positive("ratio", "bound across the axis over that along it", "1", example=0.5),
             LawParameter(
                 "axis",
                 "a direction; its projection on the surface is the axis",
@@ -478,7 +482,7 @@ _FRICTION = (
             _BOUND,
             LawParameter("static", "factor of the bound at rest", "1", 1.0, 0.0),
             LawParameter("kinetic", "factor of the bound after much slip", "1", 0.7, 0.0),
-            LawParameter("rate", "how fast it falls", "1/length", 1.0, 0.0),
+            LawParameter("rate", "how fast it falls", "1/length", 1.0, 0.0, positive=True),
         ),
     ),
     LawEntry(
@@ -487,7 +491,7 @@ _FRICTION = (
         Logarithmic,
         "friction bound/(scale + slip), which falls to nothing with the slip",
         "j(s) = bound ln(1 + |s|/scale)",
-        (_BOUND, LawParameter("scale", "slip at which it has fallen to one half", "length", 1.0, 0.0)),
+        (_BOUND, LawParameter("scale", "slip at which it has fallen to one half", "length", 1.0, 0.0, positive=True)),
     ),
     LawEntry(
         "static-kinetic",
@@ -497,7 +501,7 @@ _FRICTION = (
         "j'(s) = bound static for 0 < s < slip, bound kinetic beyond",
         (
             _BOUND,
-            LawParameter("slip", "at which the friction drops", "length", minimum=0.0, example=0.1),
+            _positive("slip", "at which the friction drops", "length", example=0.1),
             LawParameter("static", "factor of the bound up to this slip", "1", 1.0, 0.0),
             LawParameter("kinetic", "factor of the bound beyond it", "1", 0.7, 0.0),
         ),

@@ -147,7 +147,7 @@ def one_sided(law: Superpotential, r: Array, tau: Array, slack: float) -> tuple[
     rows = np.arange(r.size)
     for before in (1, 0):
         at = np.clip(law.piece_of(r) - before, 0, knots.shape[-1] - 1)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", under="ignore"):
             near = np.abs(r - knots[rows, at]) <= slack * tau
             r = np.where(near & (np.abs(rights[rows, at] - lefts[rows, at]) <= slack), knots[rows, at], r)
     piece = law.piece_of(r)
