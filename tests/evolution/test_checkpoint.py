@@ -14,13 +14,14 @@ import pytest
 
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
-from hemivar.evolution import Checkpoint, Frame, Row
+from hemivar.evolution import Checkpoint, Frame, Row, march
 from hemivar.evolution.digest import differences
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.heat_balance import HeatBalance, ThermalState
 from hemivar.evolution.march_state import MarchState
 from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
 from hemivar.evolution.steps import StepSizeState
+from tests.evolution.test_march import beam
 
 
 class Numbers:
@@ -146,3 +147,14 @@ def test_the_message_says_what_differs(tmp_path: Path) -> None:
         ("0123456789abcdef", "evolution, scheme, method or version"),
     ):
         assert differences(one, other) == words
+
+
+@pytest.mark.parametrize("cut", [3, 6, 11])
+def test_a_run_that_goes_on_ends_its_steps_at_the_same_times(cut: int, tmp_path: Path) -> None:
+    """Sums of steps gather rounding, multiples of them do not: 0.1 + 0.1 + ... is not 1.2."""
+    kept = Checkpoint(tmp_path / "run.ckpt", 0.0)
+    whole = march(beam(), 1.6, step=0.1)
+    march(beam(), cut / 10.0, step=0.1, checkpoint=kept)
+    resumed = march(beam(), 1.6, step=0.1, checkpoint=kept, resume=True)
+    np.testing.assert_array_equal(resumed.times[cut + 1 :], whole.times[cut + 1 :])
+    np.testing.assert_array_equal(whole.times[:-1], 0.1 * np.arange(16))

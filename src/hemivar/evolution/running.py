@@ -270,15 +270,18 @@ class Integration:
         begin = self.moment
         if begin.time not in self.ends and begin.index:
             return begin
-        length, _ = _fitted(self.pace.step, begin.time, goal)
+        length, _ = self._fitted(begin.time, goal)
         begin = apply_impulse(self.advance, self._settled(begin, length), length)
         return replace(begin, history=None) if self.plan.scheme.multistep else begin
+
+    def _fitted(self, time: float, goal: float) -> tuple[float, float]:
+        return _fitted(self.pace.step, time, goal, self.discrete.evolution.start)
 
     def _tried(self, begin: TimeState, goal: float) -> _Tried | Status:
         """The first of ever shorter steps that can be solved and is exact enough; else why there is none."""
         rejected: _Tried | None = None  # solved, but not as exact as was asked for
         while True:
-            length, reached = _fitted(self.pace.step, self.moment.time, goal)
+            length, reached = self._fitted(self.moment.time, goal)
             taken = self.advance.take(begin, length, reached, SelectionRule(self.plan.jump))
             if taken.status is Status.CONVERGED:
                 stands, tried = self._judged(taken)
@@ -614,9 +617,15 @@ def _ends(plan: March, start: float, kinks: tuple[float, ...]) -> list[float]:
     return sorted({*named, *(kink for kink in kinks if all(abs(kink - stop) > near for stop in named))})
 
 
-def _fitted(step: float, time: float, goal: float) -> tuple[float, float]:
-    """A step that meets a stop: its length and where it ends."""
+def _fitted(step: float, time: float, goal: float, start: float) -> tuple[float, float]:
+    """A step that meets a stop: its length and where it ends.
+
+    Steps from the start on end at multiples of their length, not at a sum that gathers rounding: a run that was
+    interrupted goes on at the same times.
+    """
     rest = goal - time
     if rest <= step * (1.0 + 1e-6):
         return (rest if abs(rest - step) > 1e-9 * step else step), goal
-    return step, time + step
+    number = round((time + step - start) / step)
+    even = start + number * step
+    return step, even if abs(even - time - step) <= 1e-9 * step else time + step
