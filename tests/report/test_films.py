@@ -350,3 +350,11 @@ def test_the_command_takes_units_and_colours(tmp_path: Path, monkeypatch: pytest
     text = Path("a.svg").read_text()
     assert "force (N)" in text
     assert "time (s)" in text
+
+
+def test_a_film_that_is_killed_leaves_nothing_beside_its_place(tmp_path: Path) -> None:
+    """While it is drawn its folder holds no file: a process that is killed cannot remove one."""
+    seen: list[str] = []
+    animate(flying(2), tmp_path / "film.gif", progress=lambda *_: seen.extend(one.name for one in tmp_path.iterdir()))
+    assert not seen
+    assert [one.name for one in tmp_path.iterdir()] == ["film.gif"]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, path_of, whole_file
+from hemivar.basics.disk import make_folder, path_of, try_output, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -130,7 +132,9 @@ def animate(
         from matplotlib.animation import FFMpegWriter
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    with drawing(), whole_file(path) as name:
+    try_output(path)
+    with drawing(), TemporaryDirectory(prefix="hemivar-film-") as aside:  # it takes a while, and may be killed
+        name = Path(aside) / path.name
         plane = film.points.shape[1] == 2
         if coloured is None:
             coloured = FilmColour.NONE if plane else FilmColour.DISPLACEMENT
@@ -163,6 +167,8 @@ def animate(
                 for number in told():
                     picture.show(film.frame(shown[number]))
                     writer.grab_frame()
+        with whole_file(path) as kept:
+            shutil.copyfile(name, kept)
     return path
 
 
