@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hemivar as hv
 from hemivar.cli import main
 from hemivar.errors import ProblemError
 from hemivar.files import read_problem, write_problem
@@ -88,3 +89,19 @@ def test_the_window_shows_the_picture(plane: Solution, monkeypatch: pytest.Monke
     plane.show()
     assert seen
     assert seen[0] > 0
+
+
+def test_forces_of_rounding_are_shown_as_zero() -> None:
+    """A block that is pressed from above without a shear: friction and the force aside are rounding."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 8, pattern="cross"),
+        material=hv.Material.lame(4.0, 4.0),
+        supports={"top": hv.Fixed(x=0.0, y=-0.07)},
+        contact={"bottom": hv.Contact(hv.Compliance(60.0), hv.Tresca(0.05))},
+    )
+    solution = hv.solve(problem).raise_for_status()
+    assert 0.0 < abs(solution.friction_force[0]) < 1e-12 * solution.normal_force
+    rows = dict(solution.summary().rows)
+    assert rows["friction force"] == "0"
+    assert rows["support forces"].startswith("top (0, -")
+    assert float(rows["normal force"]) == pytest.approx(solution.normal_force, rel=1e-5)

@@ -23,6 +23,8 @@ __all__ = ["Summary", "contact_rows", "extreme_rows", "summary_of"]
 _WIDTH = 18
 #: Supports whose forces are shown.
 _SUPPORTS = 6
+#: Part of all forces on a body up to which a force is rounding, and shown as zero.
+_ROUNDING = 1e-10
 
 Row = tuple[str, str]
 
@@ -97,15 +99,16 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
 
 
 def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
-    contact = solution.contact
+    contact, size = solution.contact, _force_size(solution)
     presses = bool(np.diff(contact.trace.indptr)[:: contact.components].any())  # in antiplane shear nothing does
     if presses:
-        yield "normal force", _with(f"{solution.normal_force:.6g}", units.force)
+        yield "normal force", _with(f"{_beyond_rounding(solution.normal_force, size):.6g}", units.force)
     friction = solution.friction_force
     if friction.size == 1:
-        yield "friction force", _with(f"{friction[0]:.6g}", units.force)
+        yield "friction force", _with(f"{_beyond_rounding(float(friction[0]), size):.6g}", units.force)
     elif friction.size:
-        yield "friction force", _vector(solution.problem.contact.weights @ solution.friction_vectors, units.force)
+        vector = solution.problem.contact.weights @ solution.friction_vectors
+        yield "friction force", _vector(vector, units.force, size)
     whole = float(solution.contact.weights.sum())
     yield from contact_rows(solution.measured, solution.contact_length, whole, solution.states.counts, units)
     if solution.debonding:
@@ -122,19 +125,30 @@ def _body_part(solution: Solution, units: Units) -> Iterator[Row]:
     """Forces of the supports and the largest stress, of a body whose material and supports are known."""
     if not isinstance(solution.problem.origin, ContactProblem):
         return
+    size = _force_size(solution)
     with contextlib.suppress(ProblemError):  # under another load than the stated one reactions are not known
         for number, (name, force) in enumerate(solution.reactions.items()):
             if number == _SUPPORTS:
                 yield "", f"(and {len(solution.reactions) - number} more; --json holds all)"
                 break
-            yield "" if number else "support forces", f"{shown(name)} {_vector(force, units.force)}"
+            yield "" if number else "support forces", f"{shown(name)} {_vector(force, units.force, size)}"
     yield "max von Mises", _with(f"{float(solution.von_mises().max()):.6g}", units.stress)
 
 
-def _vector(components: Array, unit: str) -> str:
-    """A vector of forces; what is rounding beside the largest of them is zero."""
-    zero = 1e-10 * float(np.abs(components).max(initial=0.0))
-    return _with(f"({', '.join(f'{0.0 if abs(c) <= zero else c:.6g}' for c in components)})", unit)
+def _force_size(solution: Solution) -> float:
+    """The sum of the sizes of all loads and contact forces: what a force of rounding is measured by."""
+    problem, weights = solution.problem, solution.problem.contact.weights
+    return float(np.abs(problem.load).sum() + weights @ np.abs(solution.multiplier).sum(axis=1))
+
+
+def _beyond_rounding(force: float, size: float) -> float:
+    return 0.0 if abs(force) <= _ROUNDING * size else force
+
+
+def _vector(components: Array, unit: str, size: float) -> str:
+    """A vector of forces; what is rounding beside all forces on the body is zero."""
+    zero = max(size, float(np.abs(components).max(initial=0.0)))
+    return _with(f"({', '.join(f'{_beyond_rounding(c, zero):.6g}' for c in components.tolist())})", unit)
 
 
 def contact_rows(
