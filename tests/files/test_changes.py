@@ -96,3 +96,9 @@ def test_a_file_with_changes_is_the_file_that_says_so() -> None:
     assert by_change.problem.mesh.points.tolist() == by_hand.problem.mesh.points.tolist()
     assert by_change.problem.body_force == by_hand.problem.body_force  # type: ignore[union-attr]
     assert [str(change) for change in by_change.changes] == ["mesh.cells = [4, 2]", "loads.body.0 = 0.25"]
+
+
+def test_one_number_in_place_of_a_vector_names_its_components() -> None:
+    for key in ("loads.body", "loads.traction.top"):
+        with pytest.raises(ProblemError, match=rf"one of them alone is {key}\.0"):
+            parse_problem_file(SAMPLE, Path(), "p.toml", changes=[Change(key, 2.0)])

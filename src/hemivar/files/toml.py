@@ -250,6 +250,9 @@ class TomlTable:
     def vector(self, key: str, value: object, dim: int, timed: bool = False) -> Array | FormulaArray:
         """A vector of numbers, or a function of the coordinates, and of the time if it may change with it."""
         what = f"a list of {dim} numbers or formulas, one for each direction"
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            path = ".".join(part for part in (self.name, self.prefix + key) if part)
+            what += f" (one of them alone is {path}.0)"
         return array([self.quantity(key, v, dim, timed=timed) for v in self.items(key, value, (dim,), what)], (dim,))
 
 
