@@ -50,5 +50,5 @@ def test_a_damaged_sparse_matrix_is_refused_before_it_is_read(kind: str, part: s
         matrix.indptr[1] = 10**6
     else:
         matrix.indices[-1] = -1 if part == "negative" else 10**6
-    with pytest.raises(ProblemError, match=r"A is a damaged sparse matrix.*make it anew"):
+    with pytest.raises(ProblemError, match=r"A is a damaged sparse matrix.*build it again"):
         real_matrix(matrix, "A")

@@ -130,10 +130,10 @@ def _check_structure(matrix: sp.sparray, name: str) -> None:
         starts, where = matrix.indptr, [(matrix.indices, columns)]
         stored = min(len(matrix.indices), len(matrix.data))
         if len(starts) != rows + 1 or starts[0] != 0 or (np.diff(starts) < 0).any() or starts[-1] > stored:
-            raise ProblemError(f"{name} is a damaged sparse matrix: its row pointers do not fit; make it anew")
+            raise ProblemError(f"{name} is a damaged sparse matrix: its row pointers do not fit; build it again")
     elif matrix.format == "coo":
         if len({len(matrix.row), len(matrix.col), len(matrix.data)}) != 1:
-            raise ProblemError(f"{name} is a damaged sparse matrix: its lists differ in length; make it anew")
+            raise ProblemError(f"{name} is a damaged sparse matrix: its lists differ in length; build it again")
         where = [(matrix.row, matrix.shape[0]), (matrix.col, matrix.shape[1])]
     else:
         return
@@ -141,7 +141,7 @@ def _check_structure(matrix: sp.sparray, name: str) -> None:
         if index.size and not 0 <= index.min() <= index.max() < count:
             worst = index.min() if index.min() < 0 else index.max()
             raise ProblemError(
-                f"{name} is a damaged sparse matrix: it has an entry at {worst} of {count}; make it anew"
+                f"{name} is a damaged sparse matrix: it has an entry at {worst} of {count}; build it again"
             )
 
 

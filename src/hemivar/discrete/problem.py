@@ -146,7 +146,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         bulk = Quadratic(stiffness)
         rows = real_matrix(trace, "trace", own=True)
         if not np.abs(rows.data).max(initial=0.0) < _LARGEST:
-            raise ProblemError(f"trace has entries above {_LARGEST:g}, whose squares are no numbers; scale its rows")
+            raise ProblemError(f"trace has entries above {_LARGEST:g}, whose squares overflow; give it in other units")
         own = real_array(weights, "weights", 1, own=True)
         m, components = own.shape[0], components_of(rows.shape[0], own)
         gaps = real_array(gap, "gap", 1)
