@@ -18,6 +18,7 @@ from hemivar.mechanics import Clamped, ContactProblem, Prescribed
 from hemivar.solvers import LoadStepping, solve
 from hemivar.systems import condense
 from tests import bodies
+from tests.samples import sampled
 
 from ..problems import bar, discrete_square
 from .random_problems import random_problem
@@ -142,7 +143,7 @@ def test_prescribed_displacements_grow_with_the_load() -> None:
     np.testing.assert_allclose(path.at(0.5)[0][0], half.local, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", sampled(range(20)))
 def test_every_crossing_of_a_random_path_is_a_solution(seed: int) -> None:
     problem = random_problem(500 + seed)
     path = follow_path(problem, (0.0, 1.3))

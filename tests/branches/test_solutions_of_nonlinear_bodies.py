@@ -12,6 +12,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete.point_kind import PointKind
 from hemivar.gallery import hencky_block
+from tests.samples import slow
 
 #: Spring, penetration of the largest pressure, rate at which it falls.
 LAW = (40.0, 0.02, 25.0)
@@ -58,7 +59,7 @@ def stationary_points(problem: hv.ContactProblem, law: tuple[float, float, float
 
 
 @pytest.mark.parametrize(
-    ("law", "pushed", "known"), [(LAW, 0.055, 2), ((30.0, 0.03, 12.0), 0.06, 1), ((60.0, 0.01, 40.0), 0.045, 3)]
+    ("law", "pushed", "known"), [(LAW, 0.055, 2), slow((30.0, 0.03, 12.0), 0.06, 1), slow((60.0, 0.01, 40.0), 0.045, 3)]
 )
 def test_solutions_of_two_unknowns_are_among_those_of_a_grid(
     law: tuple[float, float, float], pushed: float, known: int

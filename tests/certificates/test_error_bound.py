@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
@@ -28,6 +29,7 @@ from tests.certificates.problems import (
     square,
     weakening,
 )
+from tests.samples import sampled
 
 FACTOR = 20.0
 
@@ -70,9 +72,10 @@ def test_bar_with_a_known_solution() -> None:
     assert worst < FACTOR
 
 
-@pytest.mark.parametrize("alpha", [0.5, 1.5, 2.4])
-@pytest.mark.parametrize("friction", ["tresca", "weakening"])
-def test_softening_square(alpha: float, friction: str) -> None:
+@pytest.mark.parametrize(
+    ("friction", "alpha"), sampled(itertools.product(("tresca", "weakening"), (0.5, 1.5, 2.4)), [("weakening", 2.4)])
+)
+def test_softening_square(friction: str, alpha: float) -> None:
     """A body with many contact points, every kind of disturbance, normal law and friction softening."""
     law = Tresca(0.05) if friction == "tresca" else Friction(0.05, weakening(0.4, 10.0))
     problem = square(alpha, friction=law)

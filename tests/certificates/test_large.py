@@ -39,6 +39,7 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.systems import body_on_levels as systems
 from tests import bodies
 from tests.certificates.problems import softening, weakening
+from tests.samples import sampled, slow
 
 TIGHT = hv.Controls(rtol=1e-10)
 
@@ -101,7 +102,7 @@ INSIDE: dict[str, Callable[[], DiscreteProblem]] = {
 }
 
 
-@pytest.mark.parametrize("name", INSIDE)
+@pytest.mark.parametrize("name", sampled(INSIDE, 4))
 def test_both_ways_agree(name: str) -> None:
     """A converged solution, and a rough one."""
     problem = INSIDE[name]()
@@ -142,7 +143,9 @@ def test_the_bound_holds(name: str) -> None:
                 assert error <= found.error_bound <= 10.0 / found.margin * error
 
 
-@pytest.mark.parametrize("name", ["square", "cube", "mesh from a file", "two materials", "nearly incompressible"])
+@pytest.mark.parametrize(
+    "name", ["square", *map(slow, ("cube", "mesh from a file", "two materials", "nearly incompressible"))]
+)
 def test_norms(name: str) -> None:
     """Dual norms are bounded from above, and hardly more; the smallest eigenvalue from below."""
     problem = INSIDE[name]()

@@ -10,6 +10,7 @@ from hemivar.certificates import Certificate, PointKind, certify, one_solution, 
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, PenetrationBound, Superpotential
 from hemivar.solvers import solve
+from tests.samples import slow
 
 STEP = "6e-4*(1 + tanh((s - 1)/3e-4))"
 
@@ -71,7 +72,7 @@ def test_friction_bounds(bound: object, sampled: bool) -> None:
     [
         (FormulaLaw("piecewise((0, r < 0), (1 - exp(-r), True))"), False),
         (FunctionLaw(lambda r: np.where(r > 0.0, 0.1 - 0.1 * np.exp(-r), 0.0), kinks=[0.0]), True),
-        (FunctionLaw(lambda r: np.where(r > 0.0, 0.5 * r**2, 0.0), kinks=[0.0]), True),
+        slow(FunctionLaw(lambda r: np.where(r > 0.0, 0.5 * r**2, 0.0), kinks=[0.0]), True),
     ],
 )
 def test_laws(law: Superpotential, sampled: bool) -> None:

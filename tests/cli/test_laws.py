@@ -10,9 +10,10 @@ from hemivar.cli import main
 from hemivar.laws import SawTooth, Signorini
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
 from hemivar.report.law_figures import plot_law
+from tests.samples import sampled
 
 
-@pytest.mark.parametrize("name", sorted({*NORMAL_LAWS, *FRICTION_LAWS} - {"table"}))
+@pytest.mark.parametrize("name", sampled(sorted({*NORMAL_LAWS, *FRICTION_LAWS} - {"table"}), 5))
 def test_every_law_is_shown_and_drawn(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "law.png"
     assert main(["laws", name, "--plot", str(picture)]) == 0

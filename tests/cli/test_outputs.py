@@ -22,6 +22,7 @@ from hemivar.cli.session import Session
 from hemivar.errors import ProblemError
 from hemivar.workflows import comparison
 from tests.problem_files import block_file
+from tests.samples import slow
 
 PROBLEM = block_file(
     2, normal='{ law = "table", file = "law.csv" }', friction='{ law = "tresca", bound = { table = "bound.csv" } }'
@@ -392,10 +393,10 @@ def test_colours_pass_where_they_are_meant() -> None:
 @pytest.mark.parametrize(
     "env",
     [
-        pytest.param({"MPLBACKEND": "nonsense"}, marks=pytest.mark.slow),
-        pytest.param({"MPLCONFIGDIR": "/dev/null/nowhere"}, marks=pytest.mark.slow),
-        {"MATPLOTLIBRC": "rc"},
-        pytest.param({"HOME": "/dev/null/nowhere"}, marks=pytest.mark.slow),
+        slow({"MPLBACKEND": "nonsense"}),
+        slow({"MPLCONFIGDIR": "/dev/null/nowhere"}),
+        slow({"MATPLOTLIBRC": "rc"}),
+        slow({"HOME": "/dev/null/nowhere"}),
         {"HOME": "/dev/null/nowhere", "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": "", "MPLCONFIGDIR": "/proc/nowhere"},
     ],
     ids=lambda env: ",".join(env),

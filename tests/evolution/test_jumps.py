@@ -16,6 +16,7 @@ from hemivar.formula import Formula
 from hemivar.solvers import solve
 from tests import bodies
 from tests.evolution.messages import said_of
+from tests.samples import slow
 
 #: kappa (r0 - r) in dj(r): j' = 2 r up to 0.1, falls with slope -2 to zero at 0.2.
 KAPPA, STIFF, DELTA, FALL = 1.0, 2.0, 0.1, 2.0
@@ -92,7 +93,7 @@ def test_the_march_stops_where_it_is_told() -> None:
     assert "several solutions" in history.messages[-1]
 
 
-@pytest.mark.parametrize("jump", ["arc-length", "dynamic"])
+@pytest.mark.parametrize("jump", ["arc-length", slow("dynamic")])
 def test_along_the_path_jumps_do_not_depend_on_the_step(jump: str) -> None:
     """With steps of a quarter of the load: both jumps where they are, and what each of them loses."""
     history, _ = cycle(jump, 0.1)
@@ -115,7 +116,7 @@ def bump(r: Array) -> Array:
     return np.where(r > 0.0, 3.0 * r * np.exp(-0.5 * (r / DELTA) ** 2), 0.0)
 
 
-@pytest.mark.parametrize("law", ["function", "table"])
+@pytest.mark.parametrize("law", ["table", slow("function")])
 def test_smooth_laws_jump_where_they_must_without_crawling(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Folds by ``kappa + j'' = 0``; beside a fold of a smooth law the energy falls by next to nothing at first."""
     count = 0

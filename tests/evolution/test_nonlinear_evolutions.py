@@ -37,6 +37,7 @@ from hemivar.evolution.stepper import TimeStepper
 from hemivar.files import read_film, read_history_table
 from hemivar.mechanics.gradient_energy import PowerLaw
 from hemivar.solvers import NonsmoothMultigrid, NonsmoothNewton
+from tests.samples import slow
 
 TIGHT = hv.solvers.Controls(rtol=1e-12)
 #: Bulk and shear modulus, the part that is left, and the strain at which a body of Hencky's kind softens.
@@ -221,7 +222,10 @@ def named(scheme: object) -> str | None:
 
 @pytest.mark.parametrize(
     ("scheme", "order"),
-    [(ImplicitEuler(), 1), (Midpoint(), 2), (GeneralizedAlpha(), 2), (Newmark(), 2), (BDF2(), 2)],
+    [
+        (GeneralizedAlpha(), 2),
+        *(slow(s, n) for s, n in ((ImplicitEuler(), 1), (Midpoint(), 2), (Newmark(), 2), (BDF2(), 2))),
+    ],
     ids=named,
 )
 def test_the_order_with_mass(block: Block, thrown: Array, scheme: Scheme, order: int) -> None:
@@ -230,7 +234,9 @@ def test_the_order_with_mass(block: Block, thrown: Array, scheme: Scheme, order:
 
 
 @pytest.mark.parametrize(
-    ("scheme", "order"), [(ImplicitEuler(), 1), (Midpoint(), 2), (SDIRK2(), 2), (BDF2(), 2)], ids=named
+    ("scheme", "order"),
+    [(Midpoint(), 2), *(slow(s, n) for s, n in ((ImplicitEuler(), 1), (SDIRK2(), 2), (BDF2(), 2)))],
+    ids=named,
 )
 def test_the_order_without_mass_below_a_moving_support(
     block: Block, pressed: Array, scheme: Scheme, order: int

@@ -17,6 +17,7 @@ from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import parse_problem
 from hemivar.formula import Formula, FormulaArray
 from hemivar.mechanics import ScalarKind, Side
+from tests.samples import slow
 
 FILE = """\
 kind = "membrane"
@@ -193,7 +194,7 @@ def test_records_and_vtu(number: int, tmp_path: Path) -> None:
     assert grid.cell_data["flux"][0].shape == (problem.mesh.number_of_cells, 3)
 
 
-@pytest.mark.parametrize("name", ["membrane_obstacle", "antiplane_friction"])
+@pytest.mark.parametrize("name", ["membrane_obstacle", slow("antiplane_friction")])
 def test_the_command_solves_and_draws(name: str, tmp_path: Path) -> None:
     file = Path(__file__).parents[2] / "examples" / "problems" / f"{name}.toml"
     outputs = [f"--{kind}={tmp_path / f'{kind}.{suffix}'}" for kind, suffix in (

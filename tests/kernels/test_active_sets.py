@@ -19,6 +19,7 @@ from hemivar.laws.separate import SeparateLaw
 from hemivar.solvers.active_set_newton import NewtonCache, _compiled_pairs, _Pair, _pairs, _Start
 from hemivar.systems.compiled_rounds import CompiledRounds
 from hemivar.systems.condensed import CondensedProblem, condense
+from tests.samples import slow
 
 built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
 
@@ -92,11 +93,12 @@ def agree(system: CondensedProblem, one: _Pair | None, other: _Pair | None) -> b
 
 
 @built
+@pytest.mark.parametrize(("seeds", "settling"), [(8, 2), slow(40, 20)])
 @pytest.mark.parametrize("d", [1, 2])
 @pytest.mark.parametrize("law", LAWS)
-def test_rounds_are_those_of_python(law: str, d: int) -> None:
+def test_rounds_are_those_of_python(law: str, d: int, seeds: int, settling: int) -> None:
     settled = 0
-    for seed in range(40):
+    for seed in range(seeds):
         m = (1, 2, 7, 30)[seed % 4]
         system, rng = small(law, m, d, seed), np.random.default_rng(seed + 1000)
         start = system.start()
@@ -104,7 +106,7 @@ def test_rounds_are_those_of_python(law: str, d: int) -> None:
             r = start + rng.normal(scale=size, size=start.shape) if size else start
             lam = rng.normal(scale=size, size=start.shape)
             settled += agree(system, *both(system, r, lam, rounds=3 if seed % 5 == 0 else 12))
-    assert settled >= 20
+    assert settled >= settling
 
 
 @built

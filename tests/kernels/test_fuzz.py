@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from hemivar.kernels import kernels
+from tests.samples import slow
 
 built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
 
@@ -215,7 +216,7 @@ print(raised, done)
 
 
 @built
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, slow(2)])
 @pytest.mark.parametrize(
     ("script", "turns"),
     [(_FUZZ, 1500), (_FUZZ_SUMS, 1500), (_FUZZ_PATCHES, 2000)],

@@ -32,6 +32,7 @@ from hemivar.mechanics import (
 from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import solve
 from tests import bodies
+from tests.samples import sampled
 
 from ..mesh.meshes import cube
 
@@ -69,7 +70,7 @@ def test_normal_is_the_gradient_of_the_distance_and_leads_to_the_surface(name: s
     np.testing.assert_allclose(obstacle.distance(foot), 0.0, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", sampled(SHAPES, 3))
 def test_distance_along_a_ray_is_that_of_a_search_on_the_ray(name: str) -> None:
     """Ahead of a point outside the first entry, behind a point inside the last; found on a fine grid of the ray."""
     obstacle = SHAPES[name]

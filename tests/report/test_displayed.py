@@ -23,6 +23,7 @@ from hemivar.gallery import survey
 from hemivar.report.notebook import picture_of
 from tests.problems import bar
 from tests.report.test_notebook import Reader, picture_size, shown
+from tests.samples import sampled
 
 THREE = bar(0.5, hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0.0, 0.0, 0.0]))
 
@@ -50,7 +51,7 @@ def values() -> dict[str, Any]:
     return {name: make() for name, make in MADE.items()}
 
 
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("name", sampled(MADE, 4))
 def test_a_value_shows_a_picture_without_being_told_how(name: str, values: dict[str, Any], tmp_path: FilePath) -> None:
     figure = values[name].plot()
     wide, high = picture_size(figure._repr_png_())
@@ -67,7 +68,7 @@ def test_a_value_is_shown_by_a_picture_and_a_table(name: str, values: dict[str, 
     assert "table" in page.tags
 
 
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("name", sampled(MADE, 4))
 def test_a_notebook_shows_the_figure_and_no_name_of_it(name: str, values: dict[str, Any]) -> None:
     formatters = pytest.importorskip("IPython.core.formatters")
     data, _ = formatters.DisplayFormatter().format(values[name].plot())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.errors import ProblemError
 from hemivar.report import paper, plot_contact, plot_study, save
+from tests.samples import sampled
 
 INCH = 25.4
 
@@ -21,8 +23,12 @@ def solution() -> hv.Solution:
     return hv.solve(gallery.survey("5.1", 8))
 
 
-@pytest.mark.parametrize("width", [60.0, 84.0, 174.0])
-@pytest.mark.parametrize("legend", ["outside", "inside", "none"])
+@pytest.mark.parametrize(
+    ("legend", "width"),
+    sampled(
+        itertools.product(("outside", "inside", "none"), (60.0, 84.0, 174.0)), [("outside", 60.0), ("inside", 84.0)]
+    ),
+)
 def test_width_is_met_and_letters_have_one_size(
     solution: hv.Solution, width: float, legend: str, tmp_path: Path
 ) -> None:

@@ -24,6 +24,7 @@ import pytest
 from hemivar import cli
 from hemivar.files.sample import SAMPLE
 from tests.problem_files import block_file
+from tests.samples import slow
 
 PROBLEM = block_file(8)
 LONG = block_file(64)
@@ -315,7 +316,7 @@ def _started(folder: Path, arguments: list[str], **options: Any) -> subprocess.P
 _POWELL = ["solve", "long.toml", "--method", "direct-powell"]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, slow(signal.SIGINT), slow(signal.SIGHUP)])
 def test_signals_end_a_solve_with_the_iterate_and_the_files(number: signal.Signals, tmp_path: Path) -> None:
     folder = prepared(tmp_path, ["s.json", "s.vtu", "s.png"])
     process = _started(folder, [*_POWELL, "--json", "s.json", "--vtu", "s.vtu", "--plot", "s.png"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from hemivar.laws import (
 from hemivar.laws.coupled import own_coupled
 from hemivar.laws.vector_testing import check_vector_law
 from hemivar.report.mixed_mode_figure import plot_coupled_law
+from tests.samples import sampled
 
 #: Energy, width and ratio of glue whose potential is a Gaussian.
 G, WIDTH, BETA = 0.5, 0.01, 2.0
@@ -59,8 +61,9 @@ def gauss_gradient(r: Array, s: Array) -> tuple[Array, Array]:
     return rate * np.minimum(r, 0.0) + 1e4 * np.maximum(r, 0.0), 4.0 * rate * s
 
 
-@pytest.mark.parametrize("components", [2, 3])
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    ("name", "components"), sampled(itertools.product(LAWS, (2, 3)), list(zip(LAWS, itertools.cycle((2, 3)))))
+)
 def test_laws_pass_the_kit(name: str, components: int) -> None:
     check_vector_law(LAWS[name](), reach=0.04, components=components)
 

@@ -29,6 +29,7 @@ from hemivar.laws import (
     slipped,
 )
 from hemivar.laws.testing import check_law
+from tests.samples import sampled
 
 from .catalogue import FRICTION, NORMAL, conforms
 
@@ -44,13 +45,13 @@ STRAIGHT = [
 ]
 
 
-@pytest.mark.parametrize("name", NORMAL)
+@pytest.mark.parametrize("name", sampled(NORMAL, 4))
 def test_secants_conform(name: str) -> None:
     if name != "survey, two points":
         conforms(secant(NORMAL[name], np.array([0.0, 0.1, 0.7])))
 
 
-@pytest.mark.parametrize("name", FRICTION)
+@pytest.mark.parametrize("name", sampled(FRICTION, 4))
 def test_profiles_after_a_slip_conform(name: str) -> None:
     conforms(slipped(FRICTION[name], np.array([0.0, 0.1, 0.7])), friction=True)
 
