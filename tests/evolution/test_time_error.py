@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +14,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, History, Save, march
 from tests import bodies
-from tests.samples import slow
+from tests.samples import sampled, slow
 
 FINER = 40
 
@@ -109,13 +110,10 @@ def compared(evolution: Evolution, until: float, steps: int) -> tuple[History, A
     return coarse, coarse["time_error"], distances(coarse, fine)
 
 
-QUICK = [("stiffness", 1), ("stiffness", 6), ("viscosity", 2), ("viscosity", 5)]
-ALL = [(norm, seed) for norm in ("stiffness", "viscosity") for seed in range(16) if (norm, seed) not in QUICK]
+SAMPLES = tuple(itertools.product(("stiffness", "viscosity"), range(16)))
 
 
-@pytest.mark.parametrize(
-    ("norm", "seed"), [*QUICK, *(pytest.param(norm, seed, marks=pytest.mark.slow) for norm, seed in ALL)]
-)
+@pytest.mark.parametrize(("norm", "seed"), sampled(SAMPLES, [("stiffness", 1), ("viscosity", 2), ("viscosity", 5)]))
 def test_the_bound_holds_at_every_step(norm: str, seed: int) -> None:
     evolution, until, steps = (rate_problem if norm == "stiffness" else place_problem)(seed)
     coarse, bound, error = compared(evolution, until, steps)

@@ -284,11 +284,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_random_statements_come_back(folder: Path, data: st.DataObject) -> None:
-    problem = data.draw(statements(folder))
-    round_trip(problem, folder, discrete=False)
+    round_trip(data.draw(statements(folder)), folder, discrete=False)
+
+
+@pytest.mark.slow
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_many_random_statements_come_back(folder: Path, data: st.DataObject) -> None:
+    round_trip(data.draw(statements(folder)), folder, discrete=False)
 
 
 def can_be_discretised(problem: hv.ContactProblem) -> bool:

@@ -30,6 +30,7 @@ from hemivar.laws import (
 )
 from hemivar.laws.stacked import stack
 from hemivar.laws.testing import check_law
+from tests.samples import sampled
 
 from .catalogue import LAWS, REACH
 
@@ -46,7 +47,7 @@ def _local_minima(grid: np.ndarray, energies: np.ndarray) -> np.ndarray:
     return grid[1:-1][inner]
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", sampled(LAWS, 3))
 @given(stiffness=st.floats(0.3, 30.0), b=st.integers(-3000, 3000).map(lambda n: 1e-3 * n))
 @settings(max_examples=10, deadline=None)
 def test_all_local_minimisers_are_found(name: str, stiffness: float, b: float) -> None:

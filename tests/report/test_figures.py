@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import subprocess
 import sys
@@ -30,6 +31,7 @@ from hemivar.report.statement_figure import painted, plot_problem
 from hemivar.solvers import Controls, Solution, Status, solve
 from hemivar.solvers.contact_states import KINDS
 from tests import bodies
+from tests.samples import sampled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,8 +69,7 @@ def test_solution_names_its_data(plane: Solution) -> None:
         assert expected in words
 
 
-@pytest.mark.parametrize("arrows", [*Arrows])
-@pytest.mark.parametrize("scale", [0.5, 1.0])
+@pytest.mark.parametrize(("scale", "arrows"), sampled(itertools.product((0.5, 1.0), Arrows), 4))
 def test_solution_with_curved_boundary(curved: Solution, arrows: Arrows, scale: float, tmp_path: Path) -> None:
     """States stand at the displaced contact points, and the forces with them."""
     from matplotlib.quiver import Quiver

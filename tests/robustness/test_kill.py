@@ -24,7 +24,7 @@ import pytest
 from hemivar import cli
 from hemivar.files.sample import SAMPLE
 from tests.problem_files import block_file
-from tests.samples import slow
+from tests.samples import sampled, slow
 
 PROBLEM = block_file(8)
 LONG = block_file(64)
@@ -188,7 +188,7 @@ def test_a_cut_file_is_found_out(tmp_path: Path) -> None:
 # ---- ended in the middle of writing --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", sampled(COMMANDS, ["solve", "path", "new"]))
 def test_whoever_dies_in_the_middle_of_a_file_leaves_the_old_one(command: str, driver: Driver, tmp_path: Path) -> None:
     """The system ends the process as soon as one of its files grows beyond a size, whatever it does just then."""
     arguments, files = COMMANDS[command]
@@ -245,7 +245,7 @@ def _kill_at_random(driver: Driver, folder: Path, arguments: list[str], files: l
     return killed
 
 
-@pytest.mark.parametrize("command", ["solve", "certify"])
+@pytest.mark.parametrize("command", ["solve", slow("certify")])
 def test_kill_at_random_moments(command: str, driver: Driver, tmp_path: Path) -> None:
     arguments, files = COMMANDS[command]
     assert _kill_at_random(driver, tmp_path, arguments, files, 2, seed=1) > 0
@@ -272,7 +272,7 @@ def test_kill_the_survey_at_random_moments(driver: Driver, tmp_path: Path) -> No
         assert all(whole(out / name) for name in FILES)
 
 
-@pytest.mark.parametrize("rounds", [1, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rounds", [1, slow(30)])
 def test_two_writers_of_one_file(rounds: int, driver: Driver, tmp_path: Path) -> None:
     arguments, files = COMMANDS["solve"]
     arguments, files = arguments[:6], files[:3]
@@ -371,7 +371,9 @@ def test_a_full_standard_output_ends_a_solve_with_the_files(tmp_path: Path) -> N
     assert whole(folder / "s.json")
 
 
-@pytest.mark.parametrize("arguments", [["laws"], ["methods"], ["--help"], ["--version"], ["laws", "survey"]])
+@pytest.mark.parametrize(
+    "arguments", [["laws"], *map(slow, (["methods"], ["--help"], ["--version"], ["laws", "survey"]))]
+)
 def test_lists_survive_any_standard_output(arguments: list[str], tmp_path: Path) -> None:
     with Path("/dev/full").open("w") as full:
         process = _started(tmp_path, arguments, stdout=full)

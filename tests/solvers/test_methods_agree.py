@@ -15,12 +15,16 @@ from hemivar.gallery import survey_logarithmic
 from hemivar.mechanics import Quadrature
 from hemivar.solvers import METHODS, Controls, Solution, Status, solve, solve_nested, solving
 from hemivar.systems import Workspace, condense
+from tests.samples import sampled
 
 from ..problems import OTHER_DATA, SURVEY_DATA, bar, discrete_square, relative_difference
 
 EXACT = [name for name in METHODS if name not in ("direct-powell", "augmented-lagrangian", "active-set-krylov")]
 #: Methods whose accuracy is that of SciPy's routine inside them; what is asked of each.
 LOOSE = {"direct-powell": 0.05, "augmented-lagrangian": 1e-6, "active-set-krylov": 1e-6}
+
+#: Each method with the data of the survey.
+NESTED = tuple(itertools.product(METHODS, SURVEY_DATA))
 
 _references: dict[tuple[str, int, Quadrature], tuple[DiscreteProblem, Solution]] = {}
 
@@ -33,9 +37,9 @@ def reference(data: str, n: int, quadrature: Quadrature = Quadrature.NODAL) -> t
     return _references[key]
 
 
-@pytest.mark.parametrize("data", [*SURVEY_DATA, *OTHER_DATA])
-@pytest.mark.parametrize("n", [4, 16])
-@pytest.mark.parametrize("method", EXACT)
+@pytest.mark.parametrize(
+    ("method", "n", "data"), sampled(itertools.product(EXACT, (4, 16), (*SURVEY_DATA, *OTHER_DATA)), 3)
+)
 def test_exact_methods_agree(method: str, data: str, n: int) -> None:
     problem, expected = reference(data, n)
     assert expected.status is Status.CONVERGED
@@ -76,8 +80,9 @@ def test_a_law_that_is_not_convex_is_left_to_the_steps_of_newton() -> None:
     assert len(found.history) == found.steps + 1
 
 
-@pytest.mark.parametrize("data", SURVEY_DATA)
-@pytest.mark.parametrize("method", [name for name in EXACT if name != "multigrid"])
+@pytest.mark.parametrize(
+    ("method", "data"), sampled(itertools.product([name for name in EXACT if name != "multigrid"], SURVEY_DATA), 4)
+)
 def test_exact_methods_agree_with_midpoint_quadrature(method: str, data: str) -> None:
     problem, expected = reference(data, 8, Quadrature.MIDPOINT)
     found = solve(problem, METHODS[method], Controls(max_steps=3000))
@@ -85,8 +90,7 @@ def test_exact_methods_agree_with_midpoint_quadrature(method: str, data: str) ->
     assert relative_difference(found, expected) < 1e-8
 
 
-@pytest.mark.parametrize("data", [*SURVEY_DATA, *OTHER_DATA])
-@pytest.mark.parametrize("method", LOOSE)
+@pytest.mark.parametrize(("method", "data"), sampled(itertools.product(LOOSE, (*SURVEY_DATA, *OTHER_DATA)), 3))
 def test_methods_of_scipy_come_as_close_as_they_can_and_say_so(method: str, data: str) -> None:
     problem, expected = reference(data, 16)
     if method == "direct-powell" and data in ("rigid", "lifting"):
@@ -162,9 +166,8 @@ def test_methods_share_a_condensation() -> None:
         assert relative_difference(solve(problem, METHODS[name], workspace=Workspace.holding(shared)), expected) < 1e-8
 
 
-@pytest.mark.parametrize("data", SURVEY_DATA)
 @pytest.mark.parametrize(
-    "method", [pytest.param(name, marks=pytest.mark.slow) if name == "bundle" else name for name in METHODS]
+    ("method", "data"), sampled(NESTED, [(method, data) for method, data in NESTED[::3] if method != "bundle"])
 )
 def test_warm_start_over_nested_meshes(method: str, data: str) -> None:
     """Every method of the survey, as in the survey: h = 1/2, 1/4, ... each started from the last."""

@@ -27,6 +27,7 @@ from hemivar.laws import (
     Tresca,
 )
 from hemivar.laws.vector_testing import check_vector_law
+from tests.samples import slow
 
 YOUNG, FOUNDATION, PUSH = 200.0, 50.0, 0.01
 SHEAR, DEPTH = 0.5 * YOUNG, YOUNG * PUSH / (YOUNG + FOUNDATION)
@@ -67,10 +68,11 @@ def test_projections_on_ellipses_are_the_nearest_points() -> None:
         assert rest @ outward >= 0.0
 
 
-def test_local_problems_against_a_grid() -> None:
+@pytest.mark.parametrize("laws", [10, slow(100)])
+def test_local_problems_against_a_grid(laws: int) -> None:
     random = np.random.default_rng(4)
     turns = np.linspace(0.0, 2.0 * np.pi, 721)
-    for _ in range(100):
+    for _ in range(laws):
         one = law(10.0 ** random.uniform(-1.0, 1.0), 10.0 ** random.uniform(-1.0, 1.0), random.uniform(0.0, 6.0))
         a, b = 10.0 ** random.uniform(-1.0, 1.0, (1, 2)) + 2.0, random.normal(size=(1, 3)) * 3.0
         found = one.local_argmin(a, b)[0]

@@ -25,6 +25,7 @@ from hemivar.laws import (
     ViscousFoundation,
     law_of_step,
 )
+from tests.samples import slow
 
 GLUES: dict[str, Superpotential] = {
     "softening": Adhesive(5.0, 1.0, 2.0, compression=30.0),
@@ -64,14 +65,9 @@ def path(count: int) -> np.ndarray:
     ("memory", "law", "passive"),
     [
         (Bonding(50.0, 0.05, 0.2), NoContact(), True),
-        (Bonding(50.0, 0.0, 2.0), Compliance(20.0), True),
-        (ViscousFoundation(30.0), Compliance(20.0), True),
-        pytest.param(
-            MemoryChain((Bonding(5.0, 0.01, 1.0), ViscousFoundation(30.0))),
-            Compliance(20.0),
-            True,
-            marks=pytest.mark.slow,
-        ),
+        slow(Bonding(50.0, 0.0, 2.0), Compliance(20.0), True),
+        slow(ViscousFoundation(30.0), Compliance(20.0), True),
+        slow(MemoryChain((Bonding(5.0, 0.01, 1.0), ViscousFoundation(30.0))), Compliance(20.0), True),
         (PenetrationMemory(-30.0, 0.4), Compliance(200.0), True),
         (PenetrationMemory(30.0, 0.4), Compliance(20.0), False),
     ],

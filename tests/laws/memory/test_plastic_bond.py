@@ -13,6 +13,7 @@ from hemivar.basics.types import Array
 from hemivar.evolution import bonded_steps
 from hemivar.laws import BondState, Compliance, PlasticBond, Secant, Tresca
 from hemivar.laws.vector_testing import check_vector_law
+from tests.samples import slow
 
 #: mm, N, MPa; the hardening is rounded in the reference.
 BOND = PlasticBond(stiffness=2000.0, shear_stiffness=1000.0, energy=0.969, yield_traction=30.0, hardening=692.0)
@@ -85,8 +86,7 @@ def test_what_yields_backwards_is_kinematic_hardening() -> None:
     assert back == pytest.approx(forward + (1000.0 * (-0.03 - forward) - 692.0 * forward + 30.0) / 1692.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("components", [2, 3])
-@pytest.mark.parametrize("bonded", [True, False])
+@pytest.mark.parametrize(("bonded", "components"), [(True, 2), (False, 3), slow(True, 3), slow(False, 2)])
 def test_the_law_of_a_step_passes_the_kit(bonded: bool, components: int) -> None:
     state = BondState(np.array([bonded]), np.full((1, components - 1), 0.01))
     for bond in (BOND, PlasticBond(2000.0, 1000.0, 0.969, 30.0, 692.0, Compliance(5e3))):
@@ -153,7 +153,7 @@ def test_a_stiff_block_is_one_material_point(method: hv.solvers.Solver | None) -
     assert opened[-1].dissipated == pytest.approx(0.969, rel=1e-6)
 
 
-@pytest.mark.parametrize(("way", "far"), [((0.4, 1.0), 90.0), ((1.0, 0.2), 160.0)])
+@pytest.mark.parametrize(("way", "far"), [((0.4, 1.0), 90.0), slow((1.0, 0.2), 160.0)])
 def test_the_work_is_what_is_stored_and_lost_but_for_jumps(way: tuple[float, float], far: float) -> None:
     """A soft cantilever peels bond by bond: no energy is made, and while all hold the balance closes with the step."""
 
