@@ -28,6 +28,7 @@ from skfem.models.elasticity import linear_elasticity
 
 import hemivar as hv
 from hemivar.gallery import survey_cube, survey_cube_logarithmic
+from tests.samples import slow
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py") if not path.stem.startswith("_"))
@@ -440,12 +441,16 @@ def test_every_problem_file_solves_with_the_command(tmp_path: Path) -> None:
 
 DOCS = sorted((EXAMPLES.parent / "docs").glob("*.md"))
 README, PAPER = EXAMPLES.parent / "README.md", EXAMPLES.parent / "paper" / "paper.md"
+#: Pages whose code runs for seconds.
+LONG_PAGES = (
+    "bounds.md", "figures.md", "identification.md", "nonlinear.md", "tutorial-failure.md", "tutorial-mathematician.md",
+)  # fmt: skip
 PAGES = [*DOCS, *(EXAMPLES.parent / name for name in ("CHANGELOG.md", "CONTRIBUTING.md", "README.md"))]
 
 
 @pytest.mark.parametrize(
     "page",
-    [*DOCS, README, PAPER],
+    [slow(page) if page.name in LONG_PAGES else page for page in (*DOCS, README, PAPER)],
     ids=lambda path: path.name if path.parent.name == "docs" else str(path.relative_to(EXAMPLES.parent)),
 )
 def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+from tests.samples import sampled
+
 PROBLEM = """
 import os, sys, threading, time
 import hemivar as hv
@@ -90,7 +92,7 @@ def ran(code: str, *arguments: str) -> str:
     return done.stdout.strip() or done.stderr
 
 
-@pytest.mark.parametrize("turn", range(4))
+@pytest.mark.parametrize("turn", sampled(range(4), 4))
 def test_threads_that_use_the_package_first_get_whole_modules(turn: int) -> None:
     assert ran(TOGETHER, str(2 * turn)) == "fine"
 

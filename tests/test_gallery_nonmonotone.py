@@ -30,6 +30,7 @@ from hemivar.mechanics import ContactProblem
 from hemivar.solvers import METHODS, FixedPoint, LoadStepping, NonsmoothNewton, Search, Status, solve
 from hemivar.systems import Workspace
 from tests import bodies
+from tests.samples import slow
 
 ROOT = Path(__file__).parents[1]
 STAY = FixedPoint(NonsmoothNewton(search=Search.DOWNHILL))
@@ -76,7 +77,7 @@ def test_supported_and_broken_through() -> None:
     assert broken.energy < supported.energy
 
 
-@pytest.mark.parametrize(("n", "load"), [(4, 2.348005), (8, 2.327331)])
+@pytest.mark.parametrize(("n", "load"), [(4, 2.348005), slow(8, 2.327331)])
 def test_load_at_which_the_foundation_gives_way(n: int, load: float) -> None:
     """The supported branch ends where its largest penetration is 0.1."""
     problem = discretize(broken_foundation(n))

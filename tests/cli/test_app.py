@@ -793,6 +793,7 @@ def test_interrupts_and_the_like_before_the_iteration(
     assert (code, err) == expected[raised]
 
 
+@pytest.mark.slow
 def test_interrupt_exits_with_130(tmp_path: Path) -> None:
     (tmp_path / "part.toml").write_text(changed(("[4, 4]", "[64, 64]")))
     source = str(Path(cli.__file__).parents[2])

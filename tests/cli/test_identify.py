@@ -26,11 +26,9 @@ normal = { law = "adhesive", stiffness = 30.0, strength = 1.5, softening = 20.0 
 HEAD = "supports.top.y,support.top.force.y\n"
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The problem, and a curve of another law of the same kind."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "glue.toml").write_text(GLUE)
+@pytest.fixture(scope="module")
+def curve() -> str:
+    """A curve of another law of the same kind."""
     rng, lines, last = np.random.default_rng(3), [HEAD], None
     for pull in np.linspace(0.005, 0.2, 16):
         body = hv.ContactProblem(
@@ -40,7 +38,15 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         )  # fmt: skip
         last = hv.solve(body, initial=last)
         lines.append(f"{pull:.8g},{last.reactions['top'][1] + 0.01 * rng.standard_normal():.8g}\n")
-    (tmp_path / "curve.csv").write_text("".join(lines))
+    return "".join(lines)
+
+
+@pytest.fixture
+def folder(curve: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The problem and the curve."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "glue.toml").write_text(GLUE)
+    (tmp_path / "curve.csv").write_text(curve)
     return tmp_path
 
 

@@ -411,6 +411,7 @@ def test_figures_do_not_depend_on_the_environment(env: dict[str, str], folder: P
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_settings_file_that_matplotlib_cannot_read_is_one_line(folder: Path) -> None:
     (folder / "matplotlibrc").write_bytes(b"\xff\xfe\x80")
     done = in_process("solve", "p.toml", "--plot", "a.png", "--json", "a.json", cwd=folder)

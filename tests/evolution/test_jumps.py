@@ -245,6 +245,7 @@ def test_adaptive_steps_go_through_jumps_and_go_on_bit_for_bit(
         np.testing.assert_array_equal(resumed[name], whole[name], err_msg=name)
 
 
+@pytest.mark.slow
 def test_viscosity_that_slows_the_body_down_is_told() -> None:
     """A body on a law that falls 50 times as fast as it is stiff is some 54 steps late."""
     steep = hv.laws.PiecewiseQuadratic([0.0, DELTA, DELTA * 1.04], [0.0, STIFF, -50.0, 0.0], np.zeros(3))

@@ -341,6 +341,7 @@ def _begun(path: Path, **options: Any) -> str:
     return subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.slow
 def test_another_process_goes_on_bit_for_bit_with_its_bound(tmp_path: Path) -> None:
     """The load is a lambda, whose address is another one in every process."""
     whole = _begun(tmp_path / "whole.ckpt", resume=False).split()

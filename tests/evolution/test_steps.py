@@ -197,6 +197,7 @@ def test_a_body_that_jumps_at_the_start_is_marched_all_the_same() -> None:
     np.testing.assert_allclose(history.frames[-1].displacement, fixed, atol=0.01 * np.abs(fixed).max())
 
 
+@pytest.mark.slow
 def test_errors_of_steps_are_summed() -> None:
     """Of rate-and-state friction on a spring, against steps forty times as exact; rtol bounds one step only."""
     evolution = VelocityStep().evolution(modulus=35.0)

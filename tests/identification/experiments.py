@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -35,6 +36,7 @@ class Case:
     def ranges(self) -> dict[str, tuple[float, float]]:
         return {key: (value / 3.0, value * 3.0) for key, value in self.truth.items()}
 
+    @cached_property
     def exact(self) -> Array:
         """The force on the top in each row, from solves of their own."""
         forces, last = [], None
@@ -45,7 +47,7 @@ class Case:
 
     def measured(self, noise: float = 0.0, seed: int = 0) -> Measurements:
         """The curve with normal noise, relative to its largest value."""
-        force = self.exact()
+        force = self.exact
         off = noise * np.abs(force).max() * np.random.default_rng(seed).standard_normal(force.size)
         return Measurements({"pull": self.pulled}, {FORCE: force + off})
 

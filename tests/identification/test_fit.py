@@ -41,6 +41,7 @@ def test_one_per_cent_of_noise_gives_it_within_two(name: str) -> None:
     assert found.noise == pytest.approx(0.01, rel=0.5)
 
 
+@pytest.mark.slow
 def test_intervals_grow_with_the_noise_and_the_confidence() -> None:
     half = {}
     for noise, confidence in ((0.005, 0.95), (0.01, 0.95), (0.01, 0.99)):
@@ -198,7 +199,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(name: str) -> None:
     ``benchmarks/identification.py`` draws 400.
     """
     case = CASES[name]
-    exact, truth = case.exact(), np.array(list(case.truth.values()))
+    exact, truth = case.exact, np.array(list(case.truth.values()))
     held = np.zeros(truth.size)
     for seed in range(30):
         noise = 0.01 * np.abs(exact).max() * np.random.default_rng(seed).standard_normal(exact.size)

@@ -27,6 +27,7 @@ from hemivar.linear.levels import Levels, Preconditioner, Transfer, Truncated
 from hemivar.linear.products import diagonal
 from hemivar.linear.truncated_level import narrow
 from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from tests.samples import slow
 
 built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
 
@@ -175,9 +176,10 @@ print(threads(), file=sys.stderr)
 
 
 @built
-def test_bits_do_not_depend_on_the_number_of_threads() -> None:
+@pytest.mark.parametrize("counts", [("1", "5"), slow(("1", "2", "5"))], ids=",".join)
+def test_bits_do_not_depend_on_the_number_of_threads(counts: tuple[str, ...]) -> None:
     outputs = set()
-    for count in ("1", "2", "5"):
+    for count in counts:
         environment = os.environ | {"HEMIVAR_NUM_THREADS": count, "HEMIVAR_KERNELS": "auto", "OMP_NUM_THREADS": "1"}
         run = subprocess.run(
             [sys.executable, "-c", _RUN], env=environment, capture_output=True, text=True, timeout=300, check=False

@@ -24,6 +24,7 @@ from tests.robustness.msh import MalformedError, grid_mesh, read_msh, write_msh
 from tests.robustness.oracle import Verdict, examine
 from tests.robustness.seeds import FILES, SEEDS, known
 from tests.robustness.toml import dump, spoilt
+from tests.samples import slow
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self").is_dir(), reason="limits and states of processes are those of Linux"
@@ -109,7 +110,7 @@ def _kill() -> int:
         (_say("Traceback (most recent call last):\n  x\nValueError: y\n", 2), "traceback"),
         (_hog, "memory"),
         (_hog_that_is_caught, "memory"),
-        (_spin, "hang"),
+        slow(_spin, "hang"),
         (_sleep, "hang"),
         (_say("/a/b.py:7: RuntimeWarning: overflow encountered in dot\n  x = y\n", 0), "warnings"),
         (_touch, "code run"),

@@ -316,7 +316,7 @@ def _started(folder: Path, arguments: list[str], **options: Any) -> subprocess.P
 _POWELL = ["solve", "long.toml", "--method", "direct-powell"]
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, slow(signal.SIGINT), slow(signal.SIGHUP)])
+@pytest.mark.parametrize("number", [slow(signal.SIGINT), signal.SIGTERM, slow(signal.SIGHUP)])
 def test_signals_end_a_solve_with_the_iterate_and_the_files(number: signal.Signals, tmp_path: Path) -> None:
     folder = prepared(tmp_path, ["s.json", "s.vtu", "s.png"])
     process = _started(folder, [*_POWELL, "--json", "s.json", "--vtu", "s.vtu", "--plot", "s.png"])
@@ -333,6 +333,7 @@ def test_signals_end_a_solve_with_the_iterate_and_the_files(number: signal.Signa
     assert all(whole(folder / file) for file in ("s.json", "s.vtu", "s.png"))
 
 
+@pytest.mark.slow
 def test_a_signal_that_was_to_be_ignored_is_ignored(tmp_path: Path) -> None:
     """As under nohup."""
     folder = prepared(tmp_path, [])
@@ -345,6 +346,7 @@ def test_a_signal_that_was_to_be_ignored_is_ignored(tmp_path: Path) -> None:
     assert (process.returncode, err) == (0, "")
 
 
+@pytest.mark.slow
 def test_head_ends_a_solve_with_the_iterate_and_the_files(tmp_path: Path) -> None:
     folder = prepared(tmp_path, ["s.json", "s.vtu"])
     arguments = ["solve", "long.toml", "--method", "direct-lbfgs", "--json", "s.json", "--vtu", "s.vtu"]

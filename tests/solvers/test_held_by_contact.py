@@ -16,6 +16,7 @@ from hemivar.laws import Compliance, ContactLaw, NoContact, Signorini, Superpote
 from hemivar.mechanics import Pressure
 from hemivar.solvers import METHODS, Controls, Status, solve
 from tests import bodies
+from tests.samples import sampled
 
 
 def free_bar(load: tuple[float, float], law: Superpotential) -> DiscreteProblem:
@@ -36,15 +37,16 @@ def block(law: Superpotential) -> DiscreteProblem:
     return discretize(bodies.column(law, cells=4, pattern="cross", top=None, tractions={"top": Pressure(0.5)}))
 
 
-@pytest.mark.parametrize("method", METHODS)
+FOUNDATIONS = (
+    (Compliance(2.0), 0.25),
+    (ThresholdCompliance(0.3, 2.0), 0.1),
+    (ThresholdCompliance(0.6, 2.0), 0.0),
+    (Signorini(), 0.0),
+)
+
+
 @pytest.mark.parametrize(
-    ("law", "penetration"),
-    [
-        (Compliance(2.0), 0.25),
-        (ThresholdCompliance(0.3, 2.0), 0.1),
-        (ThresholdCompliance(0.6, 2.0), 0.0),
-        (Signorini(), 0.0),
-    ],
+    ("method", "law", "penetration"), sampled([(name, *one) for name in METHODS for one in FOUNDATIONS], 3)
 )
 def test_block_on_its_foundation(method: str, law: Superpotential, penetration: float) -> None:
     try:

@@ -18,6 +18,7 @@ from hemivar.solvers import FixedPoint, NonsmoothMultigrid, NonsmoothNewton, Sta
 from hemivar.solvers.choice import choose
 from hemivar.systems.body_on_levels import levels_of
 from tests import bodies
+from tests.samples import sampled
 
 TIGHT = hv.Controls(rtol=1e-10)
 
@@ -175,8 +176,7 @@ BEYOND = {
 }
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("name", BEYOND)
+@pytest.mark.parametrize(("name", "dim"), sampled(itertools.product(BEYOND, (2, 3)), 3))
 def test_energy_falls_beyond_the_margin(name: str, dim: int) -> None:
     """Laws with many local minima: the energy never rises and the end is stationary."""
     plain = gallery.survey("figure1", 32, "right") if dim == 2 else gallery.survey_cube("figure1", 8)

@@ -19,6 +19,7 @@ from hemivar.systems.body_on_levels import set_up
 from hemivar.systems.dense_newton import DenseNewton
 from hemivar.systems.newton_equation import Accuracy, GraphPoint
 from hemivar.systems.workspace import Workspace
+from tests.samples import slow
 
 from .pieces_of_friction import random_points
 from .test_semismooth import bounce
@@ -45,9 +46,20 @@ def energy_distance(found: Solution, other: Solution) -> float:
     return float(np.sqrt((off @ (K @ off)) / (other.unknowns @ (K @ other.unknowns))))
 
 
-@pytest.mark.parametrize("weakens", [False, True])
-@pytest.mark.parametrize("normal", [Signorini(), Compliance(20.0)], ids=lambda law: law.name)
-@pytest.mark.parametrize(("dim", "n"), [(2, 16), (3, 6)])
+@pytest.mark.parametrize(
+    ("dim", "n", "normal", "weakens"),
+    [
+        (2, 16, Signorini(), True),
+        (3, 6, Compliance(20.0), False),
+        slow(2, 16, Signorini(), False),
+        slow(2, 16, Compliance(20.0), False),
+        slow(2, 16, Compliance(20.0), True),
+        slow(3, 6, Signorini(), False),
+        slow(3, 6, Signorini(), True),
+        slow(3, 6, Compliance(20.0), True),
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)
 def test_all_methods_agree_and_cycles_are_few(dim: int, n: int, normal: Superpotential, weakens: bool) -> None:
     """Coulomb's law costs about twice the cycles of Tresca's, where the fixed point takes one such solve a round."""
     bound = CoulombBound(0.3)

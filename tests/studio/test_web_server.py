@@ -15,6 +15,7 @@ from hemivar.files.sample import template
 from hemivar.studio.binary_message import unpacked
 from hemivar.studio.requests import KINDS_OF_REQUEST, MOST_CHARACTERS, read_request
 from hemivar.studio.web_server import STATIC, StudioPage, application, bind
+from tests.samples import slow
 
 pytest.importorskip("starlette", reason="the studio's server needs starlette: pip install 'hemivar[studio]'")
 pytest.importorskip("httpx", reason="starlette's test client needs httpx")
@@ -175,10 +176,11 @@ def random_message(rng: random.Random) -> str:
     return text if rng.random() < 0.5 else text[: rng.randrange(len(text))]
 
 
-def test_ten_thousand_random_messages_do_no_harm(client: TestClient) -> None:
+@pytest.mark.parametrize("count", [1000, slow(10_000)])
+def test_thousands_of_random_messages_do_no_harm(count: int, client: TestClient) -> None:
     rng = random.Random(32)
     with live(client) as session:  # type: ignore[attr-defined]
-        for _ in range(10_000):
+        for _ in range(count):
             session.send_text(random_message(rng).encode("utf-8", "replace").decode())
         # it answers as if nothing had been
         session.send_text(json.dumps({"type": "solve", "generation": 2**53 - 1, "text": template("softening")}))

@@ -7,6 +7,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
+from tests.samples import slow
 
 BULK, SHEAR, LEFT, SIZE = 20 / 3, 4.0, 0.25, 0.05
 SPRING, PUSHED, WIDENED, BENT = 10.0, 0.05, 0.02, 0.03
@@ -72,7 +73,8 @@ def problem(dim: int, cells: int, order: int) -> hv.ContactProblem:
 
 
 @pytest.mark.parametrize(
-    ("dim", "order", "sizes", "rate"), [(2, 1, (8, 16, 32), 2.0), (2, 2, (4, 8, 16), 3.0), (3, 1, (4, 8, 12), 2.0)]
+    ("dim", "order", "sizes", "rate"),
+    [(2, 1, (8, 16, 32), 2.0), slow(2, 2, (4, 8, 16), 3.0), slow(3, 1, (4, 8, 12), 2.0)],
 )
 def test_the_error_falls_at_the_rate_of_the_elements(dim: int, order: int, sizes: tuple[int, ...], rate: float) -> None:
     off = []

@@ -10,6 +10,7 @@ from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.gallery import manufactured_softening, shear_block, softening_block
 from hemivar.mesh import rectangle
 from hemivar.solvers import Status, solve
+from tests.samples import slow
 
 
 @pytest.mark.parametrize(
@@ -90,7 +91,7 @@ def manufactured_errors(pattern: str, sizes: tuple[int, ...]) -> tuple[list[floa
     return errors, pressures
 
 
-@pytest.mark.parametrize("pattern", ["cross", "right"])
+@pytest.mark.parametrize("pattern", ["cross", slow("right")])
 def test_manufactured_softening_converges_at_order_one(pattern: str) -> None:
     """P1 in the V-norm: rate close to 1; the pressure, at the nodes, converges faster."""
     sizes = (8, 16, 32) if pattern == "cross" else (16, 32, 64)

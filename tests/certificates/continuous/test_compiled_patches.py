@@ -36,7 +36,7 @@ from hemivar.mechanics import Clamped, ContactProblem
 from hemivar.mesh import box, rectangle
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import solve
-from tests.samples import sampled
+from tests.samples import sampled, slow
 
 from .admissibility import imbalance
 from .bodies import BODIES, anisotropic, plane_mesh, space_mesh
@@ -338,9 +338,10 @@ print(threads(), file=sys.stderr)
 
 
 @built
-def test_bits_of_patches_do_not_depend_on_the_number_of_threads() -> None:
+@pytest.mark.parametrize("counts", [("1", "3"), slow(("1", "2", "3"))], ids=",".join)
+def test_bits_of_patches_do_not_depend_on_the_number_of_threads(counts: tuple[str, ...]) -> None:
     outputs = set()
-    for count in ("1", "2", "3"):
+    for count in counts:
         environment = os.environ | {"HEMIVAR_NUM_THREADS": count, "HEMIVAR_KERNELS": "auto", "OMP_NUM_THREADS": "1"}
         run = subprocess.run(
             [sys.executable, "-c", _RUN], env=environment, capture_output=True, text=True, timeout=300, check=False
