@@ -12,6 +12,7 @@ import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, History, march
 from hemivar.gallery import SCREWED_ARCH_DATA, ScrewedArchData, screwed_arch, viscoelastic_beam
+from tests.samples import slow
 
 
 def sound(history: History, single: bool = True) -> None:
@@ -113,7 +114,7 @@ def test_the_beam_on_finer_meshes(inertia: bool) -> None:
     assert np.log2(gone[0] / gone[1]) > 1.5
 
 
-@pytest.mark.parametrize("data", ["four screws", "hard"])
+@pytest.mark.parametrize("data", ["hard", slow("four screws")])
 def test_the_arch_has_order_one_in_the_step(data: str) -> None:
     ends = [march(screwed_arch(data, 4), 0.25, step=step) for step in (1 / 16, 1 / 32, 1 / 128)]
     errors = [distance(history, ends[-1]) for history in ends[:-1]]

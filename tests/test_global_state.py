@@ -25,6 +25,7 @@ from hemivar.linear.algebraic import algebraic_levels
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems.elastic_multigrid import near_kernel, node_slots
 from tests.problems import bar, square
+from tests.samples import sampled
 
 TOML = """
 [mesh]
@@ -113,7 +114,7 @@ PUBLIC: dict[str, Callable[[hv.Solution, Path], object]] = {
 }
 
 
-@pytest.mark.parametrize("name", PUBLIC)
+@pytest.mark.parametrize("name", sampled(PUBLIC, 3))
 def test_nothing_global_changes(name: str, solved: hv.Solution, tmp_path: Path) -> None:
     PUBLIC[name](solved, tmp_path)  # what the first use imports is not watched
     before = state()

@@ -12,9 +12,10 @@ from hemivar.errors import ProblemError
 from hemivar.mechanics import Material
 from hemivar.mechanics.material_registry import MATERIAL_LAWS
 from hemivar.report.material_figures import plot_material
+from tests.samples import sampled
 
 
-@pytest.mark.parametrize("name", sorted(MATERIAL_LAWS))
+@pytest.mark.parametrize("name", sampled(sorted(MATERIAL_LAWS), 3))
 def test_every_material_is_shown_and_drawn(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "material.png"
     assert main(["materials", name, "--plot", str(picture)]) == 0

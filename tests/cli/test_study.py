@@ -24,6 +24,7 @@ from hemivar.errors import FileError
 from hemivar.files.problem_file import read_problem_file
 from hemivar.files.sample import TEMPLATES, template
 from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT, block_file
+from tests.samples import sampled
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
 COMMANDS = ("solve", "certify", "solutions", "path", "march", "compare", "study", "sweep", "identify")
@@ -217,7 +218,7 @@ def test_templates_of_all_kinds() -> None:
     assert any("kind" in data for data in found.values())
 
 
-@pytest.mark.parametrize("name", TEMPLATES)
+@pytest.mark.parametrize("name", sampled(TEMPLATES, 3))
 def test_a_template_solves_as_it_is(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "problem.toml"
     assert cli.main(["new", str(file), "--template", name]) == 0

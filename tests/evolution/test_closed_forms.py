@@ -18,9 +18,10 @@ from hemivar.evolution.discrete import discretize_evolution
 from hemivar.formula import Formula
 from hemivar.laws.memory import LocalStep
 from tests import bodies
+from tests.samples import slow
 
 
-@pytest.mark.parametrize("scheme", [hv.evolution.ImplicitEuler(), hv.evolution.SDIRK2()], ids=lambda s: s.name)
+@pytest.mark.parametrize("scheme", [slow(hv.evolution.ImplicitEuler()), hv.evolution.SDIRK2()], ids=lambda s: s.name)
 def test_relaxation(scheme: Scheme) -> None:
     """Standard solid on a spring: the branch is integrated exactly, the error is that of a straight line in a step."""
     known = gallery.relaxing_block()

@@ -217,6 +217,7 @@ def test_a_step_calls_few_functions() -> None:
             next(run)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
     def growth(n: int) -> float:
         """KiB for each of the steps 100 to 300."""

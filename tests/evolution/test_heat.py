@@ -336,6 +336,7 @@ def chattering(conductance: object) -> Evolution:
     return Evolution(problem, heat=Heat(1.0, 1.0, expansion=0.01, supports={"top": 1.0}, contact={"bottom": foot}))
 
 
+@pytest.mark.slow
 def test_why_rounds_do_not_meet_is_told() -> None:
     """Where the conductance jumps no temperature fits."""
     history = march(chattering(HeatContact.touching(1e3)), 1.0, step=0.5)

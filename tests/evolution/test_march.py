@@ -22,6 +22,7 @@ from hemivar.formula import Formula, FormulaArray
 from hemivar.solvers import Controls
 from tests import bodies
 from tests.evolution.messages import said_of
+from tests.samples import slow
 
 
 def beam(inertia: bool = True, load: float = -0.5, **contact: Any) -> Evolution:
@@ -38,9 +39,15 @@ def beam(inertia: bool = True, load: float = -0.5, **contact: Any) -> Evolution:
     return Evolution(problem, inertia=inertia)
 
 
-@pytest.mark.parametrize("step", [0.05, hv.evolution.AdaptiveStep(3e-3)], ids=["fixed", "adaptive"])
 @pytest.mark.parametrize(
-    "scheme", [hv.evolution.ImplicitEuler(), hv.evolution.GeneralizedAlpha(0.8)], ids=lambda s: s.name
+    ("scheme", "step"),
+    [
+        (hv.evolution.ImplicitEuler(), hv.evolution.AdaptiveStep(3e-3)),
+        (hv.evolution.GeneralizedAlpha(0.8), 0.05),
+        slow(hv.evolution.ImplicitEuler(), 0.05),
+        slow(hv.evolution.GeneralizedAlpha(0.8), hv.evolution.AdaptiveStep(3e-3)),
+    ],
+    ids=lambda value: getattr(value, "name", None),
 )
 def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Scheme, step: Any) -> None:
     options: dict[str, Any] = {"scheme": scheme, "step": step, "events": [Touch()], "save": Save(0.2)}

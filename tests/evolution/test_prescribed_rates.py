@@ -262,7 +262,7 @@ def warm() -> Evolution:
     return Evolution(problem, inertia=True, heat=heat)
 
 
-@pytest.mark.parametrize("stated", [dragged, warm], ids=["body", "heat"])
+@pytest.mark.parametrize("stated", [dragged, slow(warm)], ids=["body", "heat"])
 def test_a_march_goes_on_from_a_kink_bit_for_bit(stated: Callable[[], Evolution], tmp_path: Path) -> None:
     kept = Checkpoint(tmp_path / "kept.npz", 0.0)
     plan = March(0.6, step=0.05, scheme=hv.evolution.Newmark())

@@ -16,6 +16,7 @@ from hemivar.evolution import Evolution, History, march
 from hemivar.solvers import NonsmoothMultigrid, Solver
 from tests import bodies
 from tests.evolution.messages import said_of
+from tests.samples import slow
 
 #: kappa (r0 - r) in dj(r): j' = 2 r up to 0.1, falls with slope -2 to zero at 0.2; up at 0.3, down at 0.2.
 KAPPA, STIFF, DELTA, FALL = 1.0, 2.0, 0.1, 2.0
@@ -164,7 +165,7 @@ def reached_with_branch(until: float, instant: float, rest: float, time: float) 
     return float(until - found.y[0, -1])
 
 
-@pytest.mark.parametrize("jump", ["local", "global", "arc-length", "dynamic", "stop", "viscous"])
+@pytest.mark.parametrize("jump", ["local", "arc-length", *map(slow, ("global", "dynamic", "stop", "viscous"))])
 def test_a_branch_yields_at_once_and_chooses_nothing(jump: str) -> None:
     """A spring of 1/2 beside a branch of 1/2: stiffer steps than 1 there are none, and the law falls by 2."""
     material = hv.Material.lame(0.0, 0.25, density=1.0, branches=[hv.materials.Branch(lame=(0.0, 0.25), time=0.5)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +18,7 @@ from hemivar import gallery
 from hemivar.linear.threads import one_thread
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems.body_on_levels import levels_of
+from tests.samples import sampled
 
 
 def counts() -> list[int]:
@@ -129,9 +131,15 @@ STATEMENTS = [lambda: gallery.survey("5.1", 16), lambda: gallery.survey_cube("5.
 
 
 @pytest.mark.parametrize(
-    "method", [hv.solvers.NonsmoothMultigrid(), hv.solvers.NonsmoothNewton(), hv.solvers.METHODS["active-set"]]
+    ("state", "method"),
+    sampled(
+        itertools.product(
+            STATEMENTS,
+            (hv.solvers.NonsmoothMultigrid(), hv.solvers.NonsmoothNewton(), hv.solvers.METHODS["active-set"]),
+        ),
+        4,
+    ),
 )
-@pytest.mark.parametrize("state", STATEMENTS)
 def test_a_solve_changes_no_bit_of_problem_and_workspace(
     state: Callable[[], hv.ContactProblem], method: hv.Solver
 ) -> None:

@@ -61,7 +61,7 @@ def test_a_value_shows_a_picture_without_being_told_how(name: str, values: dict[
     assert (tmp_path / "figure.pdf").read_bytes().startswith(b"%PDF")
 
 
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("name", sampled(MADE, 3))
 def test_a_value_is_shown_by_a_picture_and_a_table(name: str, values: dict[str, Any]) -> None:
     page = shown(values[name])
     assert len(page.pictures) == 1

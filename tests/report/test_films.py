@@ -25,6 +25,7 @@ from hemivar.report.style import BLUE
 from hemivar.solvers import ContactStates
 from hemivar.solvers.contact_states import KINDS
 from tests import bodies
+from tests.samples import slow
 
 
 @cache
@@ -237,11 +238,11 @@ def test_what_is_worn_is_taken_off_the_foundation(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("times", "most", "shown"),
     [
-        (np.arange(5.0), 200, [0, 1, 2, 3, 4]),
-        (np.arange(9.0), 5, [0, 2, 4, 6, 8]),
+        slow(np.arange(5.0), 200, [0, 1, 2, 3, 4]),
+        slow(np.arange(9.0), 5, [0, 2, 4, 6, 8]),
         (np.array([0.0, 1.0, 2.0, 3.0, 3.1, 3.2, 4.0]), 200, [0, 1, 2, 3, 6]),
-        (np.array([0.0, 0.9, 2.2, 3.0]), 4, [0, 1, 2, 3]),
-        (np.arange(9.0), 1, [8]),
+        slow(np.array([0.0, 0.9, 2.2, 3.0]), 4, [0, 1, 2, 3]),
+        slow(np.arange(9.0), 1, [8]),
         (np.zeros(1), 10, [0]),
     ],
 )

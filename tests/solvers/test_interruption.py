@@ -37,6 +37,7 @@ from hemivar.solvers import (
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
 from hemivar.systems import CondensedProblem, Workspace, condense
+from tests.samples import slow
 
 from ..counting import sparse_factors
 from ..problem_files import block_file
@@ -297,7 +298,7 @@ def test_memory_that_gives_out_in_a_step_leaves_the_iterate(tmp_path: Path) -> N
 
 
 @needs_linux
-@pytest.mark.parametrize("checked", [True, False])
+@pytest.mark.parametrize("checked", [True, slow(False)])
 def test_a_factorisation_that_does_not_fit_is_refused_with_a_way_out(checked: bool, tmp_path: Path) -> None:
     """Before it starts where the model sees it coming, and with the same way out where the library runs into it."""
     process = start(

@@ -12,6 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, History, Scheme, march
 from hemivar.mechanics.thermal import Heat, HeatContact
 from tests import bodies
+from tests.samples import slow
 
 FINE = hv.Controls(rtol=1e-12)
 
@@ -113,7 +114,7 @@ def test_conduction_needs_contact() -> None:
 
 @pytest.mark.parametrize(
     "scheme",
-    [hv.evolution.ImplicitEuler(), hv.evolution.Midpoint(), hv.evolution.GeneralizedAlpha(0.8)],
+    [hv.evolution.ImplicitEuler(), slow(hv.evolution.Midpoint()), slow(hv.evolution.GeneralizedAlpha(0.8))],
     ids=lambda s: s.name,
 )
 def test_a_sliding_block_heats_itself(scheme: Scheme) -> None:
@@ -163,7 +164,7 @@ def coupled(cells: int, scheme: Scheme, steps: int, coupling: float) -> tuple[fl
 
 
 @pytest.mark.parametrize(
-    ("scheme", "order"), [(hv.evolution.ImplicitEuler(), 1), (hv.evolution.Midpoint(), 2)], ids=lambda s: str(s)
+    ("scheme", "order"), [slow(hv.evolution.ImplicitEuler(), 1), (hv.evolution.Midpoint(), 2)], ids=lambda s: str(s)
 )
 def test_coupled_decay(scheme: Scheme, order: int) -> None:
     found = [coupled(1, scheme, steps, 0.8)[:2] for steps in (10, 20, 40)]
