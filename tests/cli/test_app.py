@@ -741,6 +741,11 @@ def test_output_to_a_file_has_no_control_codes(tmp_path: Path) -> None:
     assert done.returncode == 0
     assert "\x1b" not in done.stdout
     assert done.stdout.startswith("W?rfel")
+
+
+@pytest.mark.slow
+def test_a_table_in_a_file_has_no_control_codes(tmp_path: Path) -> None:
+    (tmp_path / "part.toml").write_text(changed(('"block"', '"Würfel"')), encoding="utf-8")
     done = in_process("compare", "part.toml", "--methods", "newton,active-set", cwd=tmp_path)
     assert done.returncode == 0
     assert "\x1b" not in done.stdout

@@ -387,6 +387,7 @@ def test_lists_survive_any_standard_output(arguments: list[str], tmp_path: Path)
     assert (process.returncode, err) == (0, "")
 
 
+@pytest.mark.slow
 def test_work_survives_closed_streams(tmp_path: Path) -> None:
     """No file gets the number of a stream that was closed, and what is printed goes nowhere."""
     folder = prepared(tmp_path, [])
