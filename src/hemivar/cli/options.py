@@ -111,6 +111,7 @@ Colour = Annotated[
     str | None,
     typer.Option("--colour", metavar="NAME", help="Colour of the body: stress, displacement, speed (film) or none."),
 ]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print the predicted cost of the methods as well.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the summary.")]
 #: Engines by the names of ``--engine``.
 ENGINES = ("scipy", "petsc")

@@ -70,7 +70,7 @@ def print_step(now: Progress) -> bool:
 
 
 class SolveView:
-    """Shows a solve: its method and, unless ``quiet``, every step.
+    """Shows a solve: its method, if ``verbose`` with predicted costs, and, unless ``quiet``, every step.
 
     Attributes
     ----------
@@ -78,8 +78,8 @@ class SolveView:
         What was found.
     """
 
-    def __init__(self, quiet: bool = False) -> None:
-        self.quiet = quiet
+    def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
+        self.quiet, self.verbose = quiet, verbose
         self.solution: Solution | None = None
 
     def __call__(self, event: Event) -> bool:
@@ -91,7 +91,8 @@ class SolveView:
             case MethodEvent(solver, reason):
                 print(f"method            {solver.name}")
                 if reason:
-                    print(f"chosen            {reason}", flush=True)
+                    told = reason if self.verbose else reason.partition("; predicted:")[0]
+                    print(f"chosen            {told}", flush=True)
             case StartEvent(problem, _, count) if not self.quiet:
                 level = ""
                 if count > 1 and problem.field is not None:

@@ -26,6 +26,7 @@ from hemivar.cli.options import (
     Resume,
     Rtol,
     Tolerance,
+    Verbose,
     check_colour,
     check_engine,
     check_limits,
@@ -63,6 +64,7 @@ def solve(
     max_time: MaxTime = None,
     max_steps: MaxSteps = None,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     warm_start: Annotated[
         bool, typer.Option("--warm-start", help="Solve on coarser meshes first, each starting the next.")
     ] = False,
@@ -144,7 +146,7 @@ def solve(
     from hemivar.solvers import Status
     from hemivar.workflows import RunOptions, result_of, run
 
-    view = SolveView(quiet)
+    view = SolveView(quiet, verbose)
     interrupted, certificate = False, None
     try:
         found = result_of(run(discrete, RunOptions(named or session.method, controls, coarser, bool(exact))), view)
