@@ -75,16 +75,39 @@ def put(name: str, value: object) -> Callable[[Head, Arrays], None]:
     return change
 
 
-def entry(name: str, value: object) -> Callable[[Head, Arrays], None]:
+def array(head: Head, path: str) -> str:
+    """The name in the file of the array that stands at a path of the head."""
+    place: Any = head
+    for key in path.split("/"):
+        place = place[int(key) if isinstance(place, list) else key]
+    return f"array {place}"
+
+
+def entry(path: str, value: object) -> Callable[[Head, Arrays], None]:
     """Make the first entry of an array another one, or its whole by a function."""
 
-    def change(_: Head, arrays: Arrays) -> None:
+    def change(head: Head, arrays: Arrays) -> None:
+        name = array(head, path)
         if callable(value):
             arrays[name] = value(arrays[name])
         else:
             arrays[name].ravel()[0] = value
 
     return change
+
+
+def without(path: str) -> Callable[[Head, Arrays], None]:
+    """Take an array out of the file."""
+
+    def change(head: Head, arrays: Arrays) -> None:
+        arrays.pop(array(head, path))
+
+    return change
+
+
+def columns(change: Callable[[list[str]], object]) -> Callable[[Head, Arrays], None]:
+    """Name the columns of the table otherwise."""
+    return lambda head, _: head["state"].update(columns=change(head["state"]["columns"]))
 
 
 def test_a_checkpoint_that_is_as_it_was_is_gone_on_from(tmp_path: Path, written: bytes) -> None:
@@ -117,7 +140,7 @@ def test_content_that_changed_does_not_match_its_digest(tmp_path: Path, written:
     with zipfile.ZipFile(stream, "w") as out:
         for part in archive.infolist():
             data = bytearray(archive.read(part))
-            if part.filename == "body.displacement.npy":
+            if part.filename == "array 0.npy":
                 data[-1] ^= 1
             out.writestr(part.filename, bytes(data))
     with pytest.raises(FileError, match="does not match its digest"):
@@ -125,63 +148,72 @@ def test_content_that_changed_does_not_match_its_digest(tmp_path: Path, written:
 
 
 FORGED: dict[str, Callable[[Head, Arrays], None]] = {
-    "time is nan": put("time", "nan"),
-    "time is a list": put("time", [1]),
-    "time before the start": put("time", (-1.0).hex()),
-    "time of no row": put("time", (0.35).hex()),
-    "index is a text": put("index", "3"),
-    "index is negative": put("index", -3),
-    "index is missing": lambda head, arrays: head.pop("index"),
-    "ledger of another kind": put("ledger", {"work": "0x1p0", "gold": "0x1p0"}),
-    "ledger is a number": put("ledger", 3),
-    "step is 0": put("pace/0", (0.0).hex()),
-    "step of nothing": put("pace/0", (1e-300).hex()),
-    "step beyond all": put("pace/0", (1e300).hex()),
-    "step is inf": put("pace/0", "inf"),
-    "rung is a float": put("pace/1", 0.5),
-    "rung is huge": put("pace/1", 10**40),
-    "pace is short": put("pace", []),
-    "columns are others": put("columns/0", "gold"),
-    "columns twice": lambda head, arrays: head.update(columns=[head["columns"][0]] * len(head["columns"])),
-    "columns are numbers": lambda head, arrays: head.update(columns=list(range(len(head["columns"])))),
-    "no frames": put("frames", []),
-    "frame at nan": put("frames/0/0", "nan"),
-    "frame of no row": put("frames/0/0", (0.05).hex()),
-    "stride is 0": put("frame_place", [3, 0]),
-    "place is negative": put("frame_place", [-1, 1]),
-    "branches are more": put("branches", 2),
-    "branches are none": put("branches", 0),
-    "branches are a text": put("branches", "1"),
-    "memory of another boundary": put("memory/0/0", "top"),
-    "memory is gone": put("memory", []),
-    "event is a number": put("events", [["0x1p0", 7]]),
-    "message is a number": put("messages", [7]),
-    "largest is negative": put("largest", (-1.0).hex()),
-    "farthest is nan": put("farthest", "nan"),
-    "bound is negative": put("bound", (-1.0).hex()),
-    "heat that is none": put("heat", {"time": "0x0p0"}),
-    "place is nan": entry("body.displacement", np.nan),
-    "place is shorter": entry("body.displacement", lambda a: a[:-1]),
-    "place is longer": entry("body.displacement", lambda a: np.append(a, 0.0)),
-    "place is a table": entry("body.displacement", lambda a: a[:, None]),
-    "velocity is inf": entry("body.velocity", np.inf),
-    "velocity is a number": entry("body.velocity", lambda a: np.array(1.0)),
-    "local of another shape": entry("local.displacement", lambda a: a.T),
-    "multiplier is nan": entry("multiplier", np.nan),
-    "branch is shorter": entry("branch.0", lambda a: a[1:]),
-    "branch is missing": lambda head, arrays: arrays.pop("branch.0"),
-    "origin is nan": entry("origin", np.nan),
-    "origin is empty": entry("origin", lambda a: a[:0]),
-    "rows are fewer": entry("own", lambda a: a[:-1]),
-    "rows are none": entry("own", lambda a: a[:0]),
-    "rows are narrow": entry("own", lambda a: a[:, :3]),
-    "rows run back": entry("own", lambda a: a[::-1]),
-    "steps are nan": entry("own", lambda a: np.where(np.arange(a.shape[1]) == 2, np.nan, a)),
-    "values are narrow": entry("rows", lambda a: a[:, 1:]),
-    "frame is nan": entry("frame.0.displacement", np.nan),
-    "frame is shorter": entry("frame.1.velocity", lambda a: a[1:]),
-    "frame of another shape": entry("frame.1.local", lambda a: a[:, :1]),
-    "truth values": entry("own", lambda a: a > 0),
+    "time is nan": put("state/march/moment/time", "nan"),
+    "time is a list": put("state/march/moment/time", [1]),
+    "time before the start": put("state/march/moment/time", -1.0),
+    "time of no row": put("state/march/moment/time", 0.35),
+    "index is a text": put("state/march/moment/index", "3"),
+    "index is negative": put("state/march/moment/index", -3),
+    "index is missing": lambda head, arrays: head["state"]["march"]["moment"].pop("index"),
+    "ledger of another kind": put("state/march/moment/ledger", {"work": 1.0, "gold": 1.0}),
+    "ledger is a number": put("state/march/moment/ledger", 3),
+    "step is 0": put("state/march/pace/step", 0.0),
+    "step of nothing": put("state/march/pace/step", 1e-300),
+    "step beyond all": put("state/march/pace/step", 1e300),
+    "step is inf": put("state/march/pace/step", "inf"),
+    "rung is a float": put("state/march/pace/rung", 0.5),
+    "rung is huge": put("state/march/pace/rung", 10**40),
+    "pace is short": put("state/march/pace", []),
+    "columns are others": put("state/columns/0", "gold"),
+    "columns twice": lambda head, arrays: head["state"].update(
+        columns=[head["state"]["columns"][0]] * len(head["state"]["columns"])
+    ),
+    "columns are numbers": lambda head, arrays: head["state"].update(
+        columns=list(range(len(head["state"]["columns"])))
+    ),
+    "a number is an array": put("state/march/moment/body/displacement", 0.5),
+    "an array that is not there": put("state/march/moment/body/displacement", 10**6),
+    "an array before the first": put("state/march/moment/body/displacement", -1),
+    "a field too many": put("state/march/moment/gold", 1.0),
+    "straight is a number": put("state/march/straight", 1),
+    "no frames": put("state/march/frames", []),
+    "frame at nan": put("state/march/frames/0/time", "nan"),
+    "frame of no row": put("state/march/frames/0/time", 0.05),
+    "stride is 0": put("state/march/frame_place", [3, 0]),
+    "place is negative": put("state/march/frame_place", [-1, 1]),
+    "branches are more": put("state/march/moment/branches", [0, 0]),
+    "branches are none": put("state/march/moment/branches", []),
+    "branches are a text": put("state/march/moment/branches", "1"),
+    "memory of another boundary": put("state/march/moment/memory", {"top": {}}),
+    "memory is gone": put("state/march/moment/memory", {}),
+    "event is a number": put("state/march/events", [[1.0, 7]]),
+    "message is a number": put("state/march/messages", [7]),
+    "largest is negative": put("state/march/largest", -1.0),
+    "farthest is nan": put("state/march/farthest", "nan"),
+    "bound is negative": put("state/march/bound", -1.0),
+    "heat that is none": put("state/march/moment/heat", {"time": 0.0}),
+    "place is nan": entry("state/march/moment/body/displacement", np.nan),
+    "place is shorter": entry("state/march/moment/body/displacement", lambda a: a[:-1]),
+    "place is longer": entry("state/march/moment/body/displacement", lambda a: np.append(a, 0.0)),
+    "place is a table": entry("state/march/moment/body/displacement", lambda a: a[:, None]),
+    "velocity is inf": entry("state/march/moment/body/velocity", np.inf),
+    "velocity is a number": entry("state/march/moment/body/velocity", lambda a: np.array(1.0)),
+    "local of another shape": entry("state/march/moment/local/displacement", lambda a: a.T),
+    "multiplier is nan": entry("state/march/moment/multiplier", np.nan),
+    "branch is shorter": entry("state/march/moment/branches/0", lambda a: a[1:]),
+    "branch is missing": without("state/march/moment/branches/0"),
+    "origin is nan": entry("state/march/origin", np.nan),
+    "origin is empty": entry("state/march/origin", lambda a: a[:0]),
+    "rows are fewer": entry("state/own", lambda a: a[:-1]),
+    "rows are none": entry("state/own", lambda a: a[:0]),
+    "rows are narrow": entry("state/own", lambda a: a[:, :3]),
+    "rows run back": entry("state/own", lambda a: a[::-1]),
+    "steps are nan": entry("state/own", lambda a: np.where(np.arange(a.shape[1]) == 2, np.nan, a)),
+    "values are narrow": entry("state/values", lambda a: a[:, 1:]),
+    "frame is nan": entry("state/march/frames/0/displacement", np.nan),
+    "frame is shorter": entry("state/march/frames/1/velocity", lambda a: a[1:]),
+    "frame of another shape": entry("state/march/frames/1/local", lambda a: a[:, :1]),
+    "truth values": entry("state/own", lambda a: a > 0),
 }
 
 
@@ -193,11 +225,12 @@ def test_a_forged_checkpoint_is_refused_in_one_sentence(tmp_path: Path, written:
 
 
 def test_memory_that_is_remembered_is_finite(tmp_path: Path, written: bytes) -> None:
-    names = [name for name in read_arrays(written)[0] if name.startswith("memory.")]
-    assert names
+    head = json.loads(read_arrays(written)[0]["head"].tobytes())
+    memory = head["state"]["march"]["moment"]["memory"]
+    path = next(f"state/march/moment/memory/{name}/{one}" for name, states in memory.items() for one in states)
     for change in (np.nan, lambda a: a[1:]):
         with pytest.raises(FileError, match="cannot be used"):
-            resumed(tmp_path / "run.ckpt", forged(written, entry(names[0], change)))
+            resumed(tmp_path / "run.ckpt", forged(written, entry(path, change)))
 
 
 def test_no_array_is_larger_than_its_bytes() -> None:

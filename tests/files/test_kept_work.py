@@ -76,11 +76,11 @@ def packed(*numbers: float) -> Data:
 
 
 SOLUTIONS: dict[str, Callable[[Data], object]] = {
-    "unknown is nan": lambda data: data.update(unknowns=packed(1.0, np.nan)),
-    "multiplier is inf": lambda data: data.update(multiplier=packed(np.inf)),
-    "shape is negative": lambda data: data["unknowns"].update(shape=[-1]),
-    "shape is huge": lambda data: data["unknowns"].update(shape=[10**30]),
-    "shape is a float": lambda data: data["unknowns"].update(shape=[2.0]),
+    "unknown is nan": lambda data: data["arrays"].__setitem__(0, packed(1.0, np.nan)),
+    "multiplier is inf": lambda data: data["arrays"].__setitem__(1, packed(np.inf)),
+    "shape is negative": lambda data: data["arrays"][0].update(shape=[-1]),
+    "shape is huge": lambda data: data["arrays"][0].update(shape=[10**30]),
+    "shape is a float": lambda data: data["arrays"][0].update(shape=[2.0]),
     "number is negative": lambda data: data.update(number=-1),
     "number is a text": lambda data: data.update(number="0"),
     "status of nothing": lambda data: data.update(status="splendid"),
@@ -89,7 +89,10 @@ SOLUTIONS: dict[str, Callable[[Data], object]] = {
     "bound is a list": lambda data: data.update(error_bound=[]),
     "residual of another kind": lambda data: data.update(residual={"gold": 1.0}),
     "seconds are a text": lambda data: data.update(timings={"iterate": "long"}),
-    "arrays are missing": lambda data: data.pop("unknowns"),
+    "arrays are missing": lambda data: data.pop("arrays"),
+    "unknowns are missing": lambda data: data.pop("unknowns"),
+    "unknowns are nowhere": lambda data: data.update(unknowns=7),
+    "unknowns are numbers": lambda data: data.update(unknowns=[1.0]),
 }
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from hemivar.basics.codec import COMPUTED
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.evolution.energy_balance import EnergyBalance
@@ -31,9 +32,9 @@ class Kinematics(PickleMixin):
     displacement: Array
     velocity: Array
     acceleration: Array
-    stiffness_force: Array | None = field(default=None, kw_only=True)
-    viscous_force: Array | None = field(default=None, kw_only=True)
-    momentum: Array | None = field(default=None, kw_only=True)
+    stiffness_force: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)
+    viscous_force: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)
+    momentum: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)
 
     def at_velocity(self, velocity: Array) -> Kinematics:
         """The same at another velocity."""

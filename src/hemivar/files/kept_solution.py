@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
+from hemivar.basics.codec import array_of_text, decoded, encoded, text_of_array
 from hemivar.basics.disk import read_text, write_text
-from hemivar.basics.types import Array
+from hemivar.basics.types import AnyArray, Array, Record
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
-from hemivar.files.kept_work import plain_json
 from hemivar.solvers import Solution, Status
 
 __all__ = ["KeptSolution"]
-
-_NUMBERS = ("error_bound", "contraction")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,14 +32,22 @@ class KeptSolution:
         Which mesh, from 0.
     unknowns : array (n,)
     multiplier : array (m, d)
-    said : mapping
-        Status, method, residual and so on, as JSON has them.
+    status, residual, method, steps, evaluations, timings, error_bound, contraction, kind
+        As :class:`hemivar.solvers.Solution` has them.
     """
 
     number: int
     unknowns: Array
     multiplier: Array
-    said: Mapping[str, object]
+    status: Status
+    residual: Residual
+    method: str
+    steps: int
+    evaluations: int
+    timings: Mapping[str, float]
+    error_bound: float | None
+    contraction: float | None
+    kind: PointKind | None
 
     @staticmethod
     def of(number: int, solution: Solution) -> KeptSolution:
@@ -52,17 +58,8 @@ class KeptSolution:
         number : int
         solution : Solution
         """
-        said = {
-            "status": solution.status.value,
-            "method": solution.method,
-            "steps": solution.steps,
-            "evaluations": solution.evaluations,
-            "residual": {name: plain_json(value) for name, value in asdict(solution.residual).items()},
-            "timings": {name: plain_json(float(value)) for name, value in solution.timings.items()},
-            "kind": None if solution.kind is None else solution.kind.value,
-            **{name: plain_json(getattr(solution, name)) for name in _NUMBERS},
-        }
-        return KeptSolution(number, solution.unknowns, solution.multiplier, said)
+        names = [one.name for one in fields(KeptSolution) if one.name != "number"]
+        return KeptSolution(number, **{name: getattr(solution, name) for name in names})
 
     def keep(self, path: Path) -> None:
         """A file with this line alone, whole or not at all."""
@@ -74,9 +71,10 @@ class KeptSolution:
         return KeptSolution.of_line(read_text(path, "solution", most_bytes))
 
     def line(self) -> str:
-        """The line; numbers of the two arrays as their bytes, eight for each, the lowest first, in base 64."""
-        arrays = {"unknowns": _packed(self.unknowns), "multiplier": _packed(self.multiplier)}
-        return json.dumps({"number": self.number, **self.said, **arrays}, allow_nan=False)
+        """The line; numbers of the two arrays as their bytes in base 64."""
+        arrays: list[AnyArray] = []
+        head: Record = cast(Record, encoded(self, arrays))
+        return json.dumps({**head, "arrays": [text_of_array(one) for one in arrays]}, allow_nan=False)
 
     @staticmethod
     def of_line(text: str) -> KeptSolution:
@@ -88,14 +86,12 @@ class KeptSolution:
             It is no such line.
         """
         data = json.loads(text)
-        unknowns, multiplier = _array(data.pop("unknowns")), _array(data.pop("multiplier"))
-        number = data.pop("number")
-        if type(number) is not int or number < 0:
-            raise ValueError("the number of the mesh is no whole number")
-        found = KeptSolution(number, unknowns, multiplier, data)
-        status, _, _ = found._told()
-        finite = np.isfinite(unknowns).all() and np.isfinite(multiplier).all()
-        if not finite and status is not Status.NONFINITE:
+        arrays = [array_of_text(one) for one in data.pop("arrays")]
+        found = decoded(KeptSolution, data, arrays)
+        if min(found.number, found.steps, found.evaluations) < 0:
+            raise ValueError("a number of meshes or steps is negative")
+        finite = np.isfinite(found.unknowns).all() and np.isfinite(found.multiplier).all()
+        if not finite and found.status is not Status.NONFINITE:
             raise ValueError("an entry is not finite")
         return found
 
@@ -118,45 +114,7 @@ class KeptSolution:
                 f"{len(self.multiplier)} contact points, and the mesh has {problem.unknowns} and {shape[0]}; remove "
                 "the file, or name another one"
             )
-        status, residual, kind = self._told()
-        said = dict(self.said)
-        bounds = {name: None if said[name] is None else float(str(said[name])) for name in _NUMBERS}
-        timings = said["timings"]
-        assert isinstance(timings, dict)
         return Solution(
-            problem, self.unknowns, self.multiplier, status, residual, str(said["method"]), int(str(said["steps"])),
-            int(str(said["evaluations"])), (), {str(name): float(value) for name, value in timings.items()},
-            bounds["error_bound"], bounds["contraction"], kind,
+            problem, self.unknowns, self.multiplier, self.status, self.residual, self.method, self.steps,
+            self.evaluations, (), self.timings, self.error_bound, self.contraction, self.kind,
         )  # fmt: skip
-
-    def _told(self) -> tuple[Status, Residual, PointKind | None]:
-        residual, kind = self.said["residual"], self.said["kind"]
-        if not isinstance(residual, dict) or not isinstance(self.said["timings"], dict):
-            raise TypeError
-        for name in _NUMBERS:
-            if self.said[name] is not None:
-                float(str(self.said[name]))
-        if not isinstance(self.said["method"], str):
-            raise TypeError
-        if any(type(count) is not int or count < 0 for count in (self.said["steps"], self.said["evaluations"])):
-            raise ValueError("steps and evaluations are no whole numbers")
-        for seconds in self.said["timings"].values():
-            float(seconds)
-        return (
-            Status(self.said["status"]),
-            Residual(**{name: float(value) for name, value in residual.items()}),
-            None if kind is None else PointKind(str(kind)),
-        )
-
-
-def _packed(array: Array) -> dict[str, object]:
-    data = base64.b64encode(np.ascontiguousarray(array, dtype="<f8").tobytes()).decode("ascii")
-    return {"shape": list(array.shape), "data": data}
-
-
-def _array(packed: Mapping[str, object]) -> Array:
-    shape = packed["shape"]
-    if not isinstance(shape, list) or any(type(length) is not int or length < 0 for length in shape):
-        raise TypeError
-    numbers = np.frombuffer(base64.b64decode(str(packed["data"]), validate=True), dtype="<f8")
-    return numbers.astype(float).reshape(shape)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -13,9 +12,9 @@ from typing import Generic, Protocol, TypeVar
 from hemivar.basics import disk
 from hemivar.errors import FileError
 
-__all__ = ["KeptWork", "plain_json"]
+__all__ = ["KeptWork"]
 
-_FORMAT = 2
+_FORMAT = 3
 #: What a line begins with: the check of the rest of it.
 _CHECK = '{"check": "'
 
@@ -25,20 +24,6 @@ class _Part(Protocol):
 
 
 Part = TypeVar("Part", bound=_Part)
-
-
-def plain_json(value: object) -> object:
-    """A value as JSON has it: tuples as lists, numbers that are not finite as texts.
-
-    Parameters
-    ----------
-    value : object
-    """
-    if isinstance(value, tuple):
-        return [plain_json(one) for one in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)  # JSON has no such numbers
-    return value
 
 
 class KeptWork(Generic[Part]):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from hemivar.files.kept_work import plain_json
+from hemivar.basics.codec import decoded, encoded
 
 __all__ = ["SweepPoint"]
 
@@ -59,7 +59,7 @@ class SweepPoint:
 
     def line(self) -> str:
         """The point on one line of JSON; every bit of its numbers comes back."""
-        return json.dumps({one.name: plain_json(getattr(self, one.name)) for one in fields(self)}, allow_nan=False)
+        return json.dumps(encoded(self, []), allow_nan=False)
 
     @staticmethod
     def of_line(text: str) -> SweepPoint:
@@ -70,25 +70,11 @@ class SweepPoint:
         ValueError, KeyError, TypeError
             It is no such line.
         """
-        data = json.loads(text)
-        numbers = {name: tuple(float(value) for value in data[name]) for name in _OF_SOLUTIONS}
-        place, kinds = data["place"], data["kinds"]
-        if not isinstance(place, list) or any(type(one) is not int or one < 0 for one in place):
+        found = decoded(SweepPoint, json.loads(text), [])
+        if any(one < 0 for one in found.place):
             raise ValueError("the place is no list of whole numbers")
-        if not isinstance(kinds, list) or any(len(found) != len(kinds) for found in numbers.values()):
+        if len({len(getattr(found, name)) for name in (*_OF_SOLUTIONS, "kinds")}) > 1:
             raise ValueError("solutions have energies, kinds, penetrations and forces")
-        if not all(map(math.isfinite, numbers["energies"])):
+        if not all(map(math.isfinite, found.energies)):
             raise ValueError("an energy is not finite")
-        if not all(isinstance(one, str) for one in (*kinds, data["note"])):
-            raise TypeError("kinds and note are texts")
-        if not all(isinstance(data[name], bool) for name in ("exhaustive", "failed")):
-            raise TypeError("what is said of the solutions is not true or false")
-        return SweepPoint(
-            tuple(place),
-            float(data["margin"]),
-            kinds=tuple(kinds),
-            exhaustive=data["exhaustive"],
-            note=data["note"],
-            failed=data["failed"],
-            **numbers,
-        )
+        return found

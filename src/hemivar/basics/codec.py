@@ -1,0 +1,144 @@
+"""Frozen dataclasses as JSON and arrays, and back again: every bit of them, by their annotations.
+
+A new field, or a new class inside of one, needs no format of its own.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Any, TypeVar
+
+import numpy as np
+
+from hemivar.basics.types import AnyArray
+
+__all__ = ["COMPUTED", "array_of_text", "decoded", "encoded", "text_of_array"]
+
+Kind = TypeVar("Kind")
+
+#: Metadata of a field that is computed again, and not kept.
+COMPUTED: Mapping[str, object] = types.MappingProxyType({"kept": False})
+
+
+def encoded(value: object, arrays: list[AnyArray]) -> object:
+    """A value as JSON has it; its arrays are appended to the list, and stand as their places in it.
+
+    Parameters
+    ----------
+    value : object
+        A dataclass, mapping, sequence, enumeration, array, number, truth value, text or None, and these inside.
+    arrays : list of array
+    """
+    if isinstance(value, np.ndarray):
+        arrays.append(value)
+        return len(arrays) - 1
+    if is_dataclass(value):
+        return {one.name: encoded(getattr(value, one.name), arrays) for one in fields(value) if _kept(one.metadata)}
+    if isinstance(value, Mapping):
+        return {name: encoded(one, arrays) for name, one in value.items()}
+    if isinstance(value, tuple | list):
+        return [encoded(one, arrays) for one in value]
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, bool | str) or value is None:
+        return value
+    if isinstance(value, int | np.integer):
+        return int(value)
+    number = float(value)  # type: ignore[arg-type]
+    return number if math.isfinite(number) else str(number)  # JSON has no such numbers
+
+
+def decoded(
+    kind: type[Kind], head: object, arrays: Sequence[AnyArray], names: Mapping[str, type] | None = None
+) -> Kind:
+    """The value of a class that :func:`encoded` was given.
+
+    Parameters
+    ----------
+    kind : type
+        A dataclass.
+    head : object
+        As JSON gives it.
+    arrays : sequence of array
+    names : mapping of name to type, optional
+        Names in annotations that the modules of the classes do not load.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        What was read is no such value.
+    """
+    found: Kind = _value(kind, head, arrays, names or {})
+    return found
+
+
+def _kept(metadata: Mapping[Any, Any]) -> bool:
+    return bool(metadata.get("kept", True))
+
+
+def _value(kind: Any, head: Any, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> Any:
+    origin, inside = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        if head is None and types.NoneType in inside:
+            return None
+        return _value(next(one for one in inside if one is not types.NoneType), head, arrays, names)
+    if origin is np.ndarray:
+        if type(head) is not int or not 0 <= head < len(arrays):
+            raise KeyError(f"array {head!r}")
+        return arrays[head]
+    if is_dataclass(kind):
+        return _object(kind, head, arrays, names)
+    if origin is tuple:
+        entries = _expected(list, head)
+        kinds = [inside[0]] * len(entries) if inside[-1] is Ellipsis else inside
+        return tuple(_value(one, entry, arrays, names) for one, entry in zip(kinds, entries, strict=True))
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return {name: _value(inside[1], one, arrays, names) for name, one in _expected(dict, head).items()}
+    if kind is float:
+        if isinstance(head, bool) or not isinstance(head, int | float | str):
+            raise TypeError(f"{head!r} is no number")
+        return float(head)
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind(head)
+    return _expected(kind, head)
+
+
+def _object(kind: Any, head: Any, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> Any:
+    hints, given = typing.get_type_hints(kind, localns=dict(names)), _expected(dict, head)
+    kept = [one.name for one in fields(kind) if _kept(one.metadata)]
+    if given.keys() != set(kept):
+        raise KeyError(f"{kind.__name__} has the fields {', '.join(kept)}")
+    return kind(**{name: _value(hints[name], given[name], arrays, names) for name in kept})
+
+
+def _expected(kind: type, head: Any) -> Any:
+    if type(head) is not kind:
+        raise TypeError(f"{head!r:.40} is no {kind.__name__}")
+    return head
+
+
+def text_of_array(array: AnyArray) -> dict[str, object]:
+    """An array of floats as JSON: its shape, and its bytes, eight a number, the lowest first, in base 64."""
+    data = base64.b64encode(np.ascontiguousarray(array, dtype="<f8").tobytes()).decode("ascii")
+    return {"shape": list(array.shape), "data": data}
+
+
+def array_of_text(packed: Any) -> AnyArray:
+    """The contrary of :func:`text_of_array`.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        It is no such text.
+    """
+    shape = _expected(list, packed["shape"])
+    if any(type(length) is not int or length < 0 for length in shape):
+        raise TypeError("a shape is no list of whole numbers")
+    numbers = np.frombuffer(base64.b64decode(str(packed["data"]), validate=True), dtype="<f8")
+    return numbers.astype(float).reshape(shape)
