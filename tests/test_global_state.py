@@ -21,9 +21,9 @@ from threadpoolctl import ThreadpoolController
 
 import hemivar as hv
 from hemivar import files, report
+from hemivar.fem.near_kernel import near_kernel, node_slots
 from hemivar.linear.algebraic import algebraic_levels
 from hemivar.mesh.mesh import Mesh
-from hemivar.systems.elastic_multigrid import near_kernel, node_slots
 from tests.problems import bar, square
 from tests.samples import sampled
 
@@ -149,7 +149,7 @@ def test_importing_every_room_changes_nothing_global() -> None:
 def test_algebraic_levels_repeat_bit_by_bit() -> None:
     problem = unstructured(32)
     np.random.seed(1)  # noqa: NPY002 - must not matter
-    given = problem.stiffness, near_kernel(problem), node_slots(problem)
+    given = problem.stiffness, near_kernel(problem.field), node_slots(problem.field)
     first = algebraic_levels(*given)
     np.random.seed(2)  # noqa: NPY002
     second = algebraic_levels(*given)
@@ -169,7 +169,7 @@ def test_algebraic_levels_warn_of_nothing() -> None:
     problem = unstructured(32)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert algebraic_levels(problem.stiffness, near_kernel(problem), node_slots(problem))
+        assert algebraic_levels(problem.stiffness, near_kernel(problem.field), node_slots(problem.field))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
+from scipy.optimize import brentq
 
 import hemivar as hv
 from hemivar.basics.types import Array
@@ -442,8 +443,28 @@ def test_the_command_marches_a_problem_file(tmp_path: Path, monkeypatch: pytest.
 def test_the_energy_along_a_step_bends_as_that_of_the_linear_body() -> None:
     bends = []
     for material in (hencky(1.0), lame()):
-        advance = TimeStepper.of(discretize_evolution(Evolution(gliding(material))), ImplicitEuler(), None, TIGHT)
+        body = gliding(material, hv.Adhesive(stiffness=40.0, strength=0.5, softening=30.0))
+        advance = TimeStepper.of(discretize_evolution(Evolution(body)), ImplicitEuler(), None, TIGHT)
         taken = advance.take(initial_moment(advance), 0.1)
         bends.append(np.diff(_energies(advance, taken.stages[0], taken.solutions[0]), 2))
     assert bends[1].min() > 0.0
     assert bends[0] == pytest.approx(bends[1], rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("cells", [4, 32])
+def test_supports_that_move_within_a_step_strain_no_cell_beyond_what_it_bears(cells: int) -> None:
+    """Energy that ends at a shear strain of 0.2; alone, a support moves by ``0.025 / h`` in a step."""
+
+    def pressure(e: float) -> float:
+        return 6.0 * e + 2.0 / 3.0 * e / (0.04 - 2.0 / 3.0 * e**2)
+
+    exact = brentq(lambda s: pressure(0.1 - s) - 20.0 * s, 0.0, 0.1, xtol=1e-16)
+    down = hv.Fixed(y=lambda points, t: np.full(len(points), -0.1 * t))
+    material = hv.Material.potential("3*tr^2 - 0.5*log(1 - dev2/0.04)", reach=0.19)
+    supports = {"left": "roller", "right": "roller", "top": down}
+    stated = hv.ContactProblem(
+        hv.rectangle(cells=cells), material, {"bottom": hv.Contact(hv.Compliance(20.0))}, supports
+    )
+    history = march(Evolution(stated), 1.0, step=0.25)
+    assert history.finished
+    assert history["penetration"][-1] == pytest.approx(exact, rel=1e-9)

@@ -294,7 +294,7 @@ def test_nothing_is_assembled_for_another_length_of_step(monkeypatch: pytest.Mon
         return found
 
     first = levels(3.0, 10.0)
-    for module, name in (("hierarchy", "discretize"), ("mass", "stiffness_blocks"), ("dynamics", "mass_blocks")):
+    for module, name in (("hierarchy", "coarse_problem"), ("mass", "stiffness_blocks"), ("dynamics", "mass_blocks")):
         monkeypatch.setattr(importlib.import_module(f"hemivar.fem.{module}"), name, None)
     second = levels(6.0, 40.0)
     assert len(second) == len(first) >= 3

@@ -10,7 +10,8 @@ import pytest
 
 from hemivar.basics.types import Array
 from hemivar.fem import discretize
-from hemivar.fem.hierarchy import coarser, rigid_motions
+from hemivar.fem.hierarchy import coarser
+from hemivar.fem.near_kernel import rigid_motions
 from hemivar.laws import ThresholdCompliance, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Support
 from hemivar.mesh import Mesh, box, rectangle

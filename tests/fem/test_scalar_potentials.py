@@ -73,12 +73,12 @@ def test_a_linear_flux_as_an_energy(order: int) -> None:
     """p = 2 is the linear problem with A = 3; beside a linear region too."""
     linear = hv.solve(membrane(3.0, order=order), rtol=1e-12)
     other = hv.solve(membrane(FLAT, order=order), rtol=1e-12)
-    np.testing.assert_allclose(other.unknowns, linear.unknowns, atol=1e-10)
+    np.testing.assert_allclose(other.displacement, linear.displacement, atol=1e-10)
     mesh = linear.problem.origin.mesh  # type: ignore[union-attr]
     high = mesh.points[mesh.cells].mean(axis=1)[:, 1] > 0.5
     mesh = dataclasses.replace(mesh, regions={"high": np.flatnonzero(high), "low": np.flatnonzero(~high)})
     mixed = dataclasses.replace(membrane(1.0, order=order), mesh=mesh, coefficient={"high": 3.0, "low": FLAT})
-    np.testing.assert_allclose(hv.solve(mixed, rtol=1e-12).unknowns, linear.unknowns, atol=1e-10)
+    np.testing.assert_allclose(hv.solve(mixed, rtol=1e-12).displacement, linear.displacement, atol=1e-10)
 
 
 def slope_of(flux: Array) -> Array:

@@ -9,8 +9,9 @@ import scipy.sparse.linalg as spla
 
 import hemivar as hv
 from hemivar import gallery
+from hemivar.fem.near_kernel import near_kernel, node_slots
 from hemivar.linear import Hierarchy
-from hemivar.systems.elastic_multigrid import ElasticMultigrid, near_kernel, node_slots
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 
 def laplacian(n: int) -> sp.csr_array:
@@ -93,7 +94,7 @@ def test_a_body_of_a_mesh_and_its_matrix_alone() -> None:
     """Elasticity by its meshes, and by the matrix with its rigid motions: both precondition."""
     problem = hv.discretize(gallery.survey("5.1", 32, "right"))
     by_meshes = ElasticMultigrid.of(problem)
-    alone = Hierarchy.of(problem.stiffness, near=near_kernel(problem), slots=[node_slots(problem)])
+    alone = Hierarchy.of(problem.stiffness, near=near_kernel(problem.field), slots=[node_slots(problem.field)])
     sizes = [level.A.shape[0] for level in by_meshes.hierarchy.levels]
     assert sizes[0] == problem.unknowns
     assert sizes == sorted(sizes, reverse=True)

@@ -227,7 +227,7 @@ def _out_of_balance(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
     if not isinstance(problem.bulk, Quadratic):
         sizes = np.abs(problem.load)
         if isinstance(problem.bulk, Potential):
-            sizes = sizes + np.abs(problem.bulk.initial_forces)
+            sizes = sizes + problem.bulk.initial_sizes
         size, longest = _rounding_size(point, v, sizes, lam)
         rest = problem.out_of_balance(v) - problem.contact_force(lam)
         return rest, (longest + OPERATIONS) * float(np.finfo(float).eps) * size

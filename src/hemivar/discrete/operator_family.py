@@ -81,6 +81,14 @@ class OperatorFamily(PickleMixin):
                 part.add_to(data, factor)
         return of_arrays(data, base.inner.indices, base.inner.indptr)
 
+    def pulled(
+        self, change: Array, viscous: float = 0.0, inertia: float = 0.0, branches: Sequence[float] = ()
+    ) -> Array:
+        """Forces (n,) of a change (k,) of the prescribed displacements, by the matrix of :meth:`combined`."""
+        parts = [(1.0, self.stiffness), (viscous, self.viscosity), (inertia, self.mass)]
+        parts += [(share, part) for share, (_, part) in zip(branches, self.branches, strict=True)] if branches else []
+        return np.asarray(sum(factor * (part.coupling @ change) for factor, part in parts if part is not None))
+
     @cached_property
     def space(self) -> Space:
         """The fields of the body, which no support displaces."""
@@ -139,6 +147,10 @@ class Composition(PickleMixin):
         """The stiffness of a linear body."""
         whole = self.family.combined(self.viscous, self.inertia, self.branches)
         return whole if self.scale == 1.0 else sp.csr_array(self.scale * whole)
+
+    def pulled(self, change: Array) -> Array:
+        """Forces (n,) of a change (k,) of the prescribed displacements on the linear body."""
+        return self.family.pulled(change, self.viscous, self.inertia, self.branches)
 
     def bulk(self) -> Quadratic | Potential:
         """The stored energy, with those of viscosity, mass and branches."""

@@ -15,11 +15,17 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.operators import combined
+from hemivar.errors import ProblemError
+from hemivar.linear.products import diagonal
 
 if TYPE_CHECKING:
     from hemivar.discrete.problem import DiscreteProblem
 
-__all__ = ["BodyEnergy", "Potential", "SumEnergy", "Tangent"]
+__all__ = ["BodyEnergy", "Potential", "Softened", "SumEnergy", "Tangent"]
+
+
+class Softened(ProblemError):  # noqa: N818 - a state of the body, which methods go around
+    """A body that is not linear has no positive stiffness at some displacement."""
 
 
 class BodyEnergy(Protocol):
@@ -28,6 +34,11 @@ class BodyEnergy(Protocol):
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
+        ...
+
+    @property
+    def origin(self) -> Array:
+        """What is displaced at unknowns zero, in their directions (n,)."""
         ...
 
     def value(self, u: Array) -> float:
@@ -82,6 +93,11 @@ class SumEnergy(PickleMixin):
     def unknowns(self) -> int:
         """Number of unknowns n."""
         return self.energy.unknowns
+
+    @property
+    def origin(self) -> Array:
+        """What is displaced at unknowns zero, in their directions (n,)."""
+        return self.energy.origin
 
     def value(self, u: Array) -> float:
         """The energy at the unknowns u (n,)."""
@@ -150,8 +166,16 @@ class Potential(PickleMixin):
 
     @cached_property
     def initial_forces(self) -> Array:
-        """``W'(0)``, (n,): internal forces under the prescribed displacements alone."""
+        """``W'(0)``, (n,): internal forces at unknowns zero."""
         return self.energy.gradient(np.zeros(self.unknowns))
+
+    @cached_property
+    def initial_sizes(self) -> Array:
+        """Sizes of what is added up in ``W'(0)``, (n,), by the stiffness at rest of the stored energy alone."""
+        energy, own = self.energy, self.at_rest.stiffness
+        if isinstance(energy, SumEnergy):
+            own = combined([(1.0, own), (-1.0, energy.quadratic)])
+        return np.asarray(np.abs(self.initial_forces) + abs(own) @ np.abs(energy.origin))
 
     def value(self, u: Array) -> float:
         """``W(u) - W(0) - W'(0) u``."""
@@ -166,13 +190,26 @@ class Potential(PickleMixin):
         return self.energy.hessian(u)
 
     def tangent(self, u: Array) -> Quadratic:
-        """The linear body with the stiffness ``W''(u)``."""
-        return Quadratic(self.hessian(u), assembled=True) if u.any() else self.at_rest
+        """The linear body with the stiffness ``W''(u)``.
+
+        Raises
+        ------
+        Softened
+            It has a diagonal entry that is not positive.
+        """
+        return self._initial if not u.any() else _stiff(self.hessian(u))
+
+    @cached_property
+    def _initial(self) -> Quadratic:
+        return _stiff(self.hessian(np.zeros(self.unknowns)))
 
     @cached_property
     def at_rest(self) -> Quadratic:
-        """The linear body with the stiffness at u = 0."""
-        return Quadratic(self.hessian(np.zeros(self.unknowns)), assembled=True)
+        """The linear body with the stiffness at u = 0, by which sizes are compared; that above where it is negative."""
+        try:
+            return self._initial
+        except Softened:
+            return self.upper
 
     @cached_property
     def lower(self) -> Quadratic | None:
@@ -206,7 +243,17 @@ class Potential(PickleMixin):
 
     def rounding_scale(self, u: Array, load: Array) -> float:
         """Norm of the sizes of what is added up in ``f - W'(u)``, entry by entry, by the stiffness at u = 0."""
-        return norm(self.row_sums * np.abs(u) + np.abs(load) + np.abs(self.initial_forces))
+        return norm(self.row_sums * np.abs(u) + np.abs(load) + self.initial_sizes)
+
+
+def _stiff(stiffness: sp.csr_array) -> Quadratic:
+    """The linear body of a second derivative."""
+    if not (diagonal(stiffness) > 0.0).all():
+        raise Softened(
+            "the stored energy is not convex at this displacement: its strains soften the material; take smaller loads "
+            "or displacements, or a material that is stiffer there"
+        )
+    return Quadratic(stiffness, assembled=True)
 
 
 @dataclass(frozen=True, eq=False)

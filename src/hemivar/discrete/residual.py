@@ -29,6 +29,10 @@ __all__ = [
     "resting_multiplier",
 ]
 
+#: What rounding leaves of numbers that are added up, and the part of a scale that it may excuse.
+_ULPS = 8.0 * float(np.finfo(float).eps)
+_EXCUSED = 1e-6
+
 
 @dataclass(frozen=True)
 class LoadScale:
@@ -81,12 +85,12 @@ class Residual:
     @staticmethod
     def of(out_of_balance: float, inclusion: float, load: LoadScale, contact_force: float, moved: float) -> Residual:
         """From the norms of both parts, what they are held against, and the size of what cancels, entry by entry."""
-        return Residual(out_of_balance, inclusion, load.of(contact_force), 8.0 * float(np.finfo(float).eps) * moved)
+        return Residual(out_of_balance, inclusion, load.of(contact_force), _ULPS * moved)
 
     @property
     def rounding(self) -> float:
         """``noise``, but at most 1e-6 of ``scale``: a runaway iterate must not excuse its own residual."""
-        return min(self.noise, 1e-6 * self.scale)
+        return min(self.noise, _EXCUSED * self.scale)
 
     @property
     def total(self) -> float:
@@ -119,11 +123,18 @@ class Residual:
 
 def load_scale(problem: DiscreteProblem, compliance: Array) -> LoadScale:
     """What the residuals of a problem are held against; ``compliance`` is :func:`contact_compliance` of it."""
+    load = max(problem.loading.load_size, _known_force(problem))
     if not problem.contact_points:
-        return LoadScale(problem.loading.load_size, 0.0)
+        return LoadScale(load, 0.0)
     with np.errstate(all="ignore"):
         rest = norm(problem.contact_force(resting_multiplier(problem.law, problem.offset, compliance)))
-    return LoadScale(problem.loading.load_size, rest if math.isfinite(rest) else math.inf)
+    return LoadScale(load, rest if math.isfinite(rest) else math.inf)
+
+
+def _known_force(problem: DiscreteProblem) -> float:
+    """What forces can be held against however small they are: the displacement at unknowns zero leaves its rounding."""
+    bulk = problem.bulk
+    return _ULPS / _EXCUSED * norm(bulk.initial_sizes) if isinstance(bulk, Potential) else 0.0
 
 
 def resting_multiplier(law: VectorLaw, offset: Array, compliance: Array) -> Array:

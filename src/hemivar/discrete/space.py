@@ -38,7 +38,7 @@ class Field(PickleMixin):
     basis : sparse array, shape (nodes * components, n)
         ``P``.
     prescribed : array, shape (nodes * components,)
-        ``u0``.
+        ``u0``: what supports prescribe, of a body that is not linear carried on into the body.
     components : int, optional
         Components at each node; by default what the size of ``prescribed`` says.
     name : str
@@ -118,6 +118,12 @@ class Field(PickleMixin):
     def nodes(self) -> Array:
         """Coordinates of the nodes, shape (nodes, dimension of the mesh)."""
         return self.mesh.nodes(self.order)
+
+    @property
+    def origin(self) -> Array:
+        """``lift u0``, (n,): what is displaced at unknowns zero in the directions of the unknowns, of a linear body
+        nothing."""
+        return np.asarray(self.lift @ self.prescribed)
 
     @cached_property
     def free_motions(self) -> RigidModes:

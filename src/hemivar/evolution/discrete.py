@@ -184,6 +184,15 @@ class DiscreteEvolution(PickleMixin):
         rest[self.moved] -= prescribed
         return np.concatenate([self.field.lift @ rest, prescribed])
 
+    @cached_property
+    def _as_stated(self) -> tuple[Array, Array]:
+        """What supports prescribe (k,), and offsets (m, c), where neither depends on time."""
+        prescribed, offset = self.field.prescribed, self.problem.offset
+        if not self.linear:
+            origin = self.field.origin
+            prescribed, offset = prescribed - self.field.basis @ origin, offset + self.problem.contact.trace_of(origin)
+        return prescribed[self.moved], offset
+
     def data_at(self, time: float) -> ExternalData:
         """What acts at a time."""
         stated = self.evolution.problem
@@ -191,8 +200,8 @@ class DiscreteEvolution(PickleMixin):
         force = stated_load(bound)
         load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
         if not stated.time_dependent & {"supports", "gap", "law"}:
-            loading, law = self.problem.loading, separable(self.problem.law, _MARCH)
-            return ExternalData(load, self.field.prescribed[self.moved], loading.offset, law, dampings(bound))
+            law = separable(self.problem.law, _MARCH)
+            return ExternalData(load, *self._as_stated, law, dampings(bound))
         conditions = nodal_conditions(bound)
         _, offset, found, _ = conditions.contact()
         return ExternalData(load, conditions.prescribed[self.moved], offset, separable(found, _MARCH), dampings(bound))

@@ -10,12 +10,14 @@ from scipy.linalg import blas
 
 from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
+from hemivar.discrete.operator_family import Composition
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices
 from hemivar.evolution.schemes import StageRule
 from hemivar.evolution.state import Kinematics, Rates, TimeState
 from hemivar.evolution.step_laws import StepLaw
 from hemivar.evolution.step_operator import StepOperator
+from hemivar.fem.lift import linear_response
 from hemivar.solvers import Solution
 from hemivar.solvers.active_set_newton import ForceResidual
 
@@ -208,7 +210,10 @@ def posed_stage(
     offset = start.offset
     if place.size > n:
         held_at = body.displacement[n:]
-        place[n:] = held_at + (end.prescribed - held_at) / rule.reach
+        change = (end.prescribed - held_at) / rule.reach
+        place[n:] = held_at + change
+        if not (discrete.linear or step_law.law.softens) and change.any():
+            place[:n] += _following(discrete, operator, change)
     if end.offset is not offset:
         offset = offset + (end.offset - offset) / rule.reach
     held = not discrete.vectors.largest(float(place.size - n))[0]  # what supports move may be pushed
@@ -235,6 +240,17 @@ def posed_stage(
     problem = bodies.posed(operator.base, force, from_place, step_law.law, place)
     still = end.offset is start.offset
     return Stage(operator, problem, before, place, offset, origin, step_law, at.load, still=still, held=held)
+
+
+def _following(discrete: DiscreteEvolution, operator: StepOperator, change: Array) -> Array:
+    """How the unknowns (n,) of a linear body follow supports (k,) in a step.
+
+    Supports that move alone strain the cells beside them, the more the finer the mesh is.  Where a law softens they do
+    move alone: which of several solutions a step takes depends on where the body was.
+    """
+    parts = operator.base.model.parts
+    assert isinstance(parts, Composition)
+    return linear_response(discrete.field, parts.matrix(), -parts.pulled(change))
 
 
 def _only_rounding(discrete: DiscreteEvolution, force: Array, load: Array, place: Array, velocity: Array) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from hemivar.fem.assembly import stated_load
 from hemivar.fem.contact_points import refuse_dependent
 from hemivar.fem.edge_blocks import node_graph
 from hemivar.fem.energy_integral import EnergyIntegral, bedded_energy
+from hemivar.fem.lift import lifted
 from hemivar.fem.locking import locking_warning
 from hemivar.fem.mass import body_blocks, per_volume, resists
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
@@ -31,7 +32,7 @@ from hemivar.mechanics.obstacles import refuse_inside
 from hemivar.mechanics.statement import Contact, ContactProblem, Quadrature
 from hemivar.mechanics.statement_base import Statement
 
-__all__ = ["discretize", "friction_warning", "refuse_evolution"]
+__all__ = ["coarse_problem", "discretize", "friction_warning", "refuse_evolution"]
 
 #: Contact points named in a warning.
 _SHOWN = 8
@@ -48,7 +49,8 @@ def discretize(
     inclined rollers the free tangents; elsewhere the Cartesian axes. ``K = P' Kf P``, ``f = P'(F - Kf u0)``;
     gap and slip offset take up ``u0``. A bedding of the body is part of K, and a body with one has no free motions.
     A body that is not linear has a :class:`hemivar.discrete.Potential` in the place of K, and its internal forces at
-    ``u0`` in that of ``Kf u0``.
+    ``u0`` in that of ``Kf u0``; its ``u0`` is the displacement of the linear body without strain that follows the
+    supports, for supports that move alone would strain the cells beside them the more the finer the mesh is.
 
     With nodal quadrature, contact point j is a node; its normal is the normalised sum of the adjacent facet
     normals times facet measures, its weight the integral of its shape function over the contact boundary.
@@ -96,7 +98,14 @@ def discretize(
     return _discretize(expect(given, Statement, "what to discretize", remedy), check_coercivity, evolving)
 
 
-def _discretize(problem: Statement, check_coercivity: bool, evolving: bool) -> DiscreteProblem:
+def coarse_problem(problem: Statement, start: Array) -> DiscreteProblem:
+    """The problem below another one; at unknowns zero a nonlinear body has the nodal values (nodes, c) ``start``."""
+    return _discretize(problem, False, True, start)
+
+
+def _discretize(
+    problem: Statement, check_coercivity: bool, evolving: bool, start: Array | None = None
+) -> DiscreteProblem:
     refuse_evolution(problem, evolving)
     mesh, order = problem.mesh, problem.order
     conditions = nodal_conditions(problem)
@@ -105,29 +114,32 @@ def _discretize(problem: Statement, check_coercivity: bool, evolving: bool) -> D
         raise SupportError("the supports leave the problem no freedom; refine the mesh or remove supports")
 
     full_load = stated_load(problem)
-    prescribed = conditions.prescribed
-    body = _linear(problem, conditions) if problem.material.linear else _nonlinear(problem, conditions)
+    one = problem.components == 1
+    field = Field(mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, constants=one)
+    contact, offset, law, energy = conditions.contact()
+    if problem.material.linear:
+        start, body = None, _linear(problem, conditions)
+    else:
+        integral = _stored(problem, conditions)
+        if start is None and integral.prescribed.any():
+            start = lifted(integral, field, contact, law, offset)
+        if start is not None:
+            integral = integral.from_field(start)
+            field = replace(field, prescribed=start.ravel())
+        body = _nonlinear(problem, integral)
     load = basis.T @ (full_load - body.reaction)
-    constant = body.energy - float(prescribed @ full_load)
+    constant = body.energy - float(field.prescribed @ full_load)
 
     if check_coercivity and isinstance(problem, ContactProblem):
         for name, stated in problem.contact.items():
             if stated.obstacle is not None:
                 at = mesh.points[np.unique(mesh.boundaries[name])]
                 refuse_inside(stated.obstacle, mesh, at, f"contact '{name}'")
-    contact, offset, law, energy = conditions.contact()
     if isinstance(problem, ContactProblem) and problem.quadrature is Quadrature.MIDPOINT:
         refuse_dependent(contact)
     left_out = None if contact.points is None else friction_warning(contact.points[contact.without_friction])
-    one = problem.components == 1
     discrete = DiscreteProblem(
-        Model(
-            body.bulk,
-            contact,
-            Space((Field(mesh, order, basis, prescribed, problem.components, problem.unknown, constants=one),)),
-            problem,
-            body.resisted,
-        ),
+        Model(body.bulk, contact, Space((field,)), problem, body.resisted),
         Loading(load, offset, law, constant + energy),
         tuple(sentence for sentence in (locking_warning(problem), left_out) if sentence is not None),
     )
@@ -135,12 +147,12 @@ def _discretize(problem: Statement, check_coercivity: bool, evolving: bool) -> D
         discrete = refuse_free_motion(discrete, full_load)
         for warning in discrete.notes:
             logging.getLogger("hemivar").info("%s", warning)
-    return discrete
+    return discrete if start is None else discrete.with_(offset=offset - contact.trace_of(field.origin))
 
 
 @dataclass(frozen=True, eq=False)
 class _DiscreteBody:
-    """The body by its unknowns; ``reaction (nodes * d,)`` and ``energy`` are those of the prescribed displacements."""
+    """The body by its unknowns; ``reaction (nodes * d,)`` and ``energy`` are those at unknowns zero."""
 
     bulk: Quadratic | Potential
     reaction: Array
@@ -160,12 +172,16 @@ def _linear(problem: Statement, conditions: NodalConditions) -> _DiscreteBody:
     return _DiscreteBody(bulk, reaction, 0.5 * float(prescribed @ reaction), resisted)
 
 
-def _nonlinear(problem: Statement, conditions: NodalConditions) -> _DiscreteBody:
+def _stored(problem: Statement, conditions: NodalConditions) -> EnergyIntegral:
+    """The energy by the unknowns, zero where supports alone are displaced."""
     energy, start = bedded_energy(problem), conditions.supports.value
-    integral = EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free)
+    return EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free)
+
+
+def _nonlinear(problem: Statement, integral: EnergyIntegral) -> _DiscreteBody:
     bulk, resisted = Potential(integral), False
-    if energy.bedding is not None:
-        diagonal = np.einsum("ncc->nc", energy.blocks(start).diagonal)
+    if integral.body.bedding is not None:
+        diagonal = np.einsum("ncc->nc", integral.body.blocks(integral.prescribed).diagonal)
         resisted = resists(problem.mesh, problem.order, per_volume(problem.bedding, "bedding"), diagonal)
     reaction = integral.forces(np.zeros(integral.unknowns)).ravel()
     return _DiscreteBody(bulk, reaction, bulk.initial_value, resisted)

@@ -204,6 +204,11 @@ class EnergyIntegral(PickleMixin):
         """Number of unknowns n."""
         return int(self.basis.shape[1])
 
+    @property
+    def origin(self) -> Array:
+        """``P'u0``, (n,): what is displaced at unknowns zero, in their directions."""
+        return np.asarray(self.basis.T @ self.prescribed.ravel())
+
     def field(self, u: Array) -> Array:
         """Nodal values ``P u + u0``, shape (nodes, c)."""
         return np.asarray((self.basis @ u).reshape(self.free.shape) + self.prescribed)
@@ -231,6 +236,12 @@ class EnergyIntegral(PickleMixin):
     def from_field(self, values: Array) -> EnergyIntegral:
         """The same energy by the change of the unknowns from nodal values (nodes, c) on."""
         return replace(self, prescribed=values)
+
+    def unstrained(self) -> tuple[sp.csr_array, Array]:
+        """The stiffness (n, n) of the body without strain, and the forces (n,) of the prescribed values on it."""
+        blocks = self.body.blocks(np.zeros(self.free.shape))
+        force = self.basis.T @ blocks.times(self.prescribed).ravel()
+        return self._reduced(blocks), np.asarray(force)
 
     def blocks(self, u: Array) -> EdgeBlocks:
         """Its second derivative by nodes and edges, in components along the axes."""

@@ -9,16 +9,15 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.coercivity.rigid_modes import rigid_basis
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.potential import Potential, Tangent
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
-from hemivar.fem.discretize import discretize
+from hemivar.fem.discretize import coarse_problem
 from hemivar.fem.dynamics import body_family
 
-__all__ = ["Coarser", "coarser", "family_of", "rigid_motions", "tangent_problem"]
+__all__ = ["Coarser", "coarser", "family_of", "tangent_problem"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +90,8 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     if isinstance(problem.model.parts, Tangent):
         return _coarser_tangent(problem, problem.model.parts)
     parent = field.mesh.parent
-    coarse = discretize(statement.on(parent.mesh), check_coercivity=False, evolving=True)
+    shared = _nodes_of_both(parent.interpolation)
+    coarse = coarse_problem(statement.on(parent.mesh), field.prescribed.reshape(-1, field.components)[shared])
     assert coarse.field is not None
     nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.components), format="csr"))
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
@@ -178,9 +178,3 @@ def _nodes_of_both(interpolation: sp.csr_array) -> IntArray:
     same = np.full(interpolation.shape[1], -1)
     same[interpolation.indices[interpolation.indptr[kept]]] = kept
     return same
-
-
-def rigid_motions(field: Field) -> Array:
-    """Unknowns of the rigid translations and rotations, scaled to size one, shape (n, 3 or 6)."""
-    motions, _ = rigid_basis(field.nodes)
-    return np.asarray(field.lift @ motions)

@@ -158,9 +158,10 @@ class ProximalNewton(Solver):
     def _models(self, system: NonlinearSystem, x: Array, force: Array) -> Iterator[tuple[Solver, LinearBody]]:
         """Methods and linear bodies, to be tried one after the other."""
         tangent = system.tangent_at(x, force)
-        yield self.inner, tangent
         careful = self.inner.downhill()
-        if careful is not self.inner:
+        if tangent is not None:
+            yield self.inner, tangent
+        if tangent is not None and careful is not self.inner:
             yield careful, tangent
         above = system.above_at(x, force)
         if above is not None:

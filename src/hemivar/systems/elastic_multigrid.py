@@ -10,12 +10,12 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.contact import contact_unknowns, selects
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.fem.hierarchy import Coarser, coarser, rigid_motions
-from hemivar.linear.algebraic import NodeSlots
+from hemivar.fem.hierarchy import Coarser, coarser
+from hemivar.fem.near_kernel import near_kernel, node_slots
 from hemivar.linear.levels import COARSEST, Levels
 from hemivar.linear.multilevel import Hierarchy
 
-__all__ = ["ElasticMultigrid", "near_kernel", "node_slots"]
+__all__ = ["ElasticMultigrid"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +55,8 @@ class ElasticMultigrid:
         hierarchy = Hierarchy.of(
             [p.stiffness for p in problems],
             [step.prolongation for step in chain],
-            near=near_kernel(coarsest) if large else None,
-            slots=[node_slots(p) for p in problems],
+            near=near_kernel(coarsest.field) if large else None,
+            slots=[node_slots(p.field) for p in problems],
             contacts=[part[0] for part in parts],
             points=[part[3] for part in parts],
         )
@@ -75,26 +75,3 @@ class ElasticMultigrid:
     def solve(self, load: Array, tolerance: float = 1e-10, nested: bool = True) -> tuple[Array, int]:
         """``K^-1 load`` (n,), none of the contact laws acting, and the cycles that it took: :meth:`Hierarchy.solve`."""
         return self.hierarchy.solve(load, tolerance, nested)
-
-
-def near_kernel(problem: DiscreteProblem) -> Array | None:
-    """Unknowns (n, q) of the rigid motions, whatever the supports; None where the unknowns are not those of a mesh."""
-    field = problem.field
-    return None if field is None or not field.moves else rigid_motions(field)
-
-
-def node_slots(problem: DiscreteProblem) -> NodeSlots | None:
-    """Where the unknowns of a problem stand by nodes; None where they are not those of a mesh."""
-    if problem.field is None:
-        return None
-    basis, size = problem.field.basis.tocsc(), problem.field.components
-    node, component = np.divmod(basis.indices[basis.indptr[:-1]], size)
-    used = np.zeros(basis.shape[0] // size, dtype=bool)
-    used[node] = True
-    number, signs = np.cumsum(used) - 1, None
-    if basis.nnz > node.size:  # directions of a node that are turned: one after the other
-        first = np.concatenate([[True], np.diff(node) != 0])
-        component = np.arange(node.size) - np.maximum.accumulate(np.where(first, np.arange(node.size), 0))
-    else:
-        signs = np.sign(basis.data)
-    return NodeSlots(number[node] * size + component, size, int(number[-1]) + 1, signs)

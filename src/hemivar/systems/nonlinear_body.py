@@ -17,7 +17,7 @@ from hemivar.coercivity.free_motion import free_growth
 from hemivar.coercivity.recession import RecessionFunction
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import selects
-from hemivar.discrete.potential import Potential
+from hemivar.discrete.potential import Potential, Softened
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale
 from hemivar.fem.hierarchy import Coarser, coarser, tangent_problem
@@ -47,9 +47,9 @@ class LinearBody(Protocol):
 class NonlinearSystem(PointSystem, Protocol):
     """A body that is not linear with its foundation: all unknowns, in one place or over many."""
 
-    def tangent_at(self, x: Array, force: Array) -> LinearBody:
+    def tangent_at(self, x: Array, force: Array) -> LinearBody | None:
         """The linear body that has the forces and the stiffness of this one at ``x``, where ``force`` is what is left
-        of the load; its energy lacks a constant."""
+        of the load; its energy lacks a constant. None where that stiffness is negative and another body is above."""
         ...
 
     def above_at(self, x: Array, force: Array) -> LinearBody | None:
@@ -211,7 +211,7 @@ class NonlinearBody(Equilibrium):
         """Sizes of what is added up in the forces (n,), by the stiffness at rest."""
         sizes = self.at_rest.row_sums * np.abs(x) + np.abs(self.load)
         bulk = self.bulk
-        return np.asarray(sizes + np.abs(bulk.initial_forces) if isinstance(bulk, Potential) else sizes)
+        return np.asarray(sizes + bulk.initial_sizes if isinstance(bulk, Potential) else sizes)
 
     def stretch(self, change: Array) -> float:
         """Energy norm of a change of the unknowns (n,), by the stiffness at rest."""
@@ -243,11 +243,14 @@ class NonlinearBody(Equilibrium):
 
     # ---- linear bodies in its place ----------------------------------------------------------------------
 
-    def tangent_at(self, x: Array, force: Array) -> LinearBody:
+    def tangent_at(self, x: Array, force: Array) -> LinearBody | None:
         """See :class:`NonlinearSystem`."""
         if not isinstance(self.bulk, Potential):
             return self._linear(linear_bulk(self.bulk, x), x, force)
-        found = tangent_problem(self.problem, x)
+        try:
+            found = tangent_problem(self.problem, x)
+        except Softened:
+            return None
         return _LinearProblem(found.with_(load=force + found.bulk.gradient(x)))
 
     def above_at(self, x: Array, force: Array) -> LinearBody | None:

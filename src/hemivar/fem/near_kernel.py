@@ -1,0 +1,40 @@
+"""What algebraic levels are made of: what a stiffness hardly resists, and where its unknowns stand by nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.coercivity.rigid_modes import rigid_basis
+from hemivar.discrete.space import Field
+from hemivar.linear.algebraic import NodeSlots
+
+__all__ = ["near_kernel", "node_slots", "rigid_motions"]
+
+
+def rigid_motions(field: Field) -> Array:
+    """Unknowns of the rigid translations and rotations, scaled to size one, shape (n, 3 or 6)."""
+    motions, _ = rigid_basis(field.nodes)
+    return np.asarray(field.lift @ motions)
+
+
+def near_kernel(field: Field | None) -> Array | None:
+    """Unknowns (n, q) of the rigid motions, whatever the supports; None where the unknowns are no displacement."""
+    return None if field is None or not field.moves else rigid_motions(field)
+
+
+def node_slots(field: Field | None) -> NodeSlots | None:
+    """Where the unknowns of a field stand by nodes; None where they are not those of a mesh."""
+    if field is None:
+        return None
+    basis, size = field.basis.tocsc(), field.components
+    node, component = np.divmod(basis.indices[basis.indptr[:-1]], size)
+    used = np.zeros(basis.shape[0] // size, dtype=bool)
+    used[node] = True
+    number, signs = np.cumsum(used) - 1, None
+    if basis.nnz > node.size:  # directions of a node that are turned: one after the other
+        first = np.concatenate([[True], np.diff(node) != 0])
+        component = np.arange(node.size) - np.maximum.accumulate(np.where(first, np.arange(node.size), 0))
+    else:
+        signs = np.sign(basis.data)
+    return NodeSlots(number[node] * size + component, size, int(number[-1]) + 1, signs)
