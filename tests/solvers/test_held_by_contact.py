@@ -13,7 +13,8 @@ from hemivar.discrete import DiscreteProblem, Quadratic
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, NoContact, Signorini, Superpotential, ThresholdCompliance
-from hemivar.mechanics import Pressure
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Pressure
+from hemivar.mesh import rectangle
 from hemivar.solvers import METHODS, Controls, Status, solve
 from tests import bodies
 from tests.samples import sampled
@@ -147,3 +148,35 @@ def test_another_load_law_or_body_is_decided_anew(what: str) -> None:
     assert not changed.held
     with pytest.raises(ProblemError, match="no lower bound"):
         solve(changed)
+
+
+@pytest.mark.parametrize("cells", [(8, 4), (32, 16)])
+@pytest.mark.parametrize("bedding", [0.5, 0.005, 5e-7])
+def test_a_bedding_holds_a_body_whatever_its_size(cells: tuple[int, int], bedding: float) -> None:
+    """The pressure is that of the load on every mesh; how many digits the bedding keeps is said, and true."""
+    stated = ContactProblem(
+        rectangle((40.0, 20.0), cells),
+        Material.young(2e9, 0.3),
+        bedding=bedding,
+        contact={"bottom": Contact(Signorini())},
+        tractions={"top": (1e-3, -300.0)},
+    )
+    solution = solve(stated)
+    assert solution.normal_force == pytest.approx(300.0 * 40.0, rel=1e-5)
+    (warning,) = solution.problem.warnings
+    share = bedding * 800.0 / np.prod(cells) / 2e9
+    lost = int(warning.split("lose about ")[1].split()[0])
+    assert abs(lost + np.log10(share)) < 1.0
+    if lost < 15:
+        assert solution.displacement[:, 0].mean() == pytest.approx(5e-5 / bedding, rel=10.0 ** (lost - 14))
+
+
+def test_a_bedding_of_which_all_is_felt_is_not_spoken_of() -> None:
+    parts = {
+        "mesh": rectangle(cells=4),
+        "material": Material.young(1.0, 0.3),
+        "contact": {"bottom": Contact(Signorini())},
+    }
+    assert not discretize(ContactProblem(**parts, bedding=1.0)).warnings  # type: ignore[arg-type]
+    held = ContactProblem(**parts, bedding=1e-12, supports={"left": Clamped()})  # type: ignore[arg-type]
+    assert not discretize(held).warnings

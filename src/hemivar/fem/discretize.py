@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,21 +22,23 @@ from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import stated_load
 from hemivar.fem.contact_points import refuse_dependent
-from hemivar.fem.edge_blocks import node_graph
+from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import EnergyIntegral, bedded_energy
 from hemivar.fem.lift import lifted
 from hemivar.fem.locking import locking_warning
-from hemivar.fem.mass import body_blocks, per_volume, resists
+from hemivar.fem.mass import bedding_share, body_blocks, per_volume
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.instants import depends_on_time
 from hemivar.mechanics.obstacles import refuse_inside
 from hemivar.mechanics.statement import Contact, ContactProblem, Quadrature
 from hemivar.mechanics.statement_base import Statement
 
-__all__ = ["coarse_problem", "discretize", "friction_warning", "refuse_evolution"]
+__all__ = ["bedding_warning", "coarse_problem", "discretize", "friction_warning", "refuse_evolution"]
 
 #: Contact points named in a warning.
 _SHOWN = 8
+#: Share of a bedding in the stiffness from which nobody misses the digits it costs, and the digits that there are.
+_SOFT, _DIGITS = 1e-8, 16
 
 
 @known_keywords
@@ -138,10 +141,11 @@ def _discretize(
     if isinstance(problem, ContactProblem) and problem.quadrature is Quadrature.MIDPOINT:
         refuse_dependent(contact)
     left_out = None if contact.points is None else friction_warning(contact.points[contact.without_friction])
+    soft = bedding_warning(body.bedded, field) if check_coercivity else None
     discrete = DiscreteProblem(
-        Model(body.bulk, contact, Space((field,)), problem, body.resisted),
+        Model(body.bulk, contact, Space((field,)), problem, body.bedded > 0.0),
         Loading(load, offset, law, constant + energy),
-        tuple(sentence for sentence in (locking_warning(problem), left_out) if sentence is not None),
+        tuple(sentence for sentence in (locking_warning(problem), left_out, soft) if sentence is not None),
     )
     if check_coercivity:
         discrete = refuse_free_motion(discrete, full_load)
@@ -152,24 +156,25 @@ def _discretize(
 
 @dataclass(frozen=True, eq=False)
 class _DiscreteBody:
-    """The body by its unknowns; ``reaction (nodes * d,)`` and ``energy`` are those at unknowns zero."""
+    """The body by its unknowns; ``reaction (nodes * d,)`` and ``energy`` are those at unknowns zero; see
+    :func:`bedding_share`."""
 
     bulk: Quadratic | Potential
     reaction: Array
     energy: float
-    resisted: bool
+    bedded: float
 
 
 def _linear(problem: Statement, conditions: NodalConditions) -> _DiscreteBody:
     mesh, order, prescribed = problem.mesh, problem.order, conditions.prescribed
     reaction = np.zeros_like(prescribed)
     blocks = body_blocks(mesh, problem.material, problem.bedding, node_graph(mesh, order))
-    resisted = resists(mesh, order, per_volume(problem.bedding, "bedding"), np.einsum("ncc->nc", blocks.diagonal))
+    bedded = _bedded(problem, blocks)
     if prescribed.any():
         reaction = blocks.times(conditions.supports.value).ravel()
     blocks.turn(conditions.directions)
     bulk = Quadratic(blocks.matrix(conditions.free), assembled=True)
-    return _DiscreteBody(bulk, reaction, 0.5 * float(prescribed @ reaction), resisted)
+    return _DiscreteBody(bulk, reaction, 0.5 * float(prescribed @ reaction), bedded)
 
 
 def _stored(problem: Statement, conditions: NodalConditions) -> EnergyIntegral:
@@ -179,12 +184,26 @@ def _stored(problem: Statement, conditions: NodalConditions) -> EnergyIntegral:
 
 
 def _nonlinear(problem: Statement, integral: EnergyIntegral) -> _DiscreteBody:
-    bulk, resisted = Potential(integral), False
-    if integral.body.bedding is not None:
-        diagonal = np.einsum("ncc->nc", integral.body.blocks(integral.prescribed).diagonal)
-        resisted = resists(problem.mesh, problem.order, per_volume(problem.bedding, "bedding"), diagonal)
+    bulk = Potential(integral)
+    bedded = 0.0 if integral.body.bedding is None else _bedded(problem, integral.body.blocks(integral.prescribed))
     reaction = integral.forces(np.zeros(integral.unknowns)).ravel()
-    return _DiscreteBody(bulk, reaction, bulk.initial_value, resisted)
+    return _DiscreteBody(bulk, reaction, bulk.initial_value, bedded)
+
+
+def _bedded(problem: Statement, blocks: EdgeBlocks) -> float:
+    bedding, diagonal = per_volume(problem.bedding, "bedding"), np.einsum("ncc->nc", blocks.diagonal)
+    return bedding_share(problem.mesh, problem.order, bedding, diagonal)
+
+
+def bedding_warning(share: float, field: Field) -> str | None:
+    """How many digits motions lose that a soft bedding alone holds, in words; None where it is stiff, or none is so."""
+    if not 0.0 < share < _SOFT or not (field.kernel_known and field.free_motions.count):
+        return None
+    lost = min(round(-math.log10(share)), _DIGITS)
+    return (
+        f"the bedding is {share:.0e} of the stiffness of the elements: motions that it alone holds lose about {lost} "
+        f"of {_DIGITS} digits; add a support, or state a stiffer bedding"
+    )
 
 
 def refuse_evolution(problem: Statement, evolving: bool = False) -> None:

@@ -26,17 +26,14 @@ from hemivar.mesh.mesh import Mesh
 
 __all__ = [
     "MassDensity",
+    "bedding_share",
     "body_blocks",
     "cell_masses",
     "inertia",
     "mass_blocks",
     "mass_matrix",
     "per_volume",
-    "resists",
 ]
-
-#: Ratio of bedding and stiffness at a node below which the bedding is lost in the rounding of the stiffness.
-_FELT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +151,8 @@ def body_blocks(mesh: Mesh, material: Material, bedding: ScalarData, graph: Node
     return blocks if resisting.none else mass_blocks(mesh, resisting, graph, blocks)
 
 
-def resists(mesh: Mesh, order: int, density: MassDensity, diagonal: Array) -> bool:
-    """Whether a bedding resists every motion of every part of a body, by more than rounding.
+def bedding_share(mesh: Mesh, order: int, density: MassDensity, diagonal: Array) -> float:
+    """How stiff a bedding is beside the elements, in the part of the body that feels least of it; 0 without any there.
 
     Parameters
     ----------
@@ -167,7 +164,7 @@ def resists(mesh: Mesh, order: int, density: MassDensity, diagonal: Array) -> bo
         Of the stiffness with the bedding.
     """
     if density.none:
-        return False
+        return 0.0
     nodes, count = mesh.cell_nodes(order), len(diagonal)
     own = np.zeros(count)
     for part in portions(mesh, order):
@@ -177,4 +174,4 @@ def resists(mesh: Mesh, order: int, density: MassDensity, diagonal: Array) -> bo
     ratio = own / diagonal.max(axis=1)
     felt = np.zeros(mesh.parts.count)
     np.maximum.at(felt, np.repeat(mesh.parts.cell, nodes.shape[1]), ratio[nodes].ravel())
-    return bool((felt > _FELT).all())
+    return float(felt.min())
