@@ -126,3 +126,18 @@ def test_a_wrong_deviator_in_plane_strain_is_found() -> None:
     plane, whole = flat.stress(np.zeros((1, 2)), strain)[0], flat.stress(np.zeros((1, 3)), space)[0]
     np.testing.assert_allclose(plane, whole[[0, 1, 5]], rtol=1e-14)
     np.testing.assert_allclose(plane[:2], [0.2 + 2 * 0.2 / 3, 0.2 - 0.2 / 3], rtol=1e-14)
+
+
+def test_the_reach_in_plane_stress_is_that_of_the_strain_in_space() -> None:
+    """Counted in the plane alone, strains with equal stretches would lie beyond the bounds."""
+    material = Material.potential("30*tr^2 + 4*dev2 - 10*dev2^2", reach=0.2, plane="stress")
+    assert check_material(material).passed
+    points, scale = np.zeros((2, 2)), np.diag([1.0, 1.0, np.sqrt(2.0)])
+    equal = np.array([[1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]])
+
+    def least(size: float) -> float:
+        rest = material.tangent(points, size * equal) - material.lower_tensor(points)
+        return float(np.linalg.eigvalsh(scale @ rest @ scale).min())
+
+    assert least(0.2 / np.sqrt(6.0)) >= 0.0  # stretches e and e, with at most 2 e across
+    assert least(0.19 / np.sqrt(2.0)) < 0.0

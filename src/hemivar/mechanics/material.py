@@ -281,8 +281,9 @@ class Material(PickleMixin):
         stress, tangent : callable
             For a function only: its first and second derivatives, shapes (k, v) and (k, v, v).
         reach : float
-            Strains up to this size ``|eps|`` are examined for the bounds of the tangent. Bounds of a formula are
-            proved by intervals where they can; those of functions are sampled, and called so.
+            Strains up to this size ``|eps|`` are examined for the bounds of the tangent: those of space, so that in
+            plane stress the strain across the plane counts. Bounds of a formula are proved by intervals where they
+            can; those of functions are sampled, and called so.
         plane : PlaneState or str
             For 2D and formulas of ``tr`` and ``dev2``: ``"strain"`` (default) or ``"stress"``.
         density, viscosity, branches
@@ -350,7 +351,10 @@ class Material(PickleMixin):
 
     @property
     def reach(self) -> float:
-        """The size ``|eps|`` of the strain up to which the bounds hold; inf where they hold at every strain."""
+        """The size ``|eps|`` of the strain in space up to which the bounds hold; inf where they hold at every strain.
+
+        In plane stress the strain across the plane counts.
+        """
         return np.inf
 
     def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:

@@ -18,6 +18,7 @@ from hemivar.errors import HemivarError, ProblemError
 from hemivar.mechanics.composed_material import ByRegion
 from hemivar.mechanics.energy_bounds import once, strain_text, tried_strains
 from hemivar.mechanics.material import Material
+from hemivar.mechanics.material_words import PlaneState
 
 __all__ = ["MaterialError", "MaterialReport", "check_material"]
 
@@ -53,7 +54,8 @@ def check_material(
     ----------
     material : Material
     reach : float, optional
-        Strains up to this size ``|eps|`` are tried; the reach of the material, 1 at most, by default.
+        Strains of space up to this size ``|eps|`` are tried; the reach of the material, 1 at most, by default. In plane
+        stress the strain across the plane counts.
     seed : int
         Of the random strains and places.
     raises : bool
@@ -100,12 +102,23 @@ def _dims(material: Material) -> Sequence[int]:
     return found or (2, 3)
 
 
+def _shorter_by_across(strain: Array) -> Array:
+    """Strains of the plane (k, 3), made so much smaller that with those across it they are no larger than they were.
+
+    In plane stress these are at most the trace where the secant moduli are positive.
+    """
+    square, trace = np.sum((strain / np.diag(once(2))) ** 2, axis=1), strain[:, :2].sum(axis=1)
+    return np.asarray(strain * np.sqrt(square / (square + trace**2))[:, None])
+
+
 class _Checker:
     """Strains at which a material is tried in one dimension, and the questions about its answers."""
 
     def __init__(self, material: Material, dim: int, reach: float, seed: int) -> None:
         self.material, self.dim = material, dim
         strain = tried_strains(dim, reach, _COUNT, seed)
+        if getattr(material, "plane", None) is PlaneState.STRESS:
+            strain = _shorter_by_across(strain)
         random = np.random.default_rng(seed)
         self.points = random.uniform(0.0, 1.0, (len(strain), dim))
         way = random.normal(size=strain.shape) @ once(dim)

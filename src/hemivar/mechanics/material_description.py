@@ -36,7 +36,7 @@ class MaterialDescription:
     bounds_by : BoundsBy
         How they were found.
     reach : float
-        The size ``|eps|`` of the strain up to which they hold; inf where they hold at every strain.
+        The size ``|eps|`` of the strain in space up to which they hold; inf where they hold at every strain.
     parts : mapping of region to MaterialDescription
         For different materials in regions: of them all that is said above is the name.
     """
