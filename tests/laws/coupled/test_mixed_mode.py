@@ -98,6 +98,15 @@ def test_the_fracture_energy_is_the_area_of_the_curve() -> None:
     assert MixedMode(SHAPES["table"]).at(None).fracture_energy.item() == pytest.approx(area, rel=1e-12)
 
 
+def test_the_exponential_is_one_within_a_millionth_of_the_strength() -> None:
+    first = STRENGTH / STIFFNESS
+    length = ENERGY / STRENGTH - 0.5 * first
+    rho = np.linspace(first, first + 20.0 * length, 200_001)
+    curve = ExponentialCohesion(STRENGTH, ENERGY, STIFFNESS).at(None)
+    exact = STRENGTH * np.exp((first - rho) / length)
+    np.testing.assert_allclose(curve.derivative(rho), exact, rtol=0.0, atol=1e-6 * STRENGTH)
+
+
 def test_an_adhesive_may_be_stated_by_its_fracture_energy() -> None:
     law = Adhesive(STIFFNESS, STRENGTH, energy=ENERGY).at(None)
     assert law.value(np.array([-1.0]))[0] == pytest.approx(ENERGY, rel=1e-12)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 
 __all__ = ["OpeningProblem"]
 
@@ -88,43 +88,43 @@ class OpeningProblem:
         place = self.places(m)
         return np.hypot(place[..., 0], place[..., 1]), place[..., 0], place[..., 1]
 
-    def minimisers(self) -> Array:
-        """Secants (n, 2 K) of the local minimisers, nan where there is none: for every piece one or two places."""
-        n, count = self.knots.shape
-        ends = self.secant(self.knots)
-        free = self.rho(np.zeros((n, 1)))
-        reached = np.where(free > self.knots, self.knots, free)
-        traction = np.where(free > self.knots, self.tractions, self._traction(reached))
-        with np.errstate(invalid="ignore"):
-            at = np.where(ends > 0.0, ends * reached, 0.0) - traction  # u at the ends of the pieces
-        found = np.full((n, 2 * count), np.nan)
-        found[:, 0] = np.where(at[:, 0] <= 0.0, self.slopes[:, 0], np.nan)  # on the first piece m = q
-        found[:, -1] = np.where((free >= self.knots[:, -1:]).ravel(), 0.0, np.nan)  # it has let go
-        if count == 1:
-            return found
-        low, high, q = ends[:, 1:], ends[:, :-1], self.slopes[:, 1:-1]
-        p = self.tractions[:, :-1] - q * self.knots[:, :-1]
-        turn = np.clip(np.nan_to_num(self._turn(q)), low, high)
-        middle = (turn - q) * self.rho(turn) - p
-        middle = np.where(turn <= low, at[:, 1:], np.where(turn >= high, at[:, :-1], middle))
-        for k, (left, right, before, after) in enumerate(
-            ((low, turn, at[:, 1:], middle), (turn, high, middle, at[:, :-1]))
-        ):
-            rows, piece = np.nonzero((left < right) & (before <= 0.0) & (after > 0.0))
-            if rows.size:
-                own = (part[rows, piece] for part in (left, right, q, p))
-                found[rows, 2 * piece + 1 + k] = self._roots(rows, *own)
-        return found
+    def take(self, rows: IntArray) -> OpeningProblem:
+        """Some of the problems, each as often as it is named."""
+        return OpeningProblem(
+            *(part[rows] for part in (self.stiffness, self.force, self.knots, self.tractions, self.slopes))
+        )
 
-    def _traction(self, rho: Array) -> Array:
-        """Phi' at ``rho (n, k)``, finite or not."""
-        out = np.zeros(rho.shape)
-        for i in range(self.knots.shape[1] - 1, -1, -1):
-            start = self.knots[:, i - 1 : i] if i else 0.0
-            base = self.tractions[:, i - 1 : i] if i else 0.0
-            inside = rho <= self.knots[:, i : i + 1]
-            out = np.where(inside, base + self.slopes[:, i : i + 1] * (np.where(inside, rho, 0.0) - start), out)
-        return out
+    def minimisers(self) -> Array:
+        """Secants (n, k) of the local minimisers, nan where a problem has fewer than others."""
+        knots, free = self.knots, self.rho(np.zeros((len(self.knots), 1)))
+        # u <= 0 at a knot where m(rho) rho <= Phi'(rho), or with less force than leads there
+        pulled = (free <= knots) | (self.rho(self.tractions / knots) <= knots)
+        first = np.where(pulled[:, 0], self.slopes[:, 0], np.nan)  # on the first piece m = q
+        last = np.where((free >= knots[:, -1:]).ravel(), 0.0, np.nan)  # it has let go
+        turn = self._turn(self.slopes[:, 1:-1])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            size = self.rho(turn)
+            inside = (turn > 0.0) & (knots[:, :-1] < size) & (size < knots[:, 1:])
+        rows, piece = np.nonzero((knots[:, :-1] < free) & (inside | (pulled[:, 1:] & ~pulled[:, :-1])))
+        found = [(np.arange(len(knots)), first), (np.arange(len(knots)), last)]
+        if rows.size:
+            found += self._between(rows, piece, np.where(inside, turn, np.nan)[rows, piece], pulled)
+        return _in_rows(len(knots), found)
+
+    def _between(self, rows: IntArray, piece: IntArray, turn: Array, pulled: BoolArray) -> list[tuple[IntArray, Array]]:
+        """Problems and secants of the minimisers on some pieces, on which u turns at ``turn``, or does not (nan)."""
+        ends = self.take(rows).secant(np.stack([self.knots[rows, piece + 1], self.knots[rows, piece]], axis=1))
+        low, high, q = ends[:, 0], ends[:, 1], self.slopes[rows, piece + 1]
+        p = self.tractions[rows, piece] - q * self.knots[rows, piece]
+        below, above = pulled[rows, piece + 1], pulled[rows, piece]
+        turns = (low < turn) & (turn < high)
+        turn = np.where(turns, turn, low)
+        middle = np.where(turns, (turn - q) * self.take(rows).rho(turn) - p <= 0.0, below)
+        found = []
+        for left, right, before, after in ((low, turn, below, middle), (turn, high, middle, above)):
+            one = np.flatnonzero((left < right) & before & ~after)
+            found.append((rows[one], self._roots(rows[one], left[one], right[one], q[one], p[one])))
+        return found
 
     def _turn(self, q: Array) -> Array:
         """Where u turns on pieces of these slopes (n, k); nan where it does not."""
@@ -163,3 +163,14 @@ def _bracketed(value: Callable[[Array], tuple[Array, Array]], low: Array, high: 
         if done.all():
             break
     return m
+
+
+def _in_rows(count: int, found: list[tuple[IntArray, Array]]) -> Array:
+    """Numbers by the rows that they belong to, (count, k), nan where a row has fewer."""
+    rows, numbers = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    order = np.argsort(rows, kind="stable")
+    rows, numbers = rows[order], numbers[order]
+    place = np.arange(rows.size) - np.searchsorted(rows, rows)
+    out = np.full((count, int(place.max(initial=-1)) + 1), np.nan)
+    out[rows, place] = numbers
+    return out
