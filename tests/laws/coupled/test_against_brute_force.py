@@ -18,6 +18,7 @@ from hemivar.laws import (
     TrapezoidalCohesion,
     cohesion_table,
 )
+from hemivar.laws.coupled.opening import OpeningProblem
 
 
 def random_law(random: np.random.Generator, compliant: bool = False) -> MixedMode:
@@ -128,3 +129,18 @@ def test_small_bodies_against_scipy(bodies: int) -> None:
             assert hv.certify(found[0]).unique is not True
     assert several >= bodies // 10
     assert missed <= bodies // 50
+
+
+def test_as_many_minimisers_are_found_as_a_dense_row_of_secants_shows() -> None:
+    """Two on one piece among them, whose ends both pull or both do not."""
+    random = np.random.default_rng(5)
+    rho, traction = np.array([0.0, 0.05, 0.3, 1.0, 3.0]), np.array([0.0, 1.0, 1.2, 0.9, 0.0])
+    slopes = np.append(np.diff(traction) / np.diff(rho), 0.0)
+    stiffness, force = 10.0 ** random.uniform(-2.0, 1.5, (2, 4000, 2))
+    tables = (np.broadcast_to(part, (4000, part.size)) for part in (rho[1:], traction[1:], slopes))
+    found = np.isfinite(OpeningProblem(stiffness, force, *tables).minimisers()).sum(axis=1)
+    m = np.logspace(-6.0, 3.0, 3001)
+    size = np.hypot(*(force.T[:, :, None] / (stiffness.T[:, :, None] + m)))
+    u = m * size - np.interp(size, rho, traction)
+    shown = ((u[:, :-1] <= 0.0) & (u[:, 1:] > 0.0)).sum(axis=1) + (u[:, 0] > 0.0)
+    np.testing.assert_array_equal(found, shown)
