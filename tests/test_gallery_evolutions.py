@@ -79,7 +79,7 @@ def test_data_of_the_arch_are_refused() -> None:
 
 
 @pytest.mark.parametrize("inertia", [True, False], ids=["dynamic", "quasistatic"])
-@pytest.mark.parametrize("friction", [None, hv.laws.Logarithmic(0.02)], ids=["smooth", "rubbing"])
+@pytest.mark.parametrize("friction", [None, hv.laws.Logarithmic(0.02, of="rate")], ids=["smooth", "rubbing"])
 def test_the_beam(inertia: bool, friction: hv.laws.Friction | None) -> None:
     """Order one in the step; friction that weakens with its rate loses energy."""
     steps = (0.1, 0.05, 0.025, 0.00625)
@@ -106,7 +106,7 @@ def test_the_beam_on_finer_meshes(inertia: bool) -> None:
     """The energy norm of the solution has twice the order of the error in it, which the clamp keeps below one."""
     norms = []
     for n in (2, 4, 8):
-        history = march(viscoelastic_beam(inertia, n, friction=hv.laws.Logarithmic(0.02)), 0.8, step=0.1)
+        history = march(viscoelastic_beam(inertia, n, friction=hv.laws.Logarithmic(0.02, of="rate")), 0.8, step=0.1)
         sound(history)
         norms.append(math.sqrt(2.0 * history.moment.ledger.elastic))
     gone = np.diff(norms)

@@ -89,7 +89,7 @@ def test_no_bound_of_other_schemes() -> None:
 def test_friction_that_weakens_must_be_slower_than_the_body_is_viscous(weakening: float, norm: str) -> None:
     """One degree of freedom in shear, viscosity 0.6: alpha of the law against it."""
     problem = bodies.square(
-        hv.Contact(hv.laws.Bilateral(), hv.SlipWeakening(1.0, 1.0, 0.5, 2.0 * weakening)),
+        hv.Contact(hv.laws.Bilateral(), hv.SlipWeakening(1.0, 1.0, 0.5, 2.0 * weakening, of="rate")),
         1,
         lame=(0.0, 3.0),
         viscosity=(0.0, VISCOUS),

@@ -34,8 +34,8 @@ def rate_problem(seed: int) -> tuple[Evolution, float, int]:
     bound = 0.02 + 0.2 * rng.random()
     friction = (
         hv.Tresca(bound),
-        hv.laws.Logarithmic(min(bound, 0.2 * mu_v)),
-        hv.SlipWeakening(min(bound, 0.3 * mu_v), 0.5 + rng.random()),
+        hv.laws.Logarithmic(min(bound, 0.2 * mu_v), of="rate"),
+        hv.SlipWeakening(min(bound, 0.3 * mu_v), 0.5 + rng.random(), of="rate"),
         hv.Tresca(lambda x: bound * (1.0 + x[:, 0])),
     )[seed % 4]
     free = seed % 3 == 0

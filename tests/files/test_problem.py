@@ -486,7 +486,7 @@ def test_laws_by_name() -> None:
         normal_law("glue")
     with pytest.raises(ProblemError, match="needs the parameter q_max"):
         normal_law("survey")
-    with pytest.raises(ProblemError, match=r"no parameter 'bond' \(parameters: bound\)"):
+    with pytest.raises(ProblemError, match=r"no parameter 'bond' \(parameters: bound, of\)"):
         friction_law("tresca", bond=0.5)
 
 

@@ -142,7 +142,13 @@ def _friction(rng: random.Random, size: float) -> dict[str, Any] | None:
         return {"law": "tresca", "bound": size * _of(rng, 0.05, 1.0)}
     if kind == 2:
         values = [1.0, _of(rng, 0.5, 1.2), 0.5]
-        return {"law": "slip-table", "bound": size * _of(rng, 0.05, 1.0), "slips": [0.0, 0.1, 0.2], "values": values}
+        return {
+            "law": "slip-table",
+            "of": "rate",
+            "bound": size * _of(rng, 0.05, 1.0),
+            "slips": [0.0, 0.1, 0.2],
+            "values": values,
+        }
     if kind == 3:
         return {"law": "tresca", "bound": {"formula": f"{size * _of(rng, 1.0, 20.0):.4f}*s"}}
     return {"law": "coulomb", "coefficient": _of(rng, 0.05, 1.0)}

@@ -180,7 +180,7 @@ def test_antiplane_block_comes_to_rest() -> None:
 def test_friction_weakens_with_the_slip_rate() -> None:
     """A velocity-weakening plate, quasistatic with viscosity: the slip rate solves ``eta (V - s) + mu u = h(s)``."""
     mu, eta, speed = 2.0, 3.0, 0.4
-    plate = hv.ScalarContact(hv.SlipWeakening(0.6, rate=1.0), lambda x, t: np.full(len(x), speed * t))
+    plate = hv.ScalarContact(hv.SlipWeakening(0.6, rate=1.0, of="rate"), lambda x, t: np.full(len(x), speed * t))
     problem = layer(coefficient=mu, viscosity=eta, contact={"bottom": plate})
     history = march(Evolution(problem), 1.5, step=0.02)
     foot = history.frames[-1]

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
@@ -27,13 +27,15 @@ from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
 from hemivar.fem.hierarchy import family_of
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.laws import ContactLaw, Superpotential, separable
+from hemivar.laws import ContactLaw, Friction, NoFriction, SlipMeasure, Superpotential, separable
+from hemivar.laws.memory import MemoryChain
+from hemivar.laws.transformed.slipped import homogeneous
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.mechanics.scalar import ScalarContact
 from hemivar.mechanics.statement import Contact, ContactProblem
 from hemivar.mechanics.statement_base import Statement
 
-__all__ = ["DiscreteEvolution", "ExternalData", "StepMatrices", "dampings", "discretize_evolution"]
+__all__ = ["DiscreteEvolution", "ExternalData", "StepMatrices", "dampings", "discretize_evolution", "friction_of"]
 
 #: Who asks for laws that split.
 _MARCH = "a march in time"
@@ -144,6 +146,22 @@ class DiscreteEvolution(PickleMixin):
         """Number of unknowns n."""
         return self.problem.unknowns
 
+    @cached_property
+    def follows_slip(self) -> BoolArray:
+        """Contact points (m,) whose friction is a law of the slip."""
+        return self._with_friction(lambda friction: friction.of is SlipMeasure.SLIP)
+
+    @cached_property
+    def stores_slip(self) -> BoolArray:
+        """Those of them (m,) whose friction has an energy, for its bound does not depend on the state."""
+        return self._with_friction(lambda friction: friction.of is SlipMeasure.SLIP and not friction.state_dependent)
+
+    def _with_friction(self, chosen: Callable[[Friction], bool]) -> BoolArray:
+        found = np.zeros(self.problem.contact_points, dtype=bool)
+        for name, index in self.blocks:
+            found[index] = chosen(friction_of(self.contacts[name]))
+        return found
+
     @property
     def contacts(self) -> Mapping[str, Contact | ScalarContact]:
         """What acts on each contact boundary, and over areas."""
@@ -207,6 +225,12 @@ class DiscreteEvolution(PickleMixin):
         return ExternalData(load, conditions.prescribed[self.moved], offset, separable(found, _MARCH), dampings(bound))
 
 
+def friction_of(contact: Contact | ScalarContact) -> Friction:
+    """The friction of a contact; none where its law is one of the penetration."""
+    law = contact.law if isinstance(contact, ScalarContact) else contact.friction
+    return law if isinstance(law, Friction) else NoFriction()
+
+
 def dampings(bound: Statement) -> dict[str, Superpotential]:
     """Laws of the normal rate of a problem at one time, by boundary, where there are some."""
     return {name: contact.damping for name, contact in bound.contacts.items() if contact.damping is not None}
@@ -232,7 +256,28 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
     for name, index in blocks:
         if np.any(np.diff(index) != 1):
             raise ProblemError(f"contact points of boundary '{name}' do not follow one another; renumber them")
+    for name, index in blocks:
+        _refuse_unmeasured(name, stated.contacts[name], problem, index, evolution.heat is not None)
     return DiscreteEvolution(evolution, problem, family, blocks, heat=_heat(evolution, stated, problem, family.moved))
+
+
+def _refuse_unmeasured(
+    name: str, contact: Contact | ScalarContact, problem: DiscreteProblem, index: IntArray, heated: bool
+) -> None:
+    """Refuse friction of which nobody knows whether it follows the slip or its rate, and what goes with one only."""
+    friction, law = friction_of(contact), problem.law
+    where = f"the friction '{friction.name}' of contact '{name}'"
+    remembers = MemoryChain(contact.memory)
+    if friction.of is SlipMeasure.SLIP and (contact.memory or heated):
+        what = "memory" if contact.memory else "heat"
+        raise ProblemError(f"{where} is a law of the slip, and the {what} needs one of its rate; say of = 'rate'")
+    if friction.of is not None or remembers.of_slip or not isinstance(law, ContactLaw) or not friction.acts:
+        return
+    if not homogeneous(law.take(index).friction.profile):
+        raise ProblemError(
+            f"{where} depends on a length, and in time it may be a law of the slip or of its rate; say of = 'slip' (as "
+            "in statics) or of = 'rate'"
+        )
 
 
 def _heat(evolution: Evolution, stated: Statement, problem: DiscreteProblem, moved: IntArray) -> DiscreteHeat | None:

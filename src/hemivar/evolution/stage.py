@@ -227,6 +227,7 @@ def posed_stage(
     if not rule.rate.of_difference:
         origin -= rule.rate.carried(before.local, rates[1]) / rule.rate.difference
     origin[:, 0] = 0.0
+    origin[discrete.follows_slip] = 0.0
     if rule.restitution is not None:
         origin[:, 0] = allowed(before.local, rule, operator.step)
     contact = operator.base.contact

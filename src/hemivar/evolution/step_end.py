@@ -22,6 +22,7 @@ from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
 from hemivar.evolution.step_laws import BoundaryLaw, StepLaw
 from hemivar.evolution.step_operator import decay, gain
 from hemivar.laws.memory import LocalStep
+from hemivar.laws.neighbourhood import lengths
 from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
 
@@ -201,6 +202,8 @@ def energies(discrete: DiscreteEvolution, state: TimeState, law: StepLaw) -> dic
                 beyond = seen - np.clip(seen, ends.lower, ends.upper)
                 r = np.column_stack([r[:, 0] - beyond, r[:, 1:]])
                 contact += float(w @ block.memory.stored(block.base, remembered, r))
+                if discrete.stores_slip[block.index].any():
+                    contact += float(w @ block.base.tangential.value(lengths(r[:, 1:])))
         else:
             stored = law.stored.normal
             ends = stored.domain
@@ -277,12 +280,13 @@ def _work_of(
         moved -= float((pressed * (discrete.problem.contact.trace_of(du[:n]) - dr)).sum())
     if one.own is not lam:
         damping = float(weights[:, 0] @ ((lam - one.own) * dr)[:, 0])
+    slid = (pressed * dr)[:, 1:].sum(axis=1)
     return _StepWork(
         work=float(stage.load @ du),
         moved=moved,
         **done,
-        normal=float(pressed[:, 0] @ dr[:, 0]),
-        friction=float((pressed * dr)[:, 1:].sum()),
+        normal=float(pressed[:, 0] @ dr[:, 0]) + float(slid[discrete.stores_slip].sum()),
+        friction=float(slid[~discrete.stores_slip].sum()),
         damping=damping,
         jumps=jumps,
         branch_loss=branch_loss,

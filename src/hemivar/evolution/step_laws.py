@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, friction_of
 from hemivar.evolution.schemes import Scheme, StageRule
 from hemivar.evolution.state import TimeState
-from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential, separable
+from hemivar.laws import ContactLaw, NoContact, Signorini, SlipMeasure, Superpotential, separable
 from hemivar.laws.memory import LocalStep, Memory, MemoryChain, friction_in_increments, in_increments, law_of_step
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
 from hemivar.mechanics.instants import error_context
+from hemivar.mechanics.scalar import ScalarContact
+from hemivar.mechanics.statement import Contact
 
 __all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "seen_place", "stage_law"]
 
@@ -130,6 +132,8 @@ class StageLaws:
         if found is None or found.stated is not stated or found.damped is not damping or found.rate != rate:
             memory = _memory(self._discrete, name, index)
             base = stated.take(index)
+            if _follows_slip(self._discrete.contacts[name]):
+                base = ContactLaw(base.normal, replace(base.friction, of=SlipMeasure.SLIP))
             given = base if memory.of_slip else in_increments(base, rate)
             with error_context(f"damping of contact '{name}'", damping):
                 damper = None if damping is None else damping.at(_places(self._discrete, index))
@@ -180,7 +184,10 @@ def stage_law(
     """
     rate, stated = rule.rate.difference, acting.law
     contact = discrete.contacts
-    plain = all(not contact[name].memory and contact[name].damping is None for name, _ in discrete.blocks)
+    plain = all(
+        not contact[name].memory and contact[name].damping is None and not _follows_slip(contact[name])
+        for name, _ in discrete.blocks
+    )
     if rule.restitution is not None:
         return StepLaw(_impact(stated, before, step, rate))
     foundations = StageLaws(discrete) if known is None else known
@@ -216,6 +223,11 @@ def refuse_compliant(discrete: DiscreteEvolution, scheme: Scheme) -> None:
     ProblemError
     """
     for name, contact in discrete.contacts.items():
+        if _follows_slip(contact):
+            raise ProblemError(
+                f"the scheme {scheme.name} has friction of the slip rate, and that of contact '{name}' is a law of the "
+                "slip; take another scheme"
+            )
         if not isinstance(contact.normal, Signorini) or contact.memory or contact.damping is not None:
             raise ProblemError(
                 f"the scheme {scheme.name} is one for rigid obstacles, but contact '{name}' has the law "
@@ -231,12 +243,16 @@ def refuse_unaveraged(discrete: DiscreteEvolution, scheme: Scheme) -> None:
     ProblemError
     """
     for name, contact in discrete.contacts.items():
-        if contact.memory or contact.damping is not None:
+        if contact.memory or contact.damping is not None or _follows_slip(contact):
             raise ProblemError(
-                f"the scheme {scheme.name} is to conserve energy, but contact '{name}' has a memory or a damping, "
-                "which do not; leave conserving out"
+                f"the scheme {scheme.name} is to conserve energy, but contact '{name}' has a memory, a damping or "
+                "friction of the slip, which do not; leave conserving out"
             )
     averaged(separable(discrete.problem.law, "a march in time").normal, 0.0)
+
+
+def _follows_slip(contact: Contact | ScalarContact) -> bool:
+    return friction_of(contact).of is SlipMeasure.SLIP
 
 
 def _impact(stated: ContactLaw, before: TimeState, step: float, rate: float) -> ContactLaw:

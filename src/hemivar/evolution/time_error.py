@@ -230,6 +230,8 @@ def bound_in_time(advance: TimeStepper) -> TimeBound:
     assert discrete.viscosity is not None
     stated = discrete.evolution.problem
     law = discrete.problem.law
+    if discrete.follows_slip.any():
+        return TimeBound(advance, "", "friction is a law of the slip")
     moving = not law.rubs.any()
     still = moving and all(contact.damping is None for contact in discrete.contacts.values())
     if stated.time_dependent - {"load"}:

@@ -242,6 +242,7 @@ def _is_none(friction: Friction) -> bool:
         and not isinstance(friction, OrthotropicFriction)
         and bound == none.bound
         and friction.profile is none.profile
+        and friction.of is None
     )
 
 
@@ -288,7 +289,8 @@ def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles
     law = friction if isinstance(friction, OrthotropicFriction) else friction.profile
     match friction.bound:
         case CoulombBound(coefficient=coefficient) if law is NoFriction().profile:
-            return {"law": "coulomb", "coefficient": quantity_record(coefficient, f"{where}.coefficient")}
+            record: object = {"law": "coulomb", "coefficient": quantity_record(coefficient, f"{where}.coefficient")}
+            return _told_of(record, friction)
         case CoulombBound(coefficient=coefficient):
             bound = {"coulomb": quantity_record(coefficient, f"{where}.coefficient")}
         case PenetrationBound(source=ScalarFormula(text=text)):
@@ -307,7 +309,13 @@ def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles
             raise not_expressible(f"{where}.bound", other, "numbers, formulas, and bounds by penetration or pressure")
         case plain:
             bound = quantity_record(plain, f"{where}.bound")
-    return _law_record(law, where, name, aside, FRICTION_LAWS, bound)
+    return _told_of(_law_record(law, where, name, aside, FRICTION_LAWS, bound), friction)
+
+
+def _told_of(record: object, friction: Friction) -> object:
+    """The record of friction, with what it is a law of in time where that was said."""
+    whole = record if isinstance(record, dict) else {"law": record}
+    return record if friction.of is None else whole | {"of": str(friction.of)}
 
 
 def _obstacle_record(obstacle: Obstacle, where: str) -> dict[str, object]:

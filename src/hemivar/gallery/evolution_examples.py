@@ -90,7 +90,7 @@ def screwed_arch(data: str | ScrewedArchData = "four screws", n: int = 8) -> Evo
     names = [f"screw {k}" for k in range(1, 5)]
     contact = Contact(
         Softening(data.stiffness, 0.1, 0.0),
-        SlipWeakening(PenetrationBound(([0.0, 0.1], [0.0, 0.1 * data.friction]))),
+        SlipWeakening(PenetrationBound(([0.0, 0.1], [0.0, 0.1 * data.friction])), of="rate"),
     )
     problem = ContactProblem(
         mesh=_arch(n),

@@ -438,7 +438,9 @@ class StickSlip:
             supports={"top": Fixed(y=0.0)},
             body_force=growing,
             bedding=self.stiffness,
-            contact={"bottom": Contact(Bilateral(), SlipTable(1.0, [0.0, decay], [self.static, self.kinetic]))},
+            contact={
+                "bottom": Contact(Bilateral(), SlipTable(1.0, [0.0, decay], [self.static, self.kinetic], of="rate"))
+            },
         )
         return Evolution(problem, inertia=True)
 

@@ -72,7 +72,7 @@ def thermoviscoelastic(n: int = 16, share: float = 0.1) -> WarmBody:
     problem = ContactProblem(
         mesh=rectangle((1.5, 1.0), (3 * n // 2, n)),
         material=Material.lame(105.0, 45.0, density=1.0, viscosity=(10.5, 4.5)),
-        contact={"bottom": Contact(Compliance(1e3), Logarithmic(1.0))},
+        contact={"bottom": Contact(Compliance(1e3), Logarithmic(1.0, of="rate"))},
         tractions={name: push(size) for name, size in sides.items()},  # type: ignore[misc]
         body_force=(0.0, -0.981),
         title="thermoviscoelastic body",

@@ -209,8 +209,10 @@ def _formula_law(
     return FormulaLaw(potential, derivative=derivative, kinks=kinks, reach=reach, where=where)
 
 
-def _table_friction(file: str | Path, bound: Parameter | StateBound = 1.0, extend: str = "constant") -> Friction:
-    return Friction(bound, read_law_table(file, extend=extend, friction=True))
+def _table_friction(
+    file: str | Path, bound: Parameter | StateBound = 1.0, extend: str = "constant", of: str | None = None
+) -> Friction:
+    return Friction(bound, read_law_table(file, extend=extend, friction=True), of=of)
 
 
 def _formula_friction(
@@ -220,10 +222,10 @@ def _formula_friction(
     kinks: Sequence[float] = (),
     reach: float = 10.0,
     where: str = "",
+    of: str | None = None,
 ) -> Friction:
-    return Friction(
-        bound, FormulaLaw(potential, derivative=derivative, kinks=kinks, reach=reach, even=True, where=where)
-    )
+    law = FormulaLaw(potential, derivative=derivative, kinks=kinks, reach=reach, even=True, where=where)
+    return Friction(bound, law, of=of)
 
 
 _FORMULA_KINKS = LawParameter(
@@ -241,6 +243,15 @@ _EXTEND = LawParameter(
 
 #: A number that must be above zero.
 _positive = partial(LawParameter, minimum=0.0, positive=True)
+_OF = LawParameter(
+    "of",
+    "what it is a law of in time",
+    "slip or rate",
+    form=ParameterForm.TEXT,
+    optional=True,
+    choices=("slip", "rate"),
+)
+
 _PRESSURE = "force/area"
 _RATE = "force/area/length"
 _LIST = ParameterForm.NUMBERS
@@ -444,7 +455,7 @@ _FRICTION = (
         Tresca,
         "friction of at most bound; where the body slips it has this size and opposes the slip",
         "j(s) = bound |s|",
-        (_BOUND,),
+        (_BOUND, _OF),
     ),
     LawEntry(
         "coulomb",
@@ -452,7 +463,7 @@ _FRICTION = (
         Coulomb,
         "friction of at most coefficient times the pressure (quasi-variational: the bound is iterated)",
         "j(s) = coefficient pressure |s|",
-        (LawParameter("coefficient", "friction coefficient mu", "1", minimum=0.0, example=0.3),),
+        (LawParameter("coefficient", "friction coefficient mu", "1", minimum=0.0, example=0.3), _OF),
     ),
     LawEntry(
         "orthotropic",
@@ -483,6 +494,7 @@ _FRICTION = (
             LawParameter("static", "factor of the bound at rest", "1", 1.0, 0.0),
             LawParameter("kinetic", "factor of the bound after much slip", "1", 0.7, 0.0),
             LawParameter("rate", "how fast it falls", "1/length", 1.0, 0.0, positive=True),
+            _OF,
         ),
     ),
     LawEntry(
@@ -491,7 +503,11 @@ _FRICTION = (
         Logarithmic,
         "friction bound/(scale + slip), which falls to nothing with the slip",
         "j(s) = bound ln(1 + |s|/scale)",
-        (_BOUND, LawParameter("scale", "slip at which it has fallen to one half", "length", 1.0, 0.0, positive=True)),
+        (
+            _BOUND,
+            LawParameter("scale", "slip at which it has fallen to one half", "length", 1.0, 0.0, positive=True),
+            _OF,
+        ),
     ),
     LawEntry(
         "static-kinetic",
@@ -504,6 +520,7 @@ _FRICTION = (
             _positive("slip", "at which the friction drops", "length", example=0.1),
             LawParameter("static", "factor of the bound up to this slip", "1", 1.0, 0.0),
             LawParameter("kinetic", "factor of the bound beyond it", "1", 0.7, 0.0),
+            _OF,
         ),
     ),
     LawEntry(
@@ -517,6 +534,7 @@ _FRICTION = (
             _BOUND,
             LawParameter("slips", "from 0 on, increasing", "length", form=_LIST, example=(0.0, 0.2)),
             LawParameter("values", "factors of the bound there", "1", form=_LIST, example=(1.0, 0.5)),
+            _OF,
         ),
     ),
     LawEntry(
@@ -525,7 +543,7 @@ _FRICTION = (
         _table_friction,
         "friction bound times a CSV file with the columns r (slip >= 0) and derivative; the same backwards",
         "j' from a table",
-        (LawParameter("file", "the CSV file", "path", form=ParameterForm.FILE), _BOUND_OR_ONE, _EXTEND),
+        (LawParameter("file", "the CSV file", "path", form=ParameterForm.FILE), _BOUND_OR_ONE, _EXTEND, _OF),
     ),
     LawEntry(
         "formula",
@@ -553,6 +571,7 @@ _FRICTION = (
             _BOUND_OR_ONE,
             _FORMULA_KINKS,
             _REACH,
+            _OF,
         ),
     ),
     LawEntry(

@@ -1,7 +1,7 @@
 """Friction: even profiles of the slip, bounds that may depend on the state, and the laws that they make."""
 
 from hemivar.laws.friction.bounds import CoulombBound, PenetrationBound, StateBound
-from hemivar.laws.friction.friction_law import Friction
+from hemivar.laws.friction.friction_law import Friction, SlipMeasure
 from hemivar.laws.friction.named_frictions import (
     Coulomb,
     Logarithmic,
@@ -30,6 +30,7 @@ __all__ = [
     "NoFriction",
     "OrthotropicFriction",
     "PenetrationBound",
+    "SlipMeasure",
     "SlipTable",
     "SlipWeakening",
     "StateBound",

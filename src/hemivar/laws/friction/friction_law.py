@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import Self
 from weakref import WeakSet
 
@@ -21,12 +22,21 @@ from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["Friction"]
+__all__ = ["Friction", "SlipMeasure"]
 
 #: Knots of a profile next to which it is tried out.
 _MOST_KNOTS = 2000
 #: Contact points at which a profile that differs from one to the next is tried out.
 _MOST_ROWS = 20
+
+
+class SlipMeasure(StrEnum):
+    """What friction is a law of in time."""
+
+    SLIP = "slip"
+    """The slip itself, as in statics: at each time the static law, which dissipates nothing by itself."""
+    RATE = "rate"
+    """Its rate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,19 +49,28 @@ class Friction(PickleMixin):
         Friction bound h_tau >= 0 (force per area), or one that depends on penetration or pressure.
     profile : Superpotential
         Even scalar law j_tau, extended to the whole line by j_tau(-r) = j_tau(r); j_tau' >= 0 for r > 0.
+    of : "slip" or "rate", optional
+        What it is a law of in time; statics knows the slip only. Friction that sees no length, such as Tresca's and
+        Coulomb's, is one of the rate by default; any other has no default there.
 
     Raises
     ------
     ProblemError
-        If the profile is not even, or negative somewhere (as far as samples at and between its knots tell).
+        If ``of`` is neither, or the profile is not even, or negative somewhere (as far as samples at and between its
+        knots tell).
     """
 
     bound: Parameter | StateBound
     profile: Superpotential = ABSOLUTE_VALUE
+    of: SlipMeasure | str | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         if not isinstance(self.profile, Superpotential):
             raise ProblemError(f"the profile of a friction law must be a superpotential, not {self.profile!r}")
+        if self.of is not None:
+            if self.of not in tuple(SlipMeasure):
+                raise ProblemError(f"of = {self.of!r} of friction law '{self.name}'; give 'slip' or 'rate'")
+            object.__setattr__(self, "of", SlipMeasure(self.of))
         check_own(self.profile)
         _check_profile(self.profile)
 
@@ -62,7 +81,7 @@ class Friction(PickleMixin):
         return state
 
     def __setstate__(self, state: dict[str, object]) -> None:
-        super().__setstate__({"profile": ABSOLUTE_VALUE} | state)
+        super().__setstate__({"profile": ABSOLUTE_VALUE, "of": None} | state)
 
     @property
     def name(self) -> str:

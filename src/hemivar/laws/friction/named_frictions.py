@@ -7,41 +7,49 @@ from types import MappingProxyType
 
 from hemivar.basics.types import Parameter
 from hemivar.laws.friction.bounds import CoulombBound, StateBound
-from hemivar.laws.friction.friction_law import Friction
+from hemivar.laws.friction.friction_law import Friction, SlipMeasure
 from hemivar.laws.friction.profiles import ExponentialWeakening, LogarithmicWeakening, StaticKineticProfile
 from hemivar.laws.own.table_law import check_points, even_table
 
 __all__ = ["Coulomb", "Logarithmic", "NoFriction", "SlipTable", "SlipWeakening", "StaticKinetic", "Tresca"]
 
 
-def Tresca(bound: Parameter | StateBound) -> Friction:  # noqa: N802 - a law, named as the others are
+def Tresca(  # noqa: N802 - a law, named as the others are
+    bound: Parameter | StateBound, *, of: SlipMeasure | str | None = None
+) -> Friction:
     """Tresca's law: friction at most ``bound``, against the slip once it slips (j_tau = |.|).
 
     Parameters
     ----------
     bound : number, array, function or StateBound
         Force per area.
+    of : "slip" or "rate", optional
+        See :class:`Friction`.
 
     Returns
     -------
     Friction
     """
-    return Friction(bound)
+    return Friction(bound, of=of)
 
 
-def Coulomb(coefficient: Parameter) -> Friction:  # noqa: N802 - a law, named as the others are
+def Coulomb(  # noqa: N802 - a law, named as the others are
+    coefficient: Parameter, *, of: SlipMeasure | str | None = None
+) -> Friction:
     """Coulomb's law: friction at most ``coefficient`` times the pressure (quasi-variational).
 
     Parameters
     ----------
     coefficient : number, array or function
         Friction coefficient mu >= 0.
+    of : "slip" or "rate", optional
+        See :class:`Friction`.
 
     Returns
     -------
     Friction
     """
-    return Friction(CoulombBound(coefficient))
+    return Friction(CoulombBound(coefficient), of=of)
 
 
 def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
@@ -55,7 +63,12 @@ def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
 
 
 def SlipWeakening(  # noqa: N802 - a law, named as the others are
-    bound: Parameter | StateBound, static: Parameter = 1.0, kinetic: Parameter = 0.7, rate: Parameter = 1.0
+    bound: Parameter | StateBound,
+    static: Parameter = 1.0,
+    kinetic: Parameter = 0.7,
+    rate: Parameter = 1.0,
+    *,
+    of: SlipMeasure | str | None = None,
 ) -> Friction:
     """Friction that falls with the slip from ``bound static`` to ``bound kinetic`` like exp(-rate |slip|).
 
@@ -71,15 +84,19 @@ def SlipWeakening(  # noqa: N802 - a law, named as the others are
         Part of the bound after a long slip.
     rate : number, array or function
         One over a slip.
+    of : "slip" or "rate", optional
+        See :class:`Friction`.
 
     Returns
     -------
     Friction
     """
-    return Friction(bound, ExponentialWeakening(static, kinetic, rate))
+    return Friction(bound, ExponentialWeakening(static, kinetic, rate), of=of)
 
 
-def Logarithmic(bound: Parameter | StateBound, scale: Parameter = 1.0) -> Friction:  # noqa: N802
+def Logarithmic(  # noqa: N802 - a law, named as the others are
+    bound: Parameter | StateBound, scale: Parameter = 1.0, *, of: SlipMeasure | str | None = None
+) -> Friction:
     """Friction ``bound/(scale + |slip|)``, j_tau(r) = ln(1 + |r|/scale).
 
     Parameters
@@ -88,16 +105,23 @@ def Logarithmic(bound: Parameter | StateBound, scale: Parameter = 1.0) -> Fricti
         Force per area.
     scale : number, array or function
         A slip.
+    of : "slip" or "rate", optional
+        See :class:`Friction`.
 
     Returns
     -------
     Friction
     """
-    return Friction(bound, LogarithmicWeakening(scale))
+    return Friction(bound, LogarithmicWeakening(scale), of=of)
 
 
 def StaticKinetic(  # noqa: N802
-    bound: Parameter | StateBound, slip: Parameter, static: Parameter = 1.0, kinetic: Parameter = 0.7
+    bound: Parameter | StateBound,
+    slip: Parameter,
+    static: Parameter = 1.0,
+    kinetic: Parameter = 0.7,
+    *,
+    of: SlipMeasure | str | None = None,
 ) -> Friction:
     """Friction ``bound static`` up to the slip ``slip`` > 0, then at once ``bound kinetic``.
 
@@ -111,16 +135,22 @@ def StaticKinetic(  # noqa: N802
         Part of the bound before that slip.
     kinetic : number, array or function
         Part of the bound after it.
+    of : "slip" or "rate", optional
+        See :class:`Friction`.
 
     Returns
     -------
     Friction
     """
-    return Friction(bound, StaticKineticProfile(slip, static, kinetic))
+    return Friction(bound, StaticKineticProfile(slip, static, kinetic), of=of)
 
 
 def SlipTable(  # noqa: N802
-    bound: Parameter | StateBound, slips: Sequence[float], values: Sequence[float]
+    bound: Parameter | StateBound,
+    slips: Sequence[float],
+    values: Sequence[float],
+    *,
+    of: SlipMeasure | str | None = None,
 ) -> Friction:
     """Friction ``bound`` times a table of the slip, linear between its points and constant beyond them.
 
@@ -131,6 +161,8 @@ def SlipTable(  # noqa: N802
         >= 0, not falling; a repeated one is a jump.
     values : sequence of float
         j_tau' at the slips.
+    of : "slip" or "rate", optional
+        See :class:`Friction`.
 
     Returns
     -------
@@ -138,4 +170,4 @@ def SlipTable(  # noqa: N802
     """
     r, d = check_points(slips, values, "slips of law 'slip-table'", friction=True)
     stated = MappingProxyType({"law": "slip-table", "slips": r, "values": d})
-    return Friction(bound, even_table(r, d, name="slip-table", stated=stated))
+    return Friction(bound, even_table(r, d, name="slip-table", stated=stated), of=of)

@@ -11,7 +11,7 @@ from hemivar.basics.arguments import described
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
-from hemivar.laws.friction import Friction
+from hemivar.laws.friction import Friction, SlipMeasure
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed import affine, plus
@@ -30,7 +30,7 @@ def friction_in_increments(friction: Friction, rate: float) -> Friction:
     Parameters
     ----------
     friction : Friction
-        With resolved parameters; its bound may depend on the state.
+        With resolved parameters; its bound may depend on the state. A law of the slip stays what it is.
     rate : float
         a > 0, the factor of the increment in the slip rate: 1/tau for implicit Euler.
 
@@ -38,7 +38,7 @@ def friction_in_increments(friction: Friction, rate: float) -> Friction:
     -------
     Friction
     """
-    if homogeneous(friction.profile):
+    if friction.of is SlipMeasure.SLIP or homogeneous(friction.profile):
         return friction
     return replace(friction, profile=as_examined(affine(friction.profile, rate)))
 
