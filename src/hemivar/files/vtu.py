@@ -16,6 +16,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem import gradient, nodal_average, strain, stress, von_mises
+from hemivar.fem.area_average import area_average
 from hemivar.fem.quadrature import region_masks
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.files.record import prepared
@@ -67,7 +68,9 @@ def write_vtu(
     A scalar problem is one file. Point data: the unknown by its name (``deflection``, ``temperature``; ``u_z`` in
     antiplane shear), for membranes and antiplane shear ``displacement`` as well, a vector across the plane to warp by,
     and ``velocity`` in time; ``flux`` (``A grad u``, a vector, nodal averages); at contact points, of areas as well,
-    what a body has there, with ``friction`` and ``slip`` as numbers where there is friction. Cell data: ``gradient``
+    what a body has there, with ``friction`` and ``slip`` as numbers where there is friction. ``pressure`` is that of
+    the law at each node; with contact over areas ``mean_pressure`` is its average over cells, which is the force per
+    area also where nodes of the mesh differ. Cell data: ``gradient``
     and ``flux`` in the middle of each cell.
 
     Of a moment of an evolution the stress is the elastic one, ``velocity`` and ``rate`` (of the contact points, global
@@ -167,6 +170,10 @@ def _scalar_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dic
         if isinstance(solution, Snapshot):
             point_data["velocity"] = solution.velocity[:, 0]
         point_data["displacement"] = np.column_stack([np.zeros((len(values), 2)), values])
+    if stated.areas:
+        point_data["mean_pressure"] = np.zeros(len(values))
+        mean = area_average(solution.problem, solution.pressure)
+        point_data["mean_pressure"][solution.problem.contact.node] = mean
     return point_data | {"flux": nodal_average(stated, flux)}, {"gradient": slope, "flux": flux}
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
+from hemivar.fem.area_average import area_average
 from hemivar.files.boundary import polylines
 from hemivar.mechanics.scalar import ScalarProblem, Side
 from hemivar.report.certificate_line import FOOT, write_below, write_foot
@@ -121,7 +122,9 @@ def _surface(solution: Solution, stated: ScalarProblem, title: str | None, unit:
 
 
 def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str, line: str) -> Figure:
-    """Force per area of the foundation, and the penetration, over an area of contact; not in cells that supports touch.
+    """Force per area of the foundation, averaged over cells, and the penetration, over an area of contact.
+
+    Not in cells that supports touch.
 
     Raises
     ------
@@ -136,7 +139,7 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     if mesh.dim == 3:
         raise ProblemError("contact over a volume is not drawn as a flat map; write it with write_vtu")
     over = np.flatnonzero(over_area(solution))
-    acts = solution.pressure[over] + solution.friction[over].sum(axis=1)  # each point has one of the two
+    acts = area_average(problem, solution.pressure + solution.friction.sum(axis=1))[over]  # each has one of the two
     r = solution.local[over].sum(axis=1)
     rubs = any(one.rubs for one in stated.areas.values())
     held = np.ones(mesh.number_of_nodes, dtype=bool)

@@ -1,0 +1,50 @@
+"""Forces of a contact over an area for output: averages over cells, in place of values at single nodes.
+
+A force at a node is exact in the mean only.  Where nodes of a mesh differ in their cells, as the corners and the
+middles of a crossed mesh do, values jump from one to the next however fine the mesh is.  Their mean over a cell is the
+force per area, and so are averages of these means; they add up to the same resultant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.mechanics.scalar import ScalarContact, ScalarProblem
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["area_average"]
+
+
+def area_average(problem: DiscreteProblem, values: Array) -> Array:
+    """Values at contact points (m,), over areas averaged twice: over the nodes of each cell, and over cells.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+        Of a scalar problem; on its contact boundaries values stay what they are.
+    values : array (m,)
+    """
+    stated, contact, found = problem.origin, problem.contact, values.copy()
+    if not isinstance(stated, ScalarProblem):
+        return found
+    mesh = stated.mesh
+    for name in stated.areas:
+        points = contact.on(name)
+        cells = np.arange(len(mesh.cells)) if isinstance(stated.area, ScalarContact) else mesh.regions[name]
+        found[points] = _averaged(mesh, cells, contact.node[points], values[points])
+    return found
+
+
+def _averaged(mesh: Mesh, cells: IntArray, nodes: IntArray, values: Array) -> Array:
+    """Values (p,) at nodes (p,), averaged over the nodes of each cell that has one, and over the cells at each node."""
+    known, at = np.zeros(mesh.number_of_nodes), np.zeros(mesh.number_of_nodes)
+    known[nodes], at[nodes] = 1.0, values
+    members, count = mesh.cells[cells], mesh.number_of_nodes
+    there = known[members].sum(axis=1)
+    size = mesh.volumes[cells] * (there > 0.0)
+    mean = at[members].sum(axis=1) / np.maximum(there, 1.0)
+    corners = members.shape[1]
+    total, whole = (np.bincount(members.ravel(), np.repeat(part, corners), count) for part in (size * mean, size))
+    return np.asarray(total[nodes] / whole[nodes])

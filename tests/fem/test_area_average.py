@@ -1,0 +1,54 @@
+"""Forces over an area of contact: averages that converge where values at nodes jump."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.fem.area_average import area_average
+from hemivar.files.vtu import write_vtu
+
+
+def membrane(cells: int, pattern: str, region: bool = False) -> hv.ScalarProblem:
+    """A membrane of tension 2 that is pressed onto a hill: where they touch, the pressure is 3.7 + 0.3 x."""
+    mesh = hv.rectangle((2.0, 2.0), cells, pattern, origin=(-1.0, -1.0))
+    law = hv.ScalarContact(hv.Signorini(), lambda x: 0.12 - 0.4 * (x**2).sum(axis=1), side="below")
+    load = {"supports": dict.fromkeys(("left", "right", "top", "bottom"), 0.0)}
+    if region:
+        inner = np.abs(mesh.points[mesh.cells].mean(axis=1)).max(axis=1) < 0.75
+        mesh = replace(mesh, regions={"inner": np.flatnonzero(inner), "outer": np.flatnonzero(~inner)})
+    where = {"area": {"inner": law} if region else law}
+    return hv.ScalarProblem(mesh, 2.0, source=lambda x: -0.5 - 0.3 * x[:, 0], kind="membrane", **load, **where)
+
+
+@pytest.mark.parametrize("pattern", ["cross", "right", "left"])
+@pytest.mark.parametrize("region", [False, True])
+def test_the_pressure_over_an_area_converges(pattern: str, region: bool) -> None:
+    """Exactly: -2 div grad level - source; well inside of what touches, where there is no edge to resolve."""
+    off = []
+    for cells in (32, 64):
+        found = hv.solve(membrane(cells, pattern, region), rtol=1e-11).raise_for_status()
+        mean, x = area_average(found.problem, found.pressure), found.problem.contact.points
+        deep = np.hypot(*x.T) < 0.15
+        assert deep.sum() > 3
+        off.append(np.abs(mean - 3.7 - 0.3 * x[:, 0])[deep].max())
+        weights = found.problem.contact.weights
+        assert weights @ mean == pytest.approx(weights @ found.pressure, rel=1e-12 if pattern == "cross" else 0.05)
+    assert off[-1] < 1e-6
+    if pattern == "cross":
+        assert np.abs(found.pressure - 3.7 - 0.3 * x[:, 0])[deep].max() > 0.5  # the law's own, at the nodes
+
+
+def test_files_have_both(tmp_path: Path) -> None:
+    found = hv.solve(membrane(8, "cross"))
+    write_vtu(found, tmp_path / "m.vtu")
+    import meshio
+
+    data = meshio.read(tmp_path / "m.vtu").point_data
+    node = found.problem.contact.node
+    np.testing.assert_allclose(data["pressure"][node], found.pressure)
+    np.testing.assert_allclose(data["mean_pressure"][node], area_average(found.problem, found.pressure))
