@@ -149,7 +149,7 @@ def test_importing_every_room_changes_nothing_global() -> None:
 def test_algebraic_levels_repeat_bit_by_bit() -> None:
     problem = unstructured(32)
     np.random.seed(1)  # noqa: NPY002 - must not matter
-    given = problem.stiffness, near_kernel(problem.field), node_slots(problem.field)
+    given = problem.stiffness, near_kernel(problem.field), node_slots(problem.field, problem.stiffness)
     first = algebraic_levels(*given)
     np.random.seed(2)  # noqa: NPY002
     second = algebraic_levels(*given)
@@ -169,7 +169,7 @@ def test_algebraic_levels_warn_of_nothing() -> None:
     problem = unstructured(32)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert algebraic_levels(problem.stiffness, near_kernel(problem.field), node_slots(problem.field))
+        assert algebraic_levels(problem.stiffness, near_kernel(problem.field), node_slots(problem.field, problem.stiffness))
 
 
 @pytest.mark.parametrize(

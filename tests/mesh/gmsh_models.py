@@ -71,6 +71,24 @@ def solid(gmsh: Any, size: float) -> None:
     gmsh.model.mesh.generate(3)
 
 
+def bracket(gmsh: Any, size: float) -> None:
+    """An angle of two plates, 8 thick, with a hole in the lower one; in millimetres."""
+    gmsh.model.add("bracket")
+    occ = gmsh.model.occ
+    angle, _ = occ.fuse([(3, occ.addBox(0, 0, 0, 60, 40, 8))], [(3, occ.addBox(0, 0, 8, 8, 40, 50))])
+    occ.cut(angle, [(3, occ.addCylinder(40, 20, -1, 0, 0, 12, 6))])
+    occ.synchronize()
+    boxes = {tag: gmsh.model.getBoundingBox(2, tag) for _, tag in gmsh.model.getEntities(2)}
+    group = gmsh.model.addPhysicalGroup
+    group(2, [tag for tag, box in boxes.items() if abs(box[5]) < 1e-3], 1, "bottom")
+    group(2, [tag for tag, box in boxes.items() if box[2] > 57.9], 2, "pull")
+    hole = [tag for tag, box in boxes.items() if box[0] > 33.0 and box[3] < 47.0 and box[5] - box[2] > 7.0]
+    group(2, hole, 3, "hole")
+    group(3, [tag for _, tag in gmsh.model.getEntities(3)], 1, "aluminium")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    gmsh.model.mesh.generate(3)
+
+
 MODELS = {"plane": plane, "solid": solid}
 
 

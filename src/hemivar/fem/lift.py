@@ -46,7 +46,7 @@ def lifted(integral: EnergyIntegral, field: Field, contact: ContactPoints, law: 
 
 def linear_response(field: Field, stiffness: sp.csr_array, force: Array) -> Array:
     """Unknowns (n,) of a linear body under a force (n,); along motions that nothing resists as it comes."""
-    hierarchy = Hierarchy.of(stiffness, near=near_kernel(field), slots=[node_slots(field)])
+    hierarchy = Hierarchy.of(stiffness, near=near_kernel(field), slots=[node_slots(field, stiffness)])
     return hierarchy.solve(force)[0]
 
 

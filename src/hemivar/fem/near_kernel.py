@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from hemivar.basics.types import Array
 from hemivar.coercivity.rigid_modes import rigid_basis
 from hemivar.discrete.space import Field
 from hemivar.linear.algebraic import NodeSlots
+from hemivar.linear.node_order import near_each_other
 
 __all__ = ["near_kernel", "node_slots", "rigid_motions"]
 
@@ -23,8 +25,8 @@ def near_kernel(field: Field | None) -> Array | None:
     return None if field is None or not field.moves else rigid_motions(field)
 
 
-def node_slots(field: Field | None) -> NodeSlots | None:
-    """Where the unknowns of a field stand by nodes; None where they are not those of a mesh."""
+def node_slots(field: Field | None, stiffness: sp.csr_array) -> NodeSlots | None:
+    """Where the unknowns of a field stand by nodes, coupled nodes near each other; None where there is no mesh."""
     if field is None:
         return None
     basis, size = field.basis.tocsc(), field.components
@@ -37,4 +39,5 @@ def node_slots(field: Field | None) -> NodeSlots | None:
         component = np.arange(node.size) - np.maximum.accumulate(np.where(first, np.arange(node.size), 0))
     else:
         signs = np.sign(basis.data)
-    return NodeSlots(number[node] * size + component, size, int(number[-1]) + 1, signs)
+    slots = NodeSlots(number[node] * size + component, size, int(number[-1]) + 1, signs)
+    return near_each_other(slots, stiffness)

@@ -154,6 +154,26 @@ void transfer(const Array<int32_t>& start, const Array<int32_t>& column, const A
     });
 }
 
+// The same by blocks of R x C; columns in two sums, for each waits for the number before it.
+template <int R, int C>
+void transfer_blocks(const Array<int32_t>& start, const Array<int32_t>& column, const Array<float>& weight,
+                     const float* x, float* out, bool add) {
+    const int64_t rows = static_cast<int64_t>(start.size()) - 1;
+    share((rows + kChunk - 1) / kChunk, [&](int64_t piece) {
+        for (int64_t i = piece * kChunk; i < std::min(rows, (piece + 1) * kChunk); ++i) {
+            float sum[R] = {}, other[R] = {};
+            for (int32_t e = start[i]; e < start[i + 1]; ++e) {
+                const float *block = weight.data() + int64_t{e} * R * C, *from = x + int64_t{column[e]} * C;
+                for (int j = 0; j < C; ++j) {
+                    float* part = j % 2 ? other : sum;
+                    for (int k = 0; k < R; ++k) part[k] += block[j * R + k] * from[j];
+                }
+            }
+            for (int k = 0; k < R; ++k) out[i * R + k] = (add ? out[i * R + k] : 0.0f) + sum[k] + other[k];
+        }
+    });
+}
+
 template <template <int> class Function, class... Arguments>
 void by_size(int d, Arguments&&... arguments) {
     switch (d) {
@@ -189,6 +209,28 @@ struct Across {
         }
     }
 };
+
+template <int R>
+struct AcrossBlocks {
+    template <int C>
+    struct With {
+        static void run(const Transfer& between, const float* x, float* out, bool up) {
+            if (up) {
+                transfer_blocks<R, C>(between.start, between.column, between.weight, x, out, true);
+            } else {
+                transfer_blocks<C, R>(between.back_start, between.back_column, between.back_weight, x, out, false);
+            }
+        }
+    };
+    static void run(const Transfer& between, const float* x, float* out, bool up) {
+        by_size<With>(between.columns, between, x, out, up);
+    }
+};
+
+void cross(const Transfer& between, const float* x, float* out, bool up) {
+    if (between.rows > 1) return by_size<AcrossBlocks>(between.rows, between, x, out, up);
+    by_size<Across>(between.components, between, x, out, up);
+}
 
 float* buffer(Scratch& scratch, int64_t k, int which, int64_t size) {
     Array<float>& one = scratch[3 * k + which];
@@ -231,10 +273,10 @@ void descend(const Truncation& t, int64_t k, Scratch& scratch) {
     by_size<Down>(level.d, level, changed, b, x, rest);
     float* coarse = buffer(scratch, k - 1, 0, small);
     buffer(scratch, k - 1, 1, small);
-    by_size<Across>(between.components, between, rest, coarse, false);
+    cross(between, rest, coarse, false);
     for (int32_t slot : under.held) coarse[slot] = 0.0f;
     descend(t, k - 1, scratch);
-    by_size<Across>(between.components, between, buffer(scratch, k - 1, 1, small), x, true);
+    cross(between, buffer(scratch, k - 1, 1, small), x, true);
     for (int32_t slot : changed.held) x[slot] = 0.0f;
     by_size<Up>(level.d, level, changed, b, x, rest);
     scratch[3 * k + 1].swap(scratch[3 * k + 2]);

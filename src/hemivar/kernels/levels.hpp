@@ -56,13 +56,17 @@ struct Level {
     int64_t pieces() const { return (nodes + block - 1) / block; }
 };
 
-// From a coarse level to a fine one and back, for scaled unknowns; by nodes where all components are alike.
+// From a coarse level to a fine one and back, for scaled unknowns: by nodes where all components are alike, and by blocks
+// of rows x columns, column by column, where most of these are full.
 struct Transfer {
-    int components = 1;
+    int components = 1, rows = 1, columns = 1;
     Array<int32_t> start, column, back_start, back_column;
     Array<float> weight, back_weight;
 
     Transfer(const Csr& prolongation, const Level& fine, const Level& coarse);
+
+private:
+    void to_blocks(const Level& fine, const Level& coarse);
 };
 
 // The rows of the contact nodes of a level in a solve, or a whole other level.

@@ -290,22 +290,56 @@ Transfer::Transfer(const Csr& P, const Level& fine, const Level& coarse) {
         components = group;
         return true;
     };
-    if (!(fine.d == coarse.d && fine.d > 1 && gather(fine.d))) gather(1);
+    if (!(fine.d == coarse.d && fine.d > 1 && gather(fine.d))) {
+        gather(1);
+        to_blocks(fine, coarse);
+    }
     // And back.
-    const int64_t under = coarse.nodes * coarse.d / components;
+    const int64_t under = coarse.nodes * coarse.d / (components * columns), each = rows * columns;
     back_start.assign(under + 1, 0);
     for (int32_t j : column) ++back_start[j + 1];
     for (int64_t j = 0; j < under; ++j) back_start[j + 1] += back_start[j];
     back_column.resize(column.size());
-    back_weight.resize(column.size());
+    back_weight.resize(weight.size());
     std::vector<int32_t> next(back_start.begin(), back_start.end() - 1);
     for (size_t i = 0; i + 1 < start.size(); ++i) {
         for (int32_t e = start[i]; e < start[i + 1]; ++e) {
             const int32_t at = next[column[e]]++;
             back_column[at] = static_cast<int32_t>(i);
-            back_weight[at] = weight[e];
+            for (int64_t w = 0; w < each; ++w) {
+                back_weight[at * each + w % rows * columns + w / rows] = weight[e * each + w];
+            }
         }
     }
+}
+
+void Transfer::to_blocks(const Level& fine, const Level& coarse) {
+    const int r = fine.d, c = coarse.d;
+    if (r == 1 || c == 1) return;
+    Array<int32_t> block_start(fine.nodes + 1, 0), block_column;
+    for (int64_t i = 0; i < fine.nodes; ++i) {
+        const auto first = static_cast<int64_t>(block_column.size());
+        for (int32_t e = start[i * r]; e < start[(i + 1) * r]; ++e) block_column.push_back(column[e] / c);
+        std::sort(block_column.begin() + first, block_column.end());
+        block_column.erase(std::unique(block_column.begin() + first, block_column.end()), block_column.end());
+        block_start[i + 1] = static_cast<int32_t>(block_column.size());
+    }
+    if (block_column.size() * r * c > 2 * column.size()) return;
+    Array<float> block(block_column.size() * r * c, 0.0f);
+    for (int64_t i = 0; i < fine.nodes; ++i) {
+        const auto begin = block_column.begin() + block_start[i], end = block_column.begin() + block_start[i + 1];
+        for (int k = 0; k < r; ++k) {
+            for (int32_t e = start[i * r + k]; e < start[i * r + k + 1]; ++e) {
+                const int64_t at = std::lower_bound(begin, end, column[e] / c) - block_column.begin();
+                block[(at * c + column[e] % c) * r + k] = weight[e];
+            }
+        }
+    }
+    rows = r;
+    columns = c;
+    start.swap(block_start);
+    column.swap(block_column);
+    weight.swap(block);
 }
 
 void Truncation::change(int64_t k, const uint8_t* held, const double* values) {

@@ -7,17 +7,20 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import IMPORTS
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.linear.compiled import NodeSlots
 from hemivar.linear.levels import COARSEST, Transfer
+from hemivar.linear.truncated_level import narrow
 
 __all__ = ["NodeSlots", "algebraic_levels"]
 
 _LEVELS = 20
 #: Sweeps that smooth the near null space of the finest level, on which supports bend it.
 _SWEEPS = 4
+#: Nodes are coupled strongly from this part of the root of the product of their own blocks on.
+_STRONG = 0.08
 #: Jacobi step that smooths the prolongation, relative to the largest eigenvalue.
-_DAMPING = 4.0 / 3.0
+_DAMPING = 1.6
 _LANCZOS = 60
 _ACCURACY = 0.01
 #: Diagonal entries below this part of the largest belong to unknowns that nothing reaches.
@@ -54,7 +57,7 @@ def algebraic_levels(
     candidates = np.zeros((count, near.shape[1]))
     candidates[slots.places] = near
     found: list[tuple[sp.csr_array, Transfer]] = []
-    while len(found) < _LEVELS and blocks.shape[0] // blocks.blocksize[0] > COARSEST:
+    while len(found) < _LEVELS and blocks.shape[0] > COARSEST:
         blocks, prolongation, candidates = _coarsened(blocks, candidates, improve=not found)
         if not found:
             prolongation = sp.csr_array(place.T @ prolongation)
@@ -69,18 +72,17 @@ def _coarsened(matrix: sp.bsr_array, candidates: Array, improve: bool) -> tuple[
     iteration from numpy's global random numbers, so that no two of its hierarchies are alike.
     """
     with IMPORTS:
-        from pyamg.aggregation import fit_candidates, standard_aggregation  # only here: small problems do without it
+        from pyamg.aggregation import fit_candidates  # only here: small problems do without it
         from pyamg.relaxation.relaxation import block_gauss_seidel
 
     matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
-    nodes, size = matrix.shape[0] // matrix.blocksize[0], matrix.blocksize[0]
-    graph = sp.csr_array((np.ones(matrix.indices.size), matrix.indices, matrix.indptr), shape=(nodes, nodes))
+    size = matrix.blocksize[0]
     if improve:
         columns = [np.ascontiguousarray(column) for column in candidates.T]
         for column in columns:
             block_gauss_seidel(matrix, column, np.zeros(column.size), _SWEEPS, "symmetric", size)
         candidates = np.stack(columns, axis=1)
-    tentative, coarse = fit_candidates(sp.csr_array(standard_aggregation(graph)[0]), candidates)
+    tentative, coarse = fit_candidates(_aggregates(matrix), candidates)
     diagonal = np.abs(matrix.diagonal())
     there = diagonal > _GONE * diagonal.max(initial=0.0)
     inverse = np.divide(1.0, diagonal, out=np.zeros(diagonal.size), where=there)
@@ -88,6 +90,54 @@ def _coarsened(matrix: sp.bsr_array, candidates: Array, improve: bool) -> tuple[
     prolongation = tentative - (sp.diags_array(weight * inverse) @ (matrix @ tentative)).tobsr(tentative.blocksize)
     below = (prolongation.T @ matrix @ prolongation).tobsr((candidates.shape[1],) * 2)
     return below, sp.csr_array(prolongation), coarse
+
+
+def _aggregates(matrix: sp.bsr_array) -> sp.csr_array:
+    """Which aggregate each node belongs to, as a matrix (nodes, aggregates) of ones.
+
+    Nodes that are strongly coupled to no other go with the aggregate that they are coupled to most: left out, they
+    would be corrected by no coarser level.
+    """
+    with IMPORTS:
+        from pyamg.aggregation import standard_aggregation
+
+    coupling = _couplings(matrix)
+    strong = coupling.copy()
+    strong.data[strong.data < _STRONG] = 0.0
+    strong.eliminate_zeros()
+    found = sp.csr_array(standard_aggregation(narrow(strong))[0])
+    alone = np.diff(found.indptr) == 0
+    if not alone.any():
+        return found
+    coupling.data[alone[coupling.indices]] = 0.0
+    nearest, strength = _largest_of_rows(coupling)
+    of_node = np.zeros(alone.size, dtype=np.int32)
+    of_node[~alone] = found.indices
+    of_node[alone] = of_node[nearest[alone]]
+    member = np.flatnonzero(~alone | (strength > 0.0))
+    return narrow(sp.csr_array((np.ones(member.size), (member, of_node[member])), shape=found.shape))
+
+
+def _couplings(matrix: sp.bsr_array) -> sp.csr_array:
+    """Sizes of the blocks between nodes over the roots of those of their own, (nodes, nodes)."""
+    nodes = matrix.indptr.size - 1
+    sizes = np.sqrt(np.einsum("eij,eij->e", matrix.data, matrix.data))
+    rows = np.repeat(np.arange(nodes), np.diff(matrix.indptr))
+    own = np.zeros(nodes)
+    own[rows[rows == matrix.indices]] = sizes[rows == matrix.indices]
+    root = np.sqrt(np.where(own > 0.0, own, 1.0))
+    return sp.csr_array(
+        (sizes / (root[rows] * root[matrix.indices]), matrix.indices, matrix.indptr), shape=(nodes,) * 2
+    )
+
+
+def _largest_of_rows(matrix: sp.csr_array) -> tuple[IntArray, Array]:
+    """The column of the largest entry of each row, and that entry; zeros for rows without any."""
+    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    order = np.lexsort((matrix.data, rows))
+    last = order[matrix.indptr[1:] - 1]
+    there = np.diff(matrix.indptr) > 0
+    return np.where(there, matrix.indices[last], 0), np.where(there, matrix.data[last], 0.0)
 
 
 def _largest_eigenvalue(matrix: sp.bsr_array, scale: Array) -> float:

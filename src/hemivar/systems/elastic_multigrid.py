@@ -56,7 +56,7 @@ class ElasticMultigrid:
             [p.stiffness for p in problems],
             [step.prolongation for step in chain],
             near=near_kernel(coarsest.field) if large else None,
-            slots=[node_slots(p.field) for p in problems],
+            slots=[node_slots(p.field, p.stiffness) for p in problems],
             contacts=[part[0] for part in parts],
             points=[part[3] for part in parts],
         )
