@@ -17,8 +17,9 @@ __all__ = ["NodeSlots", "algebraic_levels"]
 _LEVELS = 20
 #: Sweeps that smooth the near null space of the finest level, on which supports bend it.
 _SWEEPS = 4
-#: Nodes are coupled strongly from this part of the root of the product of their own blocks on.
-_STRONG = 0.08
+#: Nodes are coupled strongly from this part of the root of the product of their own blocks on: in the given matrix, and
+#: in coarser ones, whose rows are longer.
+_STRONG = (0.04, 0.08)
 #: Jacobi step that smooths the prolongation, relative to the largest eigenvalue.
 _DAMPING = 1.6
 _LANCZOS = 60
@@ -58,14 +59,14 @@ def algebraic_levels(
     candidates[slots.places] = near
     found: list[tuple[sp.csr_array, Transfer]] = []
     while len(found) < _LEVELS and blocks.shape[0] > COARSEST:
-        blocks, prolongation, candidates = _coarsened(blocks, candidates, improve=not found)
+        blocks, prolongation, candidates = _coarsened(blocks, candidates, finest=not found)
         if not found:
             prolongation = sp.csr_array(place.T @ prolongation)
         found.insert(0, (_regular(sp.csr_array(blocks)), Transfer.of(prolongation)))
     return found
 
 
-def _coarsened(matrix: sp.bsr_array, candidates: Array, improve: bool) -> tuple[sp.bsr_array, sp.csr_array, Array]:
+def _coarsened(matrix: sp.bsr_array, candidates: Array, finest: bool) -> tuple[sp.bsr_array, sp.csr_array, Array]:
     """The next coarser matrix, the prolongation to it and the near null space on it, by smoothed aggregation.
 
     After Vanek, Mandel and Brezina (Computing 56, 1996), of parts of PyAMG. Its own set-up starts an eigenvalue
@@ -77,12 +78,12 @@ def _coarsened(matrix: sp.bsr_array, candidates: Array, improve: bool) -> tuple[
 
     matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
     size = matrix.blocksize[0]
-    if improve:
+    if finest:
         columns = [np.ascontiguousarray(column) for column in candidates.T]
         for column in columns:
             block_gauss_seidel(matrix, column, np.zeros(column.size), _SWEEPS, "symmetric", size)
         candidates = np.stack(columns, axis=1)
-    tentative, coarse = fit_candidates(_aggregates(matrix), candidates)
+    tentative, coarse = fit_candidates(_aggregates(matrix, _STRONG[0] if finest else _STRONG[1]), candidates)
     diagonal = np.abs(matrix.diagonal())
     there = diagonal > _GONE * diagonal.max(initial=0.0)
     inverse = np.divide(1.0, diagonal, out=np.zeros(diagonal.size), where=there)
@@ -92,7 +93,7 @@ def _coarsened(matrix: sp.bsr_array, candidates: Array, improve: bool) -> tuple[
     return below, sp.csr_array(prolongation), coarse
 
 
-def _aggregates(matrix: sp.bsr_array) -> sp.csr_array:
+def _aggregates(matrix: sp.bsr_array, least: float) -> sp.csr_array:
     """Which aggregate each node belongs to, as a matrix (nodes, aggregates) of ones.
 
     Nodes that are strongly coupled to no other go with the aggregate that they are coupled to most: left out, they
@@ -103,7 +104,7 @@ def _aggregates(matrix: sp.bsr_array) -> sp.csr_array:
 
     coupling = _couplings(matrix)
     strong = coupling.copy()
-    strong.data[strong.data < _STRONG] = 0.0
+    strong.data[strong.data < least] = 0.0
     strong.eliminate_zeros()
     found = sp.csr_array(standard_aggregation(narrow(strong))[0])
     alone = np.diff(found.indptr) == 0

@@ -25,7 +25,7 @@ from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlot
 from hemivar.linear.point_smoother import Points
 from hemivar.linear.products import product
 from hemivar.linear.pyamg_kernels import kernels
-from hemivar.linear.truncated_level import Level, TruncatedLevel, narrow
+from hemivar.linear.truncated_level import CoarseChange, Level, TruncatedLevel, narrow
 
 __all__ = ["COARSEST", "LevelMatrix", "Levels", "Preconditioner", "Transfer", "Truncated"]
 
@@ -37,6 +37,8 @@ _STIFF = 2.0
 #: Part of the weights of what a coarse unknown reaches that may be held before it is left out: more than one neighbour
 #: of a node on a line, two on a plane.
 _MOSTLY = 0.3
+#: Cycles after a change from which on algebraic levels follow it.
+_LATE = 4
 #: Part of a residual that a cycle in single precision may leave, and how often more than that before it is given up.
 _SLOW, _PATIENCE = 0.8, 2
 
@@ -162,6 +164,7 @@ class Levels:
         except IndexError:
             return Truncated(self, top)
         borrowed.top = top
+        borrowed.begin()
         return borrowed
 
     def give_back(self, borrowed: Truncated) -> None:
@@ -210,6 +213,11 @@ class Levels:
         return whole
 
     @cached_property
+    def coarse_change(self) -> CoarseChange:
+        """How holding unknowns of the coarsest level that is not algebraic changes the one below."""
+        return CoarseChange(self.levels[self.algebraic], self.transfers[self.algebraic - 1].prolongation)
+
+    @cached_property
     def compiled(self) -> CompiledLevels | None:
         """The levels in the compiled kernels; None where these are not there, or do not know such nodes."""
         available = compiled_kernels()
@@ -249,10 +257,18 @@ class Truncated:
         self._least = 0.0 if vanishing else _MOSTLY
         self._changed = [TruncatedLevel(level) for level in levels.levels]
         self._coarse: Array | None = None
+        #: What algebraic levels have not followed yet.
+        self._late: tuple[BoolArray, Array] | None = None
+        self.begin()
         self._compiled = None if levels.compiled is None else CompiledTruncation(levels.compiled)
+
+    def begin(self) -> None:
+        """Forget, for another solve, how far algebraic levels have followed: its bits depend on nothing before it."""
+        self._cycles, self._followed = 0, False
 
     def matrix(self, k: int) -> sp.csr_array:
         """The matrix of a level, rows of held unknowns replaced by those of the identity."""
+        self._follow()
         return self._changed[k].matrix
 
     def diagonal(self, k: int) -> Array:
@@ -263,7 +279,7 @@ class Truncated:
         """The matrix of a level times a vector (n,), zero where unknowns are held; entries there mean nothing."""
         changed, compiled = self._changed[k], self._levels.compiled
         if compiled is None or k < self._levels.algebraic:
-            return np.asarray(changed.matrix @ x)
+            return np.asarray(self.matrix(k) @ x)
         out = compiled.multiply(k, x)
         if changed.values is not changed.level.values:
             out[changed.level.contact] = product(changed.rows, x)
@@ -300,16 +316,23 @@ class Truncated:
         if not new:
             return  # what is coarser is as it was
         if levels.algebraic:
-            coarsest = levels.levels[levels.algebraic]
-            prolongation = levels.transfers[levels.algebraic - 1].prolongation
-            change = coarsest.galerkin_change(out, coarsest.coupling.matrix(values), prolongation)
-            for k in range(levels.algebraic - 1, -1, -1):
-                self._changed[k].shift(change)
-                if self._compiled is not None and k:
-                    self._compiled.replace(k, self._changed[k].matrix)
-                if k:
-                    prolongation = levels.transfers[k - 1].prolongation
-                    change = sp.csr_array(prolongation.T @ change @ prolongation)
+            self._late, self._cycles = (out, values), 0
+        else:
+            self._coarse = None
+
+    def _follow(self) -> None:
+        """Change algebraic levels by what was held and added on the finer ones."""
+        if self._late is None:
+            return
+        levels, (held, values), self._late = self._levels, self._late, None
+        change = levels.coarse_change.of(held, levels.levels[levels.algebraic].coupling.matrix(values))
+        for k in range(levels.algebraic - 1, -1, -1):
+            self._changed[k].shift(change)
+            if self._compiled is not None and k:
+                self._compiled.replace(k, self._changed[k].matrix)
+            if k:
+                prolongation = levels.transfers[k - 1].prolongation
+                change = sp.csr_array(prolongation.T @ change @ prolongation)
         self._coarse = None
 
     def cycle(self, k: int, right: Array) -> Array:
@@ -317,13 +340,22 @@ class Truncated:
 
         Entries of held unknowns must be zero in ``right``, and are zero in the answer.
         """
+        self._follow()
         return self._cycle(k, np.ascontiguousarray(right, dtype=float))
 
     def fast_cycle(self, k: int, right: Array) -> Array:
-        """The same by the compiled kernels, in single precision inside; for iterations that bear that."""
+        """The same by the compiled kernels, in single precision inside; for iterations that bear that.
+
+        For the first few cycles algebraic levels are those of the change before, if there was one: to change them costs
+        as much as many cycles, and equations that are soon solved well enough do not need it.
+        """
         if self._compiled is None or k == 0:
             return self.cycle(k, right)
-        self.prepare()
+        self._cycles += 1
+        if self._cycles > _LATE or not self._followed:
+            self._follow()
+            self._followed = True
+        self._coarse_root()
         return self._compiled.cycle(k, right)
 
     @property
@@ -333,6 +365,7 @@ class Truncated:
 
     def prepare(self) -> None:
         """Make what a cycle needs."""
+        self._follow()
         self._coarse_root()
 
     def _cycle(self, k: int, right: Array) -> Array:

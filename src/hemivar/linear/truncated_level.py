@@ -11,7 +11,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.linear.point_smoother import Points, PointSmoother
 from hemivar.linear.products import diagonal
 
-__all__ = ["Coupling", "Level", "TruncatedLevel", "narrow"]
+__all__ = ["CoarseChange", "Coupling", "Level", "TruncatedLevel", "narrow"]
 
 
 class Coupling:
@@ -85,18 +85,29 @@ class Level:
         self.added = np.searchsorted(keys, self.coupling.rows * matrix.shape[0] + contact[self.coupling.columns])
         self.diagonal = np.abs(diagonal(self.matrix))
 
-    def contact_rows(self, matrix: sp.csr_array) -> sp.csr_array:
-        """The rows of the contact unknowns of a matrix with the entries of this one."""
-        shape = (self.contact.size, matrix.shape[0])
-        return sp.csr_array((matrix.data[self.entries], self.columns, self.first), shape=shape)
 
-    def galerkin_change(self, held: BoolArray, added: sp.csr_array, prolongation: sp.csr_array) -> sp.csr_array:
-        """What holding and adding change in the Galerkin product with a prolongation that is cut off where held."""
-        rows = self.contact_rows(self.matrix)[held]
-        reach, cut = prolongation[self.contact], prolongation[self.contact[held]]
-        lost = cut.T @ (rows @ prolongation)
-        both = cut.T @ (rows[:, self.contact[held]] @ cut)
-        return sp.csr_array(both - lost - lost.T + reach.T @ (added @ reach))
+class CoarseChange:
+    """What is changed in a Galerkin product by holding and adding on the finer level.
+
+    Parameters
+    ----------
+    level : Level
+    prolongation : sparse array, shape (n, n_coarse)
+        It is cut off where unknowns are held.
+    """
+
+    def __init__(self, level: Level, prolongation: sp.csr_array) -> None:
+        shape = (level.contact.size, level.matrix.shape[0])
+        rows = sp.csr_array((level.values, level.columns, level.first), shape=shape)
+        self.reach, self.images = sp.csr_array(prolongation[level.contact]), sp.csr_array(rows @ prolongation)
+        self.between = sp.csr_array(rows[:, level.contact])
+
+    def of(self, held: BoolArray, added: sp.csr_array) -> sp.csr_array:
+        """The change, where contact unknowns are held and a matrix is added between the others."""
+        cut, between = self.reach[held], self.between[held][:, held]
+        part = sp.csr_array(cut.T @ (0.5 * (between @ cut) - self.images[held]))
+        change = part + part.T
+        return sp.csr_array(change + self.reach.T @ (added @ self.reach) if added.nnz else change)
 
 
 class TruncatedLevel:

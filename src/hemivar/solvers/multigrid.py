@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
 from hemivar.basics.types import Array
 from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
@@ -158,7 +160,7 @@ def nested_guess(rough: Solver, system: Body, budget: Budget) -> tuple[Array, St
     where the search for it was stopped."""
     below = system.posed_below()
     if below is None:
-        return system.start(), None
+        return system.start(_lifted(system)), None
     x, stopped = nested_guess(rough, below, budget)
     if stopped is None:
         controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
@@ -166,3 +168,11 @@ def nested_guess(rough: Solver, system: Body, budget: Budget) -> tuple[Array, St
         rough.release(found)
         x, stopped = found.r, status if status in STOPPED else None
     return system.start(system.from_below(x)), stopped
+
+
+def _lifted(system: Body) -> Array | None:
+    """The body without contact, where the solution does not depend on where a method starts: from rest points lift a
+    few at a time, and are put back all at once."""
+    law = system.law.frozen_at(system.local(np.zeros(system.load.shape)))
+    bent = any((alpha != 0.0).any() for alpha in law.weak_convexity)
+    return None if system.vectors.largest(float(bent))[0] else system.untouched()

@@ -9,6 +9,7 @@ piecewise smooth; its generalised derivative is not symmetric, and there is no e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -44,6 +45,8 @@ _ROUNDING = 8.0 * float(np.finfo(float).eps)
 _FALLS = 1e-4
 #: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
 _FIRST, _SETTLED = 0.1, 1e-3
+#: Rounds, and the part of |F| that has to be gone after as many: else another way is thought better.
+_PATIENCE, _GAINED = 5, 0.1
 #: Part of the bound by which it is raised first, and the least one.
 _RAISED, _LEAST = 0.25, 1.0 / 512.0
 
@@ -161,18 +164,18 @@ class SemismoothNewton(Solver):
         if point.off <= equation.rounding(point):
             return replace(state, ended=Status.STALLED)
         fallbacks, new = state.fallbacks, None
-        if way.rounds < self.rounds:
+        if way.rounds < self.rounds and not _creeps(way.past):
             new = equation.lower(point, self.halvings, budget)
         if new is None:
             fallbacks += 1
             new = self._raised(equation, way.start.r, budget) if way.rounds >= 0 else None
-            way = replace(way, rounds=-self.rounds)
+            way = replace(way, rounds=-self.rounds, past=())
         state = replace(state, evaluations=state.evaluations + (1 if new is None else new.cycles), fallbacks=fallbacks)
         if new is None:
             equation.equation.release()
             fixed = self._fixed(system, way.start, state, budget)
             return self._followed(system, fixed.memory, fixed, budget)
-        return self._at(system, new, replace(way, point=new, rounds=way.rounds + 1), state)
+        return self._at(system, new, way.after(new), state)
 
     def settle(self, system: ContactSystem, state: State, budget: Budget) -> State | None:
         way: _Way = state.memory
@@ -228,10 +231,13 @@ class SemismoothNewton(Solver):
 
     def _solved(self, equation: _Equation, x: Array, budget: Budget) -> _Point | None:
         """The solution that Newton's equation leads to from a point."""
-        point, cycles = equation.at(x), 0
+        point, cycles, past = equation.at(x), 0, list[float]()
         for _ in range(self.rounds):
             if point is None or point.off <= equation.rounding(point):
                 return None if point is None else replace(point, cycles=cycles)
+            past.append(point.off)
+            if _creeps(past):
+                return None
             budget.check()
             point = equation.lower(point, self.halvings, budget)
             cycles += 0 if point is None else point.cycles
@@ -362,6 +368,8 @@ class _Way:
         Newton's equations that were solved; counted from below zero once the bound was raised in parts.
     outer : State or None
         That of the fixed point, once it has taken over.
+    past : tuple of float
+        |F| at the points so far.
     """
 
     start: State
@@ -369,3 +377,13 @@ class _Way:
     point: _Point | None = None
     rounds: int = 0
     outer: State | None = None
+    past: tuple[float, ...] = ()
+
+    def after(self, point: _Point) -> _Way:
+        """One round further."""
+        return replace(self, point=point, rounds=self.rounds + 1, past=(*self.past, point.off))
+
+
+def _creeps(past: Sequence[float]) -> bool:
+    """Whether |F| hardly falls any more."""
+    return len(past) > _PATIENCE and past[-1] > (1.0 - _GAINED) * past[-1 - _PATIENCE]

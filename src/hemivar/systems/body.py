@@ -83,6 +83,10 @@ class Body(Equilibrium, ABC):
         """The same on the next coarser mesh, where a problem is posed there."""
         return self.below
 
+    def untouched(self) -> Array | None:
+        """About the unknowns (n,) of the body under its load alone, without contact; None where that is not cheap."""
+        return None
+
     @abstractmethod
     def from_below(self, x: Array) -> Array:
         """Unknowns (n,) of the displacement field given by those of the next coarser mesh."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -27,7 +28,8 @@ from hemivar.linear.definite import (
     refuse_indefinite,
     rounding,
 )
-from hemivar.linear.levels import COARSEST, Preconditioner
+from hemivar.linear.krylov import conjugate_gradients
+from hemivar.linear.levels import COARSEST, LevelMatrix, Preconditioner
 from hemivar.linear.products import product
 from hemivar.linear.vectors import WHOLE
 from hemivar.systems.body import Body
@@ -39,6 +41,9 @@ from hemivar.systems.krylov_newton import Truncation
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["BodyProblem", "levels_of", "set_up"]
+
+#: What a body without its contact is computed for: part of the load that may be left, and the most cycles.
+_ROUGH, _QUICK = 1e-2, 15
 
 
 class MatrixAtContact(ContactStiffness):
@@ -136,6 +141,18 @@ class BodyProblem(Body):
             return None
         step = self.hierarchy.steps[self.top - self.hierarchy.first - 1]
         return self.meshes[-1].posed(step.posed(self.problem), self.meshes[:-1], time.perf_counter())
+
+    def untouched(self) -> Array | None:
+        levels, top = self.hierarchy.levels, self.top
+        enough = _ROUGH * float(np.linalg.norm(self.load))
+        if not levels.algebraic or not 0.0 < enough < math.inf:
+            return None
+        cycle = levels.preconditioner(top)
+        found = conjugate_gradients(
+            LevelMatrix(levels, top), levels.diagonal(top), self.load, cycle, enough, _QUICK, flexible=cycle.flexible
+        )
+        held = found.negative is None and float(np.linalg.norm(found.residual)) <= enough
+        return found.solution if held else None
 
     def from_below(self, x: Array) -> Array:
         return self.hierarchy.steps[self.top - self.hierarchy.first - 1].interpolate(x)
