@@ -8,7 +8,10 @@ import pytest
 import hemivar as hv
 from hemivar.laws import Coulomb, Friction, NoFriction
 from hemivar.linear import truncated_level
+from hemivar.mesh import Mesh
+from hemivar.solvers.choice import predicted_seconds
 from hemivar.systems.body_on_levels import levels_of
+from tests import bodies
 from tests.own_mesh import bracket_on_a_plate
 
 #: Cycles of a linear solve to the accuracy of the contact problems.
@@ -94,3 +97,12 @@ def test_a_convex_energy_that_falls_is_no_stall(size: float) -> None:
     found = hv.solve(problem, "multigrid", initial=np.zeros(problem.unknowns)).raise_for_status()
     energies = [one.energy for one in found.history]
     assert np.all(np.diff(energies) <= 1e-12 * abs(energies[-1]))
+
+
+def test_the_choice_knows_that_meshes_without_a_coarser_one_cost_more() -> None:
+    stated = bodies.cube(hv.laws.Signorini(), cells=8)
+    mesh = stated.mesh
+    alone = stated.on(Mesh(mesh.points, mesh.cells, dict(mesh.boundaries)))
+    (newton, known), (same, unknown) = (predicted_seconds(hv.discretize(one)) for one in (stated, alone))
+    assert same == newton
+    assert unknown > 1.5 * known

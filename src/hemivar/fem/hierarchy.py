@@ -17,7 +17,7 @@ from hemivar.discrete.space import Field
 from hemivar.fem.discretize import coarse_problem
 from hemivar.fem.dynamics import body_family
 
-__all__ = ["Coarser", "coarser", "family_of", "tangent_problem"]
+__all__ = ["Coarser", "coarser", "family_of", "has_coarser", "tangent_problem"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,12 @@ class Coarser:
         return self.field.restrict(fine)
 
 
+def has_coarser(problem: DiscreteProblem) -> bool:
+    """Whether there is a coarser mesh below that of a problem with linear elements."""
+    field = problem.field
+    return field is not None and problem.origin is not None and field.order == 1 and field.mesh.parent is not None
+
+
 def coarser(problem: DiscreteProblem) -> Coarser | None:
     """The same contact problem on the next coarser mesh; None where there is no such mesh.
 
@@ -83,8 +89,11 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
         From :func:`discretize`, with linear elements and nodal quadrature.
     """
     field, statement = problem.field, problem.origin
-    if field is None or statement is None or field.order != 1 or field.mesh.parent is None:
+    if not has_coarser(problem):
         return None
+    assert field is not None
+    assert statement is not None
+    assert field.mesh.parent is not None
     if isinstance(problem.model.parts, Composition):
         return _coarser_in_time(problem, problem.model.parts)
     if isinstance(problem.model.parts, Tangent):

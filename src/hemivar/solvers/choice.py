@@ -6,6 +6,7 @@ import math
 
 from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.hierarchy import has_coarser
 from hemivar.linear.factor_memory import available_bytes, factorisation_bytes
 from hemivar.solvers.base import Solver
 from hemivar.solvers.multigrid import NonsmoothMultigrid
@@ -25,12 +26,13 @@ def predicted_seconds(problem: DiscreteProblem) -> tuple[float, float]:
     """What :class:`NonsmoothNewton` and :class:`NonsmoothMultigrid` take, roughly.
 
     Fitted to one core of 2026 and linear elements (``benchmarks/crossover.py``); only their ratio and their order of
-    magnitude matter.
+    magnitude matter.  Where no coarser mesh is known, multigrid sets up algebraic levels and takes more steps.
     """
     n, dense = float(problem.unknowns), 5e-10 * float(problem.contact.trace.nnz) ** 3
+    known = has_coarser(problem)
     if _dimension(problem) == 3:
-        return 1.5e-8 * n**2 + dense, 0.1 + 4.5e-5 * n
-    return 1.2e-6 * n * math.log2(max(n, 2.0)) + dense, 0.05 + 4.0e-6 * n
+        return 9e-9 * n**2 + dense, 0.06 + (4e-6 if known else 3e-5) * n
+    return 7.5e-7 * n * math.log2(max(n, 2.0)) + dense, 0.04 + (1.7e-6 if known else 7.5e-6) * n
 
 
 def _dimension(problem: DiscreteProblem) -> int:
