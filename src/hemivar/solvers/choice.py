@@ -15,7 +15,7 @@ from hemivar.solvers.newton import NonsmoothNewton
 __all__ = ["choose", "predicted_seconds"]
 
 #: Seconds that :class:`NonsmoothNewton` may take before multigrid is considered, for convex laws and for others.
-_PATIENCE = (1.0, 10.0)
+_PATIENCE = (0.6, 6.0)
 #: Part of the free memory that a factorisation may take.
 _SHARE = 0.7
 #: Bytes that are always there, 16 MiB: to look takes longer than to solve such a problem.
