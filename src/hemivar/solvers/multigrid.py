@@ -10,14 +10,17 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.solvers.active_set_newton import FEW_ROUNDS, NewtonCache, active_set_newton, small_and_convex
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.line_search import SearchLine
 from hemivar.solvers.loop import iterate
+from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body
 from hemivar.systems.body_on_levels import BodyProblem, set_up
+from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_moves import snap_to_kinks
 from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEquation
 from hemivar.systems.workspace import Workspace
@@ -95,6 +98,11 @@ class NonsmoothMultigrid(TruncatedNewton):
         return self if self.tolerance is not None else replace(self, tolerance=max(0.1 * rtol, _TIGHTEST))
 
     @property
+    def direct(self) -> NonsmoothNewton:
+        """What solves in its place on a condensed body."""
+        return NonsmoothNewton(search=self.search)
+
+    @property
     def accuracy(self) -> Accuracy:
         target = _TIGHTEST if self.tolerance is None else self.tolerance
         return Accuracy(target, self.absolute, self.iterations)
@@ -113,11 +121,8 @@ class NonsmoothMultigrid(TruncatedNewton):
     def first_guess(self, system: Body, budget: Budget) -> tuple[Array, Status | None]:
         if not self.nested:
             return system.start(), None
-        return nested_guess(
-            replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2), settled=False),
-            system,
-            budget,
-        )
+        rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2), settled=False)
+        return nested_guess(rough, self.direct, system, budget)
 
     def on_pieces(self, system: Body, x: Array) -> Array | None:
         """The bottom of the pieces of the laws on which a place lies, with the points at kinks held there.
@@ -155,19 +160,45 @@ class NonsmoothMultigrid(TruncatedNewton):
         return x
 
 
-def nested_guess(rough: Solver, system: Body, budget: Budget) -> tuple[Array, Status | None]:
-    """The solution on the next coarser mesh by a method, which starts from the one below it, and so on; and a status
-    where the search for it was stopped."""
+def nested_guess(rough: Solver, direct: Solver, system: Body, budget: Budget) -> tuple[Array, Status | None]:
+    """The solution on the next coarser mesh, which starts from the one below it, and so on; and a status where the
+    search for it was stopped.
+
+    Parameters
+    ----------
+    rough, direct : Solver
+        What solves on coarser meshes: on levels, and on a body that is small enough to be condensed, where it ends.
+    system : Body
+    budget : Budget
+    """
     below = system.posed_below()
     if below is None:
         return system.start(_lifted(system)), None
-    x, stopped = nested_guess(rough, below, budget)
+    controls, small = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS), below.condensed()
+    if small is not None:
+        x, stopped = _solved(direct, small, controls, budget)
+        return system.start(system.from_below(x)), stopped
+    x, stopped = nested_guess(rough, direct, below, budget)
     if stopped is None:
-        controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
         found, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
         rough.release(found)
         x, stopped = found.r, status if status in STOPPED else None
     return system.start(system.from_below(x)), stopped
+
+
+def _solved(
+    direct: Solver, system: CondensedProblem, controls: Controls, budget: Budget
+) -> tuple[Array, Status | None]:
+    """All unknowns of a small body, and a status where the search for them was stopped."""
+    r = system.start()
+    lam = system.multiplier(r)
+    if small_and_convex(system):
+        quick = active_set_newton(system, r, lam, controls, NewtonCache(), rounds=FEW_ROUNDS)
+        if quick is not None:
+            return quick.unknowns, None
+    found, status, _ = iterate(direct, system, State(r, lam), controls, budget)
+    direct.release(found)
+    return system.unknowns(found.r), status if status in STOPPED else None
 
 
 def _lifted(system: Body) -> Array | None:

@@ -130,7 +130,8 @@ class SemismoothNewton(Solver):
     def first_guess(self, system: ContactSystem, budget: Budget) -> tuple[Array, Status | None]:
         inner = self.fallback.inner
         if isinstance(system, Body) and isinstance(inner, NonsmoothMultigrid) and inner.nested:
-            return nested_guess(self, system, budget)
+            direct = replace(self, fallback=replace(self.fallback, inner=inner.direct))
+            return nested_guess(self, direct, system, budget)
         return super().first_guess(system, budget)
 
     def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:

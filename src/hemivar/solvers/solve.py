@@ -23,7 +23,7 @@ from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
-from hemivar.solvers.active_set_newton import NewtonCache, active_set_newton
+from hemivar.solvers.active_set_newton import FEW_ROUNDS, NewtonCache, active_set_newton, small_and_convex
 from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
@@ -45,8 +45,6 @@ __all__ = ["method_for", "solve", "solving", "suited"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
-#: Components of contact points, and rounds, up to which active sets are tried first.
-_SMALL, _ROUNDS = 600, 12
 #: Ends that a solve beyond the limit of a foundation has, and relative residual up to which they are something else.
 _LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_CONTRACTING), 1e-6
 
@@ -240,14 +238,10 @@ def _by_active_sets(
 
     They cost a fifth of the steps of :class:`NonsmoothNewton`.  Who counts, watches or changes those gets them.
     """
-    law, watched = system.law, controls.callback is not None or controls.max_steps is not None
-    if solver != NonsmoothNewton() or watched or law.state_dependent or not law.splits:
+    watched = controls.callback is not None or controls.max_steps is not None
+    if solver != NonsmoothNewton() or watched or not small_and_convex(system):
         return None
-    if system.shape[1] > 2 or not 0 < system.free.size <= _SMALL:
-        return None
-    if any(alpha.any() for alpha in law.weak_convexity):
-        return None
-    found = active_set_newton(system, start.r, start.lam, controls, NewtonCache(), rounds=_ROUNDS)
+    found = active_set_newton(system, start.r, start.lam, controls, NewtonCache(), rounds=FEW_ROUNDS)
     if found is None:
         return None
     seconds = found.timings["iterate"]

@@ -15,6 +15,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.residual import LoadScale, Residual, resting_multiplier
 from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import Vectors
+from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_stiffness import ContactStiffness
 from hemivar.systems.contact_system import Equilibrium
 from hemivar.systems.krylov_newton import KrylovNewton, Truncation
@@ -85,6 +86,10 @@ class Body(Equilibrium, ABC):
 
     def untouched(self) -> Array | None:
         """About the unknowns (n,) of the body under its load alone, without contact; None where that is not cheap."""
+        return None
+
+    def condensed(self) -> CondensedProblem | None:
+        """The same problem condensed onto its contact points, where that costs less than steps on levels."""
         return None
 
     @abstractmethod

@@ -33,7 +33,7 @@ from hemivar.linear.levels import COARSEST, LevelMatrix, Preconditioner
 from hemivar.linear.products import product
 from hemivar.linear.vectors import WHOLE
 from hemivar.systems.body import Body
-from hemivar.systems.condensed import ROUNDED
+from hemivar.systems.condensed import ROUNDED, CondensedProblem
 from hemivar.systems.contact_stiffness import ContactStiffness
 from hemivar.systems.elastic_multigrid import ElasticMultigrid
 from hemivar.systems.free_unknowns import free_unknowns, refuse_unseen
@@ -44,6 +44,8 @@ __all__ = ["BodyProblem", "levels_of", "set_up"]
 
 #: What a body without its contact is computed for: part of the load that may be left, and the most cycles.
 _ROUGH, _QUICK = 1e-2, 15
+#: Unknowns up to which a coarse body is condensed, in the plane and in space.
+_FEW = (2500, 1000)
 
 
 class MatrixAtContact(ContactStiffness):
@@ -102,6 +104,8 @@ class BodyProblem(Body):
         Matrices of this and the coarser levels.
     top : int
         Number of this level.
+    small : Workspace
+        Where coarse bodies are kept that were condensed.
     meshes : tuple of BodyProblem
         The body on the coarser meshes, from coarse to fine, for whoever asks for the problem there.
     """
@@ -109,10 +113,11 @@ class BodyProblem(Body):
     problem: DiscreteProblem
     hierarchy: ElasticMultigrid
     top: int
+    small: Workspace
     meshes: tuple[BodyProblem, ...] = ()
 
     @staticmethod
-    def of(problem: DiscreteProblem, hierarchy: ElasticMultigrid, top: int) -> BodyProblem:
+    def of(problem: DiscreteProblem, hierarchy: ElasticMultigrid, top: int, small: Workspace) -> BodyProblem:
         """The body of a problem, no problem being posed below."""
         unknown, sign, active, _ = contact_unknowns(problem.contact)
         return BodyProblem(
@@ -131,6 +136,7 @@ class BodyProblem(Body):
             problem=problem,
             hierarchy=hierarchy,
             top=top,
+            small=small,
         )
 
     def truncation(self) -> Truncation:
@@ -141,6 +147,9 @@ class BodyProblem(Body):
             return None
         step = self.hierarchy.steps[self.top - self.hierarchy.first - 1]
         return self.meshes[-1].posed(step.posed(self.problem), self.meshes[:-1], time.perf_counter())
+
+    def condensed(self) -> CondensedProblem | None:
+        return self.small.condensed(self.problem) if self.problem.unknowns <= _FEW[self.active.shape[1] == 3] else None
 
     def untouched(self) -> Array | None:
         levels, top = self.hierarchy.levels, self.top
@@ -267,4 +276,5 @@ def _bodies(problem: DiscreteProblem, workspace: Workspace) -> list[BodyProblem]
         refuse_indefinite(below_zero(problem.stiffness, lowest_quotient(problem.stiffness), problem.linear.diagonal))
     hierarchy = levels_of(problem, workspace)
     problems = [step.problem for step in hierarchy.steps] + [problem]
-    return [BodyProblem.of(one, hierarchy, top) for top, one in enumerate(problems, hierarchy.first)]
+    small = Workspace()
+    return [BodyProblem.of(one, hierarchy, top, small) for top, one in enumerate(problems, hierarchy.first)]
