@@ -16,9 +16,11 @@ from hemivar.fem.hierarchy import Coarser
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid, NonsmoothNewton, Status
 from hemivar.solvers.choice import choose
+from hemivar.systems import workspace as workspace_module
 from hemivar.systems.body_on_levels import levels_of
 from tests import bodies
 from tests.samples import sampled
+from tests.counting import at_most_calls
 
 TIGHT = hv.Controls(rtol=1e-10)
 
@@ -299,6 +301,40 @@ def test_choice_heeds_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     method, why = choose(hv.discretize(gallery.survey("5.1", 32)))
     assert isinstance(method, NonsmoothMultigrid)
     assert "GiB" in why
+
+
+PRICED = {
+    "plane": (gallery.survey("5.1", 64, "right"), 12_000),
+    "space": (gallery.survey_cube("5.1", 16), 34_000),
+}
+
+
+@pytest.mark.parametrize("which", PRICED)
+def test_contact_costs_few_calls_beside_its_cycles(which: str) -> None:
+    """What contact costs a body of middle size is Python; steps on each mesh took up to four times as many calls."""
+    statement, most = PRICED[which]
+    problem, workspace = hv.discretize(statement), hv.systems.Workspace()
+    first = hv.solve(problem, "multigrid", workspace=workspace).raise_for_status()
+    with at_most_calls(most):
+        again = hv.solve(problem, "multigrid", workspace=workspace)
+    np.testing.assert_array_equal(first.unknowns, again.unknowns)
+    _, linear = levels_of(problem, workspace).solve(problem.load, 1e-9)
+    assert again.evaluations <= 1.25 * linear + 1
+
+
+def test_coarse_bodies_are_condensed_once_for_all_loads(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, workspace, sizes = hv.discretize(gallery.survey("5.1", 64, "right")), hv.systems.Workspace(), []
+    condense = workspace_module.condense
+
+    def counted(one: hv.DiscreteProblem, many: bool) -> object:
+        sizes.append(one.unknowns)
+        return condense(one, many)
+
+    monkeypatch.setattr(workspace_module, "condense", counted)
+    for factor in (1.0, 0.5, 2.0):
+        found = hv.solve(problem.with_(load=factor * problem.load), "multigrid", workspace=workspace)
+        assert found.status is Status.CONVERGED
+    assert sizes == [2112]  # of four coarser meshes, the largest that is small
 
 
 @pytest.mark.parametrize(

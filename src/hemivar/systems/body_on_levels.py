@@ -44,8 +44,8 @@ __all__ = ["BodyProblem", "levels_of", "set_up"]
 
 #: What a body without its contact is computed for: part of the load that may be left, and the most cycles.
 _ROUGH, _QUICK = 1e-2, 15
-#: Unknowns up to which a coarse body is condensed, in the plane and in space.
-_FEW = (2500, 1000)
+#: Unknowns up to which a coarse body is condensed.
+_FEW = 2500
 
 
 class MatrixAtContact(ContactStiffness):
@@ -149,7 +149,7 @@ class BodyProblem(Body):
         return self.meshes[-1].posed(step.posed(self.problem), self.meshes[:-1], time.perf_counter())
 
     def condensed(self) -> CondensedProblem | None:
-        return self.small.condensed(self.problem) if self.problem.unknowns <= _FEW[self.active.shape[1] == 3] else None
+        return self.small.condensed(self.problem) if self.problem.unknowns <= _FEW else None
 
     def untouched(self) -> Array | None:
         levels, top = self.hierarchy.levels, self.top
