@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import IMPORTS
-from hemivar.basics.types import Array
+from hemivar.basics.types import IntArray
 from hemivar.linear.compiled import NodeSlots
 
 __all__ = ["near_each_other"]
@@ -48,7 +48,7 @@ def near_each_other(slots: NodeSlots, matrix: sp.csr_array) -> NodeSlots:
     return replace(slots, places=number[node] * slots.size + slots.places % slots.size)
 
 
-def _mean_distance(node: Array, matrix: sp.csr_array) -> float:
+def _mean_distance(node: IntArray, matrix: sp.csr_array) -> float:
     """How far apart coupled nodes are in their order, on the average, seen from some of the rows."""
     step = max(1, matrix.shape[0] // _SAMPLE)
     rows = sp.csr_array(matrix[::step])
