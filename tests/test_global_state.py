@@ -169,7 +169,9 @@ def test_algebraic_levels_warn_of_nothing() -> None:
     problem = unstructured(32)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert algebraic_levels(problem.stiffness, near_kernel(problem.field), node_slots(problem.field, problem.stiffness))
+        assert algebraic_levels(
+            problem.stiffness, near_kernel(problem.field), node_slots(problem.field, problem.stiffness)
+        )
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,9 @@ def test_a_body_of_a_mesh_and_its_matrix_alone() -> None:
     """Elasticity by its meshes, and by the matrix with its rigid motions: both precondition."""
     problem = hv.discretize(gallery.survey("5.1", 32, "right"))
     by_meshes = ElasticMultigrid.of(problem)
-    alone = Hierarchy.of(problem.stiffness, near=near_kernel(problem.field), slots=[node_slots(problem.field, problem.stiffness)])
+    alone = Hierarchy.of(
+        problem.stiffness, near=near_kernel(problem.field), slots=[node_slots(problem.field, problem.stiffness)]
+    )
     sizes = [level.A.shape[0] for level in by_meshes.hierarchy.levels]
     assert sizes[0] == problem.unknowns
     assert sizes == sorted(sizes, reverse=True)

@@ -19,8 +19,8 @@ from hemivar.solvers.choice import choose
 from hemivar.systems import workspace as workspace_module
 from hemivar.systems.body_on_levels import levels_of
 from tests import bodies
-from tests.samples import sampled
 from tests.counting import at_most_calls
+from tests.samples import sampled
 
 TIGHT = hv.Controls(rtol=1e-10)
 
