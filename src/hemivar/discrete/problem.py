@@ -293,6 +293,12 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         return self.loading.constant
 
     @property
+    def extent(self) -> float:
+        """Largest extent of the body along an axis; infinite where displacements are no lengths, or there is no mesh."""
+        field = self.field
+        return np.inf if field is None or field.components == 1 else float(np.ptp(field.nodes, axis=0).max())
+
+    @property
     def held(self) -> bool:
         """Whether its energy has been shown to grow along every motion that deforms nothing.
 

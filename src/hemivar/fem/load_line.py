@@ -51,12 +51,15 @@ class LoadLine:
     def of(cls, problem: Statement) -> LoadLine:
         """The line from the body at rest to the problem: forces and prescribed displacements grow together."""
         loaded = discretize(problem)
-        held = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
-        if all(held[name] is support for name, support in problem.supports.items()):
-            return cls(loaded)
-        volume, boundaries = problem.load_names
-        unloaded: Statement = replace(problem, supports=held, **{volume: 0.0, boundaries: {}})  # type: ignore[type-var]
-        return cls(loaded, discretize(unloaded))
+        rest = _unloaded(problem)
+        return cls(loaded, None if rest is None else discretize(rest))
+
+    @classmethod
+    def to(cls, problem: DiscreteProblem) -> LoadLine:
+        """The line from rest to a discrete problem; displacements that its statement prescribes grow with its load."""
+        stated = problem.origin
+        rest = None if stated is None else _unloaded(stated)
+        return cls(problem, None if rest is None else discretize(rest, check_coercivity=False))
 
     def at(self, factor: float) -> DiscreteProblem:
         """The problem at load factor ``factor``; matrices are shared."""
@@ -94,6 +97,16 @@ class LoadLine:
             constant=bulk.initial_value + begin + factor**2 * (end - begin),
             offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
         )
+
+
+def _unloaded(problem: Statement) -> Statement | None:
+    """The statement without loads and prescribed displacements; None where it prescribes no displacement."""
+    held = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
+    if all(held[name] is support for name, support in problem.supports.items()):
+        return None
+    volume, boundaries = problem.load_names
+    rest: Statement = replace(problem, supports=held, **{volume: 0.0, boundaries: {}})  # type: ignore[type-var]
+    return rest
 
 
 def _at_rest(support: Support | ScalarData, dim: int) -> Support | ScalarData:

@@ -61,6 +61,8 @@ class State:
         Measured contraction factor of a fixed-point iteration.
     fallbacks : int
         How often the method had to take another way.
+    carried : (float, float) or None
+        Part of the load up to which equilibria were found while it grew, and the next at which none was.
     """
 
     r: Array
@@ -73,6 +75,7 @@ class State:
     memory: Any = None
     contraction: float | None = None
     fallbacks: int = 0
+    carried: tuple[float, float] | None = None
 
 
 class Solver(ABC):

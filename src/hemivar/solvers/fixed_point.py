@@ -22,7 +22,9 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["FixedPoint", "Outer"]
 
-_FATAL = (Status.NONFINITE, Status.UNBOUNDED)
+_FATAL = (Status.NONFINITE, Status.UNBOUNDED, Status.NOT_CARRIED)
+#: Relative residual of an ordinary problem that has no solution, and after how many of them in a row there is none.
+_OFF, _UNSOLVED = 1e-3, 3
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,9 @@ class FixedPoint(Solver):
         if np.isfinite(memory.change) and memory.change > 1e3 * rounding * size:
             ratios = (*ratios, change / memory.change)[-6:]
         contraction = float(np.exp(np.mean(np.log(np.maximum(ratios[-4:], 1e-300))))) if ratios else state.contraction
-        ended = None
+        off = status is not Status.CONVERGED and not ordinary.residual(found.r, found.lam).relative <= _OFF
+        unsolved = memory.unsolved + 1 if off else 0
+        ended = status if unsolved >= _UNSOLVED else None
         if settled and status is not Status.CONVERGED:
             ended = status
         elif len(ratios) >= 6 and contraction is not None and contraction >= 0.999 and not settled:
@@ -139,6 +143,7 @@ class FixedPoint(Solver):
             change,
             ratios,
             found.memory,
+            unsolved,
         )
         return State(found.r, multiplier, evaluations, ended, memory=new, contraction=contraction)
 
@@ -161,6 +166,8 @@ class Outer:
         Of the last changes, each to the one before.
     inner : object
         What the inner method remembers; one that can makes use of it.
+    unsolved : int
+        How many of the last ordinary problems in a row were not solved.
     """
 
     r: Array
@@ -168,6 +175,7 @@ class Outer:
     change: float = np.inf
     ratios: tuple[float, ...] = ()
     inner: Any = None
+    unsolved: int = 0
 
 
 def _size(system: PointSystem, r: Array, lam: Array) -> float:

@@ -6,17 +6,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hemivar.basics.arguments import expect, whole_number
+from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
 from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton, Search
-from hemivar.solvers.status import STOPPED
+from hemivar.solvers.status import STOPPED, Status
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["LoadStepping"]
+
+#: Part of the load that is rounding, the shortest step, and the residual of an equilibrium that rounding hides.
+_ROUNDED, _SHORTEST, _NEAR = 1e-9, 1e-5, 1e-6
 
 
 def _downhill() -> Solver:
@@ -29,25 +33,33 @@ class LoadStepping(Solver):
 
     With the default inner method, which only walks downhill, the body stays on the supported branch until that
     branch ends; with ``NonsmoothNewton()`` as inner method it leaves it as soon as a point on its own has less
-    energy elsewhere.  The load is scaled; gaps and prescribed displacements are not.
+    energy elsewhere.  The load is scaled, and the displacements that supports prescribe; gaps are not.
+
+    A load without an equilibrium is approached in steps that are halved.  A body that its foundation holds up to a limit
+    ends NOT_CARRIED, with the equilibrium of the largest load that has one, and ``Solution.carried``.
 
     Parameters
     ----------
     inner : Solver
         Method at each load.
     steps : int
-        Number of loads.
+        Number of loads, as long as each has an equilibrium.
     rtol : float
         Tolerance of the intermediate solutions, relative to the full load.
+    width : float
+        How closely the largest load that is carried is bracketed, relative to itself.
     """
 
     inner: Solver = field(default_factory=_downhill)
     steps: int = 10
     rtol: float = 1e-9
+    width: float = 0.01
 
     def __post_init__(self) -> None:
         expect(self.inner, Solver, "LoadStepping.inner", "pass a method such as NonsmoothNewton()")
         whole_number(self.steps, "LoadStepping.steps", 1)
+        if not 0.0 < number(self.width, "LoadStepping.width") < 1.0:
+            raise ProblemError(f"LoadStepping.width is {self.width}; it must be between 0 and 1")
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -94,21 +106,23 @@ class LoadStepping(Solver):
         return self.inner.refuse(problem)
 
     def begin(self, system: PosedSystem, start: State, budget: Budget) -> State:
-        line = LoadLine(system.problem)
-        full = float(np.linalg.norm(system.problem.load))
-        r, evaluations = start.r, start.evaluations
-        for factor in np.linspace(0.0, 1.0, self.steps + 1)[:-1]:
-            partial = system.for_problem(line.at(float(factor)))
-            r = partial.start(r)
-            controls = Controls(rtol=0.0, atol=self.rtol * full, max_time=budget.left)
-            found, status, _ = iterate(self.inner, partial, State(r, partial.multiplier(r)), controls, budget)
-            self.inner.release(found)
-            r, evaluations = found.r, evaluations + found.evaluations
-            if status in STOPPED:  # what was reached under part of the load is the best there is
-                r = system.start(r)
-                return State(r, system.multiplier(r), evaluations, status)
-        r = system.start(r)
-        return self.inner.begin(system, replace(start, r=r, lam=system.multiplier(r), evaluations=evaluations), budget)
+        climb = _Climb(self, system, LoadLine.to(system.problem), budget)
+        at, status = climb.to(0.0, start)
+        # Without its load a body that contact alone holds may have no equilibrium, and needs none.
+        at = at if status is Status.CONVERGED or status in STOPPED else start
+        low, length = 0.0, 1.0 / self.steps
+        while low < 1.0 and status not in STOPPED:
+            factor = low + length if low + length < 1.0 - _ROUNDED else 1.0
+            found, status = climb.to(factor, at)
+            if status is Status.CONVERGED or status in STOPPED:
+                low, at = factor, found
+            elif length > max(self.width * factor, _SHORTEST):
+                length, at = 0.5 * length, replace(at, evaluations=found.evaluations)
+            else:
+                return climb.left(at, low, factor, status)
+        r = system.start(at.r)
+        here = State(r, system.multiplier(r), at.evaluations, status if status in STOPPED else None)
+        return here if here.ended is not None else self.inner.begin(system, here, budget)
 
     def step(self, system: PosedSystem, state: State, budget: Budget) -> State:
         return self.inner.step(system, state, budget)
@@ -118,3 +132,31 @@ class LoadStepping(Solver):
 
     def release(self, state: State) -> None:
         self.inner.release(state)
+
+
+@dataclass(frozen=True, eq=False)
+class _Climb:
+    """Equilibria of a body while its load grows."""
+
+    method: LoadStepping
+    system: PosedSystem
+    line: LoadLine
+    budget: Budget
+
+    def to(self, factor: float, start: State) -> tuple[State, Status]:
+        """The equilibrium at a load factor, from that at another one; and how the search for it ended."""
+        inner, system, budget = self.method.inner, self.system.for_problem(self.line.at(factor)), self.budget
+        full = float(np.linalg.norm(self.system.problem.load))
+        r = system.start(start.r)
+        controls = Controls(rtol=0.0, atol=self.method.rtol * full, max_time=budget.left)
+        found, status, _ = iterate(inner, system, State(r, system.multiplier(r)), controls, budget)
+        inner.release(found)
+        if status not in STOPPED and system.residual(found.r, found.lam).total <= _NEAR * full:
+            status = Status.CONVERGED
+        return State(found.r, found.lam, start.evaluations + found.evaluations), status
+
+    def left(self, at: State, low: float, high: float, status: Status) -> State:
+        """The last equilibrium, where the next load has none."""
+        r, limited = self.system.start(at.r), self.system.problem.limit is not None
+        ended = State(r, self.system.multiplier(r), at.evaluations, Status.NOT_CARRIED if limited else status)
+        return replace(ended, carried=(low, high)) if limited else ended

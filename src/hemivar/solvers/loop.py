@@ -21,9 +21,8 @@ __all__ = ["Watch", "finish", "iterate", "states_of", "steps"]
 
 #: Between steps glue is not looked at more closely.
 _UNKNOWN = np.zeros(1, dtype=bool)
-
-#: Part of what has been gained that is progress.
-_LEAST = 1e-3
+#: Extents of the body beyond which it is lost, on laws that may let it go, after as many steps in a row.
+_FAR, _GONE = 100.0, 3
 
 #: Called with every state and the history up to it.
 Watch = Callable[[State, tuple[Progress, ...]], None]
@@ -76,9 +75,9 @@ def steps(
     first, changed = len(history), past[-1].changed if past else 0
     best, best_rank, smallest = state, np.inf, np.inf
     lowest: list[float] = []
-    energies: list[float] = []
     status: Status | None = None
     contact: ContactStates | None = None
+    far, away = _FAR * system.extent if system.law.softens else np.inf, 0
     try:
         if not past:
             state = solver.begin(system, state, budget)
@@ -101,6 +100,7 @@ def steps(
             told = controls.callback is not None and controls.callback(history[-1])
             stop = (yield history[-1]) or told
             due = float(vectors.largest(CALLED if stop else budget.due())[0])
+            away = away + 1 if far < np.inf and _largest(system, state.r) > far else 0
             if watch is not None:
                 watch(state, tuple(history))
             if not finite and step:
@@ -112,16 +112,16 @@ def steps(
                 else:
                     state, best, best_rank, smallest, contact = better, better, np.inf, np.inf, None
                     lowest.clear()
-                    energies.clear()
             elif state.ended is not None:
                 status = state.ended
             elif due:
                 status = _stopped(due)
+            elif away >= _GONE:
+                status = Status.UNBOUNDED
             lowest.append(smallest)
-            energies.append(energy)
-            if status is None and not _advances(lowest, solver.patience):
-                falls = solver.descends and _falls(energies, solver.patience) and _convex(system)
-                status = None if falls else Status.STALLED
+            stuck = len(lowest) > solver.patience + 1 and lowest[-1] > 0.999 * lowest[-1 - solver.patience]
+            if status is None and stuck:
+                status = Status.STALLED
             if status is not None:
                 break
     except OutOfTime:
@@ -138,24 +138,18 @@ def steps(
         reached = system.residual(best.r, best.lam).relative
         history.append(Progress(0, system.energy(best.r), reached, 0, budget.spent))
     evaluations = max(best.evaluations, state.evaluations)
-    best = replace(best, evaluations=evaluations, contraction=state.contraction, fallbacks=state.fallbacks)
+    best = replace(
+        best,
+        evaluations=evaluations,
+        contraction=state.contraction,
+        fallbacks=state.fallbacks,
+        carried=state.carried,
+    )
     return best, Status.MAX_STEPS if status is None else status, history
 
 
-def _advances(lowest: list[float], patience: int) -> bool:
-    """Whether the residual has fallen over so many steps."""
-    return len(lowest) <= patience + 1 or not lowest[-1] > (1.0 - _LEAST) * lowest[-1 - patience]
-
-
-def _falls(energies: list[float], patience: int) -> bool:
-    """Whether the energy has fallen over so many steps, by more than a little of all that it has fallen."""
-    return energies[-1 - patience] - energies[-1] > _LEAST * (energies[0] - energies[-1])
-
-
-def _convex(system: PointSystem) -> bool:
-    """Whether the energy is convex: then it has fallen towards its only minimum, whatever the residual does."""
-    bent = system.law.state_dependent or any((alpha != 0.0).any() for alpha in system.law.weak_convexity)
-    return not system.vectors.largest(float(bent))[0]
+def _largest(system: PointSystem, r: Array) -> float:
+    return float(system.vectors.largest(np.abs(system.local(r)).max(initial=0.0))[0])
 
 
 def _stopped(due: float) -> Status:

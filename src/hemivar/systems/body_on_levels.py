@@ -139,6 +139,10 @@ class BodyProblem(Body):
             small=small,
         )
 
+    @property
+    def extent(self) -> float:
+        return self.problem.extent
+
     def truncation(self) -> Truncation:
         return _TruncatedBody(self)
 

@@ -92,6 +92,10 @@ class CondensedProblem(Equilibrium, PickleMixin):
         return self.problem.contact.weights
 
     @property
+    def extent(self) -> float:
+        return self.problem.extent
+
+    @property
     def shape(self) -> tuple[int, int]:
         """Contact points m and components d."""
         return self.active.shape[0], self.active.shape[1]

@@ -77,6 +77,11 @@ class PointSystem(Protocol):
         """Time spent on setting up."""
         ...
 
+    @property
+    def extent(self) -> float:
+        """Largest extent of the body; infinite where it is not known."""
+        ...
+
     def start(self, guess: Array | None = None) -> Array:
         """An admissible point near a guess, or near zero displacement."""
         ...
@@ -172,6 +177,11 @@ class Equilibrium:
 
     In all of them ``force`` is :meth:`PointSystem.out_of_balance` of the point where the caller has it already.
     """
+
+    @property
+    def extent(self) -> float:
+        """Largest extent of the body; infinite where it is not known."""
+        return np.inf
 
     def law_at(self: PointSystem, x: Array, lam: Array | None = None) -> VectorLaw:
         """The law, with a bound that depends on the solution evaluated at ``x`` and the multiplier ``lam (m, d)``, by

@@ -118,6 +118,10 @@ class NonlinearBody(Equilibrium):
         return self.workspace.once("stiffness at rest", model, lambda: linear_bulk(bulk, np.zeros(bulk.unknowns)))
 
     @property
+    def extent(self) -> float:
+        return self.problem.extent
+
+    @property
     def law(self) -> VectorLaw:
         """The contact law."""
         return self.problem.law
