@@ -235,7 +235,7 @@ def print_not_converged(solution: Solution | DistributedSolution) -> None:
     sys.stdout.flush()
     sys.stderr.write(
         f"hemivar: not converged: {solution.status.value} after {solution.steps} steps, relative residual "
-        f"{solution.residual.relative:.1e}: {solution.status.remedy}\n"
+        f"{solution.residual.relative:.1e}: {solution.remedy}\n"
     )
 
 

@@ -294,7 +294,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
 
     @property
     def extent(self) -> float:
-        """Largest extent of the body along an axis; infinite where displacements are no lengths, or there is no mesh."""
+        """Largest extent of the body along an axis; infinite without a mesh, or where displacements are no lengths."""
         field = self.field
         return np.inf if field is None or field.components == 1 else float(np.ptp(field.nodes, axis=0).max())
 

@@ -107,7 +107,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     record = {
         "hemivar": version(),
         "status": solution.status.value,
-        "remedy": solution.status.remedy,
+        "remedy": solution.remedy,
         "warnings": solution.warnings,
         "deformation": deformation_record(solution.deformation),
         "method": solution.method,

@@ -129,7 +129,7 @@ def _solution(solution: Solution) -> _Shown:
     problem = solution.problem
     rows: list[_Row] = [
         ("status", solution.status.value),
-        ("remedy", None if solution.status is Status.CONVERGED else solution.status.remedy),
+        ("remedy", None if solution.status is Status.CONVERGED else solution.remedy),
         ("method", f"{solution.method}, {solution.steps} steps"),
         ("residual, relative", solution.residual.relative),
         ("energy", solution.energy),

@@ -85,6 +85,8 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
     others = f" and {solution.fallbacks} fallbacks" if solution.fallbacks else ""
     ended = f"{solution.status.value} after {solution.steps} steps{others}"
     yield "status", f"{ended}, relative residual {solution.residual.relative:.1e}"
+    for remark in solution.remarks:
+        yield "warning", remark
     if solution.timings:
         yield "time", ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
     yield "energy", _with(f"{solution.energy:.10g}", units.energy)
@@ -95,7 +97,7 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
     if solution.error_bound is not None:
         yield "error bound", f"{solution.error_bound:.3g} (energy norm)"
     if solution.status is not Status.CONVERGED:
-        yield "what to do", solution.status.remedy
+        yield "what to do", solution.remedy
 
 
 def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:

@@ -12,10 +12,12 @@ from hemivar.solvers.base import Solver
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.newton import NonsmoothNewton
 
-__all__ = ["choose", "predicted_seconds"]
+__all__ = ["affordable", "choose", "predicted_seconds"]
 
 #: Seconds that :class:`NonsmoothNewton` may take before multigrid is considered, for convex laws and for others.
 _PATIENCE = (0.6, 6.0)
+#: Seconds that it may take where another method has failed.
+_AFFORDABLE = 60.0
 #: Part of the free memory that a factorisation may take.
 _SHARE = 0.7
 #: Bytes that are always there, 16 MiB: to look takes longer than to solve such a problem.
@@ -40,6 +42,20 @@ def _dimension(problem: DiscreteProblem) -> int:
     return problem.contact.components if problem.field is None else problem.field.mesh.dim
 
 
+def _shortage(problem: DiscreteProblem) -> str | None:
+    """Why the memory does not suffice for a factorisation, in words; None where it does."""
+    needed = factorisation_bytes(problem.unknowns, _dimension(problem), problem.contact.trace.nnz)
+    free = available_bytes() if needed > _LITTLE else None
+    if free is None or needed <= _SHARE * free:
+        return None
+    return f"a factorisation would need about {needed / 2**30:.2g} GiB, free are {free / 2**30:.2g} GiB"
+
+
+def affordable(problem: DiscreteProblem) -> bool:
+    """Whether :class:`NonsmoothNewton` has the memory it needs, and is expected to take no longer than a minute."""
+    return predicted_seconds(problem)[0] <= _AFFORDABLE and _shortage(problem) is None
+
+
 def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
     """The method with its standard options, and why, in words, under the names of ``hemivar.solvers.METHODS``.
 
@@ -47,9 +63,7 @@ def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
     for laws that are not convex it is preferred a while longer, for it looks further for a lower energy.
     """
     newton, multigrid = predicted_seconds(problem)
-    needed = factorisation_bytes(problem.unknowns, _dimension(problem), problem.contact.trace.nnz)
-    free = available_bytes() if needed > _LITTLE else None
-    fits = free is None or needed <= _SHARE * free
+    short = _shortage(problem)
     convex = True
     if problem.contact_points:
         rest = -problem.offset
@@ -59,9 +73,8 @@ def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
     costs = f"predicted: {direct} {newton:.2g} s, {levels} {multigrid:.2g} s"
     if not selects(problem.contact.trace):
         return NonsmoothNewton(), f"{direct} for {size}, for contact points share displacements"
-    if not fits:
-        memory = f"a factorisation would need about {needed / 2**30:.2g} GiB, free are {(free or 0.0) / 2**30:.2g} GiB"
-        return NonsmoothMultigrid(), f"{levels} for {size}: {memory}"
+    if short is not None:
+        return NonsmoothMultigrid(), f"{levels} for {size}: {short}"
     if newton <= max(multigrid, _PATIENCE[0] if convex else _PATIENCE[1]):
         return NonsmoothNewton(), f"{direct} for {size}; {costs}"
     return NonsmoothMultigrid(), f"{levels} for {size}; {costs}"

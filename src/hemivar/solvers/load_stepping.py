@@ -35,8 +35,8 @@ class LoadStepping(Solver):
     branch ends; with ``NonsmoothNewton()`` as inner method it leaves it as soon as a point on its own has less
     energy elsewhere.  The load is scaled, and the displacements that supports prescribe; gaps are not.
 
-    A load without an equilibrium is approached in steps that are halved.  A body that its foundation holds up to a limit
-    ends NOT_CARRIED, with the equilibrium of the largest load that has one, and ``Solution.carried``.
+    A load without an equilibrium is approached in steps that are halved.  A body that its foundation holds up to a
+    limit ends NOT_CARRIED, with the equilibrium of the largest load that has one, and ``Solution.carried``.
 
     Parameters
     ----------
@@ -110,19 +110,29 @@ class LoadStepping(Solver):
         at, status = climb.to(0.0, start)
         # Without its load a body that contact alone holds may have no equilibrium, and needs none.
         at = at if status is Status.CONVERGED or status in STOPPED else start
-        low, length = 0.0, 1.0 / self.steps
+        low, failed, length = 0.0, np.inf, 1.0 / self.steps
         while low < 1.0 and status not in STOPPED:
-            factor = low + length if low + length < 1.0 - _ROUNDED else 1.0
+            factor = self._next(low, failed, length)
             found, status = climb.to(factor, at)
             if status is Status.CONVERGED or status in STOPPED:
-                low, at = factor, found
-            elif length > max(self.width * factor, _SHORTEST):
-                length, at = 0.5 * length, replace(at, evaluations=found.evaluations)
-            else:
+                length = min(1.0 / self.steps, 2.0 * (factor - low))
+                low, at, failed = factor, found, failed if factor < failed else np.inf
+            elif self._close(low, factor):
                 return climb.left(at, low, factor, status)
+            else:
+                failed, at = factor, replace(at, evaluations=found.evaluations)
         r = system.start(at.r)
         here = State(r, system.multiplier(r), at.evaluations, status if status in STOPPED else None)
         return here if here.ended is not None else self.inner.begin(system, here, budget)
+
+    def _next(self, low: float, failed: float, length: float) -> float:
+        """The next load factor: halfway to one that failed, and that one itself from close by."""
+        if failed == np.inf:
+            return low + length if low + length < 1.0 - _ROUNDED else 1.0
+        return failed if self._close(low, failed) else 0.5 * (low + failed)
+
+    def _close(self, low: float, high: float) -> bool:
+        return high - low <= max(self.width * high, _SHORTEST)
 
     def step(self, system: PosedSystem, state: State, budget: Budget) -> State:
         return self.inner.step(system, state, budget)

@@ -21,6 +21,8 @@ __all__ = ["Watch", "finish", "iterate", "states_of", "steps"]
 
 #: Between steps glue is not looked at more closely.
 _UNKNOWN = np.zeros(1, dtype=bool)
+#: What progress is: at least a part of it, in residual or energy, over the steps that a method has patience for.
+_LITTLE = 0.999
 #: Extents of the body beyond which it is lost, on laws that may let it go, after as many steps in a row.
 _FAR, _GONE = 100.0, 3
 
@@ -75,6 +77,7 @@ def steps(
     first, changed = len(history), past[-1].changed if past else 0
     best, best_rank, smallest = state, np.inf, np.inf
     lowest: list[float] = []
+    energies: list[float] = []
     status: Status | None = None
     contact: ContactStates | None = None
     far, away = _FAR * system.extent if system.law.softens else np.inf, 0
@@ -112,6 +115,7 @@ def steps(
                 else:
                     state, best, best_rank, smallest, contact = better, better, np.inf, np.inf, None
                     lowest.clear()
+                    energies.clear()
             elif state.ended is not None:
                 status = state.ended
             elif due:
@@ -119,8 +123,9 @@ def steps(
             elif away >= _GONE:
                 status = Status.UNBOUNDED
             lowest.append(smallest)
-            stuck = len(lowest) > solver.patience + 1 and lowest[-1] > 0.999 * lowest[-1 - solver.patience]
-            if status is None and stuck:
+            energies.append(energy)
+            stuck = len(lowest) > solver.patience + 1 and lowest[-1] > _LITTLE * lowest[-1 - solver.patience]
+            if status is None and stuck and not (solver.descends and _falls(energies, solver.patience)):
                 status = Status.STALLED
             if status is not None:
                 break
@@ -146,6 +151,11 @@ def steps(
         carried=state.carried,
     )
     return best, Status.MAX_STEPS if status is None else status, history
+
+
+def _falls(energies: list[float], patience: int) -> bool:
+    """Whether the last steps have won a part of all that was won, as where glue lets go point by point."""
+    return energies[-1 - patience] - energies[-1] > (1.0 - _LITTLE) * (energies[0] - energies[-1])
 
 
 def _largest(system: PointSystem, r: Array) -> float:

@@ -78,6 +78,11 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         What kind of stationary point it is, where it was determined.
     fallbacks : int
         How often the method had to take another way, see :class:`hemivar.solvers.SemismoothNewton`.
+    carried : (float, float) or None
+        Where the foundation does not carry the load: the part of it up to which equilibria were found while it grew
+        from zero, and the next part, at which none was found.
+    remarks : tuple of str
+        Which method took over from which, and why; and that a state with less energy exists.  Part of :attr:`warnings`.
     """
 
     problem: DiscreteProblem
@@ -94,6 +99,8 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     contraction: float | None = None
     kind: PointKind | None = None
     fallbacks: int = 0
+    carried: tuple[float, float] | None = None
+    remarks: tuple[str, ...] = ()
 
     @cached_property
     def displacement(self) -> Array:
@@ -111,7 +118,20 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         strained = None if self.deformation is None else self.deformation.warning
         solved = self.status is Status.CONVERGED
         off = None if solved else inaccurate_law(self.problem, self.unknowns, self.multiplier, self.residual)
-        return tuple(said for said in (*self.problem.notes, strained, off) if said is not None)
+        return tuple(said for said in (*self.problem.notes, *self.remarks, strained, off) if said is not None)
+
+    @property
+    def remedy(self) -> str:
+        """What happened in words, and what to try: that of the status, with what is known of this problem."""
+        if self.carried is None:
+            return self.status.remedy
+        low, high = self.carried
+        found = f"while the load grew from zero equilibria were found up to {low:.4g} of it, and none at {high:.4g}"
+        advice = f"apply a part of it, `hemivar solve --load-factor {low:.4g}`"
+        law = self.problem.law
+        if self.contact.components > 2 or law.state_dependent or not law.splits:
+            return f"{found}; {advice}"
+        return f"{found}; {advice}, or follow the path beyond, `hemivar path` (hemivar.follow_path)"
 
     @cached_property
     def energy(self) -> float:
@@ -318,7 +338,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         if self.status is not Status.CONVERGED:
             raise ProblemError(
                 f"{self.method}: {self.status.value} after {self.steps} steps, relative residual "
-                f"{self.residual.relative:.1e}: {self.status.remedy}"
+                f"{self.residual.relative:.1e}: {self.remedy}"
             )
         return self
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
+from hemivar.solvers.handing_on import LOWER, best_of, others, took_over
 from hemivar.solvers.load_stepping import LoadStepping
 from hemivar.solvers.loop import finish, steps
 from hemivar.solvers.methods import as_method
@@ -38,13 +39,17 @@ from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.solvers.truncated_newton import TruncatedNewton
+from hemivar.systems.body import Body
 from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.contact_moves import best_component
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["method_for", "solve", "solving", "suited"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
+#: What a state must have less energy, of all that is added up in it, to be called lower.
+_WORTH = 1e-9
 #: Ends that a solve beyond the limit of a foundation has, and relative residual up to which they are something else.
 _LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_CONTRACTING), 1e-6
 
@@ -132,20 +137,13 @@ def solving(
         As :func:`solve`.
     """
     problem = posed(problem, "solve")
-    solver = method_for(method, problem)
+    given = method_for(method, problem)
     workspace = Workspace.given(workspace)
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
-    if solver is None:
-        chosen, reason = choose(problem)
-        if workspace.condenses(problem) and not isinstance(chosen, NonsmoothNewton):
-            chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, condensed already"
-        solver = suited(chosen, problem)
-        logging.getLogger("hemivar").info("%s", reason)
-    solver = _for_body(solver, problem)
+    solver = _default(problem, workspace) if given is None else _for_body(given, problem)
     controls = Controls() if controls is None else controls
-    attempts = _attempts(solver, problem, initial is None)
-    solver = attempts[0]
+    solver = solver if problem.limit is None else solver.downhill()
     if problem.law.state_dependent and not solver.handles_state:
         raise MethodError(
             f"{solver.name} cannot solve this problem: a friction bound depends on the solution; "
@@ -154,23 +152,87 @@ def solving(
     why = solver.refuse(problem)
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
-    with one_thread(not solver.condenses):
-        for tried in attempts:
-            found = yield from _run(problem, tried.for_tolerance(controls.rtol), controls, initial, workspace)
-            if found.status in (Status.CONVERGED, *STOPPED):
-                return found
+    task = _Task(problem, controls, initial, workspace)
+    found = yield from task.by(solver)
+    if found.status not in (Status.CONVERGED, *STOPPED):
+        found = yield from task.handed_on(solver, found, asked=given is not None)
     if problem.limit is not None and found.status in _LOST and not found.residual.relative <= _NEAR:
         return replace(found, status=Status.NOT_CARRIED)
-    return found
+    return replace(found, remarks=(*found.remarks, LOWER)) if given is None and task.below(solver, found) else found
 
 
-def _attempts(solver: Solver, problem: DiscreteProblem, from_rest: bool) -> list[Solver]:
-    """The method; where the foundation holds the body at rest only, downhill, and once more with a load that grows."""
-    if problem.limit is None:
-        return [solver]
-    own = solver.downhill()
-    steps = from_rest and isinstance(own, NonsmoothNewton | NonsmoothMultigrid | FixedPoint | ProximalNewton)
-    return [own, LoadStepping(own)] if steps else [own]
+def _default(problem: DiscreteProblem, workspace: Workspace) -> Solver:
+    """The method where none was asked for; what breaks is followed downhill from rest, as a load that grows does."""
+    chosen, reason = choose(problem)
+    if workspace.condenses(problem) and not isinstance(chosen, NonsmoothNewton):
+        chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, condensed already"
+    logging.getLogger("hemivar").info("%s", reason)
+    solver = _for_body(suited(chosen, problem), problem)
+    return solver.downhill() if _breaks(problem) else solver
+
+
+def _breaks(problem: DiscreteProblem) -> bool:
+    """Whether the foundation holds something that lets go: glue, or a law whose force falls at once."""
+    if not problem.contact_points:
+        return False
+    law, rest = problem.law, -problem.offset
+    jumps = any(bool(np.isposinf(alpha).any()) for alpha in law.frozen_at(rest).weak_convexity)
+    return jumps or bool(law.debonding(rest))
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """A problem with what every method gets that is tried on it."""
+
+    problem: DiscreteProblem
+    controls: Controls
+    initial: Solution | Array | None
+    workspace: Workspace
+
+    def by(self, solver: Solver, spent: float = 0.0) -> Generator[Progress, bool | None, Solution]:
+        """The solution by a method, in the time that is left, with as many threads as serve it."""
+        controls = replace(self.controls, max_time=max(self.controls.max_time - spent, 0.0))
+        with one_thread(not solver.condenses):
+            own = solver.for_tolerance(controls.rtol)
+            return (yield from _run(self.problem, own, controls, self.initial, self.workspace))
+
+    def handed_on(self, solver: Solver, first: Solution, asked: bool) -> Generator[Progress, bool | None, Solution]:
+        """What other methods find where the first has failed; the best iterate of all where they fail as well."""
+        failed, spent = [first], first.timings.get("iterate", 0.0)
+        for other in self._others(solver, first, asked):
+            try:
+                found = yield from self.by(other, spent)
+            except (MethodError, ProblemError):  # as where the memory does not suffice for it
+                continue
+            if found.status in (Status.CONVERGED, Status.NOT_CARRIED, Status.INTERRUPTED):
+                return replace(found, remarks=(took_over(found, failed), *found.remarks))
+            spent += found.timings.get("iterate", 0.0)
+            failed.append(found)
+            if found.status in STOPPED:
+                break
+        return best_of(failed)
+
+    def _others(self, solver: Solver, first: Solution, asked: bool) -> Iterable[Solver]:
+        """The methods that are tried after the first; a load that may not be carried grows, whatever was asked for."""
+        if self.problem.limit is not None:
+            steps = isinstance(solver, NonsmoothNewton | NonsmoothMultigrid | FixedPoint | ProximalNewton)
+            return [LoadStepping(solver)] if steps and self.initial is None else []
+        counted = first.status is Status.MAX_STEPS and self.controls.max_steps is not None
+        return () if asked or counted else others(solver, first.status, self.problem)
+
+    def below(self, solver: Solver, found: Solution) -> bool:
+        """Whether a contact point alone would find less energy across a barrier, where what breaks holds the body."""
+        problem = self.problem
+        if found.status is not Status.CONVERGED or problem.limit is not None or not _breaks(problem):
+            return False
+        system = solver.prepare(problem, self.workspace)
+        if not isinstance(system, CondensedProblem | Body):
+            return False
+        x = system.of_unknowns(found.unknowns)
+        law, r, force = system.law_at(x, found.multiplier), system.local(x), system.out_of_balance(x)
+        body = system.with_law(law) if problem.law.state_dependent else system
+        size = float(np.abs(system.load) @ np.abs(x.ravel())) + float(system.weights @ np.abs(law.value(r)))
+        return best_component(body, r, system.at_contact(force))[1] < -_WORTH * size
 
 
 def _run(
@@ -312,6 +374,7 @@ def _solution(system: PosedSystem, end: _End) -> Solution:
         error_bound=state.error_bound,
         contraction=state.contraction,
         fallbacks=state.fallbacks,
+        carried=state.carried,
     )
 
 

@@ -46,7 +46,7 @@ _REMEDIES = {
     "take FixedPoint(relaxation=0.5) or smaller, or a finer load step",
     Status.UNBOUNDED: "the energy has no lower bound; the law does not hold the body against its load",
     Status.NOT_CARRIED: "no equilibrium was found downhill from rest; the load may exceed what the foundation can "
-    "carry: try `hemivar path` (hemivar.follow_path), which finds the limit load",
+    "carry: apply a part of it, `hemivar solve --load-factor`",
     Status.INTERRUPTED: "the solve was interrupted; the best iterate so far is returned",
     Status.OUT_OF_MEMORY: "the memory gave out during a step; the best iterate so far is returned. Take the method "
     "multigrid, which needs no dense matrix, or fewer cells",

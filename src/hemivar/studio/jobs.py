@@ -192,7 +192,7 @@ class Bench:
             "shape": shape.key,
             "status": solution.status.value,
             "converged": solution.status is Status.CONVERGED,
-            "remedy": "" if solution.status is Status.CONVERGED else solution.status.remedy,
+            "remedy": "" if solution.status is Status.CONVERGED else solution.remedy,
             "method": solution.method,
             "steps": solution.steps,
             "unknowns": problem.unknowns,

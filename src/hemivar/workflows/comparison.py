@@ -166,7 +166,7 @@ def attempt(
     except Exception as error:
         reason = " ".join(str(error).split()) or "no message"
         return Attempt(name, "failed", f"{type(error).__name__}: {reason}")
-    note = "" if solution.status is Status.CONVERGED else solution.status.remedy
+    note = "" if solution.status is Status.CONVERGED else solution.remedy
     seconds = sum(value for stage, value in solution.timings.items() if stage != "condense" or shared is None)
     other = solution if reference is None or reference.solution is None else reference.solution
     return Attempt(name, solution.status.value, note, solution, seconds, energy_norm_difference(solution, other))

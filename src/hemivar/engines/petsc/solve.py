@@ -70,6 +70,11 @@ class DistributedSolution:
     contraction: float | None = None
     method: str = "petsc"
 
+    @property
+    def remedy(self) -> str:
+        """What happened in words, and what to try."""
+        return self.status.remedy
+
     @cached_property
     def local(self) -> Array:
         """Penetration and slip at the contact points of this rank, (m, d)."""
