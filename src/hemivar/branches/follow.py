@@ -161,6 +161,12 @@ def following(
         raise ProblemError(
             "a path needs contact points; solve once, for without contact the solution is proportional to the load"
         )
+    if not problem.law.splits:
+        raise MethodError(
+            f"path following takes a normal law with friction beside it, and {problem.law.not_separable}; solve it, "
+            "hemivar.solve(problem): under too large a load `carried` brackets what the glue carries. Glue whose "
+            "opening and slip do not act together, Adhesive with a SlipTable, has a path, and carries more"
+        )
     if problem.law.state_dependent:
         raise MethodError(
             "path following needs a friction bound that does not depend on the solution; take one that is a number, or "

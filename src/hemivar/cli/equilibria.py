@@ -22,6 +22,7 @@ from hemivar.cli.options import (
     Seed,
     Starts,
     check_colour,
+    check_load_factors,
 )
 from hemivar.cli.printing import StageView, console, print_head, print_table
 from hemivar.cli.session import Session
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
 
 __all__ = ["path", "solutions"]
 
-_LARGEST_FACTOR = 1e100
 _SHOWN = 12
 
 
@@ -184,9 +184,7 @@ def path(
     """
     from hemivar.report.path_diagrams import QUANTITIES, fitting_quantity, path_record, plot_path
 
-    for factor in load_factor:
-        if not abs(factor) <= _LARGEST_FACTOR:
-            raise ProblemError(f"--load-factor is {factor:g}; its size must be at most {_LARGEST_FACTOR:g}")
+    check_load_factors(*load_factor)
     if quantity is not None and quantity not in QUANTITIES:
         raise ProblemError(f"quantity '{quantity}' is not known{suggest(quantity, list(QUANTITIES))}")
     session = Session(problem, {"--json": json, "--plot": plot}, max_time=max_time, given=given)

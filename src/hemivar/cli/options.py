@@ -50,12 +50,14 @@ __all__ = [
     "check_colour",
     "check_engine",
     "check_limits",
+    "check_load_factors",
     "controls_of",
     "each_field_an_option",
     "method_named",
 ]
 
 _LARGEST_RTOL = 1e-2
+_LARGEST_FACTOR = 1e100
 #: Most processes that can be asked for.
 MOST_JOBS = 256
 #: Most steps and points that can be asked for.
@@ -177,6 +179,13 @@ def check_limits(rtol: float | None = None, max_time: float | None = None, max_s
         raise ProblemError(f"--max-time is {max_time:g}; it must be a positive number of seconds")
     if max_steps is not None and not 1 <= max_steps <= MOST_STEPS:
         raise ProblemError(f"--max-steps is {max_steps}; it must be at least 1 and at most {MOST_STEPS}")
+
+
+def check_load_factors(*factors: float) -> None:
+    """Refuse factors of the load that make no sense."""
+    for factor in factors:
+        if not abs(factor) <= _LARGEST_FACTOR:
+            raise ProblemError(f"--load-factor is {factor:g}; its size must be at most {_LARGEST_FACTOR:g}")
 
 
 def controls_of(

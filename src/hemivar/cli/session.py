@@ -87,12 +87,13 @@ class Session:
         """The title for figures, in which a dollar begins a formula."""
         return self.stated.problem.title.replace("$", r"\$") or None
 
-    def discrete(self, mesh: Mesh | None = None) -> DiscreteProblem:
-        """The discrete problem, on another mesh if one is given; errors name the file."""
-        from hemivar.fem import discretize
+    def discrete(self, mesh: Mesh | None = None, load_factor: float | None = None) -> DiscreteProblem:
+        """The discrete problem, on another mesh and at a load factor if they are given; errors name the file."""
+        from hemivar.fem import LoadLine, discretize
 
+        problem = self.stated.problem if mesh is None else self.stated.problem.on(mesh)
         try:
-            return discretize(self.stated.problem if mesh is None else self.stated.problem.on(mesh))
+            return discretize(problem) if load_factor is None else LoadLine.of(problem).at(load_factor)
         except ProblemError as error:
             raise naming_file(error, self.stated.name) from error
 

@@ -30,6 +30,7 @@ from hemivar.cli.options import (
     check_colour,
     check_engine,
     check_limits,
+    check_load_factors,
     method_named,
 )
 from hemivar.cli.outputs import check_outputs
@@ -63,6 +64,10 @@ def solve(
     rtol: Rtol = None,
     max_time: MaxTime = None,
     max_steps: MaxSteps = None,
+    load_factor: Annotated[
+        float | None,
+        typer.Option("--load-factor", metavar="X", help="Factor of loads and prescribed displacements."),
+    ] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
     warm_start: Annotated[
@@ -97,11 +102,12 @@ def solve(
     pictures = {"--plot": plot, "--plot-contact": plot_contact, "--render": render}
     check_engine(engine)
     check_colour(colour, {"--plot": plot, "--render": render})
+    check_load_factors(*(() if load_factor is None else (load_factor,)))
     own = {"--csv": csv, "--plot-error": plot_error, "--plot-meshes": plot_meshes}
     if adaptive is not None:
         _refuse({"--checkpoint": checkpoint, "--resume": resume or None}, "petsc")
-        if warm_start or engine != ENGINES[0]:
-            other = "--warm-start" if warm_start else f"--engine {engine}"
+        if warm_start or load_factor is not None or engine != ENGINES[0]:
+            other = "--warm-start" if warm_start else f"--engine {engine}" if load_factor is None else "--load-factor"
             raise ProblemError(f"--adaptive and {other} exclude one another; leave one of the two out")
         from hemivar.cli.adapting import AdaptRun
 
@@ -123,7 +129,7 @@ def solve(
         from hemivar.cli.on_ranks import run_on_ranks
 
         def check() -> None:
-            _refuse({"--method": method, "--exact": exact or None, **pictures}, "scipy")
+            _refuse({"--method": method, "--exact": exact or None, "--load-factor": load_factor, **pictures}, "scipy")
             check_outputs(outputs, problem)
             check_limits(*limits)
             if resume and checkpoint is None:
@@ -141,7 +147,7 @@ def solve(
         raise ProblemError(
             f"{stated.name}: --warm-start needs coarser meshes; give even numbers of cells, or [mesh] refine"
         )
-    *coarser, discrete = [session.discrete(mesh) for mesh in (*meshes, None)]
+    *coarser, discrete = [session.discrete(mesh, load_factor) for mesh in (*meshes, None)]
     print_head(stated, discrete)
     from hemivar.solvers import Status
     from hemivar.workflows import RunOptions, result_of, run

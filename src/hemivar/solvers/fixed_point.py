@@ -24,7 +24,7 @@ __all__ = ["FixedPoint", "Outer"]
 
 _FATAL = (Status.NONFINITE, Status.UNBOUNDED, Status.NOT_CARRIED)
 #: Relative residual of an ordinary problem that has no solution, and after how many of them in a row there is none.
-_OFF, _UNSOLVED = 1e-3, 3
+_OFF, _UNSOLVED = 1e-3, 2
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class FixedPoint(Solver):
         contraction = float(np.exp(np.mean(np.log(np.maximum(ratios[-4:], 1e-300))))) if ratios else state.contraction
         off = status is not Status.CONVERGED and not ordinary.residual(found.r, found.lam).relative <= _OFF
         unsolved = memory.unsolved + 1 if off else 0
-        ended = status if unsolved >= _UNSOLVED else None
+        ended = Status.STALLED if unsolved >= _UNSOLVED else None
         if settled and status is not Status.CONVERGED:
             ended = status
         elif len(ratios) >= 6 and contraction is not None and contraction >= 0.999 and not settled:

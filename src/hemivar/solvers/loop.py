@@ -21,8 +21,8 @@ __all__ = ["Watch", "finish", "iterate", "states_of", "steps"]
 
 #: Between steps glue is not looked at more closely.
 _UNKNOWN = np.zeros(1, dtype=bool)
-#: What progress is: at least a part of it, in residual or energy, over the steps that a method has patience for.
-_LITTLE = 0.999
+#: What no progress is over the steps that a method has patience for: of the residual, and part of all energy won.
+_LITTLE, _WON = 0.999, 1e-8
 #: Extents of the body beyond which it is lost, on laws that may let it go, after as many steps in a row.
 _FAR, _GONE = 100.0, 3
 
@@ -154,8 +154,8 @@ def steps(
 
 
 def _falls(energies: list[float], patience: int) -> bool:
-    """Whether the last steps have won a part of all that was won, as where glue lets go point by point."""
-    return energies[-1 - patience] - energies[-1] > (1.0 - _LITTLE) * (energies[0] - energies[-1])
+    """Whether the last steps have won more energy than rounding makes, as where glue lets go point by point."""
+    return energies[-1 - patience] - energies[-1] > _WON * (energies[0] - energies[-1])
 
 
 def _largest(system: PointSystem, r: Array) -> float:

@@ -140,7 +140,8 @@ def solved(
             yield StartEvent(problem, number, len(problems))
             guess = None if solution is None else transfer_solution(solution, problem)
             kept = workspace if problem is problems[-1] else None
-            solution = yield from solving(problem, suited(chosen, problem), controls, initial=guess, workspace=kept)
+            own = None if given is None else suited(given, problem)
+            solution = yield from solving(problem, own, controls, initial=guess, workspace=kept)
         except KeyboardInterrupt:
             if solution is None:
                 raise

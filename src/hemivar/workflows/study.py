@@ -39,7 +39,6 @@ from hemivar.linear.threads import one_thread
 from hemivar.mechanics import ContactProblem, Statement
 from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status, as_method, solving, suited, transfer_solution
-from hemivar.solvers.choice import choose
 from hemivar.systems import Workspace
 from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
 from hemivar.workflows.survey_runs import observed_order
@@ -431,9 +430,10 @@ def _keep(kept: KeptWork[KeptSolution] | None, number: int, solution: Solution) 
 def _solving(discrete: DiscreteProblem, last: Solution | None, options: StudyOptions) -> Work[Solution]:
     """The solution on one mesh from that on the mesh before, by one thread: the same bits in every process."""
     with one_thread():
-        chosen = as_method(options.method) or choose(discrete)[0]
+        given = as_method(options.method)
         guess = None if last is None else transfer_solution(last, discrete)
-        return (yield from solving(discrete, suited(chosen, discrete), options.controls, initial=guess))
+        method = None if given is None else suited(given, discrete)
+        return (yield from solving(discrete, method, options.controls, initial=guess))
 
 
 def _level(solution: Solution, mesh: Mesh, options: StudyOptions) -> StudyLevel:
