@@ -176,3 +176,52 @@ def test_the_example_that_is_pulled_off_speaks_of_openings(capsys: pytest.Captur
     assert re.search(r"^contact points +\d bonded, \d softening; 16 free$", shown, re.MULTILINE)
     cli.main(["path", strip, "--max-points", "3"])
     assert re.search(r"^max penetration +-\S+ to 0$", capsys.readouterr().out, re.MULTILINE)
+
+
+GLUED = """
+[mesh]
+rectangle = [1.0, 1.0]
+cells = 4
+[material]
+lame = [4e3, 4e3]
+[loads]
+body = [0.0, 4.6]
+[contact.bottom]
+normal = { law = "mixed-mode", strength = 2.0, energy = 0.5, stiffness = 24.0 }
+"""
+
+
+def test_the_printed_load_factor_is_carried(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What an overloaded solve prints is typed in as it stands, and converges."""
+    file, out = tmp_path / "glued.toml", tmp_path / "s.json"
+    file.write_text(GLUED)
+    assert cli.main(["solve", str(file), "--quiet"]) == 1
+    said = capsys.readouterr()
+    printed = re.search(r"`hemivar solve (--load-factor [\d.]+)`", said.err)
+    assert printed is not None
+    assert printed.group(0) in said.out
+    option, factor = printed.group(1).split()
+    assert cli.main(["solve", str(file), "--quiet", option, factor, "--json", str(out)]) == 0
+    record = json.loads(out.read_text())
+    assert record["status"] == "converged"
+    assert record["resultants"]["normal_force"] == pytest.approx(-4.6 * float(factor), rel=1e-6)
+
+
+def test_a_load_factor_scales_what_supports_prescribe(tmp_path: Path) -> None:
+    file, out = tmp_path / "block.toml", tmp_path / "s.json"
+    file.write_text(BLOCK.replace('left = "clamped"', "left = { x = 0.02, y = 0.01 }"))
+    forces = []
+    for given in (["--load-factor", "0.5"], ["--set", "loads.body=[-0.6,-0.45]", "--set", "supports.left.x=0.01"]):
+        more = [] if given[0] == "--load-factor" else ["--set", "supports.left.y=0.005"]
+        assert cli.main(["solve", str(file), "--quiet", *given, *more, "--json", str(out)]) == 0
+        forces.append(json.loads(out.read_text())["resultants"]["normal_force"])
+    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
+    assert forces[0] > 0.0
+
+
+@pytest.mark.parametrize("other", [["--adaptive", "0.1"], ["--engine", "petsc"]])
+def test_a_load_factor_goes_alone(block: Path, other: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["solve", str(block), "--load-factor", "0.5", *other]) == 2
+    assert "--load-factor" in capsys.readouterr().err
+    assert cli.main(["solve", str(block), "--load-factor", "1e300"]) == 2
+    assert "--load-factor is 1e+300" in capsys.readouterr().err

@@ -214,7 +214,7 @@ def test_a_fixed_point_that_does_not_contract_says_so() -> None:
             PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Friction(PenetrationBound(lambda s: 0.4 * np.maximum(s, 0.0)))
         ),
     )
-    found = solve(strong)  # dr_n/dh = -0.9/0.19, so the factor is 0.4 * 0.9/0.19 = 1.9
+    found = solve(strong, FixedPoint())  # dr_n/dh = -0.9/0.19, so the factor is 0.4 * 0.9/0.19 = 1.9
     assert found.status is Status.NOT_CONTRACTING
     assert "relaxation" in found.status.remedy
     assert found.contraction is not None

@@ -163,7 +163,7 @@ def _solutions_table(found: SolutionSet, units: Units) -> Table:
 def path(
     problem: ProblemPath,
     load_factor: Annotated[
-        tuple[float, float], typer.Option(metavar="LOW HIGH", help="Range of the factor of all loads.")
+        tuple[float, float], typer.Option(metavar="LOW HIGH", help="Factor of all loads, from low to high.")
     ] = (0.0, 1.0),
     quantity: Annotated[
         str | None,

@@ -19,10 +19,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["LoadStepping"]
 
-#: How often the steps of a method are counted again, where many points let go under one load.
-_ROUNDS = 3
 #: Part of the load that is rounding, the shortest step, and the residual of an equilibrium that rounding hides.
-_ROUNDED, _SHORTEST, _NEAR = 1e-9, 1e-5, 1e-6
+_ROUNDED, _SHORTEST, _NEAR = 1e-9, 1e-5, 1e-8
 
 
 def _downhill() -> Solver:
@@ -161,19 +159,14 @@ class _Climb:
         full = float(np.linalg.norm(self.system.problem.load))
         r = system.start(start.r)
         controls = Controls(rtol=0.0, atol=self.method.rtol * full, max_time=budget.left)
-        found, status, evaluations = State(r, system.multiplier(r)), Status.MAX_STEPS, start.evaluations
-        for _ in range(_ROUNDS):
-            found, status, _ = iterate(inner, system, State(found.r, found.lam), controls, budget)
-            inner.release(found)
-            evaluations += found.evaluations
-            if status is not Status.MAX_STEPS:
-                break
+        found, status, _ = iterate(inner, system, State(r, system.multiplier(r)), controls, budget)
+        inner.release(found)
         if status not in STOPPED and system.residual(found.r, found.lam).total <= _NEAR * full:
             status = Status.CONVERGED
-        return State(found.r, found.lam, evaluations), status
+        return State(found.r, found.lam, start.evaluations + found.evaluations), status
 
     def left(self, at: State, low: float, high: float, status: Status) -> State:
         """The last equilibrium, where the next load has none."""
-        r, limited = self.system.start(at.r), self.system.problem.limit is not None
+        r, limited = self.system.start(at.r), status is Status.UNBOUNDED or self.system.problem.limit is not None
         ended = State(r, self.system.multiplier(r), at.evaluations, Status.NOT_CARRIED if limited else status)
         return replace(ended, carried=(low, high)) if limited else ended

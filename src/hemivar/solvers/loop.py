@@ -23,8 +23,9 @@ __all__ = ["Watch", "finish", "iterate", "states_of", "steps"]
 _UNKNOWN = np.zeros(1, dtype=bool)
 #: What no progress is over the steps that a method has patience for: of the residual, and part of all energy won.
 _LITTLE, _WON = 0.999, 1e-8
-#: Extents of the body beyond which it is lost, on laws that may let it go, after as many steps in a row.
-_FAR, _GONE = 100.0, 3
+#: Extents of the body beyond which it is lost, or times its first step, on laws that may let it go; and how many steps
+#: in a row it must be there.
+_FAR, _BEYOND, _GONE = 100.0, 1e9, 3
 
 #: Called with every state and the history up to it.
 Watch = Callable[[State, tuple[Progress, ...]], None]
@@ -80,7 +81,7 @@ def steps(
     energies: list[float] = []
     status: Status | None = None
     contact: ContactStates | None = None
-    far, away = _FAR * system.extent if system.law.softens else np.inf, 0
+    far, away = _far(system), 0
     try:
         if not past:
             state = solver.begin(system, state, budget)
@@ -103,7 +104,9 @@ def steps(
             told = controls.callback is not None and controls.callback(history[-1])
             stop = (yield history[-1]) or told
             due = float(vectors.largest(CALLED if stop else budget.due())[0])
-            away = away + 1 if far < np.inf and _largest(system, state.r) > far else 0
+            size = _largest(system, state.r) if far != np.inf else 0.0
+            far = far or _BEYOND * size
+            away = away + 1 if size > far else 0
             if watch is not None:
                 watch(state, tuple(history))
             if not finite and step:
@@ -156,6 +159,13 @@ def steps(
 def _falls(energies: list[float], patience: int) -> bool:
     """Whether the last steps have won more energy than rounding makes, as where glue lets go point by point."""
     return energies[-1 - patience] - energies[-1] > _WON * (energies[0] - energies[-1])
+
+
+def _far(system: PointSystem) -> float:
+    """How far contact points may move; infinite where the law holds them, 0 where the first step tells."""
+    if not (system.vectors.alone and system.law.softens):
+        return np.inf
+    return 0.0 if system.extent == np.inf else _FAR * system.extent
 
 
 def _largest(system: PointSystem, r: Array) -> float:
