@@ -115,6 +115,18 @@ def test_all_methods_together_keep_the_time_limit(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(SOLVING, "others", lambda *given: [_Stuck(value=0.1 * k) for k in range(3)])
     whole = solve(problem)
     assert whole.remarks[0].count("ended stalled") == 3
+    given: list[float] = []
+    run = SOLVING._run
+
+    def watched(problem: object, solver: object, controls: Controls, *more: object) -> object:
+        given.append(controls.max_time)
+        return run(problem, solver, controls, *more)
+
+    monkeypatch.setattr(SOLVING, "_run", watched)
+    solve(problem, max_time=60.0)
+    assert len(given) == 4
+    assert given[0] == 60.0
+    assert (np.diff(given) < 0.0).all()
     time_by_looks(monkeypatch)
     limited = solve(problem, max_time=0.05)
     assert limited.status in (Status.STALLED, Status.MAX_TIME)
@@ -269,3 +281,9 @@ def test_newton_helps_where_active_sets_repeat() -> None:
     problem = discrete_square(n=4).with_(law=ContactLaw(softening, Tresca(0.1)))
     assert solve(problem, PrimalDualActiveSet()).status is Status.CYCLING
     assert solve(problem, NonsmoothNewton()).status is Status.CONVERGED
+
+
+def test_a_fixed_point_whose_ordinary_problems_are_not_solved_ends() -> None:
+    found = solve(reacting(), FixedPoint(_Stuck(value=0.1)))
+    assert found.status is Status.STALLED
+    assert found.steps == 2

@@ -152,3 +152,30 @@ def test_the_width_of_the_bracket_is_an_option() -> None:
     assert 0.01 * high < high - low <= 0.2 * high
     with pytest.raises(hv.errors.ProblemError, match=r"LoadStepping\.width is 2"):
         LoadStepping(width=2.0)
+
+
+def test_every_load_of_the_steps_is_that_of_a_part_of_the_statement() -> None:
+    """Displacements are prescribed at contact points, too: with half of the load they are half as large."""
+
+    def held(factor: float) -> hv.DiscreteProblem:
+        stated = hv.ContactProblem(
+            mesh=PLANE,
+            material=hv.Material.lame(4.0, 4.0),
+            supports={"left": hv.Fixed(x=0.02 * factor, y=-0.01 * factor)},
+            contact={"bottom": hv.Contact(hv.Compliance(10.0), hv.Tresca(0.1))},
+            tractions={"top": (0.1 * factor, -0.2 * factor)},
+        )
+        return hv.discretize(stated)
+
+    seen: list[hv.DiscreteProblem] = []
+
+    class Watching(NonsmoothNewton):
+        def begin(self, system: object, start: object, budget: object) -> object:
+            seen.append(system.problem)  # type: ignore[attr-defined]
+            return super().begin(system, start, budget)  # type: ignore[arg-type]
+
+    assert solve(held(1.0), LoadStepping(Watching(), steps=2)).status is Status.CONVERGED
+    for problem, factor in zip(seen, (0.0, 0.5, 1.0), strict=False):
+        expected = held(factor)
+        np.testing.assert_allclose(problem.load, expected.load, atol=1e-15)
+        np.testing.assert_allclose(problem.offset, expected.offset, atol=1e-15)
