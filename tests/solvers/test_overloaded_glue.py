@@ -161,8 +161,8 @@ def test_every_load_of_the_steps_is_that_of_a_part_of_the_statement() -> None:
         stated = hv.ContactProblem(
             mesh=PLANE,
             material=hv.Material.lame(4.0, 4.0),
-            supports={"left": hv.Fixed(x=0.02 * factor, y=-0.01 * factor)},
-            contact={"bottom": hv.Contact(hv.Compliance(10.0), hv.Tresca(0.1))},
+            supports={"left": hv.Fixed(x=0.02 * factor)},
+            contact={"bottom": hv.Contact(hv.Adhesive(24.0, 20.0, 6.0, 72.0), hv.Tresca(0.1))},
             tractions={"top": (0.1 * factor, -0.2 * factor)},
         )
         return hv.discretize(stated)
@@ -179,3 +179,13 @@ def test_every_load_of_the_steps_is_that_of_a_part_of_the_statement() -> None:
         expected = held(factor)
         np.testing.assert_allclose(problem.load, expected.load, atol=1e-15)
         np.testing.assert_allclose(problem.offset, expected.offset, atol=1e-15)
+        assert problem.constant == pytest.approx(expected.constant, abs=1e-15)
+    assert np.abs(held(1.0).offset).max() > 0.01
+
+
+def test_a_load_that_failed_from_afar_is_tried_from_close_by() -> None:
+    method = LoadStepping(width=0.01)
+    assert method._next(0.5, np.inf, 0.1) == 0.6
+    assert method._next(0.95, np.inf, 0.1) == 1.0
+    assert method._next(0.5, 0.6, 0.1) == 0.55
+    assert method._next(0.595, 0.6, 0.1) == 0.6
