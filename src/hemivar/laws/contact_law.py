@@ -12,6 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.consistency import check_own
+from hemivar.laws.crossings import Crossings, crossings
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.neighbourhood import Neighbourhood, lengths, polar
@@ -147,6 +148,13 @@ class ContactLaw(NormalAndFriction):
 
     def near(self, r: Array) -> Neighbourhood:
         return Neighbourhood(self, r)
+
+    def crossings(self, r: Array, way: Array) -> Crossings | None:
+        rubs = r.shape[1] > 1 and bool(self.rubs.any())
+        laws = self.scalar_laws(2 if rubs else 1)
+        if (rubs and r.shape[1] > 2) or not all(law.straight for law in laws):
+            return None
+        return Crossings.joined([crossings(law, r[:, c], way[:, c]) for c, law in enumerate(laws)])
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         r = np.empty(b.shape)

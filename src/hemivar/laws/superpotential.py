@@ -289,6 +289,15 @@ class Superpotential(PickleMixin, ABC):
         right = np.where(knots >= bound.upper[..., None], np.inf, right)
         return np.where(finite, left, 0.0), np.where(finite, right, 0.0)
 
+    @cached_property
+    def bends(self) -> Array:
+        """j'' of every piece, ``(m or 1, K + 1)``, where j' is :attr:`straight` on them."""
+        knots = self.knots
+        at = np.where(np.isfinite(knots), knots, 0.0)
+        pieces = range(knots.shape[-1] + 1)
+        found = [self.piece_curvature(np.full(len(at), i, dtype=np.int64), at[:, max(i - 1, 0)]) for i in pieces]
+        return np.stack(found, axis=-1)
+
     def kinks(self) -> BoolArray:
         """Which knots are kinks (the derivative jumps there), shape ``(m or 1, K)``."""
         left, right = self.knot_slopes()

@@ -11,6 +11,7 @@ import numpy as np
 
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.crossings import Crossings
 from hemivar.laws.superpotential import Interval
 
 __all__ = ["Linearisation", "Near", "Sides", "VectorLaw", "spread"]
@@ -192,6 +193,10 @@ class VectorLaw(PickleMixin, ABC):
     @abstractmethod
     def near(self, r: Array) -> Near:
         """The law on the pieces on which ``r (m, c)`` lies."""
+
+    def crossings(self, r: Array, way: Array) -> Crossings | None:
+        """Where the law bends along ``r + t way``, ``(m, c)`` each; None where it is not quadratic in between."""
+        return None
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
         """The element of dj(r) nearest to ``lam``, (m, c); outside its domain r counts as at the end of it."""

@@ -1,23 +1,42 @@
-"""Search along a direction for less energy, where contact points may be cut back to the pieces they started on."""
+"""The bottom of the energy along a direction, straight across the pieces of the laws or stopped at their ends.
+
+Along a direction the energy is smooth between the lengths at which contact points meet the knots of their laws, convex
+or not.  Where laws are quadratic in between, these lengths are sorted, and slope and curvature are summed up from one
+to the next: all bottoms are known.  Elsewhere the slope is looked at: lengths grow from the first knot on until the
+energy rises, and the bottom is then closed in between the knots that lie there.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
+from hemivar.laws.crossings import Crossings
 from hemivar.systems.contact_moves import Search
 from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.newton_equation import LinearisedPoint
 
-__all__ = ["LineEnd", "SearchLine", "energy_scale"]
+__all__ = ["Bottom", "LineEnd", "SearchLine", "bottom_of_pieces", "energy_scale"]
 
 #: What rounding makes of the energy along a line, relative to its parts.
 _ROUNDED = 1e-15
-#: Most cuts of a length until no component leaves its piece.
-_CUTS = 60
+#: Part of what the slope promises from which a whole step is good enough.
+_ENOUGH = 0.1
+#: Part of a length by which one is beside a knot, and within which a knot is met.
+_BESIDE, _MET = 1e-10, 1e-12
+#: The least length, how lengths grow until the energy rises, how often, and the most looks that close a bottom in.
+_NEAREST, _FURTHER, _GROWN, _LOOKS = 2.0**-60, 4.0, 60, 100
+#: Part of the slope at the beginning that is none at a bottom.
+_LEVEL = 1e-3
+#: How far, in units of the way from zero, pieces are looked for.
+_FAR = 1e3
+#: How far, in units of the length that is asked for, the energy is said to fall without end.
+_ENDLESS = 2.0**50
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +52,24 @@ class LineEnd:
         Change of the energy, at most zero.
     tries : int
         Evaluations of the energy.
-    first : bool
-        Whether the first length was the best.
+    endless : bool
+        Whether the energy falls without end along the line.
     """
 
     x: Array
     force: Array
     gain: float
     tries: int = 0
-    first: bool = False
+    endless: bool = False
+
+
+@dataclass(frozen=True)
+class Bottom:
+    """Length at which the energy is lowest along a line, 0 where it is at the beginning, and whether it falls without
+    end."""
+
+    length: float
+    endless: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +92,7 @@ class SearchLine:
     rounding : float
         What the arithmetic alone makes of the energy.
     search : Search
-        Whether steps across pieces are candidates.
+        Whether the lowest bottom is looked for, or the first one.
     """
 
     system: ContactSystem
@@ -94,85 +122,164 @@ class SearchLine:
             float(np.abs(force) @ np.abs(at.x.ravel())) + float(system.weights @ np.abs(value)),
         ).tolist()
         along, rounding = system.at_contact(direction), _ROUNDED * (abs(slope) + size)
-        return SearchLine(system, at, direction, bent, along, slope, square, value, rounding, search)
+        return SearchLine(system, at, direction, bent, along, slope, max(square, 0.0), value, rounding, search)
 
-    def lowest(
-        self, lengths: Iterable[float], every: bool = False, trusted: bool = False, beyond: bool = False
-    ) -> LineEnd:
-        """The first length that lowers the energy, or the best of all of them.
+    # ---- where to go ------------------------------------------------------------------------------------
+
+    def lowest(self, convex: bool = True, trusted: bool = False) -> LineEnd:
+        """The end of Newton's step: whole where that gains what it promises, else at the lowest bottom.
 
         Parameters
         ----------
-        lengths : iterable of float
-        every : bool
-            Look at all of them.
+        convex : bool
+            Whether Newton's matrix was definite: then a whole step that stays on its pieces ends at their bottom.
         trusted : bool
             A whole step that gains less than the rounding of the energy is taken on trust.
-        beyond : bool
-            With the first length try also as far as the pieces of the laws go.
         """
-        best, better, tries = LineEnd(self.at.x, self.at.force, 0.0), False, 0
-        for number, length in enumerate(lengths):
-            looks = [(length, candidate) for candidate in self.candidates(length)]
-            gains = self.gains(length, *[candidate for _, candidate in looks])
-            if beyond and not number:
-                room = self.room()
-                looks.append((room, self._across(room)))
-                gains += self.gains(*looks[-1])
-            for (size, candidate), gained in zip(looks, gains, strict=True):
-                on_trust = trusted and size == 1.0 and gained <= self.rounding and self.straight(candidate)
-                tries += 1
-                if gained < best.gain or (on_trust and not better):
-                    best = LineEnd(*self.end(size, candidate), min(gained, 0.0), first=number == 0)
-                    better = True
-            if better and not every:
-                break
-        return replace(best, tries=tries)
+        cut = self.cut(1.0)
+        ends, straight = [self._look(1.0, cut)], self.straight(cut)
+        if not straight and self.search is Search.GLOBAL:
+            ends.append(self._look(1.0, self.across(1.0)))
+        gained = min(end[0] for end in ends)
+        if convex and (gained <= -_ENOUGH * self._promised or (straight and trusted and gained <= self.rounding)):
+            return self._best(ends) if not straight else self._end(1.0, cut, min(gained, 0.0), 1)
+        return self._best([*ends, *(end for end, _ in self._bottoms(1.0, cut_until=1.0, straight=straight))])
 
-    def candidates(self, length: float) -> tuple[Array, ...]:
-        """Local displacements after a step: cut back to their pieces, and, unless only downhill, across them."""
-        far = self._across(length)
-        near = np.where(self.at.moving, self.at.near.clamp(far), self.at.r)
-        return (near, far) if self.search is Search.GLOBAL else (near,)
+    def bottom(self, unit: float) -> LineEnd:
+        """The bottom along the direction, however far it is; lengths are about ``unit`` where there is no knot.
 
-    def _across(self, length: float) -> Array:
-        """Local displacements after a step, whatever pieces they come to."""
-        return np.where(self.system.active, self.at.r + length * self.along, self.system.fixed)
+        Where the energy falls without end, a point far beyond the knots.
+        """
+        found = self._bottoms(unit)
+        best = self._best([end for end, _ in found])
+        return replace(best, endless=any(endless for _, endless in found))
 
-    def room(self) -> float:
-        """How far the direction can be followed until the first component meets the end of its piece."""
-        r, along, moving = self.at.r, self.along, self.at.moving
-        far, largest = self.system.vectors.largest(np.abs(r).max(initial=0.0), np.abs(along).max(initial=0.0)).tolist()
-        if largest == 0.0:
-            return 0.0
-        length = 100.0 * (far or 1.0) / largest
-        for _ in range(_CUTS):
-            aim = r + length * along
-            cut = np.where(moving, self.at.near.clamp(aim), aim)
-            missed = np.abs(aim - cut) > 1e-14 * (np.abs(aim) + np.abs(r))
-            ratio = np.where(missed, np.abs(cut - r) / np.maximum(np.abs(aim - r), 1e-300), 2.0)
-            least = -float(self.system.vectors.largest(-ratio.min(initial=2.0))[0])
-            if least == 2.0:
-                break
-            length *= min(max(least, 1e-3), 1.0 - 1e-12)
-        return float(length)
+    def _bottoms(
+        self, unit: float, cut_until: float = math.inf, straight: bool = False
+    ) -> list[tuple[tuple[float, float, Array], bool]]:
+        """The bottom straight across the pieces, and, unless all of it is straight, that of the way that stops at their
+        ends; and whether the energy falls without end there."""
+        low, knots = self._bottom_across(unit)
+        length, endless = self._within(low, unit)
+        found = [(self._look(length, self.across(length, knots)), endless)]
+        if not straight:
+            length, endless = self._within(self._closed_in(self._slope_cut, min(self._first, unit), cut_until), unit)
+            found.append((self._look(length, self.cut(length)), endless))
+        return found
 
-    def gains(self, length: float, *candidates: Array) -> list[float]:
-        """Changes of the energy, free of the cancellation of two large energies."""
-        system = self.system
-        own: list[float] = []
+    def _within(self, low: Bottom, unit: float) -> tuple[float, bool]:
+        """The length of a bottom, or one far beyond the knots; and whether the energy falls without end."""
+        far = low.length >= _ENDLESS * unit
+        return (self._aim if far or (low.endless and low.length == 0.0) else low.length), far or low.endless
+
+    @cached_property
+    def _promised(self) -> float:
+        """What the quadratic pieces on which the line begins let a whole step of Newton's equation gain."""
+        law = float(self.system.weights @ np.einsum("mi,mi->m", self.at.line.gradient, self.along))
+        return 0.5 * max(self.slope - float(self.system.vectors.total(law)[0]), 0.0)
+
+    def _best(self, ends: list[tuple[float, float, Array]]) -> LineEnd:
+        gained, length, candidate = min(ends, key=lambda end: end[0])
+        if gained < 0.0:
+            return self._end(length, candidate, gained, len(ends))
+        return LineEnd(self.at.x, self.at.force, 0.0, len(ends))
+
+    def _look(self, length: float, candidate: Array) -> tuple[float, float, Array]:
+        return self.gain(length, candidate), length, candidate
+
+    # ---- straight across the pieces -----------------------------------------------------------------------
+
+    def _bottom_across(self, unit: float = 1.0) -> tuple[Bottom, Crossings | None]:
+        """Where the straight line is lowest, and the knots on it where they are known."""
+        system, first = self.system, self.search is Search.DOWNHILL
+        knots = system.law.crossings(self.at.r, self.along) if system.vectors.alone else None
+        if knots is not None:
+            return bottom_of_pieces(knots, system.weights, self.slope, self.square, system.law.convex, first), knots
+        return self._closed_in(self._slope_across, min(self._first, unit), math.inf), None
+
+    def across(self, length: float, knots: Crossings | None = None) -> Array:
+        """Local displacements (m, d) after a step, whatever pieces they come to; those that meet a knot are on it."""
+        r = np.where(self.system.active, self.at.r + length * self.along, self.system.fixed)
+        if knots is not None:
+            met = np.abs(knots.length - length) <= _MET * length
+            r[knots.point[met], knots.component[met]] = knots.place[met]
+            return r
+        exits, ends = self._exits
+        return np.where(np.abs(exits - length) <= _MET * length, ends, r)
+
+    def _slope_across(self, length: float) -> float:
+        """Derivative of the energy along the line; inf outside of the domain of the laws."""
+        system, r = self.system, self.across(length)
+        line, outside = system.law.linearise(r), float(not np.isfinite(system.law.value(r)).all())
+        law = float(system.weights @ np.einsum("mi,mi->m", line.gradient, self.along))
+        own, out = system.vectors.total(law, outside).tolist()
+        return math.inf if out else length * self.square - self.slope + own
+
+    # ---- stopped at the ends of the pieces ------------------------------------------------------------------
+
+    def cut(self, length: float) -> Array:
+        """Local displacements (m, d) after a step, cut back to the pieces on which they began."""
+        far = np.where(self.system.active, self.at.r + length * self.along, self.system.fixed)
+        return np.where(self.at.moving, self.at.near.clamp(far), self.at.r)
+
+    def _slope_cut(self, length: float) -> float:
+        """Derivative of the energy along the way on which points stop at the ends of their pieces."""
+        system, r, along = self.system, self.cut(length), self.along
+        extra = self._aside(length, r)
+        stopped = np.abs(extra) > _MET * (np.abs(r) + np.abs(length * along))
+        way = np.where(stopped, 0.0, along)
+        contact = system.at_contact(length * self.bent - self.at.force) + system.couple(extra)
+        law = system.weights @ np.einsum("mi,mi->m", self.at.near.gradient(r), way)
+        bent = float(np.vdot(extra, system.at_contact(self.bent)))
+        own = bent + float(np.vdot(contact, way - along)) + float(law)
+        return length * self.square - self.slope + float(system.vectors.total(own)[0])
+
+    @cached_property
+    def _exits(self) -> tuple[Array, Array]:
+        """Lengths (m, d) at which components leave their pieces, inf where they stay, and where these end."""
+        r, along = self.at.r, self.along
+        ends, aimed = self.cut(self._aim), r + self._aim * along
+        left = np.abs(aimed - ends) > 1e-14 * (np.abs(aimed) + np.abs(r))
+        lengths = np.abs(ends - r) / np.where(left, np.abs(along), 1.0)
+        return np.where(left & self.at.moving & (along != 0.0), lengths, np.inf), ends
+
+    @cached_property
+    def _aim(self) -> float:
+        """A length that leads far beyond the knots, at least 1."""
+        sizes = (np.abs(values).max(initial=0.0) for values in (self.at.r, self.along))
+        far, largest = self.system.vectors.largest(*sizes).tolist()
+        return max(1.0, _FAR * (far or 1.0) / largest) if largest > 0.0 else 1.0
+
+    @cached_property
+    def _first(self) -> float:
+        """Length at which the first component leaves its piece, at most 1."""
+        exits = self._exits[0]
+        inside = exits[exits > 0.0]
+        return self.system.vectors.lowest(float(inside.min(initial=1.0)))[0]
+
+    # ---- the energy -----------------------------------------------------------------------------------------
+
+    def gain(self, length: float, candidate: Array) -> float:
+        """Change of the energy, free of the cancellation of two large energies, and no lower than rounding lets it be.
+
+        Along a motion that hardly deforms the body its forces are rounding, the larger the further it leads.
+        """
+        system, extra = self.system, self._aside(length, candidate)
         contact = system.at_contact(length * self.bent - self.at.force)
-        for candidate in candidates:
-            extra = np.where(system.active, candidate - self.at.r - length * self.along, 0.0)
-            own += [float(np.vdot(extra, contact)), float(np.vdot(extra, system.couple(extra)))]
-            own.append(float(system.weights @ (system.law.value(candidate) - self.value)))
+        reach = np.abs(extra) + length * np.abs(self.along)
+        own = float(np.vdot(extra, contact)) + 0.5 * float(np.vdot(extra, system.couple(extra)))
+        own += float(system.weights @ (system.law.value(candidate) - self.value))
+        own += _ROUNDED * float(np.vdot(system.diagonal, reach**2))
         alone = 0.5 * length**2 * self.square - length * self.slope
-        sums = system.vectors.total(*own).reshape(-1, 3).tolist()
-        return [alone + work + 0.5 * bent + change for work, bent, change in sums]
+        return alone + float(system.vectors.total(own)[0])
+
+    def _aside(self, length: float, candidate: Array) -> Array:
+        """How far (m, d) from the straight line local displacements are; exactly zero on it."""
+        return np.where(self.system.active, candidate - (self.at.r + length * self.along), 0.0)
 
     def straight(self, candidate: Array) -> bool:
         """Whether a whole step leads to the candidate, as far as the digits of the local displacements tell."""
-        off = np.where(self.system.active, candidate - self.at.r - self.along, 0.0)
+        off = self._aside(1.0, candidate)
         sizes = [np.abs(values).max(initial=0.0) for values in (off, self.along, self.at.r)]
         missed, step, size = self.system.vectors.largest(*sizes).tolist()
         return bool(missed <= 1e-10 * step + 4.0 * np.finfo(float).eps * size)
@@ -183,6 +290,105 @@ class SearchLine:
         far = self.at.x + length * self.direction
         near = system.moved(far, candidate)
         return near, self.at.force - length * self.bent - system.multiply_contact(near - far)
+
+    def _end(self, length: float, candidate: Array, gained: float, tries: int) -> LineEnd:
+        return LineEnd(*self.end(length, candidate), gained, tries)
+
+    # ---- bottoms by slopes ------------------------------------------------------------------------------------
+
+    def _closed_in(self, slope: Callable[[float], float], first: float, most: float) -> Bottom:
+        """The first bottom that is seen where lengths grow from ``first`` on, up to ``most``."""
+        behind = max(first, _NEAREST) * (1.0 + 2.0 * _BESIDE)
+        low, high, at_low = 0.0, min(behind, most), -2.0 * self._promised
+        for _ in range(_GROWN):
+            at_high = slope(high)
+            if at_high >= 0.0:
+                return Bottom(self._between(slope, low, high, at_low, at_high))
+            if high >= most:
+                return Bottom(most)
+            low, high, at_low = high, min(_FURTHER * high, most), at_high
+        return Bottom(0.0, endless=True)
+
+    def _between(
+        self, slope: Callable[[float], float], low: float, high: float, at_low: float, at_high: float
+    ) -> float:
+        """Where the slope turns positive: at the knots in between by bisection, then by secants."""
+        level = _LEVEL * abs(at_low)
+        for _ in range(_LOOKS):
+            knot = self._middle_exit(low, high)
+            if knot is None:
+                break
+            above, below = knot * (1.0 + _BESIDE), knot * (1.0 - _BESIDE)
+            if (found := slope(above)) < 0.0:
+                low, at_low = above, found
+            elif (found := slope(below)) < 0.0:
+                return knot
+            else:
+                high, at_high = below, found
+        middle = low
+        for _ in range(_LOOKS):
+            part = at_low / (at_low - at_high) if 0.0 < at_high - at_low < math.inf else 0.5
+            middle = low + min(max(part, 1e-3), 1.0 - 1e-3) * (high - low)
+            found = slope(middle)
+            if abs(found) <= level or high - low <= _BESIDE * high:
+                break
+            if found < 0.0:
+                low, at_low = middle, found
+            else:
+                high, at_high = middle, found
+        return middle
+
+    def _middle_exit(self, low: float, high: float) -> float | None:
+        """An exit about in the middle of those between two lengths; None where there is none."""
+        exits = self._exits[0]
+        inside = exits[(exits * (1.0 - _BESIDE) > low) & (exits * (1.0 + _BESIDE) < high)]
+        vectors = self.system.vectors
+        (count,) = vectors.total(float(inside.size)).tolist()
+        if not count:
+            return None
+        middle = float(np.partition(inside, inside.size // 2)[inside.size // 2]) if inside.size else math.inf
+        return vectors.lowest(middle)[0]
+
+
+def bottom_of_pieces(knots: Crossings, weights: Array, work: float, square: float, convex: bool, first: bool) -> Bottom:
+    """The bottom of ``-t work + t^2/2 square + sum_i weights_i j_i(r_i + t way_i)`` over t > 0.
+
+    Parameters
+    ----------
+    knots : Crossings
+        Of the law.
+    weights : array (m,)
+    work, square : float
+    convex : bool
+        Whether the law is: then its curvature is not negative, whatever rounding makes of sums.
+    first : bool
+        Take the first bottom, not the lowest.
+    """
+    order = np.argsort(knots.length, kind="stable")
+    jump, share = knots.jump[order], weights[knots.point[order]]
+    walls = np.flatnonzero(np.isposinf(jump))
+    order, wall = (order[: walls[0] + 1], True) if walls.size else (order, False)
+    share, jump = share[: order.size], jump[: order.size] * share[: order.size]
+    at = np.concatenate([[0.0], knots.length[order]])
+    bend = float(weights @ knots.bend) + np.concatenate([[0.0], np.cumsum(share * knots.change[order])])
+    curvature = square + (np.maximum(bend, 0.0) if convex else bend)
+    width, begin = np.diff(at), min(float(weights @ knots.slope) - work, 0.0)
+    risen, jumped = np.cumsum(curvature[:-1] * width), np.cumsum(jump)
+    before = begin + risen + np.concatenate([[0.0], jumped[:-1]])[: risen.size]
+    after = np.concatenate([[begin], begin + risen + jumped])
+    energy = np.concatenate([[0.0], np.cumsum((after[:-1] + 0.5 * curvature[:-1] * width) * width)])
+    last = after[-1] if curvature[-1] == 0.0 else math.copysign(math.inf, curvature[-1])
+    endless = last < 0.0 and not wall
+    inside = np.flatnonzero((after < 0.0) & (np.append(before, last) > 0.0))
+    further = -after[inside] / curvature[inside]
+    on_knot = 1 + np.flatnonzero((before <= 0.0) & (after[1:] >= 0.0))
+    lengths = np.concatenate([at[inside] + further, at[on_knot]])
+    lows = np.concatenate([energy[inside] + 0.5 * after[inside] * further, energy[on_knot]])
+    lengths, lows = lengths[lows < 0.0], lows[lows < 0.0]
+    if not lengths.size:
+        return Bottom(0.0, endless)
+    best = np.argmin(lengths if first else lows)
+    return Bottom(float(lengths[best]), endless and not first)
 
 
 def energy_scale(system: ContactSystem, x: Array, value: Array) -> float:

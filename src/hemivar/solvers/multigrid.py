@@ -58,8 +58,6 @@ class NonsmoothMultigrid(TruncatedNewton):
         Diagonal minimisations of the contact points before each Newton step.
     iterations : int
         Most iterations of conjugate gradients in one step.
-    halvings : int
-        How often a step may be halved.
     tolerance : float, optional
         Where conjugate gradients end, relative to the load; a tenth of ``Controls.rtol`` by default.
     nested : bool
@@ -153,7 +151,7 @@ class NonsmoothMultigrid(TruncatedNewton):
             at = LinearisedPoint.of(system, x, system.local(x), system.out_of_balance(x))
             found = equation.solve(at, self.accuracy)
             line = SearchLine.of(system, at, found.step, found.bent)
-            near = line.candidates(1.0)[0]
+            near = line.cut(1.0)
             if found.negative is not None or not line.straight(near):
                 return None
             x, _ = line.end(1.0, near)

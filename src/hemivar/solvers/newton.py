@@ -27,8 +27,6 @@ class NonsmoothNewton(TruncatedNewton):
     ----------
     sweeps : int
         Diagonal minimisations before each Newton step.
-    halvings : int
-        How often a step may be halved.
     search : Search
         Whether components cross barriers of their own energy (GLOBAL), or only walk downhill (DOWNHILL).
     """

@@ -41,6 +41,8 @@ __all__ = ["SemismoothNewton"]
 SEMISMOOTH_MULTIGRID = "semismooth-multigrid"
 #: Part of what is added up in F that is rounding.
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
+#: Part of the load from which rounding hides |F|.
+_HIDDEN = 1e-6
 #: Part of a step by which |F| must fall at least.
 _FALLS = 1e-4
 #: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
@@ -58,9 +60,10 @@ class SemismoothNewton(Solver):
     Nothing is frozen: the bound is a part of Newton's equation, by its derivatives (Alart and Curnier 1991; Hueeber,
     Stadler and Wohlmuth 2008).  The equation is that of the system of the method inside the fixed point: on the
     condensed body it is solved by LU factors, on all unknowns by minimal residuals, preconditioned with the multigrid
-    cycle of the law whose bound is frozen.  A step is halved until ``|F|`` falls.  Where it does not, the
-    bound is raised from zero in parts, each solved from the one before; where that fails, too, or where the bound has
-    no derivatives or the profile falls at once, the fixed point takes over.  ``solution.fallbacks`` counts both.
+    cycle of the law whose bound is frozen.  A step is halved until ``|F|`` falls.  Where it does not, as in a body that
+    nothing holds where it starts, Newton's equation begins anew where one step of the fixed point leads.  Where that
+    fails, the bound is raised from zero in parts, each solved from the one before.  Where that fails, too, or where the
+    bound has no derivatives or the profile falls at once, the fixed point takes over.  ``solution.fallbacks`` counts.
 
     Where laws soften, a solution must be one that the method inside the fixed point would not leave, the bound being
     frozen; else the fixed point goes on from what that method finds.
@@ -167,6 +170,8 @@ class SemismoothNewton(Solver):
         fallbacks, new = state.fallbacks, None
         if way.rounds < self.rounds and not _creeps(way.past):
             new = equation.lower(point, self.halvings, budget)
+        if new is None and not way.frozen:
+            return self._frozen(system, way, state, budget)
         if new is None:
             fallbacks += 1
             new = self._raised(equation, way.start.r, budget) if way.rounds >= 0 else None
@@ -208,6 +213,19 @@ class SemismoothNewton(Solver):
         return replace(
             outer, evaluations=state.evaluations, memory=_Way(start, outer=outer), fallbacks=state.fallbacks + 1
         )
+
+    def _frozen(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
+        """A step of the fixed point, whose energy falls from any start; Newton's equation goes on from there."""
+        assert way.equation is not None
+        begun = self.fallback.begin(system, way.start, budget)
+        found = self.fallback.step(system, begun, budget)
+        self.fallback.release(found)
+        found = replace(found, evaluations=state.evaluations + found.evaluations, fallbacks=state.fallbacks + 1)
+        point = None if found.ended is not None else way.equation.at(found.r)
+        if point is None:
+            way.equation.equation.release()
+            return found if found.ended is not None else self._fixed(system, found, found, budget)
+        return self._at(system, point, _Way(State(found.r, found.lam), way.equation, point, frozen=True), found)
 
     def _followed(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
         """A step of the fixed point."""
@@ -315,6 +333,11 @@ class _Equation:
         own = system.vectors.norms(system.rounding_sizes(point.x), system.weights[:, None] * point.lam)
         return _ROUNDING * float(own.sum())
 
+    def tells(self, point: _Point) -> bool:
+        """Whether |F| shows anything: it shows nothing so far away that rounding is a part of the load."""
+        size = float(self.system.vectors.norms(self.system.weights[:, None] * point.lam)[0])
+        return self.rounding(point) <= _HIDDEN * self.system.load_scale.of(size)
+
     def at(self, x: Array, before: _Point | None = None, cycles: int = 0) -> _Point | None:
         """F at a point; None where the bound has no value."""
         system, stiffness, r = self.system, self.stiffness, self.system.local(x)
@@ -350,7 +373,7 @@ class _Equation:
         way, length = first + change - point.x, 1.0
         for _ in range(halvings):
             new = self.at(point.x + length * way, point, cycles)
-            if new is not None and new.off < (1.0 - _FALLS * length) * point.off:
+            if new is not None and new.off < (1.0 - _FALLS * length) * point.off and self.tells(new):
                 return new
             length *= 0.5
         return None
@@ -367,6 +390,8 @@ class _Way:
     equation, point : _Equation and _Point, or None
     rounds : int
         Newton's equations that were solved; counted from below zero once the bound was raised in parts.
+    frozen : bool
+        Whether it has begun anew from a solution with a frozen bound.
     outer : State or None
         That of the fixed point, once it has taken over.
     past : tuple of float
@@ -377,6 +402,7 @@ class _Way:
     equation: _Equation | None = None
     point: _Point | None = None
     rounds: int = 0
+    frozen: bool = False
     outer: State | None = None
     past: tuple[float, ...] = ()
 

@@ -20,13 +20,8 @@ __all__ = ["NewtonMemory", "TruncatedNewton", "lower_energy"]
 
 #: What rounding makes of the energy over a step, relative to its parts, and what a move must gain at least.
 _ROUNDED, _WORTH = 1e-14, 1e-12
-#: How far, in powers of two of the length that the stiffness of the contact points suggests, a direction without
-#: curvature is followed.
-_FURTHEST, _NEAREST = 60, -20
 #: Part of local displacements that is a tiny way: along it the energy falls by what forces at both ends say.
 _TINY = 1e-6
-#: How often a direction of negative curvature is halved.
-_HALVED = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +52,9 @@ class TruncatedNewton(Solver):
     A step has two parts.  First every contact point minimises, globally and at the same time as all others, the
     energy in which the elastic body is replaced by a stiffer diagonal one; this lowers the energy for any law and
     moves points onto and off the kinks.  Then Newton's equation is solved for the components that are off the
-    kinks, and the step is cut back to the pieces it started on, or taken across them if that is lower, and halved
-    until the energy does not rise.  Where what is left to gain is below the rounding of the energy, the residual
-    judges the step.
+    kinks.  A step that does not stay on its pieces, or gains too little, ends at the bottom of the energy: straight
+    across the pieces, or on the way on which points stop at their ends, whichever is lower.  Where what is left to
+    gain is below the rounding of the energy, the residual judges the step.
 
     How Newton's equation is solved is a matter of the system: :class:`NonsmoothNewton` works on the condensed body
     with dense factors, :class:`NonsmoothMultigrid` on all unknowns with conjugate gradients.
@@ -68,14 +63,11 @@ class TruncatedNewton(Solver):
     ----------
     sweeps : int
         Diagonal minimisations before each Newton step.
-    halvings : int
-        How often a step may be halved.
     search : Search
         Whether components cross barriers of their own energy (GLOBAL), or only walk downhill (DOWNHILL).
     """
 
     sweeps: int = 2
-    halvings: int = 20
     search: Search = Search.GLOBAL
     descends: ClassVar[bool] = True
     #: Whether a whole step that gains less than the rounding of the energy is taken before the residual judges it.
@@ -156,16 +148,14 @@ class TruncatedNewton(Solver):
         if not found.cycles:
             return best, False, 0
         line = SearchLine.of(system, at, found.step, found.bent, self.search)
-        best = line.lowest([0.5**k for k in range(self.halvings)], trusted=self.trusts, beyond=not found.convex)
+        best = line.lowest(found.convex, self.trusts)
         if found.negative is None:
             return best, False, found.cycles
         # No curvature holds the energy back that way: as far as its laws let it fall.
         line = SearchLine.of(system, at, found.negative, system.multiply(found.negative), self.search)
         (stiff,) = system.vectors.total(float(np.vdot(line.along**2, system.diagonal)))
-        unit = line.slope / max(stiff, np.finfo(float).tiny)
-        other = line.lowest([unit * 2.0**k for k in range(_FURTHEST, _NEAREST, -1)], every=True)
-        lower = other.gain < best.gain
-        return (other if lower else best), lower and other.first, found.cycles
+        other = line.bottom(line.slope / max(stiff, np.finfo(float).tiny))
+        return (other if other.gain < best.gain else best), other.endless, found.cycles
 
     def _polish(
         self, system: ContactSystem, equation: NewtonEquation, x: Array, force: Array
@@ -189,7 +179,7 @@ class TruncatedNewton(Solver):
             line = SearchLine.of(system, here, new - x, system.multiply(new - x))
             there = system.out_of_balance(new)
             allowed = max(line.rounding, _ROUNDED * energy_scale(system, x, line.value))
-            if line.gains(1.0, near)[0] <= allowed or _goes_down(system, here, new, near, there):
+            if line.gain(1.0, near) <= allowed or _goes_down(system, here, new, near, there):
                 total = system.residual(new, system.multiplier(new, there), there).total
                 if total < lowest:
                     best, lowest = (new, there), total
@@ -216,7 +206,7 @@ class TruncatedNewton(Solver):
         return self._state(system, x, system.out_of_balance(x), state.evaluations, energy, memory)
 
     def _leave_saddle(self, system: ContactSystem, state: State) -> tuple[Array, float]:
-        """A step along the direction of most negative curvature, to the ends of its pieces: point, gain (0 if none)."""
+        """A step along the direction of most negative curvature, to the bottom there: point, gain (0 if none)."""
         memory: NewtonMemory = state.memory
         at = LinearisedPoint.of(system, state.r, system.local(state.r), memory.force)
         direction = memory.equation.negative_curvature(at)
@@ -224,9 +214,7 @@ class TruncatedNewton(Solver):
             return state.r, 0.0
         best = LineEnd(state.r, memory.force, 0.0)
         for way in (direction, -direction):
-            line = SearchLine.of(system, at, way, system.multiply(way), self.search)
-            room = line.room()
-            found = line.lowest([room * 0.5**k for k in range(_HALVED)])
+            found = SearchLine.of(system, at, way, system.multiply(way), self.search).bottom(1.0)
             best = found if found.gain < best.gain else best
         return best.x, best.gain
 

@@ -1,0 +1,78 @@
+"""A law along a straight way: where its derivative bends, for laws that are quadratic between their knots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+
+if TYPE_CHECKING:
+    from hemivar.laws.superpotential import Superpotential
+
+__all__ = ["Crossings", "crossings"]
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """``j(r + t way)`` for t > 0: its derivative is straight between the lengths t at which it meets knots.
+
+    Attributes
+    ----------
+    slope, bend : arrays (m,)
+        First and second derivative in t, just behind t = 0.
+    point, component : int arrays (k,)
+        The component that meets a knot.
+    length : array (k,)
+        Where, ahead of t = 0; in no order.
+    place : array (k,)
+        The knot.
+    jump, change : arrays (k,)
+        By how much the first and the second derivative jump up there; the first is +inf at an end of the domain.
+    """
+
+    slope: Array
+    bend: Array
+    point: IntArray
+    component: IntArray
+    length: Array
+    place: Array
+    jump: Array
+    change: Array
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Those of the components of a point, the first part being that of component 0, and so on."""
+        slope, bend = sum(part.slope for part in parts), sum(part.bend for part in parts)
+        named = [replace(part, component=part.component + c) for c, part in enumerate(parts)]
+        names = ("point", "component", "length", "place", "jump", "change")
+        together = {name: np.concatenate([getattr(part, name) for part in named]) for name in names}
+        return replace(parts[0], slope=np.asarray(slope), bend=np.asarray(bend), **together)
+
+
+def crossings(law: Superpotential, r: Array, way: Array) -> Crossings:
+    """The knots of a law with straight pieces ahead of ``r (m,)`` in the directions ``way (m,)``."""
+    knots, bends, (left, right) = law.knots, law.bends, law.knot_slopes()
+    ahead, here = way > 0.0, r[:, None]
+    piece = np.where(ahead, (knots <= here).sum(axis=-1), (knots < here).sum(axis=-1))
+    slope, bend = law.piece_line(piece, r)
+    moves = np.where(ahead[:, None], knots > here, (knots < here) & (way < 0.0)[:, None])
+    point, knot = np.nonzero(moves & np.isfinite(knots))
+    place, left, right, first, last = (
+        np.broadcast_to(table, (r.size, table.shape[-1]))[point, index]
+        for table, index in ((knots, knot), (left, knot), (right, knot), (bends, knot), (bends, knot + 1))
+    )
+    speed = way[point]
+    return Crossings(
+        slope=way * slope,
+        bend=way**2 * bend,
+        point=point,
+        component=np.zeros(point.size, dtype=np.int64),
+        length=(place - r[point]) / speed,
+        place=place,
+        jump=np.abs(speed) * (right - left),
+        change=np.abs(speed) * speed * (last - first),
+    )
