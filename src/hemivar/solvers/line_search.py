@@ -141,8 +141,14 @@ class SearchLine:
         if not straight and self.search is Search.GLOBAL:
             ends.append(self._look(1.0, self.across(1.0)))
         gained = min(end[0] for end in ends)
-        if convex and (gained <= -_ENOUGH * self._promised or (straight and trusted and gained <= self.rounding)):
-            return self._best(ends) if not straight else self._end(1.0, cut, min(gained, 0.0), 1)
+        if straight and convex and trusted and gained <= self.rounding:
+            return self._end(1.0, cut, min(gained, 0.0), 1)
+        if convex and self._promised <= self.rounding:
+            # No energy tells the places apart: slopes do.
+            length = self._closed_in(self._slope_cut, self._first, 1.0).length
+            return self._end(length, self.cut(length), min(self.gain(length, self.cut(length)), 0.0), 2)
+        if convex and gained <= -_ENOUGH * self._promised:
+            return self._best(ends)
         return self._best([*ends, *(end for end, _ in self._bottoms(1.0, cut_until=1.0, straight=straight))])
 
     def bottom(self, unit: float) -> LineEnd:

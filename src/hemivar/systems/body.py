@@ -24,7 +24,7 @@ from hemivar.systems.newton_equation import NewtonEquation
 __all__ = ["Body"]
 
 #: Gaps this many times larger than the displacements are far.
-_FAR = 1e4
+_FAR = 1.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
