@@ -13,6 +13,7 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.errors import MethodError
 from hemivar.fem.hierarchy import Coarser
+from hemivar.laws import Superpotential
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid, NonsmoothNewton, Status
 from hemivar.solvers.choice import choose
@@ -367,3 +368,63 @@ def test_from_the_wrong_pieces_the_same_is_found() -> None:
     found = hv.solve(problem, NonsmoothMultigrid(settled=True), TIGHT, initial=far)
     assert found.status is Status.CONVERGED
     assert distance(problem, found, expected) < 1e-9
+
+
+@pytest.mark.parametrize("slenderness", [20, 100])
+@pytest.mark.parametrize(
+    ("law", "load"),
+    [(hv.Compliance(50.0), -5e-4), (hv.Compliance(0.01), -5e-4), (hv.Signorini(), -5e-4), (hv.Signorini(), 5e-4)],
+)
+def test_thin_bodies_take_few_steps(law: Superpotential, load: float, slenderness: int) -> None:
+    """The answer is a tiny part of what the beam alone would do; or it lifts off, and is the beam alone."""
+    problem = hv.ContactProblem(
+        hv.rectangle((float(slenderness), 1.0), (slenderness * 4, 4)), hv.Material.lame(1.0, 1.0),
+        {"bottom": hv.Contact(law)}, {"left": hv.Clamped()}, tractions={"top": (0.0, load)},
+    )  # fmt: skip
+    found, other = (hv.solve(problem, method) for method in ("multigrid", "newton"))
+    assert found.status is hv.Status.CONVERGED
+    assert found.steps <= 4
+    size = np.abs(other.displacement).max()
+    np.testing.assert_allclose(found.displacement, other.displacement, atol=1e-5 * size)
+
+
+@pytest.mark.parametrize("force", [1e-4, 1.0, 100.0])
+def test_a_lightly_loaded_beam_over_a_large_gap_keeps_its_digits(force: float) -> None:
+    """Where the gap is many times the displacement, its rounding must not become one of the displacement."""
+    problem = hv.ContactProblem(
+        hv.rectangle((60.0, 8.0), (60, 4)), hv.Material.young(2e4, 0.3, plane="stress"),
+        {"bottom": hv.Contact(hv.Signorini(), gap=lambda x: (x[:, 0] - 50.0) ** 2 / 10.0)}, {"left": hv.Fixed(x=0.0)},
+        tractions={"top": (0.0, -force / 60.0)},
+    )  # fmt: skip
+    found = hv.solve(problem, "multigrid")
+    assert found.status is hv.Status.CONVERGED
+    assert found.residual.relative < 1e-9
+    assert found.normal_force == pytest.approx(force, rel=1e-8)
+
+
+@pytest.mark.parametrize("cells", [16, 32])
+def test_wavy_laws_on_quadratic_elements_converge_on_every_mesh(cells: int) -> None:
+    """The residual rises and falls while the energy falls on the way over the waves."""
+    problem = hv.ContactProblem(
+        hv.rectangle((2.0, 1.0), (2 * cells, cells)), hv.Material.lame(1.0, 1.0),
+        {"bottom": hv.Contact(hv.FormulaLaw("0.1*(1 - cos(5*r))", reach=2.0))}, {"left": hv.Clamped()},
+        tractions={"top": (0.0, -0.5)}, order=2,
+    )  # fmt: skip
+    found = hv.solve(problem, "multigrid")
+    assert found.status is hv.Status.CONVERGED
+    assert found.energy == pytest.approx(-1.154, abs=3e-3)  # less and less above that of finer meshes
+    assert found.certify().kind.value == "local minimiser"
+
+
+def test_what_is_advised_where_linear_elements_lock_is_solved() -> None:
+    mesh, contact = hv.rectangle((4.0, 1.0), (32, 8)), {"bottom": hv.Contact(hv.Signorini(), gap=0.01)}
+    supports, tractions = {"left": hv.Clamped()}, {"top": (0.0, -0.01)}
+
+    def solved(order: int, method: str) -> hv.Solution:
+        material = hv.Material.young(1.0, 0.4999 if order == 1 else 0.499)
+        return hv.solve(hv.ContactProblem(mesh, material, contact, supports, tractions=tractions, order=order), method)
+
+    assert any("take order = 2" in line for line in solved(1, "multigrid").warnings)
+    found, other = solved(2, "multigrid"), solved(2, "newton")
+    assert found.status is hv.Status.CONVERGED
+    assert found.normal_force == pytest.approx(other.normal_force, rel=1e-6)

@@ -279,7 +279,7 @@ def test_a_bound_that_reacts_too_strongly_for_a_fixed_point(source: object) -> N
 
 
 def test_another_way_is_counted() -> None:
-    """Where halved steps end, one step of the fixed point leads on; with one round no way is left but the fixed point."""
+    """Where halved steps end, one step of the fixed point leads on; with one round only the fixed point itself does."""
     problem, points = random_points(198, 3)
     again = solve(problem)
     assert again.status is Status.CONVERGED

@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hemivar.basics.types import Array
+from hemivar.discrete.residual import Residual
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, OutOfTime
 from hemivar.solvers.line_search import LineEnd, SearchLine, energy_scale
@@ -20,6 +21,8 @@ __all__ = ["NewtonMemory", "TruncatedNewton", "lower_energy"]
 
 #: What rounding makes of the energy over a step, relative to its parts, and what a move must gain at least.
 _ROUNDED, _WORTH = 1e-14, 1e-12
+#: Part of the residual below which it has fallen in a step; how much closer Newton's equation is solved else, and most.
+_FALLS, _CLOSER, _CLOSEST = 0.9, 0.3, 1e-4
 #: Part of local displacements that is a tiny way: along it the energy falls by what forces at both ends say.
 _TINY = 1e-6
 
@@ -37,12 +40,16 @@ class NewtonMemory:
     equation : NewtonEquation
     settled : bool
         Whether the next step begins with Newton's equation.
+    share : float
+        How much less than the contact conditions are off Newton's equation leaves: less after each step that did not
+        lower the residual.
     """
 
     factor: float
     force: Array
     equation: NewtonEquation
     settled: bool = False
+    share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -114,9 +121,7 @@ class TruncatedNewton(Solver):
         if not np.isfinite(energy):
             energy = system.energy(x)
         force = memory.force - system.multiply_contact(x - state.r)
-        found, unbounded, cycles = self._newton(
-            system, memory.equation, LinearisedPoint.of(system, x, r, force), budget
-        )
+        found, unbounded, cycles = self._newton(system, memory, LinearisedPoint.of(system, x, r, force), budget)
         evaluations += self._evaluations(found.tries, cycles)
         x, force, energy = found.x, found.force, energy + found.gain
         if unbounded:
@@ -124,8 +129,8 @@ class TruncatedNewton(Solver):
         if state.energy is not None and energy >= state.energy - _ROUNDED * abs(state.energy):
             x, force, more = self._polish(system, memory.equation, x, force)
             evaluations += self._evaluations(0, more)
-        memory = replace(memory, factor=factor, settled=False)
-        return self._state(system, x, force, evaluations, energy, memory)
+        new = self._state(system, x, force, evaluations, energy, replace(memory, factor=factor, settled=False))
+        return replace(new, memory=replace(new.memory, share=_share(memory.share, state.residual, new.residual)))
 
     @staticmethod
     def _state(
@@ -138,10 +143,10 @@ class TruncatedNewton(Solver):
         return State(x, lam, evaluations, energy=energy, residual=found, memory=replace(memory, force=force))
 
     def _newton(
-        self, system: ContactSystem, equation: NewtonEquation, at: LinearisedPoint, budget: Budget
+        self, system: ContactSystem, memory: NewtonMemory, at: LinearisedPoint, budget: Budget
     ) -> tuple[LineEnd, bool, int]:
         """Newton's step from a point, whether the energy falls without end along it, and the number of cycles."""
-        found = equation.solve(at, replace(self.accuracy, due=budget.due))
+        found = memory.equation.solve(at, replace(self.accuracy, due=budget.due, share=memory.share))
         if system.vectors.largest(budget.due())[0]:
             raise OutOfTime
         best = LineEnd(at.x, at.force, 0.0)
@@ -221,6 +226,12 @@ class TruncatedNewton(Solver):
     def release(self, state: State) -> None:
         if isinstance(state.memory, NewtonMemory):
             state.memory.equation.release()
+
+
+def _share(before: float, old: Residual | None, new: Residual | None) -> float:
+    """See :class:`NewtonMemory`."""
+    falls = old is None or new is None or new.total < _FALLS * old.total
+    return min(before / _CLOSER, 1.0) if falls else max(before * _CLOSER, _CLOSEST)
 
 
 def _goes_down(system: ContactSystem, here: LinearisedPoint, new: Array, near: Array, there: Array) -> bool:

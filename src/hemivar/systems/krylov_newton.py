@@ -107,10 +107,10 @@ class KrylovNewton:
         right[body.unknown[held]] = 0.0
         scale = body.load_scale.of(float(body.vectors.norms(at.force[body.unknown])[0]))
         flexible, cycle = self.matrix.preconditioner()
+        enough = None if accuracy.due is None else _Enough(body, at, accuracy.due, accuracy.share)
         found = conjugate_gradients(
             self.matrix, self.matrix.diagonal, right, cycle, accuracy.absolute + accuracy.tolerance * scale,
-            accuracy.iterations, None if accuracy.due is None else _Enough(body, at, accuracy.due), body.vectors,
-            sparing=True, flexible=flexible,
+            accuracy.iterations, enough, body.vectors, sparing=True, flexible=flexible,
         )  # fmt: skip
         bent = right - found.residual  # laws and held unknowns act in the contact rows only
         bent[body.unknown] = body.pull(found.solution)
@@ -165,6 +165,7 @@ class _Enough:
     body: SparseBody
     at: LinearisedPoint
     due: Callable[[], float]
+    share: float
 
     def __call__(self, iteration: int, step: Array) -> Array:
         at, body, weights = self.at, self.body, self.body.weights[:, None]
@@ -179,4 +180,4 @@ class _Enough:
         bend = at.near.gradient(aim) - at.line.gradient - np.einsum("mij,mj->mi", at.line.hessian, way)
         bend[np.abs(beyond) > _CUT * np.abs(way)] = 0.0  # at the end of its piece a law has no gradient
         missed = np.hypot(body.stiffness * beyond, weights * np.where(at.moving, bend, off))
-        return np.asarray(_PATIENCE * missed).ravel()
+        return np.asarray(_PATIENCE * self.share * missed).ravel()

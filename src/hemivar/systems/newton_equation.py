@@ -69,12 +69,15 @@ class Accuracy:
     due : callable or None
         If given, the iteration may end as soon as the residual is below that of the contact conditions, and ends where
         this is not zero.
+    share : float
+        Part of the forces by which the contact conditions fail that may be left then.
     """
 
     tolerance: float
     absolute: float
     iterations: int
     due: Callable[[], float] | None = None
+    share: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
