@@ -234,10 +234,9 @@ class SearchLine:
         extra = self._aside(length, r)
         stopped = np.abs(extra) > _MET * (np.abs(r) + np.abs(length * along))
         way = np.where(stopped, 0.0, along)
-        contact = system.at_contact(length * self.bent - self.at.force) + system.couple(extra)
+        contact = self._pull(length) + system.couple(extra)
         law = system.weights @ np.einsum("mi,mi->m", self.at.near.gradient(r), way)
-        bent = float(np.vdot(extra, system.at_contact(self.bent)))
-        own = bent + float(np.vdot(contact, way - along)) + float(law)
+        own = float(np.vdot(extra, self._at_contact[0])) + float(np.vdot(contact, way - along)) + float(law)
         return length * self.square - self.slope + float(system.vectors.total(own)[0])
 
     @cached_property
@@ -271,13 +270,23 @@ class SearchLine:
         Along a motion that hardly deforms the body its forces are rounding, the larger the further it leads.
         """
         system, extra = self.system, self._aside(length, candidate)
-        contact = system.at_contact(length * self.bent - self.at.force)
-        reach = np.abs(extra) + length * np.abs(self.along)
-        own = float(np.vdot(extra, contact)) + 0.5 * float(np.vdot(extra, system.couple(extra)))
+        reach, own = np.abs(extra) + length * np.abs(self.along), 0.0
+        if extra.any() or not system.vectors.alone:
+            own = float(np.vdot(extra, self._pull(length) + 0.5 * system.couple(extra)))
         own += float(system.weights @ (system.law.value(candidate) - self.value))
         own += _ROUNDED * float(np.vdot(system.diagonal, reach**2))
         alone = 0.5 * length**2 * self.square - length * self.slope
         return alone + float(system.vectors.total(own)[0])
+
+    @cached_property
+    def _at_contact(self) -> tuple[Array, Array]:
+        """What a unit of the direction takes away from the forces of the contact points, and these, (m, d) each."""
+        return self.system.at_contact(self.bent), self.system.at_contact(self.at.force)
+
+    def _pull(self, length: float) -> Array:
+        """Forces (m, d) on the contact points that a step leaves, with the sign of what the body takes up."""
+        bent, force = self._at_contact
+        return length * bent - force
 
     def _aside(self, length: float, candidate: Array) -> Array:
         """How far (m, d) from the straight line local displacements are; exactly zero on it."""
