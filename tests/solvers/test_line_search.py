@@ -12,6 +12,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import ContactLaw, Friction, PiecewiseQuadratic, Superpotential, VectorLaw
+from hemivar.laws.crossings import Crossings
 from hemivar.laws.friction.profiles import ExponentialWeakening
 from hemivar.solvers.line_search import SearchLine, bottom_of_pieces
 from hemivar.systems import Workspace
@@ -143,3 +144,26 @@ def test_an_energy_that_falls_without_end_is_said_to(pull: float, endless: bool,
     assert found.endless == endless
     if not endless:
         assert system.local(found.x)[0, 1] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(("square", "lowest", "endless"), [(0.1, 20.0, False), (0.0, 1.0, True)])
+def test_the_first_bottom_the_lowest_one_and_none_at_all(square: float, lowest: float, endless: bool) -> None:
+    """The slope is -1 up to a kink at 1, 1 up to 2, and -2 from there on, and what the body adds."""
+    index, one = np.zeros(2, dtype=np.int64), np.zeros(1)
+    at = np.array([1.0, 2.0])
+    knots = Crossings(one, one, index, index, at, at, np.array([2.0, -3.0]), np.zeros(2))
+    first = bottom_of_pieces(knots, np.ones(1), 1.0, square, convex=False, first=True)
+    low = bottom_of_pieces(knots, np.ones(1), 1.0, square, convex=False, first=False)
+    assert (first.length, first.endless) == (1.0, False)
+    assert low.length == pytest.approx(lowest)
+    assert low.endless is endless
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_points_that_end_at_a_knot_are_on_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    line = line_of(body(rng, ContactLaw(hv.Signorini()), 12, 2), rng, Search.GLOBAL)
+    knots = line.system.law.crossings(line.at.r, line.along)
+    assert knots is not None
+    for length, point in zip(knots.length, knots.point, strict=True):
+        assert line.across(length, knots)[point, 0] == 0.0
