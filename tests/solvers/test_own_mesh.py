@@ -54,7 +54,7 @@ def test_a_method_that_creeps_is_left_after_five_steps() -> None:
     """From rest, with all of the foot on the plate, Newton's steps for Coulomb's law gain one per cent each."""
     problem = hv.discretize(bracket_on_a_plate(3.5, Coulomb(0.2)))
     found = hv.solve(problem, "multigrid", rtol=1e-8, initial=np.zeros(problem.unknowns)).raise_for_status()
-    assert found.fallbacks == 2
+    assert 1 <= found.fallbacks <= 2
     left = next(one.step for one in found.history if one.residual < 0.5)
     assert left <= 10
     assert found.steps <= 20

@@ -23,9 +23,9 @@ __all__ = ["Watch", "finish", "iterate", "states_of", "steps"]
 _UNKNOWN = np.zeros(1, dtype=bool)
 #: What no progress is over the steps that a method has patience for: of the residual, and part of all energy won.
 _LITTLE, _WON = 0.999, 1e-8
-#: Extents of the body beyond which it is lost, or times its first step, on laws that may let it go; and how many steps
-#: in a row it must be there.
-_FAR, _BEYOND, _GONE = 100.0, 1e9, 3
+#: Extents of the body beyond which it is lost on laws that may let it go, or, where none is known, times what the load
+#: would press a contact point in; and how many steps in a row it must be there.
+_FAR, _BEYOND, _GONE = 100.0, 1e12, 3
 
 #: Called with every state and the history up to it.
 Watch = Callable[[State, tuple[Progress, ...]], None]
@@ -105,7 +105,6 @@ def steps(
             stop = (yield history[-1]) or told
             due = float(vectors.largest(CALLED if stop else budget.due())[0])
             size = _largest(system, state.r) if far != np.inf else 0.0
-            far = far or _BEYOND * size
             away = away + 1 if size > far else 0
             if watch is not None:
                 watch(state, tuple(history))
@@ -162,10 +161,13 @@ def _falls(energies: list[float], patience: int) -> bool:
 
 
 def _far(system: PointSystem) -> float:
-    """How far contact points may move; infinite where the law holds them, 0 where the first step tells."""
+    """How far contact points may move; infinite where the law holds them."""
     if not (system.vectors.alone and system.law.softens):
         return np.inf
-    return 0.0 if system.extent == np.inf else _FAR * system.extent
+    if system.extent < np.inf:
+        return _FAR * system.extent
+    pressed = system.load_scale.load * float((system.material_compliance / system.weights[:, None]).max(initial=0.0))
+    return _BEYOND * pressed if pressed > 0.0 else np.inf
 
 
 def _largest(system: PointSystem, r: Array) -> float:
