@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.coercivity.held_at_rest import NO_MINIMUM, PERHAPS_NO_MINIMUM, growths, resistances
-from hemivar.coercivity.recession import Coercivity, CoercivityResult, RecessionFunction, decide
+from hemivar.coercivity.held_at_rest import IDLE, NO_MINIMUM, PERHAPS_NO_MINIMUM, growths, resistances
+from hemivar.coercivity.recession import Coercivity, CoercivityResult, RecessionFunction, decide, rests
 from hemivar.coercivity.rigid_modes import Mechanism, RigidModes, rigid_basis
 from hemivar.errors import SupportError
 
@@ -24,6 +24,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     """Refuse a body that is not held.
 
     Its energy does not grow along each motion without deformation, and its foundation does not resist each at rest.
+    A body on which nothing acts is let pass where contact resists each motion one way: it is in balance where it is.
 
     Parameters
     ----------
@@ -46,18 +47,23 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
         return problem
     field, contact, motions = problem.field, problem.contact, problem.model.free_motions
     forces = field.lift.T @ problem.load if load is None else load
-    holds = [decide(growth) for growth in growths(field, contact, problem.law, forces, motions)]
+    grows = growths(field, contact, problem.law, forces, motions)
+    holds = [decide(growth) for growth in grows]
     limit: str | None = None
+    idle: str | None = None
     if any(hold.verdict is not Coercivity.HELD for hold in holds):
         at_rest = resistances(field, contact, problem.loading, forces, motions)
-        for group, hold, resistance in zip(motions.groups, holds, at_rest, strict=True):
+        for group, growth, hold, resistance in zip(motions.groups, grows, holds, at_rest, strict=True):
             if hold.verdict is Coercivity.HELD:
                 continue
             if resistance is None or decide(resistance).verdict is not Coercivity.HELD:
+                if problem.unmoved and rests(growth if resistance is None else resistance):
+                    idle = IDLE
+                    continue
                 assert hold.direction is not None or hold.verdict is Coercivity.UNDECIDED
                 raise _refusal(problem, motions, group, hold)
             limit = NO_MINIMUM if hold.verdict is Coercivity.FALLS else limit or PERHAPS_NO_MINIMUM
-    return problem.known_to_be_held(limit)
+    return problem.known_to_be_held(limit, idle)
 
 
 def free_growth(problem: DiscreteProblem, motions: RigidModes) -> list[RecessionFunction]:

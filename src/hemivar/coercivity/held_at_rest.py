@@ -30,11 +30,13 @@ if TYPE_CHECKING:
     from hemivar.discrete.loading import Loading
     from hemivar.discrete.space import Field
 
-__all__ = ["NO_MINIMUM", "PERHAPS_NO_MINIMUM", "geometric_slack", "growths", "limit_of", "resistances"]
+__all__ = ["IDLE", "NO_MINIMUM", "PERHAPS_NO_MINIMUM", "geometric_slack", "growths", "limit_of", "resistances"]
 
 #: What is said of bodies that are held at rest only.
 NO_MINIMUM = "held by the foundation up to a limit; the energy has no minimum"
 PERHAPS_NO_MINIMUM = "held by the foundation up to a limit; whether the energy has a minimum is not known"
+#: What is said of bodies on which nothing acts, and which contact alone holds.
+IDLE = "no load presses the body onto what would hold it: this state of rest is one of many equilibria"
 #: Part of the load against which a foundation must hold a body at rest.
 _SMALL = 1e-6
 

@@ -30,7 +30,16 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import VectorLaw
 
-__all__ = ["Coercivity", "CoercivityProof", "CoercivityResult", "RecessionFunction", "decide", "growth_along", "hinges"]
+__all__ = [
+    "Coercivity",
+    "CoercivityProof",
+    "CoercivityResult",
+    "RecessionFunction",
+    "decide",
+    "growth_along",
+    "hinges",
+    "rests",
+]
 
 #: Growth this small, against what cancels in it, is none.
 _BALANCE = 1e-9
@@ -93,10 +102,13 @@ class CoercivityProof:
         Model, load and law of a discrete problem.
     limit : str or None
         The sentence for a body that its foundation holds at rest only; None if its energy grows along every motion.
+    idle : str or None
+        The sentence for a body on which nothing acts, so that it rests in one of many equilibria; None for others.
     """
 
     of: tuple[object, ...]
     limit: str | None = None
+    idle: str | None = None
 
     def covers(self, of: tuple[object, ...]) -> bool:
         """Whether it was decided of these."""
@@ -133,6 +145,13 @@ class RecessionFunction:
     cones: Array
     rates: Array
     slack: float = SLACK
+
+    @property
+    def resisted(self) -> RecessionFunction:
+        """Where something resists, whichever way and however weakly: growth at the rate one both ways, without load."""
+        rows, slips = self.rows[(self.up > 0.0) | (self.down > 0.0)], self.cones[self.rates > 0.0]
+        one, other = np.ones(len(rows)), np.ones(len(slips))
+        return RecessionFunction(np.zeros_like(self.work), 0.0, rows, one, one, slips, other, self.slack)
 
     def __call__(self, z: Array) -> tuple[float, float]:
         """Growth along z, and the size of what cancels in it; +inf (-inf) where a law is infinite and none falls."""
@@ -228,6 +247,14 @@ def decide(growth: RecessionFunction) -> CoercivityResult:
             Coercivity.BALANCED, worst[1], growth(worst[1])[0]
         )  # a plain motion makes the better message
     return hold
+
+
+def rests(growth: RecessionFunction) -> bool:
+    """Whether no load acts along the motions, and contact resists each of them one way at least.
+
+    The body is in balance wherever it touches nothing then, and a load that presses it onto its foundation holds it.
+    """
+    return growth.load == 0.0 and decide(growth.resisted).verdict is Coercivity.HELD
 
 
 def _rated(growth: RecessionFunction, z: Array) -> tuple[float, Array]:

@@ -34,6 +34,8 @@ __all__ = ["DiscreteProblem"]
 
 #: Entries of a trace must be below: its products with itself are taken.
 _LARGEST = 1e100
+#: Part of the largest coordinate or gap below which a gap is rounding.
+_ROUNDED = 64.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +306,8 @@ class DiscreteProblem(PickleMixin, ReprMixin):
 
         :func:`hemivar.discretize` does so; another load, law or bulk is another question, another gap is not.
         """
-        return self.shown is not None and self.shown.limit is None and self.shown.covers(self._held_by)
+        shown = self.shown
+        return shown is not None and shown.limit is None and shown.idle is None and shown.covers(self._held_by)
 
     @property
     def limit(self) -> str | None:
@@ -313,21 +316,42 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         As glue does that breaks. :func:`hemivar.discretize` finds it; it is decided anew for another load or law. None
         where the energy grows along every motion, and where nothing is known.
         """
-        if self.shown is None or self.shown.limit is None or self.shown.covers(self._held_by):
-            return None if self.shown is None else self.shown.limit
-        if self.field is None or not isinstance(self.bulk, Quadratic):
+        shown = self.shown
+        if shown is None or shown.covers(self._held_by):
+            return None if shown is None else shown.limit
+        perhaps = shown.limit is not None or (shown.idle is not None and self.law.softens)
+        if not perhaps or self.field is None or not isinstance(self.bulk, Quadratic):
             return None
         return limit_of(self.field, self.contact, self.loading, self.model.free_motions)
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """:attr:`warnings`, and :attr:`limit` where there is one: what results must say beside their numbers."""
-        limit = self.limit
-        return self.warnings if limit is None else (*self.warnings, limit)
+    def unmoved(self) -> bool:
+        """Whether the body is in balance as it is: nothing acts, and the foundation need not push where it stands.
 
-    def known_to_be_held(self, limit: str | None = None) -> DiscreteProblem:
-        """The problem, known to be :attr:`held` from now on, or up to a :attr:`limit`; for who has shown it."""
-        return DiscreteProblem(self.model, self.loading, self.warnings, CoercivityProof(self._held_by, limit), True)
+        Gaps below the rounding of the places of the contact points are none.
+        """
+        points = self.contact.points
+        far = max(float(np.abs(place).max(initial=0.0)) for place in (self.offset, 0.0 if points is None else points))
+        r = np.where(np.abs(self.offset) <= _ROUNDED * far, 0.0, -self.offset)
+        zero = np.zeros_like(r)
+        return not self.load.any() and not (r.size and self.law.frozen(r, zero).distance(r, zero).any())
+
+    @property
+    def idle(self) -> str | None:
+        """A sentence where nothing acts on a body that contact alone would hold, so that it rests in one of many
+        equilibria; :func:`hemivar.discretize` finds it."""
+        return self.shown.idle if self.shown is not None and self.shown.covers(self._held_by) else None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """:attr:`warnings`, :attr:`limit` and :attr:`idle`: what results must say beside their numbers."""
+        return (*self.warnings, *(said for said in (self.limit, self.idle) if said is not None))
+
+    def known_to_be_held(self, limit: str | None = None, idle: str | None = None) -> DiscreteProblem:
+        """The problem, known to be :attr:`held` from now on, up to a :attr:`limit`, or to be :attr:`idle`; for who has
+        shown it."""
+        shown = CoercivityProof(self._held_by, limit, idle)
+        return DiscreteProblem(self.model, self.loading, self.warnings, shown, True)
 
     @property
     def _held_by(self) -> tuple[object, ...]:

@@ -186,6 +186,8 @@ class Integration:
         stated = discrete.evolution.problem, discrete.evolution.heat
         kinks, self.doubts = kinks_in_time(stated, self.start, plan.until)
         self.doubts += _rings(discrete, plan.scheme)
+        if discrete.problem.idle is not None:
+            self.doubts += (f"at t = {self.start:g} {discrete.problem.idle}",)
         self.ends = _ends(plan, self.start, kinks)
         self.yields = yields_at_once(discrete)
         self.unsettled: StepResult | None = None

@@ -276,14 +276,10 @@ def _at_rest(problem: DiscreteProblem) -> Solution | None:
 
     No iteration would find so: it has nothing to hold a residual against.
     """
-    if problem.load.any():
-        return None
-    r = -problem.offset
-    zero = np.zeros_like(r)
-    if r.size and problem.law.frozen(r, zero).distance(r, zero).any():
+    if not problem.unmoved:
         return None
     unknowns, residual = np.zeros(problem.unknowns), Residual(0.0, 0.0, 0.0, 0.0)
-    return Solution(problem, unknowns, zero, Status.CONVERGED, residual, method="rest")
+    return Solution(problem, unknowns, np.zeros_like(problem.offset), Status.CONVERGED, residual, method="rest")
 
 
 def _rounding(stage: Stage) -> float:

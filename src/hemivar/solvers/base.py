@@ -90,6 +90,9 @@ class Solver(ABC):
     #: Whether its energy never rises, so that of two iterates the one with less energy is the better one.
     descends: ClassVar[bool] = False
 
+    #: Whether points of a condensed body may be displacements, see :attr:`CondensedProblem.displaced`.
+    displaces: ClassVar[bool] = False
+
     @property
     def condenses(self) -> bool:
         """Whether it works on the body condensed onto its contact boundary."""

@@ -83,6 +83,11 @@ class FixedPoint(Solver):
         return True
 
     @property
+    def displaces(self) -> bool:  # type: ignore[override]
+        """As the method inside."""
+        return self.inner.displaces
+
+    @property
     def handles_nonlinear(self) -> bool:
         return self.inner.handles_nonlinear
 

@@ -32,3 +32,4 @@ class NonsmoothNewton(TruncatedNewton):
     """
 
     name: ClassVar[str] = "newton"
+    displaces: ClassVar[bool] = True

@@ -112,6 +112,11 @@ class SemismoothNewton(Solver):
     def handles_state(self) -> bool:
         return True
 
+    @property
+    def displaces(self) -> bool:  # type: ignore[override]
+        """As the method inside the fixed point."""
+        return self.fallback.displaces
+
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return self.fallback.refuse(problem)
 

@@ -252,6 +252,9 @@ def _run(
         budget = Budget(controls.max_time)
         start = _start(system, solver, initial, budget)
         short = _short(system, solver, start, controls, budget) if isinstance(system, CondensedProblem) else None
+        if short is None and isinstance(system, CondensedProblem) and _hidden(system, solver, start, controls):
+            system = system.displaced
+            start = _start(system, solver, initial, budget)
     except MemoryError:
         raise shortage(problem.unknowns, problem.contact.trace.nnz, solver.condenses) from None
     if short is not None:
@@ -293,6 +296,14 @@ def _short(
     return _by_active_sets(system, solver, start, first, controls)
 
 
+def _hidden(system: CondensedProblem, solver: Solver, start: State, controls: Controls) -> bool:
+    """Whether the rounding of gaps hides what the load does, and the method can do with displacements instead."""
+    if not solver.displaces or start.ended is not None:
+        return False
+    first = system.residual(start.r, start.lam)
+    return first.noise > controls.rtol * first.scale
+
+
 def _by_active_sets(
     system: CondensedProblem, solver: Solver, start: State, first: Residual, controls: Controls
 ) -> Solution | None:
@@ -318,7 +329,7 @@ def _apart(
     system: CondensedProblem, solver: Solver, rounded: Residual, controls: Controls, budget: Budget
 ) -> Solution | None:
     """The linear answer of a body that its load leaves so far from the foundation that the gap's rounding hides it."""
-    found = system.at_a_distance(system.start())
+    found = system.displaced.at_a_distance()
     if found is None or not found[2].below(controls.atol, controls.rtol):
         return None
     unknowns, multiplier, reached = found

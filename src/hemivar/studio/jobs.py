@@ -166,8 +166,8 @@ class Bench:
             known = self._kept.problem.with_(
                 load=fresh.load, offset=fresh.offset, law=fresh.law, constant=fresh.constant
             )
-            if fresh.held or fresh.limit is not None:
-                known = known.known_to_be_held(fresh.limit)
+            if fresh.shown is not None:
+                known = known.known_to_be_held(fresh.limit, fresh.idle)
             fresh = replace(known, warnings=fresh.warnings)
         self._kept = _Kept(fresh, stated.body)
         return fresh

@@ -32,6 +32,8 @@ __all__ = ["CondensedProblem", "condense"]
 
 #: Gaps this many times larger than the displacements are far.
 _FAR = 1e4
+#: Part of a gap by which local displacements may differ by rounding.
+_SAME = 4.0 * float(np.finfo(float).eps)
 #: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
 ROUNDED = 1e-9
 
@@ -41,7 +43,8 @@ class CondensedProblem(Equilibrium, PickleMixin):
     """Energy of the contact unknowns alone: ``1/2 r'A r - g'r + sum_j w_j j(r_j) + constant``.
 
     ``r (m, d)`` are the local displacements (penetration and slip).  All other unknowns have been eliminated, so
-    that minimising this energy is minimising E(u).
+    that minimising this energy is minimising E(u).  Its points are these, or displacements ``r + origin`` of the
+    contact points (:attr:`displaced`), which have more digits where gaps are far larger than they.
 
     Attributes
     ----------
@@ -61,6 +64,8 @@ class CondensedProblem(Equilibrium, PickleMixin):
         Elastic energy of the body under its load when r = 0 (strictly: when all contact unknowns are held at zero).
     seconds : float
         Time the condensation took.
+    origin : array (m, d) or None
+        What is taken off a point to make local displacements; None where points are these.
     """
 
     problem: DiscreteProblem
@@ -72,6 +77,7 @@ class CondensedProblem(Equilibrium, PickleMixin):
     rest_energy: float
     seconds: float
     _recovery: Recovery
+    origin: Array | None = None
 
     def __reduce__(self) -> tuple[Callable[[DiscreteProblem], CondensedProblem], tuple[DiscreteProblem]]:
         return condense, (self.problem,)  # factors cannot travel: they are made again on arrival
@@ -195,13 +201,29 @@ class CondensedProblem(Equilibrium, PickleMixin):
         scale = float(np.linalg.norm(self.load) / np.linalg.norm(self.weights)) if self.weights.size else 0.0
         return scale if scale > 0.0 else 1.0
 
-    def local(self, r: Array) -> Array:
-        """Local displacements, which the points of a condensed body are."""
-        return r
+    @property
+    def displaced(self) -> CondensedProblem:
+        """The same, its points being displacements of the contact points: their digits do not depend on gaps."""
+        if self.origin is not None:
+            return self
+        recovery, origin = self._recovery, self._recovery.offset.reshape(self.shape)
+        return replace(
+            self,
+            load=self.body.gathered(recovery.reduced.force),
+            constant=_own_constant(self.problem, recovery, self.rest_energy),
+            origin=origin,
+            _recovery=replace(recovery, offset=np.zeros_like(recovery.offset)),
+        )
+
+    def local(self, x: Array) -> Array:
+        """Local displacements (m, d) of a point."""
+        return x if self.origin is None else x - self.origin
 
     def of_unknowns(self, unknowns: Array) -> Array:
-        """Local displacements (m, d) of the unknowns (n,)."""
-        return self.problem.local(unknowns)
+        """The point of the unknowns (n,)."""
+        if self.origin is None:
+            return self.problem.local(unknowns)
+        return np.where(self.active, self.problem.contact.trace_of(unknowns), self.fixed)
 
     # ---- energy and balance -----------------------------------------------------------------------------
 
@@ -217,19 +239,23 @@ class CondensedProblem(Equilibrium, PickleMixin):
 
     def start(self, guess: Array | None = None) -> Array:
         """An admissible starting point ``(m, d)`` near ``guess``, or near zero displacement."""
-        m, d = self.shape
         if guess is None:
-            guess = -self.problem.offset.ravel().reshape(m, d)
-        r = real_array(guess, "the starting point", finite=False)
-        return np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)), self.fixed)
+            guess = -self.problem.offset.reshape(self.shape) if self.origin is None else np.zeros(self.shape)
+        x = np.where(self.active, real_array(guess, "the starting point", finite=False), self.fixed)
+        return self.moved(x, np.where(self.active, self.law.admissible(self.local(x)), self.fixed))
 
     def out_of_balance(self, r: Array) -> Array:
         """Elastic force ``g - A r`` on the contact points, (m, d); it must equal ``W lambda``."""
         return (self.load - self.matrix @ r.ravel()).reshape(self.shape)
 
     def moved(self, x: Array, r: Array) -> Array:
-        """The point with these local displacements, which is they."""
-        return r
+        """The point with these local displacements; what differs by rounding alone stays, but for what is at a kink."""
+        if self.origin is None:
+            return r
+        same = np.abs(r - self.local(x)) <= _SAME * np.abs(self.origin)
+        same[:, 0] &= ~self.law.at_normal_kink(r)
+        same[:, 1:] &= r[:, 1:] != 0.0
+        return np.where(same, x, r + self.origin)
 
     def multiply(self, change: Array) -> Array:
         """Elastic force (m, d) that a change (m, d) of a point takes away."""
@@ -291,7 +317,8 @@ class CondensedProblem(Equilibrium, PickleMixin):
             return self
         if problem.model is old.model and problem.load is old.load and problem.offset is old.offset:
             return replace(self, problem=problem, seconds=0.0)
-        return _under(self.body, problem, began)
+        found = _under(self.body, problem, began)
+        return found if self.origin is None else found.displaced
 
     def with_law(self, law: VectorLaw) -> CondensedProblem:
         """The same body on another foundation."""
@@ -300,7 +327,7 @@ class CondensedProblem(Equilibrium, PickleMixin):
     # ---- the way back --------------------------------------------------------------------------------------
 
     def unknowns(self, r: Array) -> Array:
-        """All unknowns u (n,) in equilibrium with the local displacements ``r (m, d)``."""
+        """All unknowns u (n,) in equilibrium with the point ``r (m, d)``."""
         return self._recovery(r)
 
     def follow(self, change: Array) -> Array:
@@ -316,7 +343,7 @@ class CondensedProblem(Equilibrium, PickleMixin):
         return inner, reaction(self.problem, force - self.problem.stiffness @ inner)
 
     def recover(self, r: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
-        """All unknowns u (n,) from the local displacements, with the residual of the full problem for each multiplier.
+        """All unknowns u (n,) from a point, with the residual of the full problem for each multiplier.
 
         It costs one sparse solve, and another where the elimination leaves more than the iteration has, and more than
         rounding explains, for the first multiplier.
@@ -328,7 +355,7 @@ class CondensedProblem(Equilibrium, PickleMixin):
             better = self._residuals(refined, multipliers)
             if better[0].total < found[0].total:
                 u, found = refined, better
-        sharper = self._sharpened(u, r, lam)
+        sharper = self._sharpened(u, self.local(r), lam)
         if sharper is not None and sharper[1].total < found[0].total:
             return sharper[0], self._residuals(sharper[0], multipliers)
         return u, found
@@ -353,11 +380,10 @@ class CondensedProblem(Equilibrium, PickleMixin):
         found = self._apart(u, r, lam, self.active & (np.abs(offset) > _FAR * moved))
         return None if found is None else (found[0], self._residuals(found[0], [found[1]])[0])
 
-    def at_a_distance(self, r: Array) -> tuple[Array, Array, Residual] | None:
+    def at_a_distance(self) -> tuple[Array, Array, Residual] | None:
         """The answer where the body stays so far from its foundation that u is lost in the rounding of ``B u - g``.
 
-        ``r (m, d)`` are the local displacements of a body that has not moved.  No contact point comes to another piece
-        of its law then, so that the answer is that of linear equations in u.
+        No contact point comes to another piece of its law then, so that the answer is that of linear equations in u.
 
         Returns
         -------
@@ -365,7 +391,8 @@ class CondensedProblem(Equilibrium, PickleMixin):
             Displacement (n,) and multiplier (m, d); None where a point is not free to move in the law's own direction.
         """
         offset = self.problem.offset.reshape(self.shape)
-        found = self._apart(self._recovery(r), r, self.multiplier(r), self.active & (offset != 0.0))
+        x = self.start()
+        found = self._apart(self._recovery(x), self.local(x), self.multiplier(x), self.active & (offset != 0.0))
         if found is None:
             return None
         u, lam, held = found
@@ -440,7 +467,7 @@ def condense(problem: Posable, many: bool = False) -> CondensedProblem:
 def _under(body: SchurComplement, problem: DiscreteProblem, began: float) -> CondensedProblem:
     """The condensation of a body under the load and the gap of a problem."""
     recovery, rest_energy = body.under(problem)
-    constant = problem.constant - rest_energy - 0.5 * float(recovery.shift @ recovery.reduced.force)
+    constant = _own_constant(problem, recovery, rest_energy)
     force = body.gathered(recovery.reduced.force)
     # From contact unknowns y = r + offset to r.
     offset = recovery.offset
@@ -459,3 +486,8 @@ def _under(body: SchurComplement, problem: DiscreteProblem, began: float) -> Con
         time.perf_counter() - began,
         recovery,
     )
+
+
+def _own_constant(problem: DiscreteProblem, recovery: Recovery, rest_energy: float) -> float:
+    """Energy that does not depend on the displacements of the contact points."""
+    return problem.constant - rest_energy - 0.5 * float(recovery.shift @ recovery.reduced.force)

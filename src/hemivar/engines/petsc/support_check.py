@@ -10,7 +10,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.coercivity.free_motion import describe, refuse
 from hemivar.coercivity.held_at_rest import geometric_slack
-from hemivar.coercivity.recession import RecessionFunction, decide, growth_along
+from hemivar.coercivity.recession import Coercivity, CoercivityResult, RecessionFunction, decide, growth_along, rests
 from hemivar.coercivity.rigid_modes import admitted, rigid_basis
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.pieces import Piece
@@ -82,15 +82,19 @@ def check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> None:
     columns = np.stack(vectors, axis=1)
     load = body.load
     local = np.stack([body.spread(column[body.unknown]) for column in columns.T], axis=2)
-    totals = ranks.total(*(columns.T @ load), float(np.abs(load) @ np.abs(columns).max(axis=1, initial=0.0)))
-    own = growth_along(body.law, local, body.weights, totals[:-1], float(totals[-1]))
+    rest, zero = -body.offset, np.zeros_like(body.offset)
+    pushed = rest.size > 0 and body.law.frozen(rest, zero).distance(rest, zero).any()
+    size = float(np.abs(load) @ np.abs(columns).max(axis=1, initial=0.0))
+    *work, size, touched = ranks.total(*(columns.T @ load), size, float(pushed))
+    own = growth_along(body.law, local, body.weights, np.array(work), float(size))
     slack = geometric_slack(body.contact.points, body.contact.weights)
     everywhere = ranks.mpi.gather((own.rows, own.up, own.down, own.cones, own.rates, slack), root=0)
     hold = None
     if ranks.rank == 0:
         parts = list(zip(*everywhere, strict=True))
         rows, up, down, cones, rates = (np.concatenate(part) for part in parts[:5])
-        hold = decide(RecessionFunction(own.work, own.load, rows, up, down, cones, rates, max(parts[5])))
+        whole = RecessionFunction(own.work, own.load, rows, up, down, cones, rates, max(parts[5]))
+        hold = CoercivityResult(Coercivity.HELD) if not touched and rests(whole) else decide(whole)
     hold = ranks.mpi.bcast(hold, root=0)
     motion = "" if hold.direction is None else describe(admissible @ hold.direction)
     try:
