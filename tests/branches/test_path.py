@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import hemivar as hv
 from hemivar.branches import find_solutions, follow, follow_path
 from hemivar.branches.chain import Chain
 from hemivar.branches.follower import Track
@@ -189,3 +190,30 @@ def test_block_of_several_points_jumps_where_its_column_does() -> None:
     assert down.load_factor == pytest.approx(delta * (1.0 + k / alpha) / per_load, rel=1e-9)
     assert down.local is not None
     np.testing.assert_allclose(down.local[:, 0], kappa * down.load_factor * per_load / (kappa + k), rtol=1e-6)
+
+
+@pytest.mark.parametrize("slender", [10.0, 20.0, 60.0])
+def test_a_cantilever_over_a_gap(slender: float) -> None:
+    """It meets its stop at the load factor at which the free beam has closed the gap, and ends where a solve ends."""
+    gap, named = (
+        0.02,
+        {
+            "root": lambda x: x[:, 0] < 1e-9,
+            "stop": lambda x: (x[:, 1] < 1e-9) & (x[:, 0] > 0.9 * slender),
+            "up": lambda x: x[:, 1] > 1.0 - 1e-9,
+        },
+    )
+    mesh = hv.rectangle((slender, 1.0), (40, 3)).with_boundaries(named)
+    law = {"stop": hv.Contact(hv.Signorini(), gap=gap)}
+    load = 1e4 * gap / slender**4
+    beam = hv.ContactProblem(
+        mesh, hv.Material.young(1e4, 0.3), law, {"root": hv.Clamped()}, tractions={"up": (0.0, -load)}
+    )
+    problem = hv.discretize(beam)
+    free = problem.contact.trace_of(np.linalg.solve(problem.stiffness.toarray(), problem.load))[:, 0]
+    touches = gap / free.max()
+    path = hv.follow_path(problem, (0.0, 2.0 * touches))
+    assert path.reached_end
+    assert np.abs(path.load_factor - touches).min() <= 1e-6 * touches
+    solved = hv.solve(problem.with_(load=2.0 * touches * problem.load))
+    assert np.abs(path.local[-1] - solved.local).max() <= 1e-7 * np.abs(solved.local).max()

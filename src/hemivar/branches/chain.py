@@ -166,19 +166,23 @@ class Chain(Segments):
 
     def error(self, theta: Array, segment: IntArray) -> Array:
         """An estimate of the rounding error of r (m, d) at a zero of F."""
-        r, lam, dr, _ = self.evaluate(theta, segment)
+        r, _, dr, _ = self.evaluate(theta, segment)
         _, J = self.balance(theta, segment, self.force)
-        lam = self.factors(r, lam) * lam
-        doubt = np.abs(self.force) + np.abs(self.matrix) @ np.abs(r) + self.weights * np.abs(lam)
         try:
-            spread = np.abs(np.linalg.inv(J)) @ doubt
+            spread = np.abs(np.linalg.inv(J)) @ self._rounding(theta, segment, self.force)
         except np.linalg.LinAlgError:
             spread = np.full(self.size, np.inf)
         with np.errstate(invalid="ignore"):
-            moved = np.where(dr == 0.0, 0.0, np.minimum(_ROUNDING * spread, _SAME * self.length))
+            moved = np.where(dr == 0.0, 0.0, np.minimum(spread, _SAME * self.length))
         out = np.zeros(self.system.shape)
         out[self.point, self.column] = moved + _ROUNDING * np.abs(r)
         return out
+
+    def _rounding(self, theta: Array, segment: IntArray, force: Array) -> Array:
+        """What rounding may leave in F, (n,)."""
+        r, lam, _, _ = self.evaluate(theta, segment)
+        size = self.weights * np.abs(self.factors(r, lam) * lam)
+        return np.asarray(_ROUNDING * (np.abs(force) + np.abs(self.matrix) @ np.abs(r) + size))
 
     def at(self, r: Array, lam: Array, segment: IntArray) -> Array:
         """theta of points ``(r, lam)`` of the given segments, (n,) each."""
@@ -225,7 +229,10 @@ class Chain(Segments):
         return True
 
     def correct(self, theta: Array, segment: IntArray, force: Array) -> Array | None:
-        """Newton's method for F = 0 with the segments given; None where it fails."""
+        """Newton's method for F = 0 with the segments given; None where it fails.
+
+        Where steps do not become smaller than rounding forces must: slender bodies beside gaps are known no better.
+        """
         for _ in range(30):
             F, J = self.balance(theta, segment, force)
             try:
@@ -236,10 +243,9 @@ class Chain(Segments):
             if not np.isfinite(theta).all():
                 return None
             if np.abs(step).max(initial=0.0) <= 1e-14 * max(float(np.abs(theta).max(initial=0.0)), self.length):
-                break
-        else:
-            return None
-        return theta
+                return theta
+        F = self.out_of_balance(theta, segment, force)
+        return theta if (np.abs(F) <= self._rounding(theta, segment, force)).all() else None
 
 
 def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # type: ignore[assignment]
