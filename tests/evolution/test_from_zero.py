@@ -101,3 +101,53 @@ def test_one_boundary_touches_and_another_is_far_away() -> None:
     one, other = found.values()
     assert np.abs(other.unknowns / 1e-16 - one.unknowns).max() <= 1e-7 * np.abs(one.unknowns).max()
     assert one.multiplier[:, 0].max() > 0.0
+
+
+def pushed(friction: hv.laws.Friction, dim: int, normal: Superpotential) -> hv.ContactProblem:
+    """A block held at its left side, pressed and pushed from the start on."""
+    mesh = hv.rectangle((2.0, 1.0), (6, 3)) if dim == 2 else hv.box((1.0, 1.0, 1.0), (2, 2, 2))
+    load = [1.5, *[0.0] * (dim - 2), -1.0]
+    contact = {"bottom": hv.Contact(normal, friction)}
+    return hv.ContactProblem(
+        mesh, hv.Material.lame(400.0, 400.0), contact, {"left": hv.Clamped()}, tractions={"top": tuple(load)}
+    )
+
+
+WEAKENING = {
+    "exponential": lambda bound: hv.laws.SlipWeakening(bound, 1.2, 0.5, 100.0),
+    "table": lambda bound: hv.laws.SlipTable(bound, [0.0, 1.0, 10.0], [1.2, 0.9, 0.5]),
+}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("normal", [hv.Signorini(), hv.Compliance(1e3)], ids=lambda law: law.name)
+@pytest.mark.parametrize("bound", [0.2, hv.laws.CoulombBound(0.2)], ids=["tresca", "coulomb"])
+@pytest.mark.parametrize("weakens", WEAKENING)
+def test_friction_that_weakens_with_the_rate_begins_at_rest(
+    weakens: str, bound: object, normal: Superpotential, dim: int
+) -> None:
+    """The start is the equilibrium under friction of a constant strength, that at rest."""
+    law = WEAKENING[weakens](bound)
+    history = hv.march(hv.Evolution(pushed(law, dim, normal), inertia=False), until=0.2, step=0.1)
+    assert history.finished
+    size = 1.2 * bound if isinstance(bound, float) else hv.laws.CoulombBound(0.24)
+    steady = hv.solve(pushed(hv.Tresca(size), dim, normal))
+    start = history.frames[0]
+    far = np.abs(steady.displacement).max()
+    assert np.abs(start.displacement - steady.displacement).max() <= 1e-8 * far
+    assert np.abs(steady.slip).max() > 1e-6 * far  # somewhere it has slipped
+    for frame in history.frames[1:]:  # what acts is constant, and rest stays rest
+        assert np.abs(frame.displacement - start.displacement).max() <= 1e-7 * far
+
+
+def test_a_body_that_must_slip_at_once_has_no_state_of_rest() -> None:
+    def load(points: Array, t: float) -> Array:
+        return np.tile([0.1 if t < 0.5 else 5.0, -1.0], (len(points), 1))
+
+    mesh, law = hv.rectangle((2.0, 1.0), (4, 2)), hv.laws.SlipWeakening(0.5, 1.0, 0.5, 1.0)
+    contact = {"bottom": hv.Contact(hv.Compliance(1e3), law)}
+    problem = hv.ContactProblem(mesh, hv.Material.lame(400.0, 400.0), contact, {}, tractions={"top": load})
+    history = hv.march(hv.Evolution(problem, inertia=False), until=1.0, step=0.1, stops=[0.5])
+    assert not history.finished
+    assert history.times[-1] == 0.5
+    assert "has no state of rest" in history.messages[-1]

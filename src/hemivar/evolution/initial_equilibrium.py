@@ -15,6 +15,8 @@ from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.fem.quadrature import quadrature_rule, region_masks
+from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
+from hemivar.solvers import Status
 
 __all__ = ["begun", "longest_without_swing", "ramped", "settled", "sunk_by_a_jump", "yields_at_once"]
 
@@ -22,6 +24,11 @@ __all__ = ["begun", "longest_without_swing", "ramped", "settled", "sunk_by_a_jum
 _AT_ONCE = 1e-8
 #: Viscosity below this part of its largest one resists nothing.
 _NONE = 1e-12
+#: What is said where friction at rest does not hold the body.
+_NO_REST = (
+    "friction that weakens with the slip rate may not bear at rest what acts then, and a body that must slip at once "
+    "has no state of rest; let the load grow from a smaller one, or give the body mass or viscosity"
+)
 #: Part of gaps by which a point that touches may be deep by rounding.
 _TOUCHES = 1e-9
 
@@ -39,7 +46,8 @@ def settled(
     """The equilibrium with what acts now: parts without viscosity yield at once, branches and memories with them.
 
     A very short step of implicit Euler, in which viscosity resists whatever moves.  Where several equilibria exist it
-    goes downhill from where the body is, unless ``jump`` says otherwise.
+    goes downhill from where the body is, unless ``jump`` says otherwise.  Friction that weakens with the slip rate is
+    as strong as at rest, where the body is in the end: no rate is that of so short a step.
 
     Parameters
     ----------
@@ -53,7 +61,13 @@ def settled(
         What acted before, and what acts now.
     """
     chosen = jump if jump.follows or jump is SelectionRule.GLOBAL else SelectionRule.LOCAL
-    taken = advance.at_once(moment, _AT_ONCE * step, start, now, chosen)
+    resting = _at_rest(advance.discrete, now)
+    try:
+        taken = advance.at_once(moment, _AT_ONCE * step, start, resting, chosen)
+    except ProblemError as error:
+        raise error if resting is now else ProblemError(f"{error}; {_NO_REST}") from error
+    if resting is not now and taken.status is not Status.CONVERGED:
+        taken = replace(taken, advice=f"{taken.status.remedy}; {_NO_REST}")
     still = [np.zeros_like(place) for place in (taken.moment.body.displacement, taken.moment.local.displacement)]
     rest = replace(
         taken.moment,
@@ -63,6 +77,16 @@ def settled(
         history=None,
     )
     return replace(taken, moment=rest)
+
+
+def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
+    """What acts, with friction that weakens with the slip rate as strong as it is without one."""
+    friction, none = acting.law.friction, np.zeros(len(acting.offset))
+    remembered = any(contact.memory for contact in discrete.contacts.values())
+    if not none.size or remembered or friction.profile.convex:
+        return acting
+    static = friction.profile.subdifferential(none).upper
+    return replace(acting, law=replace(acting.law, friction=replace(friction, profile=ABSOLUTE_VALUE.scaled(static))))
 
 
 def begun(moment: TimeState) -> TimeState:
