@@ -65,7 +65,9 @@ def settled(
     try:
         taken = advance.at_once(moment, _AT_ONCE * step, start, resting, chosen)
     except ProblemError as error:
-        raise error if resting is now else ProblemError(f"{error}; {_NO_REST}") from error
+        if resting is now:
+            raise
+        raise ProblemError(f"{error}; {_NO_REST}") from error
     if resting is not now and taken.status is not Status.CONVERGED:
         taken = replace(taken, advice=f"{taken.status.remedy}; {_NO_REST}")
     still = [np.zeros_like(place) for place in (taken.moment.body.displacement, taken.moment.local.displacement)]
