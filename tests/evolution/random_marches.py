@@ -33,37 +33,42 @@ _POWERS, _HEAVY = 8, 6.0
 
 @dataclass(frozen=True)
 class RandomMarch:
-    """An evolution, the length of its steps, and what it is in words."""
+    """An evolution, the length of its steps, a method, and what it is in words."""
 
     evolution: hv.Evolution
     step: float
+    method: str | None
     words: str
 
     def run(self) -> hv.evolution.History:
         """The march, ten steps long."""
-        return hv.march(self.evolution, until=10.0 * self.step, step=self.step)
+        return hv.march(self.evolution, until=10.0 * self.step, step=self.step, method=self.method)
 
 
 def random_march(seed: int) -> RandomMarch:
-    """The march of a seed."""
+    """The march of a seed: half of them under loads that stay tiny, half under such that close a gap on the way."""
     rng = np.random.default_rng(seed)
-    power, size = int(rng.integers(1, _POWERS + 1)), float(10.0 ** rng.uniform(-2.0, 1.0))
-    step = float(10.0 ** rng.uniform(-3.0, -1.0))
+    power, step = int(rng.integers(1, _POWERS + 1)), float(10.0 ** rng.uniform(-3.0, -1.0))
+    size = float(10.0 ** rng.uniform(-2.0, 1.0))
+    if rng.random() < 0.5:
+        size = float(10.0 ** rng.uniform(-1.0, 2.0)) / (10.0 * step) ** power
     held, friction, normal = (int(rng.integers(len(kind))) for kind in (_SUPPORTS, _FRICTIONS, _NORMALS))
     gap = float(rng.choice([0.0, 1e-3, 0.05, 1.0])) if held < 2 else 0.0
     mass = float(rng.choice([0.0, 10.0 ** rng.uniform(-3.0, _HEAVY)]))
     viscosity = None if rng.random() < 0.5 else (0.2, 0.2)
+    dim, method = (3 if rng.random() < 0.25 else 2), ("multigrid" if rng.random() < 0.25 else None)
     sideways = float(rng.uniform(-0.2, 0.2)) if held < 2 else 0.0
 
     def load(points: Array, t: float) -> Array:
-        return np.tile([sideways * size * t**power, -size * t**power], (len(points), 1))
+        return np.tile([sideways * size * t**power, *[0.0] * (dim - 2), -size * t**power], (len(points), 1))
 
     material = hv.Material.lame(400.0, 400.0, density=mass or None, viscosity=viscosity)
     contact = {"bottom": hv.Contact(_NORMALS[normal], _FRICTIONS[friction], gap=gap)}
-    mesh = hv.rectangle((2.0, 1.0), (4, 2))
-    problem = hv.ContactProblem(mesh, material, contact, _SUPPORTS[held], body_force=load)
+    mesh = hv.rectangle((2.0, 1.0), (4, 2)) if dim == 2 else hv.box((1.0, 1.0, 1.0), (2, 2, 2))
+    supports = _SUPPORTS[held] if dim == 2 or held < 2 else _SUPPORTS[held] | {"front": hv.Fixed(y=0.0)}
+    problem = hv.ContactProblem(mesh, material, contact, supports, body_force=load)
     words = (
-        f"seed {seed}: {size:.3g} t^{power}, steps {step:.3g}, held {held}, {_NORMALS[normal].name}, friction "
-        f"{friction}, gap {gap:g}, mass {mass:.3g}, viscosity {viscosity}"
+        f"seed {seed}: {size:.3g} t^{power}, steps {step:.3g}, in {dim}D, held {held}, {_NORMALS[normal].name}, "
+        f"friction {friction}, gap {gap:g}, mass {mass:.3g}, viscosity {viscosity}, {method or 'by default'}"
     )
-    return RandomMarch(hv.Evolution(problem, inertia=mass > 0.0), step, words)
+    return RandomMarch(hv.Evolution(problem, inertia=mass > 0.0), step, method, words)

@@ -11,6 +11,8 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.laws import NoFriction, Superpotential
 
+from .random_marches import random_march
+
 
 def pressed(law: Superpotential, size: Callable[[float], float], dim: int = 2, unit: float = 1.0) -> hv.ContactProblem:
     """A block that its foundation holds upwards only, under a pressure that depends on time."""
@@ -151,3 +153,22 @@ def test_a_body_that_must_slip_at_once_has_no_state_of_rest() -> None:
     assert not history.finished
     assert history.times[-1] == 0.5
     assert "has no state of rest" in history.messages[-1]
+
+
+def _goes_on(seed: int) -> None:
+    march = random_march(seed)
+    history = march.run()
+    assert history.finished, f"{march.words}: {history.ended}, {history.messages}"
+    assert history.residual < 1e-8, march.words
+    assert len(history.rows) == 11, f"{march.words}: steps were halved"
+
+
+@pytest.mark.parametrize("seed", range(1000, 1020))
+def test_random_marches_go_to_their_end(seed: int) -> None:
+    _goes_on(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2000, 2200))
+def test_many_random_marches_go_to_their_end(seed: int) -> None:
+    _goes_on(seed)
