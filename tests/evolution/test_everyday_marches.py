@@ -1,0 +1,81 @@
+"""Everyday problems in time, loads and prescribed displacements growing from zero, and their load paths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.errors import MethodError
+
+everyday = pytest.importorskip("tests.solvers.test_everyday")
+KINDS = [kind.__name__ for kind in everyday.KINDS]
+
+
+def drawn(kind: str, seed: int, cells: int | None = None) -> hv.ContactProblem:
+    draw = everyday.Draw.of(seed)
+    return getattr(everyday, kind)(draw if cells is None else replace(draw, cells=cells))  # type: ignore[no-any-return]
+
+
+def grows(value: object) -> Callable[[Array, float], Array]:
+    return lambda x, t: np.tile(np.asarray(value, dtype=float) * min(t, 1.0), (len(x), 1))
+
+
+def ramped(problem: hv.ContactProblem) -> hv.ContactProblem:
+    """The problem with what is applied to boundaries growing from zero to what it is at t = 1."""
+    supports = {
+        name: hv.Prescribed(grows(support.value)) if isinstance(support, hv.Prescribed) else support
+        for name, support in problem.supports.items()
+    }
+    tractions = {name: grows(load) for name, load in problem.tractions.items()}
+    return replace(problem, supports=supports, tractions=tractions)
+
+
+def marches(problem: hv.ContactProblem, inertia: bool) -> None:
+    """It goes to its end, where a body without mass is in the equilibrium that statics finds, if there is but one."""
+    if inertia:
+        problem = replace(problem, material=replace(problem.material, density=1.0))
+    step = 0.05 if inertia else 0.1
+    history = hv.march(hv.Evolution(ramped(problem), inertia=inertia), until=1.5, step=step)
+    assert history.finished, (history.ended, history.messages)
+    slips = any(contact.friction.acts for contact in problem.contacts.values())
+    if not inertia and not slips and history.margin > 0.0:
+        still = hv.solve(problem).displacement
+        assert np.abs(history.frames[-1].displacement - still).max() <= 1e-6 * np.abs(still).max()
+
+
+def seeds(kind: str) -> Iterator[int]:
+    """A dozen of each kind, others than those of the problems in statics."""
+    first = 100 * (1 + KINDS.index(kind))
+    yield from range(first, first + 12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_everyday_problem_marches_from_zero(kind: str) -> None:
+    marches(drawn(kind, 50, cells=4), inertia=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "with mass"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_everyday_problems_march_from_zero(kind: str, inertia: bool) -> None:
+    for seed in seeds(kind):
+        marches(drawn(kind, seed), inertia)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("cube", "ball")])
+def test_everyday_problems_have_load_paths(kind: str) -> None:
+    """But for friction whose bound depends on the solution; they end at the upper load factor, or at a limit load."""
+    for seed in seeds(kind):
+        problem = drawn(kind, seed)
+        if any(contact.friction.state_dependent for contact in problem.contacts.values()):
+            with pytest.raises(MethodError, match="friction bound that does not depend"):
+                hv.follow_path(problem, (0.0, 1.5))
+            continue
+        path = hv.follow_path(problem, (0.0, 1.5), max_time=60.0)
+        assert path.reached_end or path.limit_load is not None, (seed, path.ended)
