@@ -59,6 +59,11 @@ def test_an_everyday_problem_marches_from_zero(kind: str) -> None:
     marches(drawn(kind, 50, cells=4), inertia=False)
 
 
+def test_small_steps_downhill_may_end_above_their_own_tolerance() -> None:
+    """Those from rest to a strip that is pulled at once: a point lies beside a knot by 1e-12 of the way."""
+    marches(drawn("peel", 804), inertia=False)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "with mass"])
 @pytest.mark.parametrize("kind", KINDS)

@@ -21,6 +21,7 @@ from hemivar.evolution.discrete import StepMatrices
 from hemivar.solvers import Controls, NonsmoothMultigrid, Solution, Solver, Status, solve
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import finish
+from hemivar.solvers.status import STOPPED
 from hemivar.systems.body import Body
 from hemivar.systems.workspace import Workspace
 
@@ -205,7 +206,10 @@ def downhill(
         # What a leap onward leaves out of balance inside the body is no part of the way of a body with free motions.
         way, solved = u - (start if slowed.contact is None else solved), u
         off = residual(problem, u, solution.multiplier)
-        if off.below(controls.atol, controls.rtol) or solution.status is not Status.CONVERGED:
+        if off.below(controls.atol, controls.rtol) and solution.status not in STOPPED:
+            return replace(solution, problem=problem, residual=off, status=Status.CONVERGED)
+        # What ends above the tight tolerance leads on all the same, if it is below that of the step.
+        if solution.status is not Status.CONVERGED and not _nearly(solution, controls):
             return replace(solution, problem=problem, residual=off)
         if slowed.contact is not None and _endless(problem, u, way):
             return replace(solution, problem=problem, residual=off, status=Status.NOT_CARRIED)
@@ -239,6 +243,11 @@ def downhill(
                 return there
         u = _onward(problem, u, way)
     return replace(solution, problem=problem, residual=off, status=Status.STALLED)
+
+
+def _nearly(solution: Solution, controls: Controls) -> bool:
+    """Whether a solve that nobody stopped has ended below a tolerance."""
+    return solution.status not in STOPPED and solution.residual.below(controls.atol, controls.rtol)
 
 
 def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[float], bool], float] | None:
