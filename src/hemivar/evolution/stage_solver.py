@@ -45,6 +45,8 @@ _ROUNDING = 16.0 * float(np.finfo(float).eps)
 _UNSETTLED = (Status.INACCURATE, Status.MAX_STEPS, Status.STALLED, Status.CYCLING)
 #: Part of load and contact forces to which the forces of a short step must be known.
 _KNOWN = 1e-5
+#: Part of load and contact forces that rounding of displacements may make for a residual to tell something.
+_TELLS = 1e-3
 #: Steps of a method after which it is clear that rounding keeps it from its tolerance.
 _FEW = 30
 #: Contact components up to which small matrices are dense ones.
@@ -176,6 +178,8 @@ class StageSolver:
             elif controls.atol == 0.0:  # nothing acts yet that they could be held against, as before a jump
                 again = self._sought(stage, initial, jump, controls.within(known / TIGHT))
                 found = again if again.solution.residual.relative <= _KNOWN else found
+        if found.solution.status is Status.CONVERGED and _untold(stage, controls):
+            return replace(found, solution=replace(found.solution, status=Status.INACCURATE), reached=None)
         return found
 
     def _condense(self, problem: DiscreteProblem) -> None:
@@ -287,6 +291,13 @@ def _rounding(stage: Stage) -> float:
     sums, n = stage.problem.bulk.row_sums, stage.problem.unknowns
     size = norm(sums * stage.place[:n]) + float(sums.max(initial=0.0)) * norm(stage.offset)
     return 0.5 * float(np.finfo(float).eps) * size
+
+
+def _untold(stage: Stage, controls: Controls) -> bool:
+    """Whether displacements do not tell the forces of so short a step: their rounding makes too much of them."""
+    sums, n = stage.problem.bulk.row_sums, stage.problem.unknowns
+    made = 8.0 * float(np.finfo(float).eps) * norm(sums * stage.place[:n])
+    return controls.rtol > 0.0 and 0.0 < controls.atol < controls.rtol * made / _TELLS
 
 
 def _hides(known: float, controls: Controls) -> bool:
