@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import itertools
+import pickle
 from collections.abc import Mapping
 
 import numpy as np
@@ -16,6 +19,7 @@ from hemivar.errors import HemivarError
 from hemivar.evolution import SCHEMES
 from hemivar.files import ProblemFile, SolverSettings
 from hemivar.formula import Formula
+from hemivar.formula.graph import Graph
 from hemivar.mesh import Grid, Mesh, MeshRecipe, box, rectangle
 
 SCALAR = (gallery.membrane_obstacle(8), gallery.antiplane_friction(4))
@@ -226,6 +230,8 @@ def unlike(one: object, other: object, where: str = "") -> str | None:
         pairs = [(getattr(one, name), getattr(other, name), f"{where}.{name}") for name in names]
     elif isinstance(one, float) and np.isnan(one):
         return None if np.isnan(other) else where  # type: ignore[call-overload]
+    elif isinstance(one, Graph):
+        return unlike(one._nodes, other._nodes, where)  # type: ignore[attr-defined]
     elif callable(one) and hasattr(one, "func"):
         return unlike((one.func, one.args), (other.func, other.args), where)  # type: ignore[attr-defined]
     else:
@@ -244,6 +250,18 @@ def test_replacing_nothing_changes_nothing(name: str, made: dict[str, list[objec
         except HemivarError:  # in words
             continue
         assert unlike(one, again) is None
+
+
+def test_what_is_pickled_or_copied_is_what_it_was(made: dict[str, list[object]]) -> None:
+    """Every public type, results among them: processes of their own are sent these."""
+    around = (lambda one: pickle.loads(pickle.dumps(one)), copy.deepcopy, copy.copy)
+    for name, ones in made.items():
+        for one, trip in itertools.product(ones, around):
+            try:
+                again = trip(one)
+            except HemivarError:  # in words: a function that another process could not import
+                continue
+            assert unlike(one, again) is None, name
 
 
 def test_replacing_one_field_keeps_the_others(made: dict[str, list[object]]) -> None:

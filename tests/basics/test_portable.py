@@ -68,6 +68,7 @@ FRICTION = {
     "weakening": hv.SlipWeakening(1.0, 0.5, 200.0),
     "static": hv.laws.StaticKinetic(1.0, 0.5, 0.01),
     "coulomb": hv.Coulomb(0.3),
+    "orthotropic": hv.laws.OrthotropicFriction(hv.laws.CoulombBound(0.3), ratio=0.5),
     "bound table": hv.Tresca(hv.laws.PenetrationBound(([0.0, 1.0], [0.0, 2.0]))),
     "bound formula": hv.Tresca(hv.laws.PenetrationBound("min(8*s, 0.8)")),
 }

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+from hemivar.basics.portable import PickleMixin
+
 __all__ = ["ManufacturedProblem"]
 
 
-class ManufacturedProblem(ABC):
+class ManufacturedProblem(PickleMixin, ABC):
     """A problem or an evolution together with what is known of its solution."""
 
     @property

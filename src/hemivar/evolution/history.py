@@ -179,12 +179,13 @@ class History(PickleMixin, ReprMixin):
         if not len(margins):
             return "no step was taken"
         lost = int(np.count_nonzero(~(margins > 0.0)))
-        contacts, law = self.discrete.contacts.values(), self.discrete.problem.law
+        contacts, problem = self.discrete.contacts.values(), self.discrete.problem
+        law = problem.law
         if lost:
             why = ""
             if np.isinf(law.lipschitz).any():
                 why = ": a friction bound that depends on the pressure, as Coulomb's, or jumps has no uniqueness margin"
-            elif any(np.isinf(alpha).any() for alpha in law.weak_convexity):
+            elif any(np.isinf(alpha).any() for alpha in law.weak_convexity_at(-problem.offset)):
                 why = ": a law that drops discontinuously has no uniqueness margin"
             return f"{lost} step{'s' if lost > 1 else ''} may have several solutions{why}"
         damped = [one.damping for one in contacts if one.damping is not None]

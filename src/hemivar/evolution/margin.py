@@ -179,5 +179,4 @@ class Margins:
 
 def _may_soften(block: BoundaryLaw) -> bool:
     """Whether a law may soften in a step of some length, though it does not in this one."""
-    laws = [*block.given.weak_convexity, *([] if block.damping is None else [block.damping.weak_convexity])]
-    return any(np.any(alpha) for alpha in laws)
+    return block.given.softens or (block.damping is not None and bool(np.any(block.damping.weak_convexity)))

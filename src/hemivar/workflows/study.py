@@ -21,6 +21,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.known_statement import ManufacturedProblem
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.continuous import exact_distance
@@ -152,7 +153,7 @@ class StudyLevel(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Study(ReprMixin):
+class Study(ReprMixin, PickleMixin):
     """What :func:`study` found.
 
     Attributes

@@ -182,6 +182,49 @@ def test_coulombs_law_in_an_ellipse_is_certified_as_far_as_coulombs_law_is() -> 
     assert 1.0 - margins[0] == pytest.approx(3.0 * (1.0 - margins[1]), rel=1e-6)
 
 
+def test_sides_of_many_points_are_those_of_each() -> None:
+    """Some on the move, some at rest, with axes of their own."""
+    random = np.random.default_rng(3)
+    angle = random.uniform(0.0, 6.0, 9)
+    heading = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    many = OrthotropicLaw(Adhesive(5.0, 1.0, 2.0), OrthotropicFriction(0.4, ratio=random.uniform(0.3, 3.0, 9)), heading)
+    r, lam = random.normal(size=(2, 9, 3))
+    r[[0, 4, 5], 1:] = 0.0
+    active, tau = np.ones((9, 3), dtype=bool), np.ones((9, 2))
+    found = many.sides(r, lam, active, tau, 0.0)
+    for k in range(9):
+        one = np.array([k])
+        for there, alone in zip(
+            found, many.take(one).sides(r[one], lam[one], active[one], tau[one], 0.0), strict=False
+        ):
+            here = there.where(there.point == k)
+            np.testing.assert_allclose(here.curvature_below, alone.curvature_below, rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(here.above, alone.above, rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(np.abs(here.axis), np.abs(alone.axis), atol=1e-9)
+
+
+def test_where_some_points_slide_and_others_stick_it_is_certified_and_searched() -> None:
+    """The kind is that of friction without direction where the ratio is one."""
+    found = []
+    for friction in (OrthotropicFriction(CoulombBound(0.3), ratio=1.0), Coulomb(0.3)):
+        problem = hv.ContactProblem(
+            hv.box(cells=2),
+            hv.Material.lame(1.0, 1.0),
+            {"bottom": hv.Contact(Signorini(), friction)},
+            {"top": hv.Fixed(x=0.02, y=0.0, z=-0.05)},
+        )
+        solution = hv.solve(problem)
+        assert set(solution.states.names[1]) == {"stick", "slip"}
+        searched = hv.find_solutions(problem, starts=4)
+        assert len(searched.solutions) >= 1
+        found.append((hv.certify(solution), solution, searched))
+    (one, first, several), (other, second, others) = found
+    assert one.kind is other.kind
+    assert one.curvature == pytest.approx(other.curvature, rel=1e-6)
+    assert np.abs(first.displacement - second.displacement).max() <= 1e-7
+    assert len(several.solutions) == len(others.solutions)
+
+
 def test_other_boundaries_may_have_friction_without_direction() -> None:
     problem = hv.ContactProblem(
         hv.box((1.0, 1.0, 0.5), (3, 3, 2)),

@@ -296,7 +296,7 @@ class OrthotropicLaw(NormalAndFriction):
         # on the move: the principal directions of the second derivative
         rows = np.flatnonzero(moves & active[:, 1:].any(axis=1))
         if rows.size:
-            hessian = self.linearise(r[rows]).hessian
+            hessian = self.linearise(r).hessian[rows]
             hessian[:, 0, 0] = 0.0
             along = active[rows].copy()
             along[:, 0] = False

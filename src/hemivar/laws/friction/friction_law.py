@@ -77,7 +77,7 @@ class Friction(PickleMixin):
     def _stated(self) -> dict[str, object]:
         state = super()._stated()
         if self.profile is ABSOLUTE_VALUE:  # the same object wherever the law arrives
-            del state["profile"]
+            state.pop("profile", None)  # a kind with this profile alone has no attribute of that name
         return state
 
     def __setstate__(self, state: dict[str, object]) -> None:
