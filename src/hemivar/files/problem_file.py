@@ -15,10 +15,10 @@ import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import cast
 
 from hemivar.basics import disk
 from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.arguments import expect
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
@@ -345,8 +345,9 @@ def problem_text(problem: Statement | ManufacturedProblem | ProblemFile, folder:
 
 
 def _as_file(problem: Statement | ManufacturedProblem | ProblemFile) -> ProblemFile:
-    given = ManufacturedProblem.of(problem)
-    return given if isinstance(given, ProblemFile) else ProblemFile(cast("Statement", given))
+    remedy = "give a ContactProblem, a ScalarProblem or a ProblemFile"
+    given = expect(problem, Statement | ProblemFile, "what to write as a problem file", remedy)
+    return given if isinstance(given, ProblemFile) else ProblemFile(given)
 
 
 def _read_again(stated: ProblemFile, settings: SolverSettings, folder: Path, name: str, files: _Beside | None) -> str:

@@ -1,0 +1,222 @@
+"""The levels of each factor, and the problem that a combination of them states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.laws import (
+    BenzeggaghKenane,
+    BilinearCohesion,
+    CoupledFormulaLaw,
+    CoupledFunctionLaw,
+    ExponentialCohesion,
+    FinitePenetration,
+    Friction,
+    FunctionLaw,
+    MixedMode,
+    ModeDependentGlue,
+    NoContact,
+    NoFriction,
+    OrthotropicFriction,
+    PenetrationBound,
+    PenetrationMemory,
+    SawTooth,
+    Secant,
+    SlipSum,
+    Superpotential,
+    VectorLaw,
+    ViscousFoundation,
+    Wear,
+)
+from hemivar.mechanics import ScalarContact, Statement
+from hemivar.mesh import Mesh
+
+__all__ = ["BESIDE", "BODIES", "COUPLED", "FRICTIONS", "GLUES", "NORMALS", "SCALAR", "TIMED", "Row", "stated"]
+
+Problem = Statement | hv.DiscreteProblem
+
+
+def _spring(r: Array) -> Array:
+    return np.asarray(10.0 * np.maximum(r, 0.0) ** 2 + 20.0 * np.maximum(r, 0.0))
+
+
+def _slope(r: Array) -> Array:
+    return np.asarray(np.where(r > 0.0, 20.0 * np.maximum(r, 0.0) + 20.0, 0.0))
+
+
+def _tied(r: Array, s: Array) -> Array:
+    return np.asarray(10.0 * r**2 + 5.0 * s**2 + 2.0 * r**2 * s**2)
+
+
+def _tied_slopes(r: Array, s: Array) -> tuple[Array, Array]:
+    return 20.0 * r + 4.0 * r * s**2, 10.0 * s + 4.0 * r**2 * s
+
+
+#: Normal laws, each family once, with stiffness well below that of the bodies where they soften: one solution.
+NORMALS: Mapping[str, Superpotential | VectorLaw] = {
+    "signorini": hv.Signorini(),
+    "compliance": hv.Compliance(20.0, 2.0),
+    "softening": hv.Softening(20.0, 0.02, 2.0),
+    "adhesive": hv.Adhesive(20.0, 0.4, 2.0, compression=50.0),
+    "cohesion": ExponentialCohesion(0.4, 0.05, 20.0),
+    "saw-tooth": SawTooth([20.0], [0.02]),
+    "table": hv.table_law([0.0, 0.02, 0.1], [0.0, 0.4, 0.5]),
+    "formula": hv.FormulaLaw("10 * max(r, 0)^2 + max(r, 0)^3", reach=1.0),
+    "function": FunctionLaw(derivative=_spring, curvature=_slope),
+    "mixed-mode": MixedMode(BilinearCohesion(0.4, 0.05, 20.0), 1.5),
+    "mode-dependent": ModeDependentGlue(0.4, 1.5, 20.0, BenzeggaghKenane(0.05, 0.1, 2.0)),
+    "coupled-formula": CoupledFormulaLaw("10*r^2 + 5*s^2 + 2*r^2*s^2", reach=1.0),
+    "coupled-function": CoupledFunctionLaw(_tied, _tied_slopes, reach=1.0),
+    "finite": FinitePenetration(20.0, 0.05),
+    "bilateral": hv.laws.Bilateral(),
+    "none": NoContact(),
+}
+#: Those of the opening and the slip together, and those that hold a body that is drawn off.
+COUPLED = ("mixed-mode", "mode-dependent", "coupled-formula", "coupled-function")
+GLUES = ("adhesive", "cohesion", "saw-tooth", *COUPLED)
+
+FRICTIONS: Mapping[str, Friction] = {
+    "none": NoFriction(),
+    "tresca": hv.Tresca(0.05),
+    "coulomb": hv.Coulomb(0.2),
+    "weakening": hv.SlipWeakening(0.05, 0.02, 5.0),
+    "bound": Friction(PenetrationBound("min(2*s, 0.1)")),
+    "orthotropic": OrthotropicFriction(0.05, ratio=0.5),
+}
+
+#: What stands beside the laws in time: memory and damping.
+BESIDE: Mapping[str, Mapping[str, Any]] = {
+    "none": {},
+    "wear": {"memory": (Wear(0.1),)},
+    "creep": {"memory": (ViscousFoundation(20.0),)},
+    "penetration": {"memory": (PenetrationMemory(2.0, 0.3),)},
+    "slip sum": {"memory": (SlipSum(),)},
+    "secant": {"memory": (Secant(),)},
+    "damping": {"damping": hv.Compliance(0.4)},
+}
+TIMED = tuple(name for name in BESIDE if name != "none")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A combination: a level of each factor, by name."""
+
+    task: str
+    body: str = "plane"
+    normal: str = "compliance"
+    friction: str = "none"
+    beside: str = "none"
+
+    def __str__(self) -> str:
+        return f"{self.task}: {self.body}, {self.normal}, {self.friction}, {self.beside}"
+
+
+def _plane(contact: hv.Contact, up: float, **more: Any) -> hv.ContactProblem:
+    return hv.ContactProblem(
+        more.pop("mesh", hv.rectangle((1.0, 1.0), 2)),
+        more.pop("material", _steel()),
+        {"bottom": contact},
+        more.pop("supports", {"left": hv.Clamped()}),
+        body_force=(0.1 * up, up),
+        **more,
+    )
+
+
+def _steel() -> hv.Material:
+    return hv.Material.lame(40.0, 40.0, density=1.0, viscosity=(4.0, 4.0))
+
+
+def _nonlinear(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    softens = hv.Material.hencky(
+        bulk=80.0, shear=40.0, softened=0.25, strain=0.05, density=1.0, viscosity=(4.0, 4.0)
+    )
+    return _plane(contact, up, material=softens, mesh=hv.rectangle((1.0, 1.0), (2, 1)))
+
+
+def _space(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    return hv.ContactProblem(
+        hv.box(cells=1), _steel(), {"bottom": contact}, {"left": hv.Clamped()}, body_force=(0.1 * up, 0.05 * up, up)
+    )
+
+
+def _parts(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """Two blocks that do not touch each other, each of its own material."""
+    one = hv.rectangle((1.0, 1.0), 2)
+    points = np.concatenate([one.points, one.points + [2.0, 0.0]])
+    cells = np.concatenate([one.cells, one.cells + len(one.points)])
+    both = {name: np.concatenate([f, f + len(one.points)]) for name, f in one.boundaries.items()}
+    half = np.arange(len(one.cells))
+    mesh = Mesh(points, cells, both, {"first": half, "second": half + len(half)})
+    soft = hv.Material.lame(20.0, 20.0, density=1.0, viscosity=(2.0, 2.0))
+    return _plane(contact, up, mesh=mesh, material=hv.Material.by_region({"first": _steel(), "second": soft}))
+
+
+def _resting(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """A block that nothing but its foundation holds against the load."""
+    return _plane(contact, 0.25 * up, supports={"left": hv.Roller()})
+
+
+def _membrane(contact: hv.Contact, up: float) -> hv.ScalarProblem:
+    return hv.ScalarProblem(
+        hv.rectangle((1.0, 1.0), 3),
+        40.0,
+        area=ScalarContact(contact.normal, level=0.001),  # type: ignore[arg-type]
+        supports=dict.fromkeys(("left", "right", "bottom", "top"), 0.0),
+        source=-up,
+        density=1.0,
+        viscosity=4.0,
+    )
+
+
+def _antiplane(contact: hv.Contact, up: float) -> hv.ScalarProblem:
+    return hv.ScalarProblem(
+        hv.rectangle((1.0, 1.0), 2),
+        40.0,
+        {"bottom": ScalarContact(contact.friction)},
+        supports={"top": 0.0},
+        source=up,
+        kind="antiplane",  # type: ignore[arg-type]
+        density=1.0,
+        viscosity=4.0,
+    )
+
+
+def _arrays(contact: hv.Contact, up: float) -> hv.DiscreteProblem:
+    found = hv.discretize(_plane(contact, up))
+    points = found.contact
+    return hv.DiscreteProblem.of_arrays(
+        found.bulk.stiffness,
+        found.load,
+        points.trace,
+        points.weights,
+        found.gap,
+        found.law,
+        constant=found.constant,
+    )
+
+
+BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
+    "plane": _plane,
+    "quadratic": lambda contact, up: _plane(contact, up, order=2),
+    "nonlinear": _nonlinear,
+    "space": _space,
+    "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),
+    "resting": _resting,
+    "parts": _parts,
+    "membrane": _membrane,
+    "antiplane": _antiplane,
+    "arrays": _arrays,
+}
+SCALAR = ("membrane", "antiplane")
+
+
+def stated(row: Row, factor: float = 1.0) -> Problem:
+    """The problem of a combination, its load times a factor."""
+    contact = hv.Contact(NORMALS[row.normal], FRICTIONS[row.friction], **BESIDE[row.beside])
+    return BODIES[row.body](contact, factor * (1.0 if row.normal in GLUES else -1.0))

@@ -1,0 +1,92 @@
+"""Every combination of a law, a body and a task works and agrees with a second way, or is refused as it is listed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import hemivar as hv
+from tests.composition import outcome, rules
+from tests.composition.cases import Row
+from tests.composition.covering import every_pair, few_rows, pairs_of, refused_rows
+from tests.composition.outcome import check
+from tests.composition.rules import FACTORS, RULES, matching, statable
+
+#: Laws that are like others of these: with them the pairs are tried in the slow tests only.
+_ALIKE = ("table", "coupled-function", "finite", "bilateral")
+FEW: Mapping[str, tuple[str, ...]] = {
+    **FACTORS,
+    "normal": tuple(normal for normal in FACTORS["normal"] if normal not in _ALIKE),
+}
+QUICK = few_rows(FEW)
+REFUSED = refused_rows()
+
+
+@pytest.mark.parametrize("row", QUICK, ids=str)
+def test_what_works(row: Row, tmp_path: Path) -> None:
+    check(row, tmp_path)
+
+
+@pytest.mark.parametrize("row", REFUSED, ids=str)
+def test_what_is_refused(row: Row, tmp_path: Path) -> None:
+    check(row, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("row", every_pair(), ids=str)
+def test_every_two_levels(row: Row, tmp_path: Path) -> None:
+    check(row, tmp_path)
+
+
+def test_every_two_levels_that_can_meet_do() -> None:
+    """Counted anew: a pair is missing only where no combination with it can be stated and works."""
+    met = set().union(*map(pairs_of, QUICK))
+    for row in every_pair():
+        if matching(vars(row)) or row.normal in _ALIKE:
+            continue
+        assert pairs_of(row) <= met, row
+    assert len(QUICK) <= 200
+
+
+def test_rules_speak_of_levels_that_are_there() -> None:
+    for rule in RULES:
+        for name, levels in FACTORS.items():
+            assert set(getattr(rule, name)) <= set(levels), rule.said
+    assert {rule.said for row in REFUSED for rule in matching(vars(row))} == {rule.said for rule in RULES}
+    assert all(statable(vars(row)) for row in (*QUICK, *REFUSED))
+
+
+def test_a_fault_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wrong answer, an error that is none of the library's, a refusal in other words, one that is not listed."""
+    row = Row("solve")
+    check(row, tmp_path)
+    solve = hv.solve
+
+    def wrong(*arguments: object, **options: object) -> hv.Solution:
+        found = solve(*arguments, **options)  # type: ignore[arg-type]
+        return replace(found, unknowns=found.unknowns * (1.0 if options.get("controls") else 1.01))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("tests.composition.tasks._by_another_method", lambda solution: wrong(solution.problem))
+        with pytest.raises(AssertionError, match="apart"):
+            check(row, tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setitem(outcome.TASKS, "solve", lambda row, folder: 1 / 0)  # type: ignore[arg-type]
+        with pytest.raises(ZeroDivisionError):
+            check(row, tmp_path)
+    listed = Row("path", "space")
+    with monkeypatch.context() as patch:
+        patch.setattr(rules, "RULES", ())
+        with pytest.raises(AssertionError, match="is refused: the graph of the law"):
+            check(listed, tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(rules, "RULES", (rules.Rule("other words", "", ("path",), ("space",)),))
+        with pytest.raises(AssertionError, match="in other words"):
+            check(listed, tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(rules, "RULES", (rules.Rule("anything", "", ("solve",)),))
+        with pytest.raises(AssertionError, match="is listed as refused"):
+            check(row, tmp_path)
