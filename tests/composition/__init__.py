@@ -1,1 +1,1 @@
-"""Laws, bodies and tasks together: each combination works, and agrees with a second way, or is refused in a sentence."""
+"""Laws, bodies and tasks together: each works and agrees with a second way, or is refused in a sentence."""

@@ -133,9 +133,7 @@ def _steel() -> hv.Material:
 
 
 def _nonlinear(contact: hv.Contact, up: float) -> hv.ContactProblem:
-    softens = hv.Material.hencky(
-        bulk=80.0, shear=40.0, softened=0.25, strain=0.05, density=1.0, viscosity=(4.0, 4.0)
-    )
+    softens = hv.Material.hencky(bulk=80.0, shear=40.0, softened=0.25, strain=0.05, density=1.0, viscosity=(4.0, 4.0))
     return _plane(contact, up, material=softens, mesh=hv.rectangle((1.0, 1.0), (2, 1)))
 
 
@@ -148,7 +146,7 @@ def _space(contact: hv.Contact, up: float) -> hv.ContactProblem:
 def _parts(contact: hv.Contact, up: float) -> hv.ContactProblem:
     """Two blocks that do not touch each other, each of its own material."""
     one = hv.rectangle((1.0, 1.0), 2)
-    points = np.concatenate([one.points, one.points + [2.0, 0.0]])
+    points = np.concatenate([one.points, one.points + np.array([2.0, 0.0])])
     cells = np.concatenate([one.cells, one.cells + len(one.points)])
     both = {name: np.concatenate([f, f + len(one.points)]) for name, f in one.boundaries.items()}
     half = np.arange(len(one.cells))

@@ -104,7 +104,8 @@ def refused_rows() -> list[Row]:
     for rule in RULES:
         named = {name: getattr(rule, name) for name in FACTORS if getattr(rule, name)}
         rows = (
-            completed(dict(zip(named, chosen, strict=True)), refused=True) for chosen in itertools.product(*named.values())
+            completed(dict(zip(named, chosen, strict=True)), refused=True)
+            for chosen in itertools.product(*named.values())
         )
         found.append(next(row for row in rows if row is not None))
     return list(dict.fromkeys(found))

@@ -23,6 +23,7 @@ _AT_REST = tuple(task for task in TASKS if task not in IN_TIME)
 _MARCHES = ("march", "mass", "resume")
 _BOUNDS = ("exact", "adaptive")
 _PLANE = tuple(body for body in BODIES if body not in ("space", *SCALAR))
+_OF_STATEMENTS = (*_MARCHES, "study", "jobs", "adaptive", "file")
 _RUBS = tuple(friction for friction in FRICTIONS if friction != "none")
 
 
@@ -53,47 +54,64 @@ class Rule:
         return all(not getattr(self, name) or levels.get(name) in getattr(self, name) for name in FACTORS)
 
 
+_NO_PATH = (
+    "A load path needs a linear body in the plane, a law with opening and slip apart, and a bound that does not depend on "
+    "the solution."
+)
+_NO_BOUND = "The distance to the exact solution is bounded for elastic bodies on supports, without bedding."
+_NO_BOUND_OF_LAW = (
+    "The distance to the exact solution is bounded for normal laws with friction beside them; not for Coulomb's law, and "
+    "not where the direction of the slip counts."
+)
+_NOT_IN_TIME = "Time takes normal laws that fall at a finite slope, and friction beside them that does not depend on the direction."
+_SCALAR_LAW = "A scalar body has one component: no pressure beside the slip, and no direction of it."
+_ARRAYS = "A problem made of arrays has no statement and, by default, no mesh."
+
 RULES = (
-    Rule("follow_path needs a linear body", "nonlinear bodies have no load path", ("path",), ("nonlinear",)),
-    Rule("a curve only in one and two dimensions", "no load path in space", ("path",), ("space",)),
-    Rule("couples opening and slip, and a load path", "no load path", ("path",), normal=COUPLED),
-    Rule(
-        "needs a friction bound that does not depend on the solution",
-        "no load path where the bound depends on the solution",
-        ("path",),
-        friction=("coulomb", "bound"),
-    ),
-    Rule("does not depend on the solution", "no load path", ("path",), normal=("mode-dependent",)),
-    Rule("bodies without bedding", "no bound of the distance to the exact solution", _BOUNDS, ("bedded",)),
-    Rule("constants of the body are from the discrete problem", "no bound without supports", _BOUNDS, ("resting",)),
-    Rule("and this is a scalar problem", "no bound", ("exact",), SCALAR),
-    Rule("is a ScalarProblem; give a ContactProblem", "no bound", ("adaptive",), SCALAR),
-    Rule("was made of arrays", "no mesh", ("exact", "output"), ("arrays",)),
-    Rule("is a DiscreteProblem; give a ContactProblem", "no statement", ("march", "mass", "resume"), ("arrays",)),
-    Rule("is a DiscreteProblem; give a ContactProblem", "no statement", ("study", "jobs", "adaptive"), ("arrays",)),
-    Rule("is a DiscreteProblem; give a ContactProblem", "no statement", ("file",), ("arrays",)),
-    Rule("a bound of the distance to the exact solution is only known", "no bound", _BOUNDS, normal=COUPLED),
-    Rule("there is no bound", "no bound of Coulomb's law", _BOUNDS, friction=("coulomb",)),
-    Rule("depends on the direction of the slip", "no bound", _BOUNDS, friction=("orthotropic",)),
-    Rule("couples opening and slip", "not in time", _MARCHES, normal=COUPLED),
-    Rule("a contact law drops discontinuously", "not in time", _MARCHES, normal=("saw-tooth",)),
-    Rule("a contact law drops discontinuously", "not in time", normal=("saw-tooth",), beside=TIMED),
-    Rule("depends on the direction of the slip", "not in time", _MARCHES, friction=("orthotropic",)),
-    Rule("depends on the direction of the slip", "not in time", friction=("orthotropic",), beside=TIMED),
-    Rule("the body is free to move", "nothing holds it", (), ("resting",), ("none",)),
+    Rule("follow_path needs a linear body", _NO_PATH, ("path",), ("nonlinear",)),
+    Rule("a curve only in one and two dimensions", _NO_PATH, ("path",), ("space",)),
+    Rule("couples opening and slip, and a load path", _NO_PATH, ("path",), normal=COUPLED),
+    Rule("does not depend on the solution", _NO_PATH, ("path",), friction=("coulomb", "bound")),
+    Rule("does not depend on the solution", _NO_PATH, ("path",), normal=("mode-dependent",)),
+    Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
+    Rule("constants of the body are from the discrete problem", _NO_BOUND, _BOUNDS, ("resting",)),
+    Rule("and this is a scalar problem", _NO_BOUND, ("exact",), SCALAR),
+    Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),
+    Rule("a bound of the distance to the exact solution is only known", _NO_BOUND_OF_LAW, _BOUNDS, normal=COUPLED),
+    Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, friction=("coulomb",)),
+    Rule("depends on the direction of the slip", _NO_BOUND_OF_LAW, _BOUNDS, friction=("orthotropic",)),
+    Rule("was made of arrays", _ARRAYS, ("exact", "output"), ("arrays",)),
+    Rule("is a DiscreteProblem; give a ContactProblem", _ARRAYS, _OF_STATEMENTS, ("arrays",)),
+    Rule("couples opening and slip", _NOT_IN_TIME, _MARCHES, normal=COUPLED),
+    Rule("a contact law drops discontinuously", _NOT_IN_TIME, _MARCHES, normal=("saw-tooth",)),
+    Rule("a contact law drops discontinuously", _NOT_IN_TIME, normal=("saw-tooth",), beside=TIMED),
+    Rule("depends on the direction of the slip", _NOT_IN_TIME, _MARCHES, friction=("orthotropic",)),
+    Rule("depends on the direction of the slip", _NOT_IN_TIME, friction=("orthotropic",), beside=TIMED),
     Rule(
         "which a problem file cannot say",
-        "a problem file has no name for it",
+        "A problem file says laws by name, by a table or by a formula; this one has no name there.",
         ("file",),
         normal=("cohesion", "function", "coupled-function"),
     ),
-    Rule("which means something in time only", "in time only", _AT_REST, beside=TIMED),
-    Rule("needs a surface, and the mesh is plane", "in space only", (), _PLANE, friction=("orthotropic",)),
-    Rule("friction", "it has its own resistance to slip", (), normal=COUPLED, friction=_RUBS),
-    Rule("memory", "a coupled law remembers nothing", (), normal=COUPLED, beside=TIMED),
-    Rule("the law of a scalar contact is", "a scalar body has one component", (), ("membrane",), COUPLED),
-    Rule("which a scalar problem does not have", "no pressure", (), ("antiplane",), friction=("coulomb", "bound")),
-    Rule("and a scalar problem none", "no direction", (), ("antiplane",), friction=("orthotropic",)),
+    Rule(
+        "which means something in time only",
+        "Memory and damping mean something in time only.",
+        _AT_REST,
+        beside=TIMED,
+    ),
+    Rule("the body is free to move", "Nothing holds the body.", (), ("resting",), ("none",)),
+    Rule(
+        "needs a surface, and the mesh is plane",
+        "Orthotropic friction has two directions on a surface: it needs a body in space.",
+        (),
+        _PLANE,
+        friction=("orthotropic",),
+    ),
+    Rule("friction", "A law of opening and slip together resists slip itself.", (), normal=COUPLED, friction=_RUBS),
+    Rule("memory", "A law of opening and slip together is one at rest.", (), normal=COUPLED, beside=TIMED),
+    Rule("the law of a scalar contact is", _SCALAR_LAW, (), ("membrane",), COUPLED),
+    Rule("which a scalar problem does not have", _SCALAR_LAW, (), ("antiplane",), friction=("coulomb", "bound")),
+    Rule("and a scalar problem none", _SCALAR_LAW, (), ("antiplane",), friction=("orthotropic",)),
 )
 
 

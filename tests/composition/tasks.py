@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import copy
+import functools
 import json
+import multiprocessing
 import pickle
 from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import meshio
@@ -99,11 +102,13 @@ def _exact(row: Row, folder: Path) -> None:
 def _all_solutions(row: Row, folder: Path) -> None:
     """Other starts lead to the same ones, and one of them is what is found from rest."""
     problem, solution = hv.discretize(stated(row)) if row.body != "arrays" else stated(row), _solved(row)
-    found = hv.find_solutions(problem, starts=4)
-    again = hv.find_solutions(problem, starts=4, seed=5)
+    found = hv.find_solutions(problem, starts=2)
+    again = hv.find_solutions(problem, starts=2, seed=5)
     assert len(found) == len(again) >= 1
     _same(np.array([one.energy for one in again]), np.array([one.energy for one in found]))
-    assert min(np.abs(one.unknowns - solution.unknowns).max() for one in found) <= 1e-5 * np.abs(solution.unknowns).max()
+    assert (
+        min(np.abs(one.unknowns - solution.unknowns).max() for one in found) <= 1e-5 * np.abs(solution.unknowns).max()
+    )
 
 
 def _path(row: Row, folder: Path) -> None:
@@ -178,12 +183,21 @@ def _sweep(row: Row, folder: Path) -> None:
         assert min(abs(one - energy) for one in point.energies) <= _NEAR * abs(energy)
 
 
+@functools.cache
+def _elsewhere() -> ProcessPoolExecutor:
+    """Another process, as ``jobs`` starts them, for all rows."""
+    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+
+
 def _jobs(row: Row, folder: Path) -> None:
-    """Two processes find what one finds, number by number."""
+    """Another process is sent the problem, and sends back what is found here, number by number."""
     problem = stated(row)
-    one, two = (hv.study(problem, 1, jobs=jobs) for jobs in (1, 2))  # type: ignore[arg-type]
-    for here, there in zip(one.levels, two.levels, strict=True):
-        np.testing.assert_array_equal(here.solution.displacement, there.solution.displacement)
+    studies = [hv.study(problem, 1), _elsewhere().submit(hv.study, problem, 1).result()]  # type: ignore[arg-type]
+    if row.friction == "orthotropic":  # by the option itself, which starts processes anew
+        studies.append(hv.study(problem, 1, jobs=2))  # type: ignore[arg-type]
+    for levels in zip(*(found.levels for found in studies), strict=True):
+        for level in levels[1:]:
+            np.testing.assert_array_equal(level.solution.displacement, levels[0].solution.displacement)
 
 
 def _adaptive(row: Row, folder: Path) -> None:

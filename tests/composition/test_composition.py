@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from runpy import run_path
 
 import pytest
 
@@ -16,7 +17,7 @@ from tests.composition.outcome import check
 from tests.composition.rules import FACTORS, RULES, matching, statable
 
 #: Laws that are like others of these: with them the pairs are tried in the slow tests only.
-_ALIKE = ("table", "coupled-function", "finite", "bilateral")
+_ALIKE = ("function", "table", "coupled-function", "finite", "bilateral")
 FEW: Mapping[str, tuple[str, ...]] = {
     **FACTORS,
     "normal": tuple(normal for normal in FACTORS["normal"] if normal not in _ALIKE),
@@ -57,6 +58,12 @@ def test_rules_speak_of_levels_that_are_there() -> None:
             assert set(getattr(rule, name)) <= set(levels), rule.said
     assert {rule.said for row in REFUSED for rule in matching(vars(row))} == {rule.said for rule in RULES}
     assert all(statable(vars(row)) for row in (*QUICK, *REFUSED))
+
+
+def test_the_page_of_the_docs_says_so() -> None:
+    """``python docs/works_with.py`` writes it anew."""
+    docs = Path(__file__).parents[2] / "docs"
+    assert run_path(str(docs / "works_with.py"))["page"]() == (docs / "works-with.md").read_text(encoding="utf-8")
 
 
 def test_a_fault_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
