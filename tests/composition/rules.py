@@ -55,15 +55,15 @@ class Rule:
 
 
 _NO_PATH = (
-    "A load path needs a linear body in the plane, a law with opening and slip apart, and a bound that does not depend on "
-    "the solution."
+    "A load path needs a linear body in the plane, a law with opening and slip apart, and a bound that does not depend "
+    "on the solution."
 )
 _NO_BOUND = "The distance to the exact solution is bounded for elastic bodies on supports, without bedding."
 _NO_BOUND_OF_LAW = (
-    "The distance to the exact solution is bounded for normal laws with friction beside them; not for Coulomb's law, and "
-    "not where the direction of the slip counts."
+    "The distance to the exact solution is bounded for normal laws with friction beside them; not for Coulomb's law, "
+    "and not where the direction of the slip counts."
 )
-_NOT_IN_TIME = "Time takes normal laws that fall at a finite slope, and friction beside them that does not depend on the direction."
+_NOT_IN_TIME = "In time a normal law has no drop, opening and slip are apart, and friction has no direction."
 _SCALAR_LAW = "A scalar body has one component: no pressure beside the slip, and no direction of it."
 _ARRAYS = "A problem made of arrays has no statement and, by default, no mesh."
 
