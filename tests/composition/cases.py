@@ -10,6 +10,7 @@ import numpy as np
 
 import hemivar as hv
 from hemivar.basics.types import Array
+from hemivar.discrete import Quadratic
 from hemivar.laws import (
     BenzeggaghKenane,
     BilinearCohesion,
@@ -37,7 +38,19 @@ from hemivar.laws import (
 from hemivar.mechanics import ScalarContact, Statement
 from hemivar.mesh import Mesh
 
-__all__ = ["BESIDE", "BODIES", "COUPLED", "FRICTIONS", "GLUES", "NORMALS", "SCALAR", "TIMED", "Row", "stated"]
+__all__ = [
+    "BESIDE",
+    "BODIES",
+    "COUPLED",
+    "FRICTIONS",
+    "GLUES",
+    "NORMALS",
+    "SCALAR",
+    "TIMED",
+    "Problem",
+    "Row",
+    "stated",
+]
 
 Problem = Statement | hv.DiscreteProblem
 
@@ -188,6 +201,7 @@ def _antiplane(contact: hv.Contact, up: float) -> hv.ScalarProblem:
 def _arrays(contact: hv.Contact, up: float) -> hv.DiscreteProblem:
     found = hv.discretize(_plane(contact, up))
     points = found.contact
+    assert isinstance(found.bulk, Quadratic)
     return hv.DiscreteProblem.of_arrays(
         found.bulk.stiffness,
         found.load,

@@ -25,16 +25,17 @@ def pairs_of(row: Row) -> set[Pair]:
 
 def completed(levels: Mapping[str, str], refused: bool = False) -> Row | None:
     """The plainest combination with some levels given that can be stated, and works unless it may be refused."""
-    plain = Row("solve")
-    tried = [
-        [levels[name]] if name in levels else sorted(all_of, key=lambda level, name=name: level != getattr(plain, name))
-        for name, all_of in FACTORS.items()
-    ]
+    tried = [[levels[name]] if name in levels else _plainest_first(name) for name in FACTORS]
     if levels.get("beside", "none") != "none" and "task" not in levels:
         tried[0] = ["march"]
     rows = (Row(*chosen) for chosen in itertools.product(*tried))
     usable = (row for row in rows if statable(vars(row)) and (refused or not matching(vars(row))))
     return next(usable, None)
+
+
+def _plainest_first(factor: str) -> list[str]:
+    plain = getattr(Row("solve"), factor)
+    return [plain, *(level for level in FACTORS[factor] if level != plain)]
 
 
 def _all_pairs(factors: Mapping[str, Sequence[str]]) -> Iterator[dict[str, str]]:

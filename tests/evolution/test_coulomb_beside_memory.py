@@ -66,7 +66,7 @@ def test_every_step_obeys_coulombs_law(normal: Superpotential, name: str) -> Non
         assert (np.abs(friction) <= bound + 1e-8).all()
         moves = np.abs(way) > 1e-8
         np.testing.assert_allclose(friction[moves], (np.sign(way) * bound)[moves], atol=1e-8)
-        slid += np.count_nonzero(moves & (bound > 1e-3))
+        slid += int(np.count_nonzero(moves & (bound > 1e-3)))
     assert slid > 0  # so that the law was put to use
     assert "a friction bound that depends on the pressure" in history.uniqueness
     assert np.isneginf(history["margin"][1:]).all()
