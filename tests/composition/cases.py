@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -174,10 +174,14 @@ def _resting(contact: hv.Contact, up: float) -> hv.ContactProblem:
 
 
 def _membrane(contact: hv.Contact, up: float) -> hv.ScalarProblem:
+    """On a foundation beneath its middle."""
+    mesh = hv.rectangle((1.0, 1.0), 3)
+    middle = np.abs(mesh.points[mesh.cells].mean(axis=1) - 0.5).max(axis=1) < 1.0 / 6.0
+    regions = {"middle": np.flatnonzero(middle), "rim": np.flatnonzero(~middle)}
     return hv.ScalarProblem(
-        hv.rectangle((1.0, 1.0), 3),
+        replace(mesh, regions=regions),
         40.0,
-        area=ScalarContact(contact.normal, level=0.001),  # type: ignore[arg-type]
+        area={"middle": ScalarContact(contact.normal, level=0.001)},  # type: ignore[arg-type]
         supports=dict.fromkeys(("left", "right", "bottom", "top"), 0.0),
         source=-up,
         density=1.0,

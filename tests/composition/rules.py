@@ -85,6 +85,7 @@ RULES = (
     Rule("couples opening and slip", _NOT_IN_TIME, _MARCHES, normal=COUPLED),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, _MARCHES, normal=("saw-tooth",)),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, normal=("saw-tooth",), beside=TIMED),
+    Rule("snaps in series", _NOT_IN_TIME, normal=("saw-tooth",), beside=("wear", "creep")),
     Rule("depends on the direction of the slip", _NOT_IN_TIME, _MARCHES, friction=("orthotropic",)),
     Rule("depends on the direction of the slip", _NOT_IN_TIME, friction=("orthotropic",), beside=TIMED),
     Rule(
@@ -99,6 +100,7 @@ RULES = (
         _AT_REST,
         beside=TIMED,
     ),
+    Rule("beyond what its law allows", "A march begins where the law allows.", _MARCHES, ("membrane",), ("bilateral",)),
     Rule("the body is free to move", "Nothing holds the body.", (), ("resting",), ("none",)),
     Rule(
         "needs a surface, and the mesh is plane",

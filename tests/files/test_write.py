@@ -125,6 +125,13 @@ def test_statements_with_python_functions_are_refused(make: Callable[[], gallery
     assert list(tmp_path.iterdir()) == []
 
 
+def test_what_is_no_statement_is_refused(tmp_path: Path) -> None:
+    discrete = hv.discretize(gallery.survey("5.1", 2))
+    with pytest.raises(ProblemError, match="is a DiscreteProblem; give a ContactProblem, a ScalarProblem or"):
+        hv.write_problem(discrete, tmp_path / "p.toml")  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
+
+
 # ---- random statements ------------------------------------------------------------------------------------
 
 numbers = st.floats(1e-6, 1e6) | st.sampled_from([0.1, 1.0, 1 / 3, 3, 1e-5])
