@@ -17,8 +17,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hemivar.basics import disk
-from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.arguments import expect
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
