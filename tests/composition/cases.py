@@ -98,7 +98,7 @@ FRICTIONS: Mapping[str, Friction] = {
     "none": NoFriction(),
     "tresca": hv.Tresca(0.05),
     "coulomb": hv.Coulomb(0.2),
-    "weakening": hv.SlipWeakening(0.05, 0.02, 5.0),
+    "weakening": hv.SlipWeakening(0.05, 0.02, 5.0, of="rate"),
     "bound": Friction(PenetrationBound("min(2*s, 0.1)")),
     "orthotropic": OrthotropicFriction(0.05, ratio=0.5),
 }

@@ -70,9 +70,9 @@ _ARRAYS = "A problem made of arrays has no statement and, by default, no mesh."
 RULES = (
     Rule("follow_path needs a linear body", _NO_PATH, ("path",), ("nonlinear",)),
     Rule("a curve only in one and two dimensions", _NO_PATH, ("path",), ("space",)),
-    Rule("couples opening and slip, and a load path", _NO_PATH, ("path",), normal=COUPLED),
+    Rule("couples opening and slip", _NO_PATH, ("path",), normal=COUPLED),
     Rule("does not depend on the solution", _NO_PATH, ("path",), friction=("coulomb", "bound")),
-    Rule("does not depend on the solution", _NO_PATH, ("path",), normal=("mode-dependent",)),
+    Rule("depends on the mode", _NO_PATH, ("path",), normal=("mode-dependent",)),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
     Rule("constants of the body are from the discrete problem", _NO_BOUND, _BOUNDS, ("resting",)),
     Rule("and this is a scalar problem", _NO_BOUND, ("exact",), SCALAR),

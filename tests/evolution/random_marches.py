@@ -21,10 +21,10 @@ _FRICTIONS = (
     laws.NoFriction(),
     laws.Tresca(0.1),
     laws.Coulomb(0.3),
-    laws.SlipWeakening(0.1, 1.0, 0.7, 1.0),
-    laws.SlipWeakening(laws.CoulombBound(0.3), 1.0, 0.7, 1.0),
-    laws.Logarithmic(0.1, 1.0),
-    laws.SlipTable(0.1, [0.0, 1.0, 3.0], [1.0, 0.9, 0.8]),
+    laws.SlipWeakening(0.1, 1.0, 0.7, 1.0, of="rate"),
+    laws.SlipWeakening(laws.CoulombBound(0.3), 1.0, 0.7, 1.0, of="rate"),
+    laws.Logarithmic(0.1, 1.0, of="rate"),
+    laws.SlipTable(0.1, [0.0, 1.0, 3.0], [1.0, 0.9, 0.8], of="rate"),
 )
 _NORMALS = (hv.Signorini(), hv.Compliance(400.0), laws.ThresholdCompliance(0.1, 50.0))
 #: Largest power of the time with which a load begins, and of ten of a mass.

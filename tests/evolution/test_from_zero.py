@@ -116,8 +116,8 @@ def pushed(friction: hv.laws.Friction, dim: int, normal: Superpotential) -> hv.C
 
 
 WEAKENING = {
-    "exponential": lambda bound: hv.laws.SlipWeakening(bound, 1.2, 0.5, 100.0),
-    "table": lambda bound: hv.laws.SlipTable(bound, [0.0, 1.0, 10.0], [1.2, 0.9, 0.5]),
+    "exponential": lambda bound: hv.laws.SlipWeakening(bound, 1.2, 0.5, 100.0, of="rate"),
+    "table": lambda bound: hv.laws.SlipTable(bound, [0.0, 1.0, 10.0], [1.2, 0.9, 0.5], of="rate"),
 }
 
 
@@ -146,7 +146,7 @@ def test_a_body_that_must_slip_at_once_has_no_state_of_rest() -> None:
     def load(points: Array, t: float) -> Array:
         return np.tile([0.1 if t < 0.5 else 5.0, -1.0], (len(points), 1))
 
-    mesh, law = hv.rectangle((2.0, 1.0), (4, 2)), hv.laws.SlipWeakening(0.5, 1.0, 0.5, 1.0)
+    mesh, law = hv.rectangle((2.0, 1.0), (4, 2)), hv.laws.SlipWeakening(0.5, 1.0, 0.5, 1.0, of="rate")
     contact = {"bottom": hv.Contact(hv.Compliance(1e3), law)}
     problem = hv.ContactProblem(mesh, hv.Material.lame(400.0, 400.0), contact, {}, tractions={"top": load})
     history = hv.march(hv.Evolution(problem, inertia=False), until=1.0, step=0.1, stops=[0.5])

@@ -12,7 +12,7 @@ import pytest
 
 import hemivar as hv
 from hemivar import laws
-from hemivar.laws import Friction, StateBound, Superpotential, friction, normal, own
+from hemivar.laws import Friction, SlipMeasure, StateBound, Superpotential, friction, normal, own
 from hemivar.laws.coupled_registry import COUPLED_LAWS
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, ParameterForm
 
@@ -29,7 +29,10 @@ MAKERS = {
     "ContactLaw",
     "PiecewiseQuadratic",
     "table_law",
-} - {"StateBound"}
+} - {"StateBound", "SlipMeasure"}
+
+#: What the pages explain once for all frictions: what they are a law of in time.
+OF = "of"
 
 
 @pytest.mark.parametrize("name", sorted(laws.__all__))
@@ -40,12 +43,17 @@ def test_every_public_name_stands_on_the_page_about_laws(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(MAKERS))
 def test_the_page_about_laws_gives_the_parameters(name: str) -> None:
     assert name in CALLS, f"docs/laws.md has no `{name}(...)`"
-    known = [p for p in inspect.signature(getattr(laws, name)).parameters if p not in ("name", "file", "stated")]
+    known = [p for p in inspect.signature(getattr(laws, name)).parameters if p not in ("name", "file", "stated", OF)]
     given = [p.strip() for p in CALLS[name].split(",") if p.strip()]
     if name == "table_law":
         assert given == known[:2]
         return
     assert given == known, f"docs/laws.md writes {name}({', '.join(given)})"
+
+
+def test_the_pages_say_what_friction_is_a_law_of() -> None:
+    for page in (LAWS_PAGE, FILE_PAGE):
+        assert all(re.search(rf"`(of=)?\"{one}\"`", page) for one in SlipMeasure)
 
 
 def test_every_class_of_laws_is_public() -> None:
@@ -72,7 +80,7 @@ def test_the_page_about_problem_files_lists_the_laws(title: str, entries: Mappin
     assert set(found) == set(entries)
     for name, entry in entries.items():
         told = set(re.findall(r"`(\w+)`", found[name].split("|")[-2]))
-        assert told == {parameter.name for parameter in entry.parameters}, name
+        assert told == {parameter.name for parameter in entry.parameters} - {OF}, name
 
 
 @pytest.mark.parametrize("name", [*NORMAL_LAWS, *FRICTION_LAWS, *COUPLED_LAWS])
