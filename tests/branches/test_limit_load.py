@@ -108,7 +108,7 @@ def test_single_points_let_go_on_coarse_meshes_only() -> None:
         else:
             assert path.snap_size is None
             assert path.snapping is None
-            assert path.main_folds == path.folds
+            assert path.main_folds == path.folds[:1]  # the load at which the whole foot lets go
     assert counts[2] > 0
     assert counts[16] == 0
 

@@ -29,8 +29,10 @@ __all__ = ["Chain", "chain_of", "segments_at_most"]
 _Kind = TypeVar("_Kind", bound="Chain")
 
 #: Relative rounding that a zero of F may carry; more for one where the Jacobian is nearly singular, up to _SAME.
-_ROUNDING = 64.0 * float(np.finfo(float).eps)
+ROUNDING = 64.0 * float(np.finfo(float).eps)
 _SAME = 1e-8
+#: Part of the displacements by which Newton's method may still move a point whose balance is exact but for rounding.
+CORRECTION = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,21 +170,27 @@ class Chain(Segments):
         """An estimate of the rounding error of r (m, d) at a zero of F."""
         r, _, dr, _ = self.evaluate(theta, segment)
         _, J = self.balance(theta, segment, self.force)
+        doubt = self.forces(theta, segment, self.force)
         try:
-            spread = np.abs(np.linalg.inv(J)) @ self._rounding(theta, segment, self.force)
+            spread = np.abs(np.linalg.inv(J)) @ doubt
         except np.linalg.LinAlgError:
             spread = np.full(self.size, np.inf)
         with np.errstate(invalid="ignore"):
-            moved = np.where(dr == 0.0, 0.0, np.minimum(spread, _SAME * self.length))
+            moved = np.where(dr == 0.0, 0.0, np.minimum(ROUNDING * spread, _SAME * self.length))
         out = np.zeros(self.system.shape)
-        out[self.point, self.column] = moved + _ROUNDING * np.abs(r)
+        out[self.point, self.column] = moved + ROUNDING * np.abs(r)
         return out
 
-    def _rounding(self, theta: Array, segment: IntArray, force: Array) -> Array:
-        """What rounding may leave in F, (n,)."""
+    def forces(self, theta: Array, segment: IntArray, force: Array) -> Array:
+        """Sum of the sizes of all forces on each component, (n,): F is their difference."""
         r, lam, _, _ = self.evaluate(theta, segment)
-        size = self.weights * np.abs(self.factors(r, lam) * lam)
-        return np.asarray(_ROUNDING * (np.abs(force) + np.abs(self.matrix) @ np.abs(r) + size))
+        lam = self.factors(r, lam) * lam
+        return np.asarray(np.abs(force) + np.abs(self.matrix) @ np.abs(r) + self.weights * np.abs(lam))
+
+    def rounds(self, F: Array, theta: Array, segment: IntArray, force: Array) -> bool:
+        """Whether rounding explains all of F, as it is left by a solver: measured by the largest force."""
+        largest = self.forces(theta, segment, force).max(initial=0.0)
+        return bool(np.abs(F).max(initial=0.0) <= ROUNDING * largest)
 
     def at(self, r: Array, lam: Array, segment: IntArray) -> Array:
         """theta of points ``(r, lam)`` of the given segments, (n,) each."""
@@ -239,13 +247,15 @@ class Chain(Segments):
                 step = np.linalg.solve(J, -F)
             except np.linalg.LinAlgError:
                 return None
+            exact = self.rounds(F, theta, segment, force)
             theta = theta + step
             if not np.isfinite(theta).all():
                 return None
-            if np.abs(step).max(initial=0.0) <= 1e-14 * max(float(np.abs(theta).max(initial=0.0)), self.length):
+            size = np.abs(step).max(initial=0.0) / max(float(np.abs(theta).max(initial=0.0)), self.length)
+            if size <= (CORRECTION if exact else 1e-14):
                 return theta
         F = self.out_of_balance(theta, segment, force)
-        return theta if (np.abs(F) <= self._rounding(theta, segment, force)).all() else None
+        return theta if self.rounds(F, theta, segment, force) else None
 
 
 def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # type: ignore[assignment]

@@ -243,7 +243,7 @@ def _unperturb(track: Track, follower: Follower) -> None:
 def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Path:
     system = chain.system
     if not track.stretches:
-        raise ProblemError("the path ends where it begins; give another start or range")
+        raise ProblemError(f"the path ends where it begins ({track.ended}); give another start or range")
     t = track.load_factors
     stable = [stretch.stable for stretch in track.stretches]
     segments = [stretch.segment for stretch in (track.stretches[0], *track.stretches)]

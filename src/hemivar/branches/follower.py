@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Generator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -13,7 +13,7 @@ from hemivar.basics.deadline import Budget, OutOfTime, check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.branches.chain import Chain
+from hemivar.branches.chain import CORRECTION, ROUNDING, Chain
 from hemivar.branches.path import PathEnd
 
 __all__ = ["Follower", "Following", "PathEvent", "PathProgress", "Track", "trace"]
@@ -83,6 +83,9 @@ class Track:
         return Track(self.points + other.points[1:], self.stretches + other.stretches, other.ended)
 
 
+#: A number that tells by its sign on which side of a change a point of a segment lies; it also takes the border.
+Measure: TypeAlias = Callable[[Array, IntArray, Array], float]
+
 #: A path at work.
 Following: TypeAlias = Generator[PathProgress, bool | None, Track]
 
@@ -148,23 +151,18 @@ class Follower:
             if tangent[-1] * turn < 0.0:
                 track.points[-1].fold = True
             turn = float(np.sign(tangent[-1])) or turn
-            new = self.curved_step(theta, segment, t, tangent, step) if curved else None
-            if curved and new is None:
-                track.ended = PathEnd.NOT_CORRECTED
-                break
-            if new is None:
+            if curved:
+                new = self.curved_step(theta, segment, t, tangent, step)
+            else:
                 new = self.straight_step(theta, segment, t, tangent)
-            if new is None:
-                track.ended = PathEnd.UNBOUNDED
+            if isinstance(new, PathEnd):
+                track.ended = new
                 break
-            fold = self.fold_between(theta, segment, t, tangent, new) if curved else None
-            if fold is not None:
-                track.stretches.append(Stretch(segment, chain.stable(0.5 * (theta + fold[0]), segment), curved))
-                track.points.append(TrackPoint(fold[1], fold[0], fold=True))
-                theta, turn = fold[0], -turn
-            fixed = new.component is not None or new.limit
-            track.stretches.append(Stretch(segment, chain.stable(0.5 * (theta + new.theta), segment), curved))
-            track.points.append(TrackPoint(new.t, new.theta, PathEvent(new.component, segment) if fixed else None))
+            cuts = self.cuts(theta, segment, t, tangent, new) if curved else self.whole(theta, segment, new)
+            for cut in cuts:
+                track.stretches.append(Stretch(segment, cut.stable, curved))
+                track.points.append(cut.point)
+                turn = -turn if cut.point.fold else turn
             theta, t = new.theta, new.t
             if (yield PathProgress(len(track.points), t)):
                 raise KeyboardInterrupt
@@ -205,7 +203,11 @@ class Follower:
             v = rows[-1] * (1.0 if rows[-1] @ border >= 0.0 else -1.0)
         v = v / np.linalg.norm(v)
         v[-1] /= self.load_unit
-        v[np.abs(v) < 1e-14 * np.abs(v).max()] = 0.0
+        moved = np.abs(v[:-1])
+        v[:-1][moved < 1e-12 * moved.max(initial=0.0)] = 0.0
+        # A load that changes by less than the rounding of the forces does not change: the body moves freely.
+        if np.abs(self.force1 * v[-1]).max(initial=0.0) < ROUNDING * (np.abs(J) @ moved).max(initial=0.0):
+            v[-1] = 0.0
         return np.asarray(v)
 
     def room(self, theta: Array, segment: IntArray, t: float, v: Array) -> tuple[Array, float]:
@@ -220,25 +222,25 @@ class Follower:
         load = max((bound - t) / v[-1], 0.0) if v[-1] != 0.0 else np.inf
         return far, float(load)
 
-    def straight_step(self, theta: Array, segment: IntArray, t: float, v: Array) -> _Point | None:
-        """To the end of a straight stretch."""
+    def straight_step(self, theta: Array, segment: IntArray, t: float, v: Array) -> _Point | PathEnd:
+        """To the end of a straight stretch, or why there is no such point."""
         chain = self.chain
         far, load = self.room(theta, segment, t, v)
         i = int(np.argmin(far))
         if load <= far[i] * (1.0 + 1e-12) and np.isfinite(load):
             goal = self.high if v[-1] > 0.0 else self.low
             found = self.solve(theta + load * v[:-1], segment, goal, None, goal)
-            return None if found is None else _Point(*found, None, False, limit=True)
+            return PathEnd.NOT_CORRECTED if found is None else _Point(*found, None, False, limit=True)
         if not np.isfinite(far[i]):
-            return None
+            return PathEnd.UNBOUNDED
         if np.count_nonzero(far <= far[i] + 1e-9 * chain.length) > 1:
             self.ties = True
         forward = bool(v[i] > 0.0)
         goal = float((chain.end if forward else chain.start)[i, segment[i]])
         found = self.solve(theta + far[i] * v[:-1], segment, t + far[i] * v[-1], i, goal)
-        return None if found is None else _Point(*found, i, forward)
+        return PathEnd.NOT_CORRECTED if found is None else _Point(*found, i, forward)
 
-    def curved_step(self, theta: Array, segment: IntArray, t: float, v: Array, length: float) -> _Point | None:
+    def curved_step(self, theta: Array, segment: IntArray, t: float, v: Array, length: float) -> _Point | PathEnd:
         """A step of at most ``length`` in the arc length, to an event if there is one on the way."""
         chain = self.chain
         for _ in range(40):
@@ -272,7 +274,7 @@ class Follower:
             if event is not None:
                 return event
             length = 0.5 * reach
-        return None
+        return PathEnd.NOT_CORRECTED
 
     def event(
         self,
@@ -312,93 +314,110 @@ class Follower:
     def arc(
         self, theta: Array, segment: IntArray, t: float, v: Array, length: float
     ) -> tuple[Array, float, int] | None:
-        """The point of the path at this distance along the tangent."""
-        n = self.chain.size
-        new, new_t = theta + length * v[:-1], t + length * v[-1]
+        """The point of the path at this distance along the tangent, and the steps to it."""
         unit = np.append(v[:-1], v[-1] * self.load_unit)
         unit /= np.linalg.norm(unit)
-        change: Array | None = None
-        for step in range(1, 12):
-            change = self.bordered(new, segment, new_t, unit, 0.0)
-            if change is None:
-                return None
-            new, new_t = new + change[:n], new_t + change[n] / self.load_unit
-            if not np.isfinite(new).all():
-                return None
-            if np.abs(change).max() <= 1e-14 * max(self.chain.length, float(np.abs(new).max())):
-                return new, new_t, step
-        good = change is not None and np.abs(change).max() <= 1e-11 * self.chain.length
-        return (new, new_t, step) if good else None
-
-    def bordered(self, theta: Array, segment: IntArray, t: float, border: Array, rhs: float) -> Array | None:
-        """Newton's step in (theta, t load_unit) with one more row."""
-        n = self.chain.size
-        F, J = self.chain.balance(theta, segment, self.force(t))
-        matrix = np.zeros((n + 1, n + 1))
-        matrix[:n, :n] = J
-        matrix[:n, n] = -self.force1 / self.load_unit
-        matrix[n] = border * np.abs(J).max()
-        try:
-            return np.asarray(np.linalg.solve(matrix, np.append(-F, rhs * np.abs(J).max())))
-        except np.linalg.LinAlgError:
-            return None
+        return self.newton(theta + length * v[:-1], segment, t + length * v[-1], unit, steps=11)
 
     def solve(
         self, theta: Array, segment: IntArray, t: float, component: int | None, goal: float
     ) -> tuple[Array, float] | None:
         """The point of the path where a component (or the load, if None) has the value ``goal``."""
-        n = self.chain.size
-        border = np.zeros(n + 1)
-        border[n if component is None else component] = 1.0
+        border = np.zeros(self.chain.size + 1)
+        border[-1 if component is None else component] = 1.0
+        start = theta.copy()
+        if component is not None:
+            start[component] = goal
+        found = self.newton(start, segment, goal if component is None else t, border, steps=30)
+        if found is None:
+            return None
+        theta, t, _ = found
+        if component is None:
+            return theta, goal
+        theta[component] = goal
+        return theta, t
+
+    def newton(
+        self, theta: Array, segment: IntArray, t: float, border: Array, steps: int
+    ) -> tuple[Array, float, int] | None:
+        """Newton's method on the plane through a point that is normal to ``border``; and the number of its steps."""
         last = np.inf
-        for _ in range(30):
-            off = (goal - t) * self.load_unit if component is None else goal - theta[component]
-            change = self.bordered(theta, segment, t, border, off)
+        for step in range(1, steps + 1):
+            F, J = self.chain.balance(theta, segment, self.force(t))
+            change = self.bordered(F, J, border)
             if change is None or not np.isfinite(change).all():
                 return None
-            theta, t = theta + change[:n], t + change[n] / self.load_unit
+            exact = self.chain.rounds(F, theta, segment, self.force(t))
+            theta, t = theta + change[:-1], float(t + change[-1] / self.load_unit)
             size = float(np.abs(change).max()) / max(self.chain.length, float(np.abs(theta).max()))
-            # Corrections that no longer shrink are the rounding of an ill-conditioned system.
-            if size <= 1e-14 or (size <= 1e-9 and size >= 0.5 * last):
-                break
+            # Corrections that no longer shrink are the rounding of the law.
+            if size <= (CORRECTION if exact else 1e-14) or (size <= 1e-9 and size >= 0.5 * last):
+                return theta, t, step
             last = size
-        else:
-            return None
-        if component is None:
-            t = goal
-        else:
-            theta[component] = goal
-        return theta, float(t)
+        return None
 
-    def fold_between(
-        self, theta: Array, segment: IntArray, t: float, v: Array, new: _Point
-    ) -> tuple[Array, float] | None:
-        """The point between the two where the load turns, if there is one."""
-        border = np.append(v[:-1], v[-1] * self.load_unit)
-        end = self.tangent(new.theta, segment, border)
-        if end is None or end[-1] * v[-1] >= 0.0:
+    def bordered(self, F: Array, J: Array, border: Array) -> Array | None:
+        """Newton's step in (theta, t load_unit), normal to ``border``."""
+        n = self.chain.size
+        matrix = np.zeros((n + 1, n + 1))
+        matrix[:n, :n] = J
+        matrix[:n, n] = -self.force1 / self.load_unit
+        matrix[n] = border * np.abs(J).max()
+        try:
+            return np.asarray(np.linalg.solve(matrix, np.append(-F, 0.0)))
+        except np.linalg.LinAlgError:
             return None
-        unit = border / np.linalg.norm(border)
-        far = float(np.append(new.theta - theta, (new.t - t) * self.load_unit) @ unit)
-        a, fa, b, fb = 0.0, float(v[-1]), far, float(end[-1])
-        point: tuple[Array, float] | None = None
+
+    def whole(self, theta: Array, segment: IntArray, new: _Point) -> list[_Cut]:
+        """A straight step: the Hessian is the same all along."""
+        return [_Cut(np.inf, new.on_track(segment), self.chain.stable(0.5 * (theta + new.theta), segment))]
+
+    def cuts(self, theta: Array, segment: IntArray, t: float, v: Array, new: _Point) -> list[_Cut]:
+        """A curved step, cut where the load turns and where stability changes."""
+        fold = self.change(theta, segment, t, v, new, self.rising)
+        found = self.change(theta, segment, t, v, new, self.steady)
+        before, after = (self.chain.stable(point, segment) for point in _within(theta, new.theta))
+        inner = [] if fold is None else [_Cut(fold[0], TrackPoint(fold[2], fold[1], fold=True))]
+        if found is not None and (fold is None or abs(found[0] - fold[0]) > 1e-6 * max(found[0], fold[0])):
+            inner.append(_Cut(found[0], TrackPoint(found[2], found[1])))
+        where, after = (inner[-1].length, after) if inner else (0.0, before and after)
+        steps = [*sorted(inner, key=lambda cut: cut.length), _Cut(np.inf, new.on_track(segment))]
+        return [replace(cut, stable=before if cut.length <= where else after) for cut in steps]
+
+    def rising(self, theta: Array, segment: IntArray, border: Array) -> float:
+        """The rate of the load along the path, nan where it has no tangent."""
+        tangent = self.tangent(theta, segment, border)
+        return np.nan if tangent is None else float(tangent[-1])
+
+    def steady(self, theta: Array, segment: IntArray, border: Array) -> float:
+        """1 where the point is stable, else -1."""
+        return 1.0 if self.chain.stable(theta, segment) else -1.0
+
+    def change(
+        self, theta: Array, segment: IntArray, t: float, v: Array, new: _Point, measure: Measure
+    ) -> tuple[float, Array, float] | None:
+        """Where a measure changes its sign between two points of a curved path: distance, point, load."""
+        border = np.append(v[:-1], v[-1] * self.load_unit)
+        far = float(np.append(new.theta - theta, (new.t - t) * self.load_unit) @ border / np.linalg.norm(border))
+        a, b = 0.0, far
+        fa, fb = (measure(point, segment, border) for point in _within(theta, new.theta))
+        if not fa * fb < 0.0:
+            return None
+        place: tuple[float, Array, float] | None = None
         for k in range(100):
             length = (a * fb - b * fa) / (fb - fa) if k % 3 < 2 else 0.5 * (a + b)
             found = self.arc(theta, segment, t, v, length)
             if found is None:
-                return point
-            point = found[0], found[1]
-            tangent = self.tangent(found[0], segment, border)
-            if tangent is None:
-                return point
-            f = float(tangent[-1])
-            if f == 0.0 or abs(b - a) <= 1e-13 * abs(far):
+                break
+            place = length, found[0], found[1]
+            f = measure(found[0], segment, border)
+            if not abs(f) > 0.0 or abs(b - a) <= 1e-13 * abs(far):
                 break
             if f * fa > 0.0:
                 a, fa = length, f
             else:
                 b, fb = length, f
-        return point
+        return place
 
 
 @dataclass(frozen=True, eq=False)
@@ -411,6 +430,26 @@ class _Point:
     tangent: Array = field(default_factory=lambda: np.zeros(0))
     length: float = np.inf
     easy: bool = True
+
+    def on_track(self, segment: IntArray) -> TrackPoint:
+        """It as a point of the path."""
+        fixed = self.component is not None or self.limit
+        return TrackPoint(self.t, self.theta, PathEvent(self.component, segment) if fixed else None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cut:
+    """A point of the path, its distance from the last corrected one, and whether all before it is stable."""
+
+    length: float
+    point: TrackPoint
+    stable: bool = False
+
+
+def _within(first: Array, last: Array) -> tuple[Array, Array]:
+    """Two points of a chord a little within its ends, where other segments may begin."""
+    little = 1e-6 * (last - first)
+    return first + little, last - little
 
 
 def trace(

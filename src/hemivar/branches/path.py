@@ -22,6 +22,8 @@ __all__ = ["Fold", "Path", "PathEnd", "PathJump"]
 _SAME = 1e-9
 #: Folds, and jumps, up to which all count.
 _FEW = 4
+#: Part of the span of all fold loads by which the load turns at a main fold.
+_TOOTH = 0.1
 
 
 class PathEnd(StrEnum):
@@ -164,7 +166,11 @@ class Path(PickleMixin, ReprMixin):
 
     @cached_property
     def main_folds(self) -> tuple[Fold, ...]:
-        """All folds if there are few; else those at limit load and first instability, and those of several points."""
+        """All folds if there are few; else those at limit load and first instability, and the large turns of the load.
+
+        A front that passes one point of the mesh after the other gives a tooth for each of them: turns by less than a
+        tenth of the span of all fold loads are such teeth.  So is a fold where a single contact point lets go.
+        """
         return self.folds if len(self.folds) <= _FEW else tuple(fold for fold in self.folds if self._matters(fold))
 
     @cached_property
@@ -173,7 +179,15 @@ class Path(PickleMixin, ReprMixin):
         return self.jumps if len(self.jumps) <= _FEW else tuple(jump for jump in self.jumps if self._matters(jump))
 
     def _matters(self, event: Fold | PathJump) -> bool:
-        return not event.snaps or event.load_factor in (self.limit_load, self.first_instability)
+        tooth = event.snaps or event.index in self._teeth
+        return not tooth or event.load_factor in (self.limit_load, self.first_instability)
+
+    @cached_property
+    def _teeth(self) -> set[int]:
+        """Numbers of the points at which the load turns by little until it turns back."""
+        index = np.array([fold.index for fold in self.folds], dtype=np.int64)
+        large = _large_turns(self.load_factor[index], _TOOTH)
+        return set(index[~large].tolist())
 
     @property
     def snapping(self) -> str | None:
@@ -238,3 +252,15 @@ class Path(PickleMixin, ReprMixin):
                 part = (load_factor - t[i]) / (t[i + 1] - t[i])
                 found.append((self.local[i] + part * (self.local[i + 1] - self.local[i]), bool(self.stable[i])))
         return found
+
+
+def _large_turns(loads: Array, part: float) -> BoolArray:
+    """Which turning points (k,) are left where neighbours that differ by less than this part of the span go."""
+    left = np.arange(loads.size)
+    while left.size > 2:
+        turns = np.abs(np.diff(loads[left]))
+        least = int(np.argmin(turns))
+        if turns[least] >= part * np.ptp(loads):
+            break
+        left = np.delete(left, [least, least + 1])
+    return np.isin(np.arange(loads.size), left)
