@@ -110,6 +110,28 @@ def test_a_curve_in_space_or_without_a_name() -> None:
     assert "the boundary without a name looks curved" in reason
 
 
+@pytest.mark.parametrize("names", [1, 2, 6, 12])
+def test_a_circle_is_a_curve_whatever_its_parts_are_called(names: int) -> None:
+    mesh = disc(12)
+    parts = np.array_split(mesh.boundary_facets, names)
+    mesh = mesh.with_boundaries({f"p{i}": part for i, part in enumerate(parts)})
+    for circle in (mesh, mesh.refined()):
+        contact = {"p0": hv.Contact(hv.Compliance(1.0))}
+        (reason,) = unmet_hypotheses(
+            hv.ContactProblem(mesh=circle, material=hv.Material.lame(4.0, 4.0), contact=contact)
+        )
+        assert "looks curved: it turns by up to 30 degrees" in reason
+        assert all(f"'p{i}'" in reason for i in range(names))
+
+
+def test_corners_of_two_sides_each_are_no_curve() -> None:
+    """Chamfers at 20 degrees on two far sides, under names of their own or not: four directions, two in each chain."""
+    box = hv.rectangle((1.0, 1.0), 4)
+    points = box.points.copy()
+    points[:, 0] += np.where(points[:, 1] > 0.5, np.tan(np.radians(20.0)) * (points[:, 1] - 0.5), 0.0)
+    assert unmet_hypotheses(on_mesh(hv.Mesh(points, box.cells, dict(box.boundaries)))) == []
+
+
 def test_a_curved_boundary_makes_an_estimate() -> None:
     problem = on_mesh(round_plate(6))
     found = exact_distance(problem, hv.solve(problem).displacement, PROVED)

@@ -31,18 +31,40 @@ def test_closed_forms() -> None:
     assert confined_error(2.0, 0.0, 0.3, 0.3, 0.1, 0.0) == pytest.approx(2.0 / 0.9, rel=1e-4)
     assert confined_error(1.0, 0.0, 0.6, 0.6, 0.2, 0.1) == pytest.approx(0.5 / np.sqrt(0.4 * 0.3), rel=1e-4)
     assert confined_error(1.0, 1.0, 0.9, 0.9, 0.9, 0.0) >= 10.0
+    for left in (1e-3, 1e-8, 1e-13):
+        first = 1.0 - left
+        near = 0.5 / np.sqrt((first - 0.3) * (1.0 - first))
+        assert near * (1.0 - 1e-9) <= confined_error(1.0, 0.0, first, first, 0.3, 0.0) <= near * (1.0 + 1e-3)
     assert confined_error(1.0, 0.0, 0.9, 0.9, 0.2, 0.1) == np.inf
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.4])
+@pytest.mark.parametrize("seed", range(12))
+def test_the_bound_is_the_largest_of_all_angles_and_quotients(seed: int, gap: float) -> None:
+    """Of ``t`` and ``y`` on the circle, and every tau that Ky Fan's inequality leaves."""
+    rng = np.random.default_rng(seed)
+    first, coupling = rng.uniform(0.3, 0.8), 0.1
+    second, theta = first * rng.uniform(0.1, 0.9), first * rng.uniform(0.4, 1.0)
+    total, seen = 1.0, rng.uniform() * rng.choice([0.0, 0.1, 1.0])
+    angle, tau = np.linspace(0.0, 0.5 * np.pi, 2001), np.linspace(0.0, min(first, first + second - theta), 801)[:, None]
+    t, y = np.cos(angle), np.sin(angle)
+    softened = theta * t**2 + 2.0 * np.sqrt((first - theta) * (first - tau)) * t * y + tau * y**2
+    left, force = 1.0 - coupling - softened.max(axis=0), seen * t + total * y
+    largest = (0.5 * (force + np.sqrt(force**2 + 4.0 * left * gap)) / left).max()
+    assert largest * (1.0 - 1e-9) <= confined_error(total, seen, theta, first, second, coupling, gap) < 1.001 * largest
+
+
+@pytest.mark.parametrize("near", [1.0, 1e-4, 1e-8])
+@pytest.mark.parametrize("gap", [0.0, 0.4])
 @pytest.mark.parametrize("seed", range(8))
-def test_nothing_that_fulfils_the_inequality_is_outside(seed: int, gap: float) -> None:
+def test_nothing_that_fulfils_the_inequality_is_outside(seed: int, gap: float, near: float) -> None:
     """e'(I - T) e <= R'e + G in four dimensions, psi near to the first mode of T or not."""
     rng = np.random.default_rng(seed)
     turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
     values = np.sort(rng.uniform(0.0, 0.95, 4))[::-1]
+    values[0] = 1.0 - near * (1.0 - values[0])
     T = turn @ np.diag(values) @ turn.T
-    psi = turn[:, 0] + 0.3 * rng.uniform() * rng.normal(size=4)
+    psi = turn[:, 0] + 0.3 * np.sqrt(near) * rng.uniform() * rng.normal(size=4)
     psi /= np.linalg.norm(psi)
     force = rng.normal(size=4)
     force -= rng.uniform(0.0, 1.0) * (force @ psi) * psi

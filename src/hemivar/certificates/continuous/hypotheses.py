@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
@@ -27,8 +28,8 @@ from hemivar.mesh.mesh import Mesh
 
 __all__ = ["inexact_data", "unmet_hypotheses"]
 
-#: Angle between neighbouring facets of one boundary up to which they are taken for those of a curve, in radians.
-_BEND = np.pi / 6.0
+#: Angle between neighbouring facets up to which they are taken for those of a curve, in radians.
+_BEND = np.pi / 6.0 + STRAIGHT
 #: Part of the largest displacement by which supports may be missed.
 _HELD = 1e-8
 
@@ -37,8 +38,8 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     """Why a bound for this statement is an estimate only, one sentence each.
 
     Parameters of laws that are functions of the place are known at the points of a rule of integration only, and with
-    them constants that must hold everywhere.  A boundary whose facets have three directions or more and follow each
-    other at angles of less than 30 degrees is taken for a curve that the mesh replaces by its own.
+    them constants that must hold everywhere.  Facets of three directions or more that follow each other at angles of
+    up to 30 degrees are taken for a curve that the mesh replaces by its own, whatever boundaries they belong to.
 
     Parameters
     ----------
@@ -161,30 +162,31 @@ def _parameters(law: object) -> Iterator[tuple[str, object]]:
 
 
 def _curved(mesh: Mesh) -> Iterator[tuple[str, float]]:
-    """Boundaries that look curved, in words, with the largest angle from facet to facet in degrees."""
-    rest = mesh.boundary_facets
-    for name, facets in mesh.boundaries.items():
-        angle = _bend(mesh, facets)
-        if angle > 0.0:
-            yield f"'{name}'", angle
-    if mesh.boundaries:
-        size = mesh.number_of_nodes
-        named = np.sort(np.concatenate(list(mesh.boundaries.values())), axis=1)
-        weights = size ** np.arange(mesh.dim, dtype=float)
-        rest = rest[~np.isin(np.sort(rest, axis=1) @ weights, named @ weights)]
-    angle = _bend(mesh, rest)
-    if angle > 0.0:
-        yield "without a name", angle
+    """Parts of the surface that look curved, in words, with the largest angle from facet to facet in degrees.
 
-
-def _bend(mesh: Mesh, facets: IntArray) -> float:
-    """The largest angle in degrees by which facets of at least three directions follow each other; 0 if they do not."""
-    if len(facets) < 3:
-        return 0.0
+    The surface is asked, whatever its parts are called: chains of facets that follow each other smoothly.
+    """
+    facets = mesh.boundary_facets
     pairs, angle = facet_angles(mesh, facets)
-    one, two = mesh.facet_normals(facets)[0][pairs.T]
-    turning = (angle > STRAIGHT) & (angle <= _BEND)
-    if not turning.any():
-        return 0.0
-    directions = np.unique(np.round(np.concatenate([one[turning], two[turning]]) / STRAIGHT / 10.0), axis=0)
-    return float(np.degrees(angle[turning].max())) if len(directions) > 2 else 0.0
+    smooth, turning = pairs[angle <= _BEND], (angle > STRAIGHT) & (angle <= _BEND)
+    graph = sp.coo_array((np.ones(len(smooth)), smooth.T), shape=2 * (len(facets),))
+    chain = sp.csgraph.connected_components(graph, directed=False)[1]
+    at = np.unique(pairs[turning])
+    directions = np.round(mesh.facet_normals(facets[at])[0] / STRAIGHT / 10.0)
+    several = np.bincount(np.unique(np.column_stack([chain[at], directions]), axis=0)[:, 0].astype(int)) > 2
+    found: dict[str, float] = {}
+    for one in np.flatnonzero(several):
+        words = _called(mesh, facets[chain == one])
+        steepest = float(angle[turning & (chain[pairs[:, 0]] == one)].max())
+        found[words] = max(found.get(words, 0.0), steepest)
+    yield from ((words, float(np.degrees(steepest))) for words, steepest in found.items())
+
+
+def _called(mesh: Mesh, facets: IntArray) -> str:
+    """The names of the boundaries to which facets belong, in words."""
+    weights = mesh.number_of_nodes ** np.arange(mesh.dim, dtype=float)
+    keys = np.sort(facets, axis=1) @ weights
+    named = {name: np.isin(keys, np.sort(of, axis=1) @ weights) for name, of in mesh.boundaries.items()}
+    words = [f"'{name}'" for name, part in named.items() if part.any()]
+    bare = ~np.any([np.zeros(len(keys), dtype=bool), *named.values()], axis=0)
+    return " and ".join([*words, "without a name"] if bare.any() else words)

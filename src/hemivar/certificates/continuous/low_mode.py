@@ -10,9 +10,10 @@ With upper bounds ``C1 >= C2`` of the first two eigenvalues, ``tau = <alpha w, w
     tau <= C1 + C2 - theta  (Ky Fan: two orthogonal quotients are at most the sum),    d^2 <= (C1 - theta) (C1 - tau),
 
 so that ``(1 - theta) t^2 - 2 d |t| y + (1 - tau) y^2 <= |R(psi)| |t| + H y`` confines (t, y), and
-``|e|_a^2 = t^2 + y^2``.  If psi is the mode and R(psi) vanishes, the bound is ``H / (2 sqrt((C1 - C2) (1 - C1)))``, or
-``H / (1 - C2)`` where that is attained first, in place of ``H / (1 - C1)``.  A gap G is added on the right of both
-inequalities.
+``|e|_a^2 = t^2 + y^2``.  With the largest d the form is ``(1 - C1) I + v v'``,
+``v = (sqrt(C1 - theta), -sqrt(C1 - tau))``.  If psi is the mode and R(psi) vanishes, the bound is
+``H / (2 sqrt((C1 - C2) (1 - C1)))``, or ``H / (1 - C2)`` where that is attained first, in place of ``H / (1 - C1)``.  A
+gap G is added on the right of both inequalities.
 """
 
 from __future__ import annotations
@@ -34,9 +35,8 @@ __all__ = ["SoftModes", "SoftestMode", "confined_error"]
 
 #: Steps of inverse iteration: each makes the others smaller by the ratio of two eigenvalues.
 _STEPS = 6
-#: Angles between psi and the rest at which the bound is evaluated, and by how much it is raised for those between.
-_ANGLES = 4000
-_RAISED = 1e-5
+#: Lagrange multipliers of which the best is taken: each gives a bound.
+_MULTIPLIERS = 4000
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,14 +125,26 @@ def confined_error(
     """
     if not first + coupling < 1.0:
         return np.inf
-    angle = np.linspace(0.0, 0.5 * np.pi, _ANGLES + 1)
-    t, y = np.cos(angle), np.sin(angle)
+    force, left = np.array([min(seen, total), total]), 1.0 - coupling - first
     spare = max(first - theta, 0.0)
-    highest = min(first, second + spare)
-    # the sum of both terms is concave in tau, and largest where its derivative vanishes
-    steep = t / np.maximum(y, 1e-100)
-    tau = np.clip(first - spare * steep**2, 0.0, highest)
-    softened = theta * t**2 + 2.0 * np.sqrt(spare * np.maximum(first - tau, 0.0)) * t * y + tau * y**2
-    left = 1.0 - coupling - np.minimum(softened, first)
-    force = min(seen, total) * t + total * y
-    return float((0.5 * (force + np.sqrt(force**2 + 4.0 * left * gap)) / left).max() * (1.0 + _RAISED))
+    rest = max(first - second - spare, 0.0)  # C1 - tau for the highest tau
+    squares = [_farthest(force, left, spare, one, gap) for one in (rest, first)]
+    if spare > 0.0:  # on the arc between, some tau leaves 1 - C1 - coupling only
+        ratio = np.clip(force[0] / total if total > 0.0 else 0.0, *np.sqrt([rest / spare, first / spare]))
+        along = float(force @ (ratio, 1.0) / np.hypot(ratio, 1.0))
+        squares.append(((along + np.sqrt(along**2 + 4.0 * left * gap)) / (2.0 * left)) ** 2)
+    return float(np.sqrt(max(squares)))
+
+
+def _farthest(force: Array, left: float, spare: float, rest: float, gap: float) -> float:
+    """A bound of ``|z|^2`` where ``z'Q z <= force . z + G``, ``Q = left I + v v'``, ``v = (sqrt(spare), -sqrt(rest))``.
+
+    For every lambda above ``1 / left``, ``|z|^2 <= lambda G + lambda^2 / 4 force . (lambda Q - I)^-1 force``, and the
+    least of them is the supremum.  Along v and across it this is a sum; lambda is ``(1 + x) / left``.
+    """
+    x, size = np.geomspace(1e-18, 1.0, _MULTIPLIERS), spare + rest
+    along = (force[0] * np.sqrt(spare) - force[1] * np.sqrt(rest)) ** 2 / size if size > 0.0 else 0.0
+    across = max(float(force @ force) - along, 0.0)
+    factor = (1.0 + x) / left
+    parts = across / x + along / (x + factor * size)
+    return float((factor * gap + 0.25 * factor**2 * parts).min())
