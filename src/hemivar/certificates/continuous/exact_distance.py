@@ -349,10 +349,8 @@ def _bound(
             )
     if wrong:
         reasons.append(wrong)
-    elif not found.value < np.inf:
-        reasons.append(
-            "there is no bound: the foundation softens too much for the body (c >= 1), or nothing but contact holds it"
-        )
+    elif not found.value < np.inf and (traces is None or _coupling(traces, constants) < np.inf):
+        reasons.append(f"there is no bound: {_cause(found, constants, traces)}")
     parts = DistanceParts(
         eta, found.contact, float(found.facet_gap.sum()), max(eta_all - eta, 0.0) + missed, algebraic, correction
     )
@@ -477,6 +475,22 @@ def _contradiction(choice: _Choice, modes: SoftModes) -> str:
     return (
         f"there is no bound: the constants of the body make c = {choice.constant:.3g}, and a displacement of the mesh "
         f"shows {shown:.3g}; so they are wrong: please report it"
+    )
+
+
+def _cause(choice: _Choice, constants: TraceBounds, traces: ContactTraces | None) -> str:
+    """Why no value of the bound is finite: the law, or the constants of the body."""
+    if traces is None or not constants.both > 0.0:
+        return "nothing but contact holds the body"
+    if not all(np.isfinite(part).all() for part in choice.alpha):
+        return "the law falls at once, which no body bears (c = inf)"
+    softens = any(part.any() for part in choice.alpha)
+    shown = _coupling(traces, constants) + (SoftModes(traces).softest(*choice.alpha).theta if softens else 0.0)
+    if not shown < 1.0:
+        return f"the foundation softens too much for the body: c >= {shown:.3g} by a displacement of the mesh"
+    return (
+        f"the constants of the body are poor. They make c = {choice.constant:.3g}, where displacements of the mesh "
+        f"show no more than {shown:.3g}; state the body on a finer mesh, or one with cells of better shape"
     )
 
 
