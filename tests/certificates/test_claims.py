@@ -83,7 +83,7 @@ def test_where_the_bound_depends_on_the_solution_there_is_no_energy_to_minimise(
     if rate < np.sqrt(0.5):
         assert (found.kind, found.unique) == (PointKind.UNIQUE_SOLUTION, True)
     else:
-        assert (found.kind, found.unique) == (PointKind.LOCAL_MINIMISER, None)
+        assert (found.kind, found.unique) == (PointKind.BOUND_FIXED_MINIMISER, None)
 
 
 def test_distances_and_sizes_of_a_pair_by_hand() -> None:

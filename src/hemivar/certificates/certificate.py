@@ -88,7 +88,8 @@ class Certificate(ReprMixin):
     residual : Residual
         The residual that the solvers use.
     energy : float
-        E(u), units of work; a state-dependent friction bound is taken at this pair.
+        E(u), units of work.  Where the friction bound depends on the state there is no energy, and this is that with
+        the bound held fixed at this pair.
     margin : float
         ``1 - c - coupling`` of :class:`Smallness`; positive if the discrete problem has one solution.
     error_bound : float
@@ -304,7 +305,9 @@ def _known(certificate: Certificate) -> Certificate:
     if not any(isinstance(number, float) and math.isnan(number) for number in numbers):
         return certificate
     proved = (PointKind.UNIQUE_MINIMISER, PointKind.UNIQUE_SOLUTION, PointKind.GLOBAL_MINIMISER)
-    kind = PointKind.DIRECTIONALLY_STATIONARY if certificate.kind in proved else certificate.kind
+    kind = certificate.kind
+    if kind in proved:
+        kind = PointKind.DIRECTIONALLY_STATIONARY if kind.has_energy else PointKind.BOUND_FIXED_DIRECTIONAL
     return replace(certificate, unique=None, kind=kind)
 
 

@@ -38,7 +38,8 @@ class LocalStudy:
     Attributes
     ----------
     kind : PointKind
-        LOCAL_MINIMISER, SADDLE, MAXIMUM, DIRECTIONALLY_STATIONARY or CLARKE_STATIONARY.
+        LOCAL_MINIMISER, SADDLE, MAXIMUM, DIRECTIONALLY_STATIONARY or CLARKE_STATIONARY; without an energy the same
+        with the friction bound held fixed, or WITHOUT_ENERGY.
     curvature : float or None
         Smallest ``1 + v'B'W j''(r) B v / v'K v`` over the critical directions: 1 is the curvature of the body alone,
         K its stiffness at the point;
@@ -138,14 +139,26 @@ def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: Norm) -> Poi
     the law is convex and the problem has an energy.
     """
     kind = study(Point(problem, energy, u, lam)).kind
-    if kind is PointKind.DIRECTIONALLY_STATIONARY and not problem.law.state_dependent:
+    if kind is PointKind.DIRECTIONALLY_STATIONARY:
         convex = problem.law.convex and convex_body(problem)
         return PointKind.GLOBAL_MINIMISER if convex else kind
     return kind
 
 
 def study(point: Point) -> LocalStudy:
-    """Classify a pair that is stationary up to rounding; a body that is not linear by its tangent at the point."""
+    """Classify a pair that is stationary up to rounding; a body that is not linear by its tangent at the point.
+
+    Where the law depends on the state there is no energy: kind and curvature are those with the state held fixed.
+    """
+    law, found = point.problem.law, _studied(point)
+    if not (point.problem.contact_points and law.state_dependent):
+        return found
+    kind = PointKind.WITHOUT_ENERGY if law.depends_on_whole_state else found.kind.bound_fixed
+    return replace(found, kind=kind)
+
+
+def _studied(point: Point) -> LocalStudy:
+    """The kind for the law as it is at the point."""
     if not isinstance(point.problem.bulk, Quadratic):
         tangent = at_tangent(point.problem, point.u)
         point = Point(tangent, energy_norm(tangent), point.u, point.lam)

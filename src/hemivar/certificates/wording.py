@@ -29,7 +29,8 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         say("equilibrium", f"{_text(certificate.equilibrium)} in the K^-1 norm, {_text(balance)} of the load's")
         say("inclusion", f"{_text(certificate.inclusion)} (force), {_text(off_law)} of the load's")
         say("residual", f"{certificate.residual.relative:.1e} relative, tolerance {certificate.tolerance:.0e}")
-        say("energy", f"{certificate.energy:.10g}")
+        fixed = ", with the friction bound held fixed" if constants.m_L > 0.0 else ""
+        say("energy", f"{certificate.energy:.10g}{fixed}")
     known = certificate.uniqueness
     if certificate.unique is None and certificate.margin > 0.0 and constants.sampled:
         known += " (the margin is positive, but sampled)"

@@ -7,9 +7,11 @@ import math
 from dataclasses import dataclass
 
 from hemivar.basics.codec import decoded, encoded
+from hemivar.discrete.point_kind import PointKind
 
 __all__ = ["SweepPoint"]
 
+_WITHOUT_ENERGY = {kind.value for kind in PointKind if not kind.has_energy}
 _OF_SOLUTIONS = ("energies", "penetrations", "forces")
 
 
@@ -53,8 +55,10 @@ class SweepPoint:
         return len(self.energies)
 
     @property
-    def minima(self) -> int:
-        """How many of them are local minimisers of the energy."""
+    def minima(self) -> int | None:
+        """How many of them are local minimisers of the energy; None where the law has none."""
+        if any(kind in _WITHOUT_ENERGY for kind in self.kinds):
+            return None
         return sum(kind.endswith("minimiser") for kind in self.kinds)
 
     def line(self) -> str:

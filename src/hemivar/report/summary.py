@@ -89,7 +89,8 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
         yield "warning", remark
     if solution.timings:
         yield "time", ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
-    yield "energy", _with(f"{solution.energy:.10g}", units.energy)
+    fixed = ", with the friction bound held fixed" if solution.problem.law.state_dependent else ""
+    yield "energy", _with(f"{solution.energy:.10g}", units.energy) + fixed
     if solution.deformation is not None:
         yield "largest", solution.deformation.sizes
         if not certified and solution.deformation.warning is not None:  # else it is among the lines of the certificate

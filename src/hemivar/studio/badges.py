@@ -45,6 +45,13 @@ def badge_of(certificate: Certificate) -> Badge:
         return Badge("good", "the only solution", f"No other equilibrium of this mesh exists at this load.{off}")
     if isinstance(certificate.unique, str):
         return Badge("good", kind, f"This equilibrium is {certificate.unique}.")
+    if not certificate.kind.has_energy:
+        return Badge(
+            "fair" if certificate.kind is PointKind.BOUND_FIXED_MINIMISER else "poor",
+            "an equilibrium",
+            f"{kind[:1].upper()}{kind[1:]}. The law depends on the solution and has no energy: of stability nothing is "
+            f"known; {certificate.uniqueness}.",
+        )
     if certificate.kind in (PointKind.LOCAL_MINIMISER, PointKind.GLOBAL_MINIMISER):
         others = "Others exist" if certificate.unique is False else "Others may exist"
         return Badge(
