@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates import Certificate, MultigridNorm, certify
 from hemivar.certificates.kind import kind_of
+from hemivar.certificates.linear_bodies import at_tangent
 from hemivar.certificates.norms import energy_norm
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.point_kind import PointKind
@@ -34,6 +35,7 @@ from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.named_energies import Hencky
 from hemivar.mesh import rectangle
 from hemivar.solvers import solve
+from tests import bodies
 
 BULK, SHEAR, SOFTENED, STRAIN = 20.0 / 3.0, 4.0, 0.25, 0.05
 HENCKY = Material.hencky(BULK, SHEAR, SOFTENED, STRAIN)
@@ -291,3 +293,14 @@ def test_units_do_not_matter() -> None:
     first, second = one.certify(), solve(other).certify()
     assert second.margin == pytest.approx(first.margin, rel=1e-9)
     assert second.kind is first.kind
+
+
+def test_the_body_at_the_tangent_has_the_forces_and_the_stiffness_of_its_own() -> None:
+    material = Material.potential("tr^2 + 0.1*tr^4 + dev2 + 0.3*dev2^2", reach=1.0)
+    problem = discretize(bodies.square(Compliance(3.0), 2, body_force=(0.3, -0.4), material=material))
+    rng = np.random.default_rng(0)
+    u, way = (0.05 * rng.normal(size=problem.unknowns) for _ in range(2))
+    tangent = at_tangent(problem, u)
+    np.testing.assert_allclose(tangent.out_of_balance(u), problem.out_of_balance(u), atol=1e-14)
+    change = (problem.out_of_balance(u + 1e-6 * way) - problem.out_of_balance(u - 1e-6 * way)) / 2e-6
+    np.testing.assert_allclose(tangent.out_of_balance(u + way) - tangent.out_of_balance(u), change, atol=1e-8)

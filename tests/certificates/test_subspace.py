@@ -30,3 +30,17 @@ def test_a_vector_along_which_the_matrix_is_negative_is_told() -> None:
     found = Subspace(sp.csr_array(K), lambda R: R, sp.csr_array(np.eye(3)), np.ones(3), np.eye(3))
     assert found.negative is not None
     assert found.negative @ K @ found.negative < 0.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_the_largest_value_is_short_of_is_not_more_than_is_told(seed: int) -> None:
+    """The second vector is rough, so that its value lies below the eigenvalue and the gap between them seems larger."""
+    rng = np.random.default_rng(seed)
+    root = np.sqrt(np.array([1.0, 0.8, 0.0, 0.0]))
+    X = np.eye(4)[:, :2] + np.array([0.15, 0.0]) * np.eye(4)[:, [1, 2]]
+    X = X + 0.25 * rng.uniform(0.6, 1.0) * np.outer(np.eye(4)[2], [0.0, 1.0]) + 0.01 * rng.normal(size=(4, 2))
+    found = Subspace(sp.csr_array(np.eye(4)), lambda R: R, sp.csr_array(np.diag(root)), np.ones(4), X, count=2)
+    told = found.improve(1.0, 0, 1e-3)
+    assert found.values[0] < 1.0
+    assert found.values[1] < 0.8
+    assert found.values[0] + told >= 1.0

@@ -105,3 +105,22 @@ def test_the_bound_of_what_is_measured_holds_its_error() -> None:
     bounds = rough.error_bounds(rows[0].law, found)
     assert np.isfinite(bounds).all()
     assert (np.abs(rough.predicted(found) - exact) <= bounds + 1e-13).all()
+
+
+@pytest.mark.parametrize("pull", [0.4, 0.9])
+def test_derivatives_of_a_law_that_couples_opening_and_slip(pull: float) -> None:
+    """Its proximal map mixes both, whose steps differ."""
+
+    def contact(values: Array) -> hv.Contact:
+        return hv.Contact(hv.laws.MixedMode(hv.laws.BilinearCohesion(values[0], values[1], values[2]), 2.0))
+
+    values = np.array([0.5, 0.2, 40.0])
+
+    def statement(load: float) -> hv.ContactProblem:
+        return hv.ContactProblem(
+            mesh=hv.rectangle((1.0, 1.0), 3), material=hv.Material.lame(40.0, 5.0), supports={"left": hv.Clamped()},
+            body_force=(0.6 * load, load), contact={"bottom": contact(values)},
+        )  # fmt: skip
+
+    ours, slow = _derivatives(statement, contact, values, pull)
+    np.testing.assert_allclose(ours, slow, atol=1e-5 * np.abs(slow).max())

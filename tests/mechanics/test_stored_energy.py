@@ -186,3 +186,13 @@ def test_what_asks_for_a_linear_body_says_so() -> None:
     for function in (hv.systems.condense, hv.follow_path):
         with pytest.raises(ProblemError, match="needs a linear body, and the material of this one is not linear"):
             function(problem)
+
+
+@pytest.mark.parametrize("sign", ["+", "-"])
+def test_a_formula_is_bounded_for_traces_of_both_signs(sign: str) -> None:
+    """``W_pp = 2 +- 0.6 tr`` is least at an end, ``|tr| = sqrt(3) reach``, and C_low has that bulk modulus."""
+    bounds = hv.Material.potential(f"tr^2 {sign} 0.1*tr^3 + dev2", reach=0.5).bounds(np.zeros((1, 3)))
+    least, largest = (2.0 - part * 0.6 * np.sqrt(3.0) * 0.5 for part in (1.0, -1.0))
+    assert bounds.bulk[0] == pytest.approx(least, rel=1e-4)
+    assert bounds.largest_bulk[0] == pytest.approx(largest, rel=1e-4)
+    assert bounds.bulk[0] <= least

@@ -225,3 +225,12 @@ def test_millimetres_and_megapascals_change_nothing() -> None:
     )
     assert theirs.warnings == ours.warnings
     np.testing.assert_allclose(theirs.local, 1e3 * ours.local, rtol=1e-8)
+
+
+@pytest.mark.parametrize("cells", [2, 8])
+def test_what_resists_at_rest_is_strength_times_length(cells: int) -> None:
+    """A millionth of the load at most: 2 of glue along a side of 1, on every mesh."""
+    mesh = hv.rectangle((1.0, 1.0), cells)
+    assert hv.discretize(pulled(1.99e6, mesh)).limit is not None
+    with pytest.raises(hv.errors.ProblemError, match="free to move"):
+        hv.discretize(pulled(2.01e6, mesh))

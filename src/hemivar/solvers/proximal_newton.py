@@ -241,13 +241,17 @@ class _Line:
             _ROUNDED * parts,
         )
 
+    def fall(self, length: float, contact: float) -> float:
+        """What the energy of the linear body changes by up to a part of the way, where the law adds ``contact``."""
+        return contact - self.contact - length * self.slope + 0.5 * length**2 * self.square
+
     def search(self, halvings: int) -> tuple[Array, float] | None:
         """Where the energy falls enough, (n,), and the energy there; None where it does not."""
         length = 1.0
         for attempt in range(halvings + 1):
             new = self.x + length * self.way
             contact = _contact(self.system, new)
-            model = contact - self.contact - length * self.slope + 0.5 * length**2 * self.square
+            model = self.fall(length, contact)
             if math.isfinite(contact):
                 energy = self.system.energy(new)
                 fall = energy - self.energy

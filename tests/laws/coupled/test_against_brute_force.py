@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import minimum_filter
 from scipy.optimize import minimize
 
 import hemivar as hv
@@ -144,3 +145,23 @@ def test_as_many_minimisers_are_found_as_a_dense_row_of_secants_shows() -> None:
     u = m * size - np.interp(size, rho, traction)
     shown = ((u[:, :-1] <= 0.0) & (u[:, 1:] > 0.0)).sum(axis=1) + (u[:, 0] > 0.0)
     np.testing.assert_array_equal(found, shown)
+@pytest.mark.parametrize("force", [(2.39985, 0.83611), (2.4, 0.838), (2.3996, 0.835)])
+def test_two_minimisers_on_both_sides_of_the_turning_point(force: tuple[float, float]) -> None:
+    """Stiff in opening and soft in slip: u rises and falls on one piece, with one minimum there and one far away."""
+    (a, b), (c, t), k, first, last = (2.472, 0.24366), force, 0.99059, 0.93982, 3.54019
+    fall = k * first / (last - first)
+    local = OpeningProblem(
+        *(np.array([part]) for part in ([a, b], [c, t], [first, last], [k * first, 0.0], [k, -fall, 0.0]))
+    )
+    x = np.linspace(0.0, 6.0, 1201)
+    w, s = np.meshgrid(x, x, indexing="ij")
+    rho = np.hypot(w, s)
+    beyond = np.clip(rho, first, last) - first
+    glue = 0.5 * k * np.minimum(rho, first) ** 2 + k * first * beyond - 0.5 * fall * beyond**2
+    energy = 0.5 * a * w**2 + 0.5 * b * s**2 - c * w - t * s + glue
+    lowest = energy == minimum_filter(energy, 5, mode="nearest")
+    on_grid = np.column_stack([w[lowest], s[lowest]])
+    m = local.minimisers()
+    found = local.places(m)[0][np.isfinite(m[0])]
+    assert len(found) == len(on_grid)
+    np.testing.assert_allclose(found[np.argsort(found[:, 1])], on_grid[np.argsort(on_grid[:, 1])], atol=0.01)
