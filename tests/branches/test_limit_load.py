@@ -10,6 +10,7 @@ import scipy.optimize
 
 import hemivar as hv
 from hemivar.branches import follow_path
+from hemivar.branches.path import PathEnd
 from hemivar.laws import PiecewiseQuadratic
 from tests import bodies
 
@@ -109,6 +110,8 @@ def test_single_points_let_go_on_coarse_meshes_only() -> None:
             assert path.snap_size is None
             assert path.snapping is None
             assert path.main_folds == path.folds[:1]  # the load at which the whole foot lets go
+            assert path.ended is PathEnd.UNBOUNDED  # the glue is gone, and the load with it
+            assert path.limit_load == pytest.approx(path.first_instability, rel=1e-9)
     assert counts[2] > 0
     assert counts[16] == 0
 

@@ -10,8 +10,10 @@ import scipy.sparse as sp
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.branches import follow_path
+from hemivar.branches.chain import chain_of
 from hemivar.branches.follower import Follower
 from hemivar.branches.path import Path, PathEnd
+from hemivar.systems.workspace import Workspace
 
 BENDING, WIDTH, ARM, BOND = 70000.0 * 25.0 * 3.0**3 / 12.0, 25.0, 50.0, 60.0
 
@@ -89,18 +91,23 @@ def test_a_path_that_is_not_corrected_claims_no_limit_load(monkeypatch: pytest.M
     assert "limit load not known" in path.failure
 
 
-@pytest.mark.parametrize("largest_step", [0.02, 0.1, 0.5])
-@pytest.mark.parametrize("unit", [1.0, 1e-3])
-def test_the_first_instability_on_a_curved_path_is_that_of_the_closed_form(largest_step: float, unit: float) -> None:
-    """Two alike points: the antisymmetric mode loses stability where ``j'' + a - b = 0``, before any fold."""
-    a, b = 10.0, 8.5
+def test_a_stiff_beam_is_corrected_where_rounding_is_large(peeled: Path) -> None:
+    chain = chain_of(Workspace().condensed(peeled.problem))
+    middle = len(peeled) - 30
+    theta, segment = chain.nearest(peeled.local[middle], peeled.multiplier[middle])
+    found = chain.correct(theta, segment, peeled.load_factor[middle] * chain.force)
+    assert found is not None
+    np.testing.assert_allclose(found, theta, atol=1e-6)
 
-    def lost(r: float) -> float:
-        return float(10.0 * (1.0 - 20.0 * r * r) * np.exp(-10.0 * r * r)) + a - b
 
-    at = scipy.optimize.brentq(lost, 0.2, 0.3, xtol=1e-15)
-    load = (a + b) * at + 10.0 * at * np.exp(-10.0 * at * at)
-    problem = hv.DiscreteProblem.of_arrays(
+def bending(r: float) -> float:
+    """Curvature of the law ``1/2 - 1/2 exp(-10 r^2)``."""
+    return float(10.0 * (1.0 - 20.0 * r * r) * np.exp(-10.0 * r * r))
+
+
+def pair(a: float, b: float, unit: float = 1.0) -> hv.DiscreteProblem:
+    """Two alike points on this law: along the symmetric path the load is ``(a + b) r + j'(r)``."""
+    return hv.DiscreteProblem.of_arrays(
         stiffness=sp.csr_array([[a, b], [b, a]]),
         load=np.full(2, unit),
         trace=sp.csr_array(-np.eye(2)),
@@ -108,6 +115,38 @@ def test_the_first_instability_on_a_curved_path_is_that_of_the_closed_form(large
         gap=np.zeros(2),
         law=hv.laws.ContactLaw(hv.FormulaLaw(f"{0.5 * unit**2!r} * (1 - exp(-10 * (r / {unit!r})^2))")).at(None),
     )
-    path = follow_path(problem, (0.0, 8.0), largest_step=largest_step)
-    assert path.first_instability == pytest.approx(load, rel=1e-8)
+
+
+def load_where(curvature: float, total: float) -> float:
+    """The load of the symmetric path where the law first has this curvature."""
+    at = scipy.optimize.brentq(lambda r: bending(r) - curvature, 0.0, np.sqrt(0.15), xtol=1e-15)
+    return float(total * at + 10.0 * at * np.exp(-10.0 * at * at))
+
+
+@pytest.mark.parametrize("largest_step", [0.02, 0.1, 0.5])
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_the_first_instability_on_a_curved_path_is_that_of_the_closed_form(largest_step: float, unit: float) -> None:
+    """The antisymmetric mode loses stability where ``j'' + a - b = 0``, and there is no fold."""
+    path = follow_path(pair(10.0, 8.5, unit), (0.0, 8.0), largest_step=largest_step)
+    assert path.first_instability == pytest.approx(load_where(-1.5, 18.5), rel=1e-8)
     assert path.folds == ()
+
+
+@pytest.mark.parametrize("largest_step", [0.02, 0.5])
+def test_stability_may_be_lost_before_the_load_turns(largest_step: float) -> None:
+    """The load turns where ``j'' + a + b = 0``; both may lie in one step."""
+    path = follow_path(pair(2.2, 2.1), (0.0, 8.0), largest_step=largest_step)
+    assert path.first_instability == pytest.approx(load_where(-0.1, 4.3), rel=1e-8)
+    assert path.folds[0].load_factor == pytest.approx(load_where(-4.3, 4.3), rel=1e-10)
+    assert (np.diff(path.load_factor[: path.folds[0].index + 1]) > 0.0).all()
+    assert not path.stable[path.folds[0].index - 1]
+
+
+def test_a_stretch_on_which_the_change_was_not_found_is_not_called_stable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Follower, "change", lambda *given: None)
+    path = follow_path(pair(10.0, 8.5), (0.0, 20.0), largest_step=0.1)
+    assert path.stable[0]
+    assert path.stable[-1]
+    assert not path.stable.all()
+    ends = np.array([bending(-r[0, 0]) + 1.5 for r in path.local])
+    assert ((ends[:-1] > 0.0) & (ends[1:] > 0.0))[path.stable].all()

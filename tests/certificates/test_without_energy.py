@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.certificates.certificate import _known
 from hemivar.discrete.point_kind import PointKind
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.laws import BenzeggaghKenane, ModeDependentGlue
@@ -51,6 +52,9 @@ def test_a_friction_bound_of_the_solution_leaves_no_energy_to_be_least(name: str
         assert words.count(claim) == words.count(claim + FIXED)
     assert "energy is least" not in words
     assert "stable equilibrium" not in words
+    energies = [line for line in words.split("\n") if line.startswith("energy ")]
+    assert len(energies) == 2
+    assert all(line.endswith(FIXED) for line in energies)
     assert hv.find_solutions(solution.problem, starts=2).minima == ()
     assert badge_of(certificate).title == "an equilibrium"
 
@@ -77,6 +81,14 @@ def test_the_kind_is_that_of_the_bound_as_it_is() -> None:
         PointKind.LOCAL_MINIMISER, PointKind.SADDLE, PointKind.MAXIMUM, PointKind.DIRECTIONALLY_STATIONARY,
         PointKind.CLARKE_STATIONARY,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [PointKind.UNIQUE_SOLUTION, PointKind.UNIQUE_MINIMISER])
+def test_a_number_that_is_none_proves_nothing_and_gives_no_energy(kind: PointKind) -> None:
+    certificate = replace(hv.solve(pressed(FRICTIONS["tresca"])).certify(), kind=kind, unique=True, margin=np.nan)
+    known = _known(certificate)
+    assert known.unique is None
+    assert known.kind.has_energy is kind.has_energy
 
 
 def test_glue_with_the_mode_of_the_solution_has_no_energy() -> None:

@@ -124,6 +124,20 @@ def test_a_circle_is_a_curve_whatever_its_parts_are_called(names: int) -> None:
         assert all(f"'p{i}'" in reason for i in range(names))
 
 
+@pytest.mark.parametrize("height", [0.1, 0.6])
+def test_of_several_curves_the_sharpest_is_named(height: float) -> None:
+    """A bump above and below, without names, one of them flatter."""
+    box = hv.rectangle((1.0, 1.0), 8)
+    points = box.points.copy()
+    points[:, 1] += np.abs(points[:, 1] - height) * 0.2 * np.sin(np.pi * points[:, 0])
+    upright = {"left": box.boundaries["left"], "bottom": box.boundaries["right"]}
+    (reason,) = unmet_hypotheses(on_mesh(hv.Mesh(points, box.cells, upright)))
+    x = np.linspace(0.0, 1.0, 9)
+    slopes = np.diff(0.2 * max(height, 1.0 - height) * np.sin(np.pi * x)) * 8.0
+    steepest = np.degrees(np.abs(np.diff(np.arctan(slopes))).max())
+    assert f"without a name looks curved: it turns by up to {steepest:.3g} degrees" in reason
+
+
 def test_corners_of_two_sides_each_are_no_curve() -> None:
     """Chamfers at 20 degrees on two far sides, under names of their own or not: four directions, two in each chain."""
     box = hv.rectangle((1.0, 1.0), 4)

@@ -279,6 +279,7 @@ def test_what_is_no_bound_says_why(name: str) -> None:
     assert not found.guaranteed
     assert (found.distance < np.inf) == (kind == "estimate"), found.reasons
     assert reason in " ".join(found.reasons)
+    assert ("Coulomb" in name) <= ("softens" not in " ".join(found.reasons))  # of what is not the cause nothing is said
 
 
 def test_the_same_without_the_fault_is_a_bound() -> None:
