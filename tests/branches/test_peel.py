@@ -117,9 +117,10 @@ def pair(a: float, b: float, unit: float = 1.0) -> hv.DiscreteProblem:
     )
 
 
-def load_where(curvature: float, total: float) -> float:
-    """The load of the symmetric path where the law first has this curvature."""
-    at = scipy.optimize.brentq(lambda r: bending(r) - curvature, 0.0, np.sqrt(0.15), xtol=1e-15)
+def load_where(curvature: float, total: float, *, again: bool = False) -> float:
+    """The load of the symmetric path where the law first has this curvature, or has it again."""
+    ends = (np.sqrt(0.15), 2.0) if again else (0.0, np.sqrt(0.15))
+    at = scipy.optimize.brentq(lambda r: bending(r) - curvature, *ends, xtol=1e-15)
     return float(total * at + 10.0 * at * np.exp(-10.0 * at * at))
 
 
@@ -140,6 +141,18 @@ def test_stability_may_be_lost_before_the_load_turns(largest_step: float) -> Non
     assert path.folds[0].load_factor == pytest.approx(load_where(-4.3, 4.3), rel=1e-10)
     assert (np.diff(path.load_factor[: path.folds[0].index + 1]) > 0.0).all()
     assert not path.stable[path.folds[0].index - 1]
+
+
+@pytest.mark.parametrize("largest_step", [0.02, 0.5])
+def test_the_order_on_the_way_back_is_the_other_one(largest_step: float) -> None:
+    """Both modes lose stability within a step, the antisymmetric one first, and win it back in the other order."""
+    path = follow_path(pair(2.0, 0.02), (0.0, 4.0), largest_step=largest_step)
+    lost, won = np.flatnonzero(path.stable[:-1] != path.stable[1:]) + 1
+    assert path.load_factor[lost] == pytest.approx(load_where(-1.98, 2.02), rel=1e-8)
+    assert path.load_factor[won] == pytest.approx(load_where(-1.98, 2.02, again=True), rel=1e-8)
+    first, second = path.folds
+    assert second.load_factor == pytest.approx(load_where(-2.02, 2.02, again=True), rel=1e-10)
+    assert lost < first.index < second.index < won
 
 
 def test_a_stretch_on_which_the_change_was_not_found_is_not_called_stable(monkeypatch: pytest.MonkeyPatch) -> None:
