@@ -145,6 +145,8 @@ def test_as_many_minimisers_are_found_as_a_dense_row_of_secants_shows() -> None:
     u = m * size - np.interp(size, rho, traction)
     shown = ((u[:, :-1] <= 0.0) & (u[:, 1:] > 0.0)).sum(axis=1) + (u[:, 0] > 0.0)
     np.testing.assert_array_equal(found, shown)
+
+
 @pytest.mark.parametrize("force", [(2.39985, 0.83611), (2.4, 0.838), (2.3996, 0.835)])
 def test_two_minimisers_on_both_sides_of_the_turning_point(force: tuple[float, float]) -> None:
     """Stiff in opening and soft in slip: u rises and falls on one piece, with one minimum there and one far away."""
