@@ -51,11 +51,11 @@ def test_a_block_on_glue_bears_strength_times_area() -> None:
     path = follow_path(pulled(1.0), (0.0, 5.0))
     assert path.limit_load == pytest.approx(2.0, rel=1e-12)
     assert path.first_instability == pytest.approx(2.0, rel=1e-12)
-    assert path.failure == "limit load 2"
+    assert path.failure == "limit load factor 2"
     short = follow_path(pulled(1.0), (0.0, 1.0))
     assert short.limit_load is None
     assert short.first_instability is None
-    assert short.failure == "limit load not reached"
+    assert short.failure == "limit load factor not reached"
     cut = follow_path(pulled(1.0), (0.0, 5.0), max_points=3)
     assert cut.limit_load is None
     assert "not followed to its end" in cut.failure
@@ -72,7 +72,7 @@ def test_a_spring_with_glue_first_lets_go_and_then_bears_more() -> None:
     path = follow_path(bar(0.5, softening()), (0.0, 2.0))
     assert path.first_instability == pytest.approx(1.2, rel=1e-12)
     assert path.limit_load is None
-    assert path.failure == "limit load not reached (first instability 1.2)"
+    assert path.failure == "limit load factor not reached (first instability 1.2)"
 
 
 def test_the_limit_load_may_lie_above_the_first_instability() -> None:

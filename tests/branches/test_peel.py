@@ -88,7 +88,7 @@ def test_a_path_that_is_not_corrected_claims_no_limit_load(monkeypatch: pytest.M
     assert path.ended is PathEnd.NOT_CORRECTED
     assert not path.reached_end
     assert path.limit_load is None
-    assert "limit load not known" in path.failure
+    assert "limit load factor not known" in path.failure
 
 
 def test_a_stiff_beam_is_corrected_where_rounding_is_large(peeled: Path) -> None:

@@ -343,7 +343,8 @@ class Follower:
         """Newton's method on the plane through a point that is normal to ``border``; and the number of its steps."""
         last = np.inf
         for step in range(1, steps + 1):
-            F, J = self.chain.balance(theta, segment, self.force(t))
+            with np.errstate(over="ignore", invalid="ignore"):  # far beyond the ends of a segment, where it is lost
+                F, J = self.chain.balance(theta, segment, self.force(t))
             change = self.bordered(F, J, border)
             if change is None or not np.isfinite(change).all():
                 return None

@@ -209,11 +209,11 @@ class Path(PickleMixin, ReprMixin):
         limit, first = self.limit_load, self.first_instability
         if limit is not None:
             same = first is None or abs(first - limit) <= _SAME * abs(limit)
-            return f"limit load {limit:.4g}" + ("" if same else f" (first instability {first:.4g})")
+            return f"limit load factor {limit:.4g}" + ("" if same else f" (first instability {first:.4g})")
         own = (
             "not reached" if self.ended is PathEnd.UPPER_END else "not known, for the path was not followed to its end"
         )
-        return f"limit load {own}" + ("" if first is None else f" (first instability {first:.4g})")
+        return f"limit load factor {own}" + ("" if first is None else f" (first instability {first:.4g})")
 
     def __len__(self) -> int:
         return self.load_factor.size

@@ -165,8 +165,8 @@ def plot_path(
                     ends = np.append(run, run[-1] + 1)
                     ax.plot(x[ends], t[ends], label=label, color=colour, linestyle=style)
                     label = "_nolegend_"
-        for load, name in ((path.limit_load, "limit load"), (path.first_instability, "first instability")):
-            if load is None or (name != "limit load" and path.limit_load is not None):
+        for load, name in ((path.limit_load, "limit load factor"), (path.first_instability, "first instability")):
+            if load is None or (name != "limit load factor" and path.limit_load is not None):
                 continue
             ax.axhline(load, color=GREY, linewidth=0.6, zorder=0)
             ax.annotate(
