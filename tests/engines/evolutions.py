@@ -27,7 +27,7 @@ from hemivar.evolution import (
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import Controls
 
-__all__ = ["CASES", "Case"]
+__all__ = ["CASES", "ENDING", "Case"]
 
 _RTOL = Controls(rtol=1e-12)
 
@@ -255,6 +255,36 @@ def _peeled(mesh: Mesh) -> Evolution:
     )
 
 
+def _weakened(mesh: Mesh) -> Evolution:
+    """Friction that follows the slip below, and its direction at the side."""
+    below = hv.SlipWeakening(0.03, 1.2, 0.5, 0.5, of="slip")
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0),
+            supports={"left": hv.Clamped()},
+            tractions={"top": _turning},
+            contact={
+                "bottom": hv.Contact(hv.Compliance(20.0), below),
+                "right": hv.Contact(hv.Compliance(5.0), hv.Tresca(0.002), gap=0.001),
+            },
+        )
+    )
+
+
+def _rested(mesh: Mesh, push: Callable[[float], float] = lambda t: 0.2 + 0.1 * t, held: bool = True) -> Evolution:
+    """A body that begins pressed and pushed on friction that weakens with the rate; some ranks have no part of it."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0),
+            supports={"left": hv.Clamped()} if held else {},
+            tractions={"top": lambda x, t: np.array([push(t), -0.3]) + 0.0 * x},
+            contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.SlipWeakening(0.1, 1.2, 0.5, 1.0, of="rate"))},
+        )
+    )
+
+
 CASES = {
     # a coarser mesh below, and a support that moves
     "block": Case(
@@ -306,7 +336,21 @@ CASES = {
         lambda times: hv.rectangle((1.0, 1.0), (6, 6)), lambda mesh: _torn(mesh, 0.01), 0.72, options={"step": 0.04}
     ),
     "peeled": Case(lambda times: hv.rectangle((3.0, 1.0), (12, 4)), _peeled, 0.36, options={"step": 0.12}),
+    "friction of the slip": Case(
+        lambda times: hv.rectangle((2.0, 1.0), (8, 4)), _weakened, 0.6, options={"step": 0.1}
+    ),
+    "friction at rest": Case(lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _rested, 0.4, options={"step": 0.1}),
     "cube": Case(
         lambda times: hv.box((1.0, 1.0, 1.0), (4, 4, 4)), _cube, 0.2, GeneralizedAlpha(0.5), options={"step": 0.04}
     ),
 }  # fmt: skip
+
+#: What ends before its time: a push that friction does not bear, at once.
+ENDING = {
+    "slips at once": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (6, 6)),
+        lambda mesh: _rested(mesh, lambda t: 0.01 if t < 0.2 else 0.5, held=False),
+        0.4,
+        options={"step": 0.1, "stops": (0.2,), "controls": Controls(rtol=1e-12, max_steps=20)},
+    ),
+}

@@ -15,7 +15,7 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array
 from hemivar.evolution import History
 from hemivar.evolution.march import marching
-from tests.engines.evolutions import CASES
+from tests.engines.evolutions import CASES, ENDING
 from tests.engines.running import mpirun
 
 pytest.importorskip("petsc4py")
@@ -38,7 +38,7 @@ def _over_ranks(ranks: int, *arguments: str) -> dict[str, Any]:
 
 @cache
 def _serial(name: str) -> History:
-    case = CASES[name]
+    case = (CASES | ENDING)[name]
     return result_of(marching(case.state(case.mesh(0)), case.plan()))
 
 
@@ -122,6 +122,15 @@ def test_the_cases_are_ones() -> None:
     assert _serial("viscous jumps")["margin"][1:].max() < 0.0
     said = _over_ranks(2, *CASES)
     assert [said[name]["levels"] for name in ("block", "thrown, implicit Euler", "cube")] == [2, 2, 1]
+
+
+def test_all_ranks_say_why_a_march_ends() -> None:
+    """Also those without contact points, of which one may be the first, whose words are printed."""
+    said, serial = _over_ranks(2, "slips at once")["slips at once"], _serial("slips at once")
+    assert "finished" not in (said["ended"], serial.ended)
+    assert said["table"][0] == serial["time"].tolist()
+    assert "has no state of rest" in serial.messages[-1]
+    assert all("has no state of rest" in messages[-1] for messages in said["messages"])
 
 
 def test_matrices_and_cycles_outlive_their_step() -> None:

@@ -261,3 +261,13 @@ def test_heat_is_refused(folder: Path) -> None:
     assert done.returncode == 2
     assert "p.toml: the engine 'petsc' couples no heat" in done.stderr
     assert not (folder / "run.csv").exists()
+
+
+def test_friction_that_may_follow_the_slip_or_its_rate_is_refused(folder: Path) -> None:
+    text = FILES["quasistatic"].replace('law = "tresca", bound = 0.05', 'law = "slip-weakening", bound = 0.05')
+    (folder / "p.toml").write_text(text)
+    done = _march(2, "p.toml")
+    assert done.returncode == 2
+    assert done.stderr.count("hemivar: error: ") == 1
+    assert "say of = 'slip' (as in statics) or of = 'rate'" in done.stderr
+    assert not (folder / "run.csv").exists()

@@ -32,6 +32,7 @@ __all__ = [
     "Slowed",
     "bottom",
     "downhill",
+    "leads_on",
     "minimiser_on_pieces",
     "regularising_viscosity",
     "slowed",
@@ -208,8 +209,7 @@ def downhill(
         off = residual(problem, u, solution.multiplier)
         if off.below(controls.atol, controls.rtol) and solution.status not in STOPPED:
             return replace(solution, problem=problem, residual=off, status=Status.CONVERGED)
-        # What ends above the tight tolerance leads on all the same, if it is below that of the step.
-        if solution.status is not Status.CONVERGED and not _nearly(solution, controls):
+        if not leads_on(solution, controls):
             return replace(solution, problem=problem, residual=off)
         if slowed.contact is not None and _endless(problem, u, way):
             return replace(solution, problem=problem, residual=off, status=Status.NOT_CARRIED)
@@ -245,8 +245,10 @@ def downhill(
     return replace(solution, problem=problem, residual=off, status=Status.STALLED)
 
 
-def _nearly(solution: Solution, controls: Controls) -> bool:
-    """Whether a solve that nobody stopped has ended below a tolerance."""
+def leads_on(solution: Solution, controls: Controls) -> bool:
+    """Whether a solve to the tight tolerance leads on: it has converged, or ended by itself below that of the step."""
+    if solution.status is Status.CONVERGED:
+        return True
     return solution.status not in STOPPED and solution.residual.below(controls.atol, controls.rtol)
 
 

@@ -35,7 +35,15 @@ from hemivar.mechanics.scalar import ScalarContact
 from hemivar.mechanics.statement import Contact, ContactProblem
 from hemivar.mechanics.statement_base import Statement
 
-__all__ = ["DiscreteEvolution", "ExternalData", "StepMatrices", "dampings", "discretize_evolution", "friction_of"]
+__all__ = [
+    "DiscreteEvolution",
+    "ExternalData",
+    "StepMatrices",
+    "dampings",
+    "discretize_evolution",
+    "friction_of",
+    "refuse_unmeasured",
+]
 
 #: Who asks for laws that split.
 _MARCH = "a march in time"
@@ -256,15 +264,27 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
     for name, index in blocks:
         if np.any(np.diff(index) != 1):
             raise ProblemError(f"contact points of boundary '{name}' do not follow one another; renumber them")
-    for name, index in blocks:
-        _refuse_unmeasured(name, stated.contacts[name], problem, index, evolution.heat is not None)
+    refuse_unmeasured(stated, problem, blocks, evolution.heat is not None)
     return DiscreteEvolution(evolution, problem, family, blocks, heat=_heat(evolution, stated, problem, family.moved))
+
+
+def refuse_unmeasured(
+    stated: Statement, problem: DiscreteProblem, blocks: tuple[tuple[str, IntArray], ...], heated: bool
+) -> None:
+    """Refuse friction of which nobody knows whether it follows the slip or its rate, and what goes with one only.
+
+    Raises
+    ------
+    ProblemError
+    """
+    for name, index in blocks:
+        _refuse_unmeasured(name, stated.contacts[name], problem, index, heated)
 
 
 def _refuse_unmeasured(
     name: str, contact: Contact | ScalarContact, problem: DiscreteProblem, index: IntArray, heated: bool
 ) -> None:
-    """Refuse friction of which nobody knows whether it follows the slip or its rate, and what goes with one only."""
+    """See :func:`refuse_unmeasured`."""
     friction, law = friction_of(contact), problem.law
     where = f"the friction '{friction.name}' of contact '{name}'"
     remembers = MemoryChain(contact.memory)
@@ -273,7 +293,7 @@ def _refuse_unmeasured(
         raise ProblemError(f"{where} is a law of the slip, and the {what} needs one of its rate; say of = 'rate'")
     if friction.of is not None or remembers.of_slip or not isinstance(law, ContactLaw) or not friction.acts:
         return
-    if not homogeneous(law.take(index).friction.profile):
+    if index.size and not homogeneous(law.take(index).friction.profile):
         raise ProblemError(
             f"{where} depends on a length, and in time it may be a law of the slip or of its rate; say of = 'slip' (as "
             "in statics) or of = 'rate'"

@@ -85,7 +85,8 @@ def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
     """What acts, with friction that weakens with the slip rate as strong as it is without one."""
     friction, none = acting.law.friction, np.zeros(len(acting.offset))
     remembered = any(contact.memory for contact in discrete.contacts.values())
-    if not none.size or remembered or friction.profile.convex:
+    weakens = none.size > 0 and not friction.profile.convex
+    if remembered or not discrete.vectors.largest(float(weakens))[0]:
         return acting
     static = friction.profile.subdifferential(none).upper
     return replace(acting, law=replace(acting.law, friction=replace(friction, profile=ABSOLUTE_VALUE.scaled(static))))

@@ -25,7 +25,7 @@ from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.stiffness import applied
 from hemivar.errors import MethodError
 from hemivar.evolution import Evolution, Mass
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices, dampings
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices, dampings, refuse_unmeasured
 from hemivar.fem.assembly import load_vector, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, relaxing, viscous
 from hemivar.fem.dynamics import moved_components
@@ -347,6 +347,7 @@ def discretize_on_ranks(
         index = np.flatnonzero(problem.contact.boundary == number)
         if ranks.total(float(index.size))[0]:
             blocks.append((name, index))
+    ranks.agree(lambda: refuse_unmeasured(evolution.problem.at_time(evolution.start), problem, tuple(blocks), False))
     evolution = replace(evolution, problem=evolution.problem)
     make = _Matrices(body, frame, at_start)
     return EvolutionOnRanks(

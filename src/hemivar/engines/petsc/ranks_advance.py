@@ -19,7 +19,14 @@ from hemivar.engines.petsc.solve import Saved, solve_distributed
 from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.evolution import Scheme, SelectionRule
 from hemivar.evolution.data_in_time import StatedData
-from hemivar.evolution.descent import MAX_FLOW_STEPS, TIGHT, Backoff, minimiser_on_pieces, regularising_viscosity
+from hemivar.evolution.descent import (
+    MAX_FLOW_STEPS,
+    TIGHT,
+    Backoff,
+    leads_on,
+    minimiser_on_pieces,
+    regularising_viscosity,
+)
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.stage import Stage
@@ -29,6 +36,7 @@ from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.laws import VectorLaw
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Solver, Status
 from hemivar.solvers.base import State
+from hemivar.solvers.status import STOPPED
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["MarginsOnRanks", "StageSolverOnRanks", "stepper_on_ranks"]
@@ -126,9 +134,11 @@ class StageSolverOnRanks(StageSolver):
             before, here = body.local(u), body.load + resistance * body.multiply(u)
             solution = self._solved(problem, slow.under(here, body.offset, law), u, tight)
             u = solution.unknowns
-            off = body.residual(u, solution.multiplier)
+            off, onward = body.residual(u, solution.multiplier), leads_on(solution, controls)
             solution = replace(solution, residual=off)
-            if off.below(controls.atol, controls.rtol) or solution.status is not Status.CONVERGED:
+            if off.below(controls.atol, controls.rtol) and solution.status not in STOPPED:
+                return replace(solution, status=Status.CONVERGED)
+            if not onward:
                 return solution
             after = body.local(u)
             softens = float((np.linalg.eigvalsh(law.linearise(after).hessian) < 0.0).any())
