@@ -157,3 +157,20 @@ def test_claims_of_the_certificate(tmp_path: Path) -> None:
     # a constant that is too small is found out
     assert said["too small"]["unique"] is None
     np.testing.assert_allclose(said["norms"], [5e200, 5e-200, 0.0, np.sqrt(2.0), np.inf])
+
+
+def test_a_body_on_which_nothing_acts_rests_and_says_so(tmp_path: Path) -> None:
+    text = """\
+        title = "block"
+        mesh = { rectangle = [2.0, 1.0], cells = [8, 4] }
+        material = { young = 1e3, poisson = 0.3 }
+        supports.left = { x = 0.0 }
+        contact.bottom = { normal = { law = "compliance", stiffness = 1e4 }, gap = 0.1 }
+        """
+    problem = _problem(tmp_path, text)
+    done = mpirun(2, "-m", "hemivar", "solve", problem, "--engine", "petsc", "-q", "--json", tmp_path / "r.json")
+    assert done.returncode == 0, done.stderr
+    record = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    assert record["status"] == "converged"
+    assert not np.array(record["displacement"]).any()
+    assert any("this state of rest is one of many equilibria" in said for said in record["warnings"])

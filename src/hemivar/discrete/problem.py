@@ -30,7 +30,7 @@ from hemivar.mesh.mesh import Mesh
 if TYPE_CHECKING:
     from hemivar.mechanics.statement_base import Statement
 
-__all__ = ["DiscreteProblem"]
+__all__ = ["DiscreteProblem", "pushes"]
 
 #: Entries of a trace must be below: its products with itself are taken.
 _LARGEST = 1e100
@@ -332,9 +332,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         """
         points = self.contact.points
         far = max(float(np.abs(place).max(initial=0.0)) for place in (self.offset, 0.0 if points is None else points))
-        r = np.where(np.abs(self.offset) <= _ROUNDED * far, 0.0, -self.offset)
-        zero = np.zeros_like(r)
-        return not self.load.any() and not (r.size and self.law.frozen(r, zero).distance(r, zero).any())
+        return not self.load.any() and not pushes(self.law, self.offset, far)
 
     @property
     def idle(self) -> str | None:
@@ -432,6 +430,22 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         if u.shape != (self.unknowns,):
             raise ProblemError(f"the unknowns have shape {u.shape}; this problem has {(self.unknowns,)}")
         return u
+
+
+def pushes(law: VectorLaw, offset: Array, far: float) -> bool:
+    """Whether a foundation must push a body that has not moved.
+
+    Parameters
+    ----------
+    law : VectorLaw
+    offset : array (m, c)
+        Gaps and slips of the contact points where they are.
+    far : float
+        Largest coordinate or gap: gaps below its rounding are none.
+    """
+    r = np.where(np.abs(offset) <= _ROUNDED * far, 0.0, -offset)
+    zero = np.zeros_like(r)
+    return bool(r.size and law.frozen(r, zero).distance(r, zero).any())
 
 
 def _check_law(law: VectorLaw, offset: Array) -> None:

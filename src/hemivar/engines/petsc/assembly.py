@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.contact import ContactPoints
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks, compliance_of
 from hemivar.engines.petsc.matrices import assembled, hold, near_null_space, row_sums
@@ -22,7 +21,7 @@ from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.stiffness import Stiffness
 from hemivar.engines.petsc.stored_on_ranks import StoredOnRanks
-from hemivar.engines.petsc.support_check import admissible_motions, check_held, supported, unrefined
+from hemivar.engines.petsc.support_check import admissible_motions, check_held, check_parts, supported
 from hemivar.errors import MethodError, ProblemError, SupportError
 from hemivar.fem.assembly import load_vector
 from hemivar.fem.discretize import friction_warning, refuse_evolution
@@ -139,13 +138,11 @@ def assemble(
         coarser=coarser,
         stored=None if stated.material.linear else StoredOnRanks(nodes, found.stored, float(stored), reaction),
     )
+    if check_coercivity:
+        apart = piece.parts > 1
+        told = check_parts(ranks, piece, state, evolving) if apart else check_held(body, admissible, moves)
+        body = replace(body, warnings=(*body.warnings, *told))
     _ = body.load_scale  # found by all ranks together, so that each may look at it alone
-    if check_coercivity and piece.parts > 1:
-        ranks.agree(
-            lambda: None if piece.whole is None else refuse_free_motion(unrefined(piece.whole, state, evolving))
-        )
-    elif check_coercivity:
-        check_held(body, admissible, moves)
     return body
 
 

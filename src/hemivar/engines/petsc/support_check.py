@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.coercivity.free_motion import describe, refuse
-from hemivar.coercivity.held_at_rest import geometric_slack
-from hemivar.coercivity.recession import Coercivity, CoercivityResult, RecessionFunction, decide, growth_along, rests
+from hemivar.coercivity.free_motion import describe, refuse, refuse_free_motion
+from hemivar.coercivity.held_at_rest import IDLE, geometric_slack
+from hemivar.coercivity.recession import Coercivity, RecessionFunction, decide, growth_along, rests
 from hemivar.coercivity.rigid_modes import admitted, rigid_basis
-from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.problem import DiscreteProblem, pushes
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.errors import ProblemError
@@ -24,10 +24,10 @@ from hemivar.mesh.mesh import Mesh
 if TYPE_CHECKING:
     from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 
-__all__ = ["admissible_motions", "check_held", "supported", "unrefined"]
+__all__ = ["admissible_motions", "check_held", "check_parts", "supported"]
 
 
-def unrefined(mesh: Mesh, state: Callable[[Mesh], ContactProblem], evolving: bool = False) -> DiscreteProblem:
+def _unrefined(mesh: Mesh, state: Callable[[Mesh], ContactProblem], evolving: bool = False) -> DiscreteProblem:
     """The serial problem on the unrefined mesh, where parts of a body are told from one another."""
     return discretize(state(mesh), check_coercivity=False, evolving=evolving)
 
@@ -46,7 +46,7 @@ def supported(
     def look() -> bool | None:
         if piece.whole is None:
             return None
-        model = unrefined(piece.whole, state, evolving).model
+        model = _unrefined(piece.whole, state, evolving).model
         return model.field is not None and model.free_motions.count == 0
 
     return bool(ranks.mpi.bcast(ranks.agree(look)))
@@ -70,10 +70,16 @@ def admissible_motions(
     return admitted(every), moves
 
 
-def check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> None:
-    """Refuse a body that is free to move, as the serial :func:`hemivar.discretize` does; the first rank decides."""
+def check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> tuple[str, ...]:
+    """Refuse a body that is free to move, as the serial :func:`hemivar.discretize` does; the first rank decides.
+
+    Returns
+    -------
+    tuple of str
+        What must be said of a body that is let pass.
+    """
     if not admissible.shape[1]:
-        return
+        return ()
     ranks = body.ranks
     rigid = moves @ admissible
     vectors = []
@@ -82,22 +88,40 @@ def check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> None:
     columns = np.stack(vectors, axis=1)
     load = body.load
     local = np.stack([body.spread(column[body.unknown]) for column in columns.T], axis=2)
-    rest, zero = -body.offset, np.zeros_like(body.offset)
-    pushed = rest.size > 0 and body.law.frozen(rest, zero).distance(rest, zero).any()
+    assert body.contact.points is not None
+    places = (np.abs(each).max(initial=0.0) for each in (body.offset, body.contact.points))
+    pushed = pushes(body.law, body.offset, float(ranks.largest(*places).max()))
     size = float(np.abs(load) @ np.abs(columns).max(axis=1, initial=0.0))
     *work, size, touched = ranks.total(*(columns.T @ load), size, float(pushed))
     own = growth_along(body.law, local, body.weights, np.array(work), float(size))
     slack = geometric_slack(body.contact.points, body.contact.weights)
     everywhere = ranks.mpi.gather((own.rows, own.up, own.down, own.cones, own.rates, slack), root=0)
-    hold = None
+    hold, idle = None, None
     if ranks.rank == 0:
         parts = list(zip(*everywhere, strict=True))
         rows, up, down, cones, rates = (np.concatenate(part) for part in parts[:5])
         whole = RecessionFunction(own.work, own.load, rows, up, down, cones, rates, max(parts[5]))
-        hold = CoercivityResult(Coercivity.HELD) if not touched and rests(whole) else decide(whole)
-    hold = ranks.mpi.bcast(hold, root=0)
+        hold = decide(whole)
+        idle = IDLE if hold.verdict is not Coercivity.HELD and not touched and rests(whole) else None
+    hold, idle = ranks.mpi.bcast((hold, idle), root=0)
+    if idle is not None:
+        return (idle,)
     motion = "" if hold.direction is None else describe(admissible @ hold.direction)
     try:
         refuse(hold, motion)
     except ProblemError as error:
         raise shared(error) from None
+    return ()
+
+
+def check_parts(ranks: Ranks, piece: Piece, state: Callable[[Mesh], ContactProblem], evolving: bool) -> tuple[str, ...]:
+    """As :func:`check_held`, of a body of several parts: on the unrefined mesh, where they are told apart."""
+
+    def look() -> tuple[str, ...]:
+        if piece.whole is None:
+            return ()
+        held = refuse_free_motion(_unrefined(piece.whole, state, evolving))
+        return tuple(said for said in (held.limit, held.idle) if said is not None)
+
+    told: tuple[str, ...] = ranks.mpi.bcast(ranks.agree(look))
+    return told
