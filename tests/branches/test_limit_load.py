@@ -11,6 +11,7 @@ import scipy.optimize
 import hemivar as hv
 from hemivar.branches import follow_path
 from hemivar.branches.path import PathEnd
+from hemivar.formula import Formula
 from hemivar.laws import PiecewiseQuadratic
 from tests import bodies
 
@@ -123,3 +124,27 @@ def test_a_law_that_falls_at_once_lets_go_at_single_points_on_every_mesh() -> No
     assert path.snapping is not None
     assert "however fine" in path.snapping
     assert all(fold.snaps for fold in path.folds)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+@pytest.mark.parametrize(("cells", "side"), [(4, "right"), (8, "right"), (8, "top")])
+def test_a_body_torn_off_that_slides_along_its_roller_bears_no_load(cells: int, side: str, unit: float) -> None:
+    """No stiffness is left but rounding: the load stands still, also where it acts at few points."""
+    area, strength = unit**2, Formula(f"2 + 8 * max(0, min(1, 10 * (20 - x / {unit!r})))")
+    glue = hv.Adhesive(
+        stiffness=1000.0 / area / unit,
+        strength=strength if unit == 1.0 else Formula(f"({strength.text}) / {area!r}"),
+        softening=400.0 / area / unit,
+        compression=1e4 / area / unit,
+    )
+    torn = hv.ContactProblem(
+        mesh=hv.rectangle((40.0 * unit, 10.0 * unit), (4 * cells, cells)),
+        material=hv.Material.young(70e3 / area, 0.33, plane="stress"),
+        contact={"bottom": hv.Contact(glue)},
+        supports={"left": "roller"},
+        tractions={side: (0.0, 5.0 / area)},
+    )
+    path = follow_path(torn, (0.0, 5.0))
+    assert path.ended in (PathEnd.UNBOUNDED, PathEnd.LOWER_END)
+    assert path.load_factor[-1] == pytest.approx(0.0, abs=1e-9)
+    assert path.limit_load is not None

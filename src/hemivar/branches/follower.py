@@ -205,8 +205,9 @@ class Follower:
         v[-1] /= self.load_unit
         moved = np.abs(v[:-1])
         v[:-1][moved < 1e-12 * moved.max(initial=0.0)] = 0.0
-        # A load that changes by less than the rounding of the forces does not change: the body moves freely.
-        if np.abs(self.force1 * v[-1]).max(initial=0.0) < ROUNDING * (np.abs(J) @ moved).max(initial=0.0):
+        # A load that changes by less than the rounding of the forces does not change: the body moves freely. At however
+        # few points the load acts, it takes up the rounding of all forces together.
+        if np.abs(self.force1 * v[-1]).sum() < ROUNDING * (np.abs(J) @ moved).sum():
             v[-1] = 0.0
         return np.asarray(v)
 
