@@ -31,6 +31,11 @@ def result_of(
     Returns
     -------
     Result
+
+    Raises
+    ------
+    ProblemError
+        ``work`` is no generator.
     """
     if not isinstance(work, Generator):
         raise ProblemError(

@@ -136,6 +136,11 @@ def diagnose(*, limit: float = 30.0) -> Generator[Phase, bool | None, Diagnosis]
     ------
     Phase
         What is looked at; the generator returns a :class:`Diagnosis`.
+
+    Raises
+    ------
+    ProblemError
+        ``limit`` is not a number of seconds above 0.
     """
     most = number(limit, "diagnose: limit", "give seconds")
     if not 0.0 < most < 1e9:
