@@ -11,14 +11,15 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import MethodError
+from tests.solvers import test_everyday as everyday
 
-everyday = pytest.importorskip("tests.solvers.test_everyday")
-KINDS = [kind.__name__ for kind in everyday.KINDS]
+PROBLEMS = {kind.__name__: kind for kind in everyday.KINDS}
+KINDS = list(PROBLEMS)
 
 
 def drawn(kind: str, seed: int, cells: int | None = None) -> hv.ContactProblem:
     draw = everyday.Draw.of(seed)
-    return getattr(everyday, kind)(draw if cells is None else replace(draw, cells=cells))  # type: ignore[no-any-return]
+    return PROBLEMS[kind](draw if cells is None else replace(draw, cells=cells))
 
 
 def grows(value: object) -> Callable[[Array, float], Array]:
