@@ -211,6 +211,15 @@ def test_the_margin_takes_each_component_with_its_own_alpha() -> None:
     assert hv.certificates.smallness(problem).margin == pytest.approx(0.5, rel=1e-6)
 
 
+def test_what_is_bonded_yet_is_pulled_where_floating_point_errors_are_raised() -> None:
+    """Downhill from rest, a small force meets the springs of the glue, and a large one tears it off."""
+    law, none = glue(), np.zeros((2, 2))
+    with np.errstate(all="raise"):
+        ends = law.downhill(np.full((2, 2), 1e3), np.array([[-1.0, 0.5], [-1e3, 500.0]]), none)
+    assert ends[0] == pytest.approx([-1.0 / (1e3 + STIFFNESS), 0.5 / (1e3 + RATIO**2 * STIFFNESS)])
+    assert ends[1] == pytest.approx([-1.0, 0.5])
+
+
 def test_results_do_not_change_with_units() -> None:
     """Newtons and millimetres, and kilonewtons and metres."""
     load = np.array([40.0, 30.0])

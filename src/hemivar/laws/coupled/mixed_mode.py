@@ -368,8 +368,8 @@ class MixedMode(CoupledLaw):
         places, rho, energies = self._opened(opens, a, b)
         problem, start = self._problem(opens, a, b), self.effective(r)[opens]
         valid = np.isfinite(energies)
-        pull = problem.secant(np.maximum(start, np.finfo(float).tiny)[:, None])[:, 0] * start
-        pull = np.where(start > 0.0, pull, np.inf)
+        within = np.maximum(start, 1e-16 * problem.knots[:, 0])  # at rest the whole force pulls
+        pull = problem.secant(within[:, None])[:, 0] * within
         rounding = (1e-13 * start)[:, None]
         after = np.where(valid & (rho >= start[:, None] - rounding), rho, np.inf)
         before = np.where(valid & (rho <= start[:, None] + rounding), rho, -np.inf)
