@@ -396,7 +396,7 @@ def test_formulas_end_after_bounded_work() -> None:
 
 @pytest.mark.parametrize("text", ["sqrt(abs(r))", "abs(r)^0.9", "(r^2)^0.45", "1/(r - 0.3)", "tan(r)", "max(r, 0)^0.5"])
 def test_slopes_without_bound_are_refused_with_their_place(text: str) -> None:
-    with pytest.raises(ProblemError, match=r"derivative of .* (is not finite|grows without bound) at r = "):
+    with pytest.raises(ProblemError, match=r"derivative of .* (is not finite|has a pole, or no value,) at r = "):
         FormulaLaw(text)
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.formula.graph import Graph, Leaf
 from hemivar.formula.intervals import ENCLOSED, Pair, mended, power
 
-__all__ = ["enclosed", "enclosed_on_boxes", "tail"]
+__all__ = ["enclosed", "enclosed_on_boxes", "enclosed_parts", "tail", "without_pole"]
 
 #: (c, p, q) for the bound ``exp(c) |r|^p exp(-q |r|)``.
 _Growth = tuple[float, float, float]
@@ -56,15 +56,92 @@ def enclosed_on_boxes(graph: Graph, node: int, sides: Mapping[str, Pair]) -> Pai
     lower, upper : arrays (k,)
         As :func:`enclosed`.
     """
+    own: Pair = (np.zeros(0), np.zeros(0))
+    for _, _, _, own in enclosed_parts(graph, node, sides):  # noqa: B007 - the last is that of the whole
+        pass
+    return own
+
+
+def enclosed_parts(
+    graph: Graph, node: int, sides: Mapping[str, Pair]
+) -> Iterator[tuple[str, tuple[int, ...], list[Pair], Pair]]:
+    """The parts of an expression in order: operation, arguments, the bounds of these and its own on boxes.
+
+    Parameters
+    ----------
+    graph, node, sides
+        As :func:`enclosed_on_boxes`.
+    """
     kept: dict[int, Pair] = {}
     low, high = next(iter(sides.values()))
-    with np.errstate(all="ignore"):
-        for i, op, arguments, leaf, done in graph.program(node):
-            one = sides[str(leaf)] if op == "name" else None
-            kept[i] = _one_enclosed(graph, op, leaf, arguments, kept, low, high) if one is None else one
-            for a in done:
-                del kept[a]
-    return kept[node]
+    for i, op, arguments, leaf, done in graph.program(node):
+        with np.errstate(all="ignore"):
+            one = sides[str(leaf)] if op == "name" else _one_enclosed(graph, op, leaf, arguments, kept, low, high)
+        yield op, arguments, [kept[a] for a in arguments], one
+        kept[i] = one
+        for a in done:
+            del kept[a]
+
+
+def without_pole(graph: Graph, node: int, sides: Mapping[str, Pair]) -> BoolArray:
+    """Whether every part of an expression is shown to be finite and continuous on boxes, but for its switches.
+
+    Parameters
+    ----------
+    graph : Graph
+    node : int
+    sides : mapping of name to pair of arrays (k,)
+        Ends of the boxes by variable, of which each may be infinite.
+
+    Returns
+    -------
+    array of bool (k,)
+    """
+    shown = np.ones(next(iter(sides.values()))[0].shape, dtype=bool)
+    if not any(_may_fail(graph, op, arguments) for _, op, arguments, _, _ in graph.program(node)):
+        return shown
+    for op, arguments, bounds, _ in enclosed_parts(graph, node, sides):
+        if _may_fail(graph, op, arguments):
+            exponent = float(graph.value(arguments[1], {})) if op == "^" and graph.constant(arguments[1]) else None
+            with np.errstate(invalid="ignore"):
+                shown &= _REGULAR[op](bounds, exponent)
+    return shown
+
+
+def _may_fail(graph: Graph, op: str, arguments: Sequence[int]) -> bool:
+    """Whether an operation has no value, or a pole, for some value of its arguments."""
+    if op == "^" and graph.constant(arguments[1]):
+        exponent = float(graph.value(arguments[1], {}))
+        return not (exponent >= 0.0 and exponent == round(exponent)) and not graph.constant(arguments[0])
+    return op in _REGULAR and not graph.constant(arguments[-1 if op == "/" else 0])
+
+
+def _power(bounds: Sequence[Pair], exponent: float | None) -> BoolArray:
+    low = bounds[0][0]
+    if exponent is None or (exponent < 0.0 and exponent != round(exponent)):
+        return np.asarray(low > 0.0)
+    return np.asarray(low >= 0.0) if exponent > 0.0 else _not_zero(bounds[0])
+
+
+def _not_zero(of: Pair) -> BoolArray:
+    return np.asarray((of[0] > 0.0) | (of[1] < 0.0))
+
+
+def _one_branch(bounds: Sequence[Pair], _: float | None) -> BoolArray:
+    """Whether a tangent stays between two of its poles."""
+    low, high = bounds[0]
+    margin = 1e-14 * (1.0 + np.maximum(np.abs(low), np.abs(high)))
+    first, last = np.floor((low - margin) / np.pi + 0.5), np.floor((high + margin) / np.pi + 0.5)
+    return np.asarray((first == last) & (margin < 0.1))
+
+
+_REGULAR: Mapping[str, Callable[[Sequence[Pair], float | None], BoolArray]] = {
+    "/": lambda bounds, _: _not_zero(bounds[1]),
+    "^": _power,
+    "tan": _one_branch,
+    "log": lambda bounds, _: np.asarray(bounds[0][0] > 0.0),
+    "sqrt": lambda bounds, _: np.asarray(bounds[0][0] >= 0.0),
+}
 
 
 def _one_enclosed(

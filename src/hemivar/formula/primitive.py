@@ -50,7 +50,8 @@ class Primitive:
         bend, kept = slope.derivative(), []
         for halving in range(_HALVINGS):
             fine = _gauss(slope, low, high, _FINE)
-            apart = np.abs(fine - _gauss(slope, low, high, _COARSE))
+            with np.errstate(invalid="ignore"):  # where both are infinite, far out
+                apart = np.abs(fine - _gauss(slope, low, high, _COARSE))
             size = _gauss(slope, low, high, _FINE, absolute=True)
             of_bend = _gauss(bend, low, high, _FINE, absolute=True)
             more = halving < _HALVINGS - 1 and low.size < _MOST_PARTS

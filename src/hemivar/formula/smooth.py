@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.formula.enclosure import enclosed, tail
+from hemivar.formula.enclosure import enclosed, tail, without_pole
 from hemivar.formula.graph import Graph
 
-__all__ = ["WIDE", "SmoothFormula", "Supremum", "graded", "supremum_of_pieces"]
+__all__ = ["WIDE", "SmoothFormula", "Supremum", "graded", "inner_place", "parts_of", "supremum_of_pieces"]
 
 #: How much farther than the reach zeros are found of functions that are linear.
 WIDE = 1e6
@@ -97,6 +97,17 @@ class SmoothFormula:
         """Bounds over intervals ``[low, high]``, arrays (k,); see :func:`hemivar.formula.enclosure.enclosed`."""
         return enclosed(self.graph, self.node, np.asarray(low, dtype=float), np.asarray(high, dtype=float))
 
+    def without_pole(self, low: Array, high: Array) -> BoolArray:
+        """Whether it is shown to be finite and continuous on intervals ``[low, high]``, arrays (k,)."""
+        return without_pole(self.graph, self.node, {self.variable: (low, high)})
+
+    def _continuous(self, low: Array, high: Array, below: Array, above: Array) -> BoolArray:
+        """The same, told by finite bounds of the slope: only there its sign says that the function rises or falls."""
+        shown = np.isfinite(below) & np.isfinite(above)
+        if not shown.all():
+            shown[~shown] = self.without_pole(low[~shown], high[~shown])
+        return shown
+
     def zeros(self, reach: float) -> Array | None:
         """All zeros in ``[-reach, reach]`` (far beyond if the function is linear), increasing; None if too many.
 
@@ -148,6 +159,7 @@ class SmoothFormula:
             low, high, below, above = low[here], high[here], below[here], above[here]
             least, largest = slope.enclosed(low, high)
             monotone = (least > 0.0) | (largest < 0.0)
+            monotone[monotone] = self._continuous(*(x[monotone] for x in (low, high, least, largest)))
             brackets.append((low[monotone], high[monotone]))
             going = ~monotone & ~self._rounding(low, high, below, above)
             low, high = low[going], high[going]
@@ -219,7 +231,7 @@ class SmoothFormula:
         is an absolute accuracy that is good enough.
         """
         slope = self.derivative()
-        left, right = _parts(np.asarray(low, dtype=float), np.asarray(high, dtype=float), reach)
+        left, right = parts_of(np.asarray(low, dtype=float), np.asarray(high, dtype=float), reach)
         seen, place = at_least, float(left[0]) if np.isfinite(left[0]) else 0.0
         done = at_least
         waiting = (np.zeros(0), np.zeros(0), np.zeros(0))
@@ -246,10 +258,7 @@ class SmoothFormula:
             now = upper >= (top if top == np.inf else 1e-3 * top if top > 0.0 else -np.inf)
             waiting = (left[~now], right[~now], upper[~now])
             left, right, upper = left[now], right[now], upper[now]
-            middle = _middle(left, right)
-            middle = np.where(
-                np.isinf(left), 2.0 * right - reach, np.where(np.isinf(right), 2.0 * left + reach, middle)
-            )
+            middle = inner_place(left, right, reach)
             small = np.maximum(1e-13 * np.maximum(np.abs(left), np.abs(right)), 1e-18 * reach)
             stuck = (middle <= left) | (middle >= right) | (np.abs(middle) > 1e9 * reach) | (right - left <= small)
             if left.size > _MOST_PARTS or self.graph.work > _MOST_WORK:
@@ -273,8 +282,11 @@ class SmoothFormula:
             at_left, at_middle, at_right = np.split(self.enclosed(points, points)[1], 3)
             form = at_middle + np.maximum(np.abs(below), np.abs(above)) * 0.5000001 * (right - left)
             upper = np.fmin(upper, np.where(np.isfinite(form), form, np.inf))
-            upper = np.where((below >= 0.0) & np.isfinite(right), np.fmin(upper, at_right), upper)
-            return np.where((above <= 0.0) & np.isfinite(left), np.fmin(upper, at_left), upper)
+            rises, falls = (below >= 0.0) & np.isfinite(right), (above <= 0.0) & np.isfinite(left)
+            one_way = rises | falls
+            one_way[one_way] = self._continuous(*(x[one_way] for x in (left, right, below, above)))
+            upper = np.where(rises & one_way, np.fmin(upper, at_right), upper)
+            return np.where(falls & one_way, np.fmin(upper, at_left), upper)
 
 
 def graded(low: Array, high: Array) -> tuple[Array, Array]:
@@ -300,7 +312,13 @@ def _middle(left: Array, right: Array) -> Array:
         )
 
 
-def _parts(low: Array, high: Array, reach: float) -> tuple[Array, Array]:
+def inner_place(left: Array, right: Array, reach: float) -> Array:
+    """A place inside of the intervals ``[left, right]``, arrays (k,), of which one end may be infinite."""
+    middle = _middle(left, right)
+    return np.where(np.isinf(left), 2.0 * right - reach, np.where(np.isinf(right), 2.0 * left + reach, middle))
+
+
+def parts_of(low: Array, high: Array, reach: float) -> tuple[Array, Array]:
     """The intervals, those without end cut in pieces that grow outwards."""
     steps = np.array([0.0, 0.1, 1.0, 10.0, 1e3, 1e5]) * reach
     finite = np.isfinite(high - low)

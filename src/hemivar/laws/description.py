@@ -108,7 +108,8 @@ class LawDescription:
             return "jumps down"
         if math.isinf(self.alpha):
             return "falls without bound"
-        return f"{'weakly convex' if self.alpha > 0.0 else 'convex'}{' within the reach' if self.falls_far_out else ''}"
+        within = self.falls_far_out or 0.0 < self.alpha_reach < math.inf
+        return f"{'weakly convex' if self.alpha > 0.0 else 'convex'}{' within the reach' if within else ''}"
 
     @property
     def lines(self) -> tuple[str, ...]:

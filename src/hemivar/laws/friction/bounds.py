@@ -22,6 +22,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
+from hemivar.formula.poles import Pole, pole_of_pieces
 from hemivar.formula.smooth import WIDE, supremum_of_pieces
 from hemivar.laws.parameters import evaluate
 
@@ -294,6 +295,13 @@ def _check_rows(s: Array, bound: Array) -> None:
         raise ProblemError(f"friction bound, row {row + 1}: {words(row)}")
 
 
+def _refuse_pole(formula: ScalarFormula, found: Pole | None) -> None:
+    """Refuse a formula for a place that was found."""
+    if found is not None and found.sure:
+        where = "; write max(s, 0) for s where there is no contact" if found.place < 0.0 else ""
+        raise ProblemError(f"{formula.shown} {found.words('s')}{where}")
+
+
 def _proved(formula: ScalarFormula, reach: float) -> tuple[float, bool]:
     """A Lipschitz constant of a formula and whether it holds everywhere, or within the reach only.
 
@@ -303,12 +311,15 @@ def _proved(formula: ScalarFormula, reach: float) -> tuple[float, bool]:
     ends = np.concatenate([[-np.inf], switches, [np.inf]])
     inner = np.concatenate([[-2.0 * WIDE * reach], switches, [2.0 * WIDE * reach]])
     branches = formula.branches(0.5 * (inner[1:] + inner[:-1]))
+    near = np.clip(ends, -reach, reach)
+    _refuse_pole(formula, pole_of_pieces(branches, near, reach))
     for i, place in enumerate(switches):
         at = np.array([place])
         left, right = (max(float(branch(at)[0]), 0.0) for branch in branches[i : i + 2])
+        if abs(place) <= reach and not np.isfinite([left, right]).all():
+            _refuse_pole(formula, Pole(float(place), True))
         if not abs(right - left) <= 1e-9 * (abs(left) + abs(right)) + 1e-300:
             return np.inf, True
-    near = np.clip(ends, -reach, reach)
     first, last = np.searchsorted(switches, 0.0, side="right"), np.searchsorted(switches, reach, side="left")
     contact, pushed = branches[first : last + 1], np.clip(ends[first : last + 2], 0.0, reach)
     lowest = supremum_of_pieces(contact, pushed, reach, order=0, sign=-1.0)

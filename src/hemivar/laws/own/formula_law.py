@@ -15,6 +15,7 @@ from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
+from hemivar.formula.poles import Pole, pole_of_pieces
 from hemivar.formula.primitive import Primitive
 from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, supremum_of_pieces
 from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
@@ -33,6 +34,8 @@ _FEW_FAR = 20
 _FAR_WORK = 2e6
 #: How much farther than the reach a potential is integrated to rounding; beyond over parts that double.
 _FAR_INTEGRAL = 1e3
+#: A pole nearer to a turn than this part of its distance to zero is the turn itself.
+_NEAR = 1e-13
 _EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"
 
 
@@ -116,6 +119,7 @@ class _FormulaLaw(OwnLaw):
             bends = np.abs(bend(np.concatenate([places, turns])))
             seen = max(seen, float(bends[np.isfinite(bends)].max(initial=0.0)))
             knots.append(turns)
+        self._refuse_pole()
         if not self.order:
             check_joined(shown, switches, [plain[branch.node] for branch in branches], self.reach)
         table = np.unique(np.concatenate(knots))
@@ -173,14 +177,20 @@ class _FormulaLaw(OwnLaw):
         sides = [sign for sign, far in ((-1.0, low), (1.0, high)) if np.isinf(far).any()]
         taken = [found, third.sign_changes(*rest), *_beyond(third, reach, sides)]
         turns = np.concatenate(taken)
+        near = _NEAR * np.abs(turns)
+        turns = turns[third.without_pole(turns - near, turns + near)]  # a sign that changes through a pole is no turn
         return np.where(np.abs(turns) > _ZERO * reach, turns, 0.0), not rest[0].size
 
-    def _supremum(self, order: int, sign: float, within: float = np.inf, slack: float = 0.0) -> Supremum:
-        """Enclosed supremum of ``sign`` times a derivative over all pieces, up to |r| = ``within``."""
+    def _pieces_within(self, within: float) -> tuple[Array, list[SmoothFormula]]:
+        """Ends of the pieces between switches up to |r| = ``within``, and the functions on them."""
         switches, branches, _ = self._branches
         ends = np.clip(np.concatenate([[self._start], switches, [np.inf]]), -within, within)
         used = np.flatnonzero(ends[:-1] < ends[1:])
-        ends, branches = ends[used[0] : used[-1] + 2], [branches[i] for i in used]
+        return ends[used[0] : used[-1] + 2], [branches[i] for i in used]
+
+    def _supremum(self, order: int, sign: float, within: float = np.inf, slack: float = 0.0) -> Supremum:
+        """Enclosed supremum of ``sign`` times a derivative over all pieces, up to |r| = ``within``."""
+        ends, branches = self._pieces_within(within)
         return supremum_of_pieces(branches, ends, self.reach, order=order - self.order, sign=sign, slack=slack)
 
     @property
@@ -197,6 +207,19 @@ class _FormulaLaw(OwnLaw):
                     f"{self._bend} {self._formula.shown} turns at r = {found.place:.6g} within too short a length "
                     f"for the reach {self.reach:g}; take a smaller reach, or a kink in place of the turn"
                 )
+
+    def _pole(self, within: float) -> Pole | None:
+        """A place up to |r| = ``within`` where the derivative is not shown to be continuous, but for ends of pieces."""
+        ends, branches = self._pieces_within(within)
+        slopes = branches if self.order else [branch.derivative() for branch in branches]
+        return pole_of_pieces(slopes, ends, self.reach)
+
+    def _refuse_pole(self) -> None:
+        """Refuse a derivative that has a pole, or no value, within the reach."""
+        found = self._pole(self.reach)
+        if found is not None and found.sure:
+            what = "" if self.order else "the derivative of "
+            raise ProblemError(f"{what}{self._formula.shown} {found.words('r')}")
 
     def _check_slopes(self) -> None:
         """Refuse a derivative that grows without bound at some place within the reach."""
@@ -246,7 +269,8 @@ class _FormulaLaw(OwnLaw):
         scale = float(np.max(np.abs(bend), initial=0.0))
         found = self._supremum(2, -1.0, within, slack=1e-12 * scale)
         seen = max(float(-np.min(bend, initial=0.0)), found.seen)
-        return found.bound if seen <= found.bound <= 1.01 * seen + 1e-6 * scale else np.inf
+        close = seen <= found.bound <= 1.01 * seen + 1e-6 * scale
+        return found.bound if close and self._pole(within) is None else np.inf
 
     def weak_convexity_within(self, reach: float) -> Array:
         return np.array([self._alpha if reach == self.alpha_reach else self._alpha_within(reach)])
@@ -273,6 +297,9 @@ class _FormulaLaw(OwnLaw):
         proved, seen = max(one.bound for one in found), max(one.seen for one in found)
         if self._branches[2] and proved <= 1.01 * seen:
             return (proved, 0.0), False
+        pole = self._pole(np.inf) if proved == np.inf else None
+        if pole is not None and pole.sure:
+            return (np.inf, np.inf), False
         return sampled, True
 
     @property

@@ -1,0 +1,137 @@
+"""Poles of formulas: found with their place, which is known in closed form, or refused as an argument of a proof."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.errors import ProblemError
+from hemivar.formula import ScalarFormula
+from hemivar.formula.poles import pole_of_pieces
+from hemivar.formula.smooth import SmoothFormula
+from hemivar.laws import FormulaLaw, PenetrationBound
+
+#: Formulas whose derivative is nowhere negative, and the pole nearest to zero.
+RISING_WITH_POLE = {
+    "1/(1 - r)": 1.0,
+    "(1 - r)^(-1)": 1.0,
+    "1/(pi - r)": math.pi,
+    "tan(r)": 0.5 * math.pi,
+    "exp(-1/r)": 0.0,
+    "tanh(-1/r)": 0.0,
+    "1/(1 + exp(1/r))": 0.0,
+    "-1/(exp(r) - 2)": math.log(2.0),
+    "-1/(r^3 + 2)": -(2.0 ** (1.0 / 3.0)),
+    "r/1000 + tan(40*r)/1e9": math.pi / 80.0,
+}
+#: Formulas without a pole, though they divide, take roots, powers and logarithms.
+HARMLESS = (
+    "r/(1 + r^2)",
+    "r/sqrt(r^2 + 1e-12)",
+    "log(1 + exp(r))",
+    "r/(abs(r) + 1e-3)",
+    "max(r, 0)^1.5",
+    "sqrt(max(3*r - 0.3, 0))",
+    "r/(r*r + 1e-30)/1e18",
+    "r/(2 + sin(5*r))",
+    "tan(tanh(r))",
+    "2^r/1000",
+    "piecewise((0, r <= 0), (exp(-1/r), True))",
+)
+
+
+def smooth(text: str) -> SmoothFormula:
+    return ScalarFormula(text).branch(0.5)
+
+
+@pytest.mark.parametrize("text", RISING_WITH_POLE)
+def test_a_derivative_with_a_pole_is_refused_with_its_place(text: str) -> None:
+    place = RISING_WITH_POLE[text]
+    with pytest.raises(ProblemError, match=rf"a pole, or no value, at r = {place:.6g}:".replace(".", r"\.")) as caught:
+        FormulaLaw(derivative=text)
+    assert ("a reach below" in str(caught.value)) == (place != 0.0)
+
+
+@pytest.mark.parametrize("text", HARMLESS)
+def test_formulas_without_a_pole_are_taken(text: str) -> None:
+    FormulaLaw(derivative=text)
+
+
+@pytest.mark.parametrize("text", ["-sqrt(r^2)", "-((r - 1)^2)^0.5", "(r^2)^0.75"])
+def test_a_root_that_hides_a_kink_is_refused(text: str) -> None:
+    """The first two are concave at a kink, where the second derivative in symbols is zero on either side."""
+    with pytest.raises(ProblemError, match="a pole, or no value"):
+        FormulaLaw(text)
+
+
+def test_bounds_and_zeros_do_not_pass_through_a_pole() -> None:
+    """The slope of tan is positive, yet its value at the end bounds nothing, and where its sign differs is no zero."""
+    ends = np.array([0.0]), np.array([3.0])
+    for sign in (1.0, -1.0):
+        one = smooth("tan(r)") if sign > 0.0 else smooth("tan(r)").negative()
+        assert one.supremum(*ends, 3.0, 0.0).bound == np.inf
+    zeros = smooth("tan(r) - 0.5").zeros(6.0)
+    exact = math.atan(0.5) + np.pi * np.arange(-2, 2)
+    for place in exact[np.abs(exact) < 6.0]:
+        assert zeros is None or np.abs(zeros - place).min() < 1e-12
+
+
+@pytest.mark.parametrize("text", RISING_WITH_POLE)
+def test_the_nearest_pole_is_found_between_ends(text: str) -> None:
+    one = smooth(text)
+    found = pole_of_pieces([one], np.array([-10.0, 10.0]), 10.0)
+    assert found is not None
+    assert found.sure
+    assert found.place == pytest.approx(RISING_WITH_POLE[text], rel=1e-12, abs=1e-14)
+    beside = (1.0 - 1e-9) * abs(found.place)
+    if beside:
+        assert pole_of_pieces([one], np.array([-beside, beside]), 10.0) is None
+
+
+def one_unknown(law: hv.laws.Superpotential, force: float) -> hv.DiscreteProblem:
+    """``r + j'(r) = force``."""
+    return hv.DiscreteProblem.of_arrays(
+        stiffness=[[1.0]],
+        load=[force],
+        trace=[[1.0]],
+        weights=[1.0],
+        gap=[0.0],
+        law=hv.laws.ContactLaw(law).at(None),
+    )
+
+
+@pytest.mark.parametrize(("pole", "reach"), [(1.0, 0.9), (20.0, 10.0)])
+def test_a_pole_beyond_the_reach_leaves_no_claim_beyond_it(pole: float, reach: float) -> None:
+    """``r + 1/(p - r) = f`` has the roots ``((p + f) -+ sqrt((p - f)^2 + 4))/2``, one of them behind the pole."""
+    force = 0.4
+    law = FormulaLaw(derivative=f"1/({pole} - r)", reach=reach)
+    assert law.alpha_reach == reach
+    assert law.describe().law_class == "convex within the reach"
+    assert np.isinf(law.weak_convexity_within(2.0 * pole)[0])
+    assert np.isinf(law.growth[0][0])
+    near, far = (0.5 * (pole + force + s * math.sqrt((pole - force) ** 2 + 4.0)) for s in (-1.0, 1.0))
+    for root in (near, far):
+        assert root + 1.0 / (pole - root) == pytest.approx(force)
+    solution = hv.solve(one_unknown(law, force))
+    assert solution.penetration[0] == pytest.approx(near)
+    assert "within the reach" in str(solution.certify())
+    assert solution.certify().unique is not True
+    found = hv.find_solutions(one_unknown(law, force), starts=3)
+    assert "perhaps not all" in str(found)
+    assert min(abs(one.penetration[0] - near) for one in found.solutions) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("text", "place"), [("1/(1 - s)^2", "1"), ("1/abs(1 - s)", "1"), ("0.3/(1 + s)", "-1"), ("tan(s)^2", r"1\.5708")]
+)
+def test_friction_bounds_with_a_pole_are_refused_with_its_place(text: str, place: str) -> None:
+    with pytest.raises(ProblemError, match=f"friction bound: .* a pole, or no value, at s = {place}:"):
+        PenetrationBound(text)
+
+
+def test_a_friction_bound_of_the_contact_alone_is_taken() -> None:
+    """0.3 / (1 + s) is steepest at s = 0."""
+    assert PenetrationBound("0.3/(1 + max(s, 0))").lipschitz[0] == pytest.approx(0.3, rel=1e-6)
