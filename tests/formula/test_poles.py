@@ -9,10 +9,10 @@ import pytest
 
 import hemivar as hv
 from hemivar.errors import ProblemError
-from hemivar.formula import ScalarFormula
+from hemivar.formula import Formula, ScalarFormula
 from hemivar.formula.poles import pole_of_pieces
 from hemivar.formula.smooth import SmoothFormula
-from hemivar.laws import FormulaLaw, PenetrationBound
+from hemivar.laws import CoupledFormulaLaw, FormulaLaw, PenetrationBound
 
 #: Formulas whose derivative is nowhere negative, and the pole nearest to zero.
 RISING_WITH_POLE = {
@@ -135,3 +135,56 @@ def test_friction_bounds_with_a_pole_are_refused_with_its_place(text: str, place
 def test_a_friction_bound_of_the_contact_alone_is_taken() -> None:
     """0.3 / (1 + s) is steepest at s = 0."""
     assert PenetrationBound("0.3/(1 + max(s, 0))").lipschitz[0] == pytest.approx(0.3, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("r^2 + s^2 + 1/(1 - r)", "r = 1, s"),
+        ("r^2 + s^2 + 0.01/(s - 0.777)^2", "s = 0.777:"),
+        ("r^2 + s^2 + 1e-4*tanh(1/(r - 1.23456))", "r = 1.23456, s"),
+        ("r^2 + s^2 - log(abs(1.23456 - r))", "r = 1.23456, s"),
+    ],
+)
+def test_coupled_formulas_with_a_pole_are_refused_with_its_place(text: str, place: str) -> None:
+    with pytest.raises(ProblemError, match="a pole, or no value, at .*" + place.replace(".", r"\.")):
+        CoupledFormulaLaw(text, reach=2.0)
+
+
+@pytest.mark.parametrize("text", ["sqrt(r^2 + s^2 + 0.01)", "piecewise((r^2 + s^2, r < 0), (r^2 + s^2 + r^2.5, True))"])
+def test_coupled_formulas_without_a_pole_are_taken(text: str) -> None:
+    CoupledFormulaLaw(text, reach=2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("tr^2 + dev2 + 0.001*tan(100*tr)^2", r"tr = -?0\.0(157080|471239|785398),"),
+        ("tr^2 + dev2 - log(abs(0.05 - tr)) + log(0.05) - 20*tr", r"tr = 0\.05,"),
+        ("tr^2 + dev2 + dev2/(0.002 - dev2)", r"dev2 = 0\.002:"),
+        ("exx^2 + eyy^2 + 2*exy^2 + 1e-3*exx^2/(0.0512345 - exx)", r"exx = 0\.0512345,"),
+    ],
+)
+def test_materials_with_a_pole_are_refused_with_its_place(text: str, place: str) -> None:
+    with pytest.raises(ProblemError, match="energy: .* a pole, or no value, at .*" + place):
+        hv.Material.potential(text, reach=0.1)
+
+
+def test_a_material_whose_pole_lies_beyond_the_reach_is_taken() -> None:
+    """The volume grows by sqrt(3) times the reach at most: the pole of the logarithm at 0.2 is not met."""
+    hv.Material.potential("tr^2 + dev2 - log(0.2 - tr) + log(0.2) - 5*tr", reach=0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [("1/(1 - t)", "1"), ("1/abs(t - 1)", "1"), ("tan(t)", r"1\.5708"), ("exp(1/(t - 0.3))", r"0\.3")],
+)
+def test_loads_with_a_pole_in_time_are_refused_with_its_time(text: str, place: str) -> None:
+    with pytest.raises(ProblemError, match=f"a pole, or no value, at t = {place}:"):
+        Formula(text).refuse_pole_in_time(0.0, 2.0)
+
+
+@pytest.mark.parametrize("text", ["1/(1 - t)", "min(t, 1)", "1/t", "sqrt(t)", "x/(1 - t)"])
+def test_loads_without_a_pole_in_time_are_taken(text: str) -> None:
+    """One at an end is met by the values themselves."""
+    Formula(text).refuse_pole_in_time(0.0, 1.0)

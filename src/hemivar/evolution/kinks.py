@@ -27,12 +27,18 @@ def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[
     statement : ContactProblem or the like, or a tuple of some
         Formulas are looked for in its fields; functions in Python tell nothing.
     start, until : float
+
+    Raises
+    ------
+    ProblemError
+        A formula of t alone has a pole in between.
     """
     found: list[float] = []
     doubts: list[str] = []
     for formula in dict.fromkeys(_formulas(statement, 0)):
         if "t" not in formula.variables:
             continue
+        formula.refuse_pole_in_time(start, until)
         times, sure = formula.kinks_in_time(start, until)
         if times.size > _MOST:
             doubts.append(

@@ -11,6 +11,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.expansion import Expansion, expansion
 from hemivar.formula.graph import Graph
+from hemivar.formula.poles import pole_of_pieces
 from hemivar.formula.reader import TIME, VARIABLES, Reader, shown
 from hemivar.formula.slopes import slopes
 from hemivar.formula.smooth import SmoothFormula
@@ -89,6 +90,26 @@ class Formula:
         except ProblemError:
             return np.zeros(0), False
         return found[(found > start) & (found < end)], switches.sure
+
+    def refuse_pole_in_time(self, start: float, end: float) -> None:
+        """Refuse a formula of t alone that has a pole, or no value, between two times.
+
+        Raises
+        ------
+        ProblemError
+            With the time.
+        """
+        reach = max(abs(start), abs(end))
+        if self.variables != frozenset({TIME}) or not 0.0 < reach < np.inf:
+            return
+        name = f"{self._prefix}formula '{shown(self.text)}'"
+        places = Switches(self._graph, TIME, reach, name).breaks(self._node)
+        ends = np.concatenate([[start], places[(places > start) & (places < end)], [end]])
+        nodes = self._graph.branches(self._node, TIME, 0.5 * (ends[1:] + ends[:-1])).tolist()
+        pieces = [SmoothFormula(self._graph, node, TIME) for node in nodes]
+        found = pole_of_pieces(pieces, ends, reach)
+        if found is not None and found.sure:
+            raise ProblemError(f"{name} {found.words(TIME, 'an end of the time')}")
 
     def __call__(self, points: Array, t: float | None = None) -> Array:
         """Values at points, and at a time if the formula uses t.

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
+from hemivar.formula.enclosure import without_pole
+from hemivar.formula.graph import Graph
 from hemivar.formula.smooth import SmoothFormula, inner_place, parts_of
 
-__all__ = ["Pole", "pole_of_pieces"]
+__all__ = ["Pole", "pole_in_box", "pole_of_pieces", "pole_words"]
 
-#: Parts that are looked at for one question, and at once.
-_MOST_PARTS, _AT_ONCE = 20_000, 256
+#: Parts that are looked at for one question, and at once, and boxes at once: few, so that one is soon small.
+_MOST_PARTS, _MOST_BOXES, _AT_ONCE, _BOXES = 20_000, 5_000, 256, 16
 #: A part that is not wider than this part of its distance to zero, or of the reach, is one place.
 _NARROW, _NARROWEST = 1e-13, 1e-18
 #: Parts nearer than this to the end of a piece, relative to their distance to zero and the reach, touch it.
@@ -36,19 +38,25 @@ class Pole:
     place: float
     sure: bool
 
-    def words(self, variable: str) -> str:
-        """What a message says after the name of the formula."""
-        nearer = f", or a reach below {abs(self.place):.6g}" if self.place else ""
-        return (
-            f"has a pole, or no value, at {variable} = {self.place:.6g}: a part of it divides by zero there, or leaves "
-            f"its domain; give a formula without it{nearer}"
-        )
+    def words(self, variable: str, limit: str = "a reach") -> str:
+        """What a message says after the name of the formula; ``limit`` is what may be smaller."""
+        nearer = f", or {limit} below {abs(self.place):.6g}" if self.place else ""
+        return pole_words({variable: self.place}) + nearer
+
+
+def pole_words(at: Mapping[str, float]) -> str:
+    """What a message says after the name of a formula that has a pole at a place."""
+    where = ", ".join(f"{name} = {value:.6g}" for name, value in at.items())
+    return (
+        f"has a pole, or no value, at {where}: a part of it divides by zero there, or leaves its domain; give a "
+        "formula without it"
+    )
 
 
 def pole_of_pieces(branches: Sequence[SmoothFormula], ends: Array, reach: float) -> Pole | None:
     """A place inside the pieces of a function at which it is not shown to be continuous; None if there is none.
 
-    The ends of the pieces are left out: what the function does there its values and bounds tell.
+    At the ends of the pieces it is only asked whether the values are finite, at the outer ones nothing.
 
     Parameters
     ----------
@@ -59,6 +67,9 @@ def pole_of_pieces(branches: Sequence[SmoothFormula], ends: Array, reach: float)
     reach : float
     """
     doubt = None
+    for i, place in enumerate(ends[1:-1].tolist()):
+        if not np.isfinite([branch(np.array(place)) for branch in branches[i : i + 2]]).all():
+            return Pole(place, True)
     for node in dict.fromkeys(branch.node for branch in branches):
         here = np.array([i for i, branch in enumerate(branches) if branch.node == node])
         found = _pole(branches[here[0]], ends[here], ends[here + 1], reach)
@@ -101,3 +112,50 @@ def _pole(smooth: SmoothFormula, low: Array, high: Array, reach: float) -> Pole 
 def _distance(low: Array, high: Array) -> Array:
     """From zero to the intervals ``[low, high]``."""
     return np.maximum(np.maximum(low, -high), 0.0)
+
+
+def pole_in_box(
+    graph: Graph, node: int, sides: Mapping[str, tuple[float, float]], inside: Callable[[Array], BoolArray]
+) -> dict[str, float] | None:
+    """A place in a box at which an expression of several variables has a pole or no value; None if none was found.
+
+    Parameters
+    ----------
+    graph, node
+    sides : mapping of name to pair of float
+        Ends of the box, finite.
+    inside : callable
+        Whether points (k, d) count; a part counts where the point of it that is nearest to zero does.
+    """
+    names, ends = list(sides), np.array(list(sides.values()))
+    left, right = ends[None, :, 0], ends[None, :, 1]
+    narrow = _NARROW * (ends[:, 1] - ends[:, 0])
+    looked_at = 0
+    while left.size and looked_at <= _MOST_BOXES:
+        left, first = left[:-_BOXES], left[-_BOXES:]
+        right, last = right[:-_BOXES], right[-_BOXES:]
+        boxes = dict(zip(names, zip(first.T, last.T, strict=True), strict=True))
+        open_ = inside(np.clip(0.0, first, last)) & ~without_pole(graph, node, boxes)
+        first, last = first[open_], last[open_]
+        looked_at += len(boxes[names[0]][0])
+        small = ((last - first) <= narrow).all(axis=1)
+        for low, high in zip(first[small], last[small], strict=True):
+            if _in_all_branches(graph, node, names, low, high):
+                middle = 0.5 * (low + high)
+                at = np.where(np.abs(middle) > 10.0 * narrow, middle, 0.0)
+                return dict(zip(names, at.tolist(), strict=True))
+        first, last = first[~small], last[~small]
+        rows, side = np.arange(len(first)), np.argmax((last - first) / narrow, axis=1)
+        cut = 0.5 * (first[rows, side] + last[rows, side])
+        first_end, last_start = last.copy(), first.copy()
+        first_end[rows, side] = last_start[rows, side] = cut
+        left, right = np.concatenate([left, first, last_start]), np.concatenate([right, first_end, last])
+    return None
+
+
+def _in_all_branches(graph: Graph, node: int, names: Sequence[str], low: Array, high: Array) -> bool:
+    """Whether every branch that holds in a corner of a box has a pole in it: else it may lie where another holds."""
+    corners = np.array(np.meshgrid(*np.column_stack([low, high]), indexing="ij")).reshape(len(names), -1)
+    found = np.unique(graph.branches_at(node, dict(zip(names, corners, strict=True)))).tolist()
+    boxes = {name: (low[i : i + 1], high[i : i + 1]) for i, name in enumerate(names)}
+    return not any(without_pole(graph, branch, boxes)[0] for branch in found)

@@ -11,6 +11,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.curvature import enclosed_range
 from hemivar.formula.graph import Graph
+from hemivar.formula.poles import pole_in_box, pole_words
 from hemivar.formula.reader import Reader, shown
 from hemivar.mechanics.energy_bounds import (
     FoundRange,
@@ -102,6 +103,7 @@ class FormulaEnergy(InvariantEnergy):
         super().__post_init__()
         zero = self.invariants(np.zeros((1, 3)), np.zeros(1), np.zeros(1))
         refuse_at_zero(self.text, float(zero.value[0]), float(abs(zero.p[0])))
+        _refuse_pole(self.text, graph, node, {"tr": np.sqrt(3.0) * self.reach, "dev2": self.reach**2}, {"dev2": 0.0})
         object.__setattr__(self, "_bounds", self._found())
 
     @property
@@ -208,6 +210,21 @@ class FormulaEnergy(InvariantEnergy):
                 )
 
 
+def _refuse_pole(text: str, graph: Graph, node: int, largest: Mapping[str, float], least: Mapping[str, float]) -> None:
+    """Refuse a pole up to the largest values of the variables, whose negatives are the least ones but where told."""
+    sizes = np.array([size * size if name not in least else size for name, size in largest.items()])
+    if not np.isfinite(sizes).all():
+        return
+
+    def inside(at: Array) -> BoolArray:
+        squares = [at[:, i] ** (1.0 if name in least else 2.0) / sizes[i] for i, name in enumerate(largest)]
+        return np.asarray(np.sum(squares, axis=0) <= 1.0)
+
+    found = pole_in_box(graph, node, {name: (least.get(name, -size), size) for name, size in largest.items()}, inside)
+    if found is not None:
+        raise ProblemError(f"energy: formula '{shown(text)}' {pole_words(found)}, or a smaller reach")
+
+
 @dataclass(frozen=True, eq=False)
 class ComponentEnergy(RelativeEnergy):
     """An energy by a formula of components of the strain, ``exx`` to ``exy``; shear components are halves of angles.
@@ -233,6 +250,7 @@ class ComponentEnergy(RelativeEnergy):
         zero = np.zeros((1, dim * (dim + 1) // 2)), np.zeros((1, dim))
         stress = self.stress(zero[1], zero[0])
         refuse_at_zero(self.text, float(self.energy(zero[1], zero[0])[0]), float(np.abs(stress).max()))
+        _refuse_pole(self.text, graph, node, dict.fromkeys(sorted(graph.names(node)), self.reach), {})
         _ = self.bounds_by
 
     @property

@@ -87,6 +87,8 @@ class OwnCoupledLaw(CoupledLaw):
         far = checked_reach(reach, name)
         if not isinstance(rigid, bool | np.bool_):
             raise ProblemError(f"rigid of law '{name}' is {described(rigid)}; give True or False")
+        if isinstance(plane, FormulaPotential):
+            plane.refuse_pole(far, bool(rigid))
         return cls(plane, far, bool(rigid), name, *check_plane_potential(plane, far, bool(rigid)), stated)
 
     def at(self, points: Array | None) -> OwnCoupledLaw:

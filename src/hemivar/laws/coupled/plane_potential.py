@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula.graph import Graph
+from hemivar.formula.poles import pole_in_box, pole_words
 from hemivar.formula.reader import Reader, shown
 
 __all__ = ["FormulaPotential", "FunctionPotential", "PlanePotential", "PotentialFunction"]
@@ -24,6 +25,8 @@ __all__ = ["FormulaPotential", "FunctionPotential", "PlanePotential", "Potential
 PotentialFunction = Callable[[Array, Array], ArrayLike]
 #: Step of differences, as a part of the reach.
 _STEP = 1e-6
+#: Poles nearer to r = 0 or s = 0 than this part of the reach are not looked for.
+_NEAR = 1e-9
 
 
 class PlanePotential(Protocol):
@@ -81,6 +84,20 @@ class FormulaPotential:
     @property
     def exact(self) -> bool:
         return True
+
+    def refuse_pole(self, reach: float, rigid: bool) -> None:
+        """Refuse a pole away from r = 0 and s = 0, up to the reach."""
+        near = _NEAR * reach
+        one = np.geomspace(near, reach, 20)
+        r, s = (x.ravel() for x in np.meshgrid(one, one))
+        for sign in (-1.0,) if rigid else (-1.0, 1.0):
+            held = np.unique(self.graph.branches_at(self.nodes[0], {"r": sign * r, "s": s}))
+            node = int(held[0]) if held.size == 1 else self.nodes[0]
+            low, high = sorted((sign * near, sign * reach))
+            sides = {"r": (low, high), "s": (near, reach)}
+            found = pole_in_box(self.graph, node, sides, lambda at: at[:, 1] > 0.0)
+            if found is not None:
+                raise ProblemError(f"{self.shown} {pole_words(found)}, or a smaller reach")
 
     def _of(self, node: int, r: Array, s: Array) -> Array:
         with np.errstate(all="ignore"):
