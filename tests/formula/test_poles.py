@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.certificates.continuous.load_values import load_values
 from hemivar.errors import ProblemError
-from hemivar.formula import Formula, ScalarFormula
+from hemivar.evolution import Evolution, march
+from hemivar.files.problem_file import parse_problem
+from hemivar.formula import Formula, FormulaArray, ScalarFormula
 from hemivar.formula.poles import pole_of_pieces
 from hemivar.formula.smooth import SmoothFormula
 from hemivar.laws import CoupledFormulaLaw, FormulaLaw, PenetrationBound
+from tests import bodies
+from tests.laws.test_derivative_formulas import FILE
 
 #: Formulas whose derivative is nowhere negative, and the pole nearest to zero.
 RISING_WITH_POLE = {
@@ -188,3 +193,30 @@ def test_loads_with_a_pole_in_time_are_refused_with_its_time(text: str, place: s
 def test_loads_without_a_pole_in_time_are_taken(text: str) -> None:
     """One at an end is met by the values themselves."""
     Formula(text).refuse_pole_in_time(0.0, 1.0)
+
+
+def test_a_march_over_a_pole_is_refused() -> None:
+    """No step need hit it: without the question the load changes its sign between two steps."""
+    pull = FormulaArray((0.0, Formula("0.001/(0.55 - t)")), (2,))
+    column = bodies.column(top=hv.Clamped(), lame=(1, 1), density=1.0, tractions={"bottom": pull})
+    body = Evolution(column, inertia=True)
+    with pytest.raises(ProblemError, match=r"at t = 0\.55: .* or an end of the time below 0\.55"):
+        march(body, 1.0, step=0.1)
+    assert march(body, 0.5, step=0.1).times[-1] == pytest.approx(0.5)
+
+
+def test_nothing_is_known_of_a_load_with_a_pole_in_space() -> None:
+    """One on a line through the cell, between the points of every rule: no bound may be guaranteed."""
+    corners, area = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]]), np.array([0.5])
+    inside, outside = (
+        load_values(FormulaArray((0.0, Formula(f"1/(x {place})")), (2,)), corners, area, "load")
+        for place in ("- 0.4321", "+ 0.4321")
+    )
+    assert inside.doubt
+    assert not outside.doubt
+
+
+def test_files_with_a_pole_are_refused_with_the_place_in_the_file() -> None:
+    text = FILE.replace("LAW", "derivative = '1/(1 - r)'")
+    with pytest.raises(ProblemError, match=r"contact\.bottom.*normal.*a pole, or no value, at r = 1:"):
+        parse_problem(text)
