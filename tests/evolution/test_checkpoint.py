@@ -19,7 +19,7 @@ from hemivar.evolution.digest import differences
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.heat_balance import HeatBalance, ThermalState
 from hemivar.evolution.march_state import MarchState
-from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
+from hemivar.evolution.state import ContactForce, Kinematics, LastStep, Rates, TimeState
 from hemivar.evolution.steps import StepSizeState
 from tests.evolution.test_march import beam
 
@@ -57,8 +57,8 @@ def state(heat: bool, last: LastStep | None = None) -> MarchState:
     values = [{"normal_force": some.one(), "tip.u_x": some.one(), "time_error": math.nan} for _ in range(3)]
     frames = [
         Frame(
-            some.one(), some(5, 2), some(5, 2), *(some(4, 2) for _ in range(3)), {"opening": some(4), "slip": some(4)},
-            some(5) if heat else None,
+            some.one(), some(5, 2), some(5, 2), *(some(4, 2) for _ in range(3)), some.one(),
+            {"opening": some(4), "slip": some(4)}, some(5) if heat else None,
         )
         for _ in range(2)
     ]  # fmt: skip
@@ -68,6 +68,7 @@ def state(heat: bool, last: LastStep | None = None) -> MarchState:
             memory=memory,
             heat=warm,
             history=last,
+            shown=ContactForce(some.one(), some(4, 2)),
         ),
         StepSizeState(some.one(), -2, 1),
         tuple(

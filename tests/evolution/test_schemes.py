@@ -207,7 +207,7 @@ def test_what_cannot_be_averaged_is_refused() -> None:
     with pytest.raises(ProblemError, match="ends at some penetration"):
         march(moving_bar(2, hv.Contact(hv.Signorini())), 1.0, scheme=Midpoint(conserving=True))
     damped = hv.Contact(hv.Compliance(1.0), damping=hv.Compliance(1.0))
-    with pytest.raises(ProblemError, match="memory or a damping"):
+    with pytest.raises(ProblemError, match="a memory, a damping or friction of the slip"):
         march(moving_bar(2, damped), 1.0, scheme=Midpoint(conserving=True))
     with pytest.raises(ProblemError, match="True or False"):
         Midpoint(conserving=1)  # type: ignore[arg-type]

@@ -70,6 +70,8 @@ class Frame(PickleMixin):
     local, multiplier, rate : arrays (m, c)
         At the contact points: penetration and slip; force per area of the body on the foundation, which is the
         pressure (column 0) and minus the friction; velocity of penetration and slip.
+    force_time : float
+        The time that the force belongs to.
     memory : mapping of name to array (m, ...)
     temperature : array (nodes,) or None
         Of a body with heat.
@@ -81,6 +83,7 @@ class Frame(PickleMixin):
     local: Array
     multiplier: Array
     rate: Array
+    force_time: float
     memory: Mapping[str, Array] = field(default_factory=dict)
     temperature: Array | None = None
 
@@ -237,6 +240,7 @@ class History(PickleMixin, ReprMixin):
             between(first.local, second.local),
             between(first.multiplier, second.multiplier),
             between(first.rate, second.rate),
+            (1.0 - part) * first.force_time + part * second.force_time,
             {name: between(value, second.memory[name]) for name, value in first.memory.items()},
             None if first.temperature is None else between(first.temperature, second.temperature),  # type: ignore[arg-type]
         )

@@ -28,7 +28,7 @@ __all__ = ["MOTION", "RATES", "Checkpoint", "MarchState"]
 MOTION = ("displacement", "velocity", "acceleration")
 RATES = ("velocity", "acceleration")
 
-_FORMAT = 8
+_FORMAT = 9
 _LARGEST = 1 << 36
 _ARRAY = "array "
 #: Numbers of a row beside the values of the columns, in their order; and a name that annotations have.

@@ -18,9 +18,11 @@ def contact_forces(discrete: DiscreteEvolution, moment: TimeState) -> dict[str, 
     """Forces and measures of contact, over all and by boundary.
 
     ``normal_force`` is the resultant of the pressure; ``friction_force`` that of the friction of the foundation on the
-    body: its local component in the plane, in space the length of the vector.
+    body: its local component in the plane, in space the length of the vector.  ``force_time`` is the time that forces
+    belong to.
     """
-    weights, lam = discrete.problem.contact.weights, moment.multiplier
+    shown = moment.contact_force
+    weights, lam = discrete.problem.contact.weights, shown.multiplier
     found: dict[str, float] = {}
     boundaries: Mapping[str, IntArray] = dict(discrete.blocks) if len(discrete.blocks) > 1 else {}
     parts: list[tuple[str, IntArray | slice]] = [("", slice(None))]
@@ -44,4 +46,4 @@ def contact_forces(discrete: DiscreteEvolution, moment: TimeState) -> dict[str, 
         found[f"{name}friction_force"] = float(slid[0]) if slid.size == 1 else float(np.linalg.norm(slid))
         found[f"{name}contact_measure"] = float(total[-1])
         found[f"{name}penetration"] = float(deepest_here)
-    return found
+    return found | {"force_time": shown.time}

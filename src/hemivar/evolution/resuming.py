@@ -52,6 +52,10 @@ def _wrong(
             yield "the rounds of its heat are no numbers"
     if (moment.heat is None) != (advance.beside is None):
         yield "it has heat where the evolution has none, or none where it has"
+    if moment.shown is not None:
+        yield from _array("shown.multiplier", moment.shown.multiplier, moment.multiplier.shape)
+        if not math.isfinite(moment.shown.time):
+            yield f"its forces belong to the time {moment.shown.time:g}"
     if moment.history is not None:
         yield from _history(moment.history, moment, advance)
     yield from _array("origin", state.origin, moment.body.displacement.shape)
@@ -138,6 +142,8 @@ def _frames(frames: Sequence[Frame], times: set[float], advance: TimeStepper, mo
         before = frame.time
         yield from _array("displacement of a frame", frame.displacement, nodes)
         yield from _array("velocity of a frame", frame.velocity, nodes)
+        if not math.isfinite(frame.force_time):
+            yield f"the forces of a frame belong to the time {frame.force_time:g}"
         for name in _AT_CONTACT:
             yield from _array(f"{name} of a frame", getattr(frame, name), local)
         if set(frame.memory) != remembered or any(values.shape[:1] != local[:1] for values in frame.memory.values()):

@@ -123,8 +123,9 @@ def frame_of(discrete: DiscreteEvolution, moment: TimeState) -> Frame:
         discrete.full(moment.body.displacement),
         discrete.full(moment.body.velocity),
         moment.local.displacement,
-        moment.multiplier,
+        moment.contact_force.multiplier,
         moment.local.velocity,
+        moment.contact_force.time,
         memory,
         None
         if discrete.heat is None or moment.heat is None

@@ -14,7 +14,7 @@ from hemivar.evolution.energy_balance import EnergyBalance
 if TYPE_CHECKING:
     from hemivar.evolution.heat_balance import ThermalState
 
-__all__ = ["Kinematics", "LastStep", "Rates", "TimeState"]
+__all__ = ["ContactForce", "Kinematics", "LastStep", "Rates", "TimeState"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +79,21 @@ class LastStep(PickleMixin):
 
 
 @dataclass(frozen=True, eq=False)
+class ContactForce(PickleMixin):
+    """Contact forces with the time that they belong to.
+
+    Attributes
+    ----------
+    time : float
+    multiplier : array (m, c)
+        Force per area of the body on the foundation: pressure (column 0), and minus the friction.
+    """
+
+    time: float
+    multiplier: Array
+
+
+@dataclass(frozen=True, eq=False)
 class TimeState(PickleMixin):
     """All that the future of an evolution depends on.  A step is a function from one state to the next.
 
@@ -103,6 +118,8 @@ class TimeState(PickleMixin):
         Temperatures and the balance of heat, of a body with heat.
     history : LastStep or None
         None where the next step begins anew: at the start, and where velocities jump.
+    shown : ContactForce or None
+        Contact forces that are told of this moment, where they are not the multiplier at this time.
     """
 
     time: float
@@ -115,6 +132,12 @@ class TimeState(PickleMixin):
     ledger: EnergyBalance = field(default_factory=EnergyBalance)
     heat: ThermalState | None = None
     history: LastStep | None = None
+    shown: ContactForce | None = None
+
+    @property
+    def contact_force(self) -> ContactForce:
+        """Contact forces that are told of this moment: those of its displacements, else the last that are known."""
+        return ContactForce(self.time, self.multiplier) if self.shown is None else self.shown
 
     @property
     def last_length(self) -> float | None:

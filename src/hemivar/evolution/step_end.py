@@ -14,6 +14,7 @@ from hemivar.discrete.operators import Operator
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.end_forces import shown_force
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.jumps import DissipatedJump
 from hemivar.evolution.schemes import StageRule
@@ -162,7 +163,8 @@ def end_of_step(
     found = TimeState(time, before.index + 1, body, local, multiplier, branches, memory, before.ledger, before.heat)
     history = _last_step(discrete, before, found, solved, step, way, ends, multistep)
     ledger = _balance(discrete, before, found, solved, step, way)
-    return TimeState(time, found.index, body, local, multiplier, branches, memory, ledger, before.heat, history)
+    shown = None if rule.at == 1.0 else shown_force(discrete, end, found, before.time + rule.at * step)
+    return replace(found, ledger=ledger, history=history, shown=shown)
 
 
 def _last_step(

@@ -20,7 +20,7 @@ from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.scalar import ScalarContact
 from hemivar.mechanics.statement import Contact
 
-__all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "seen_place", "stage_law"]
+__all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "places", "seen_place", "stage_law"]
 
 #: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
 _TOUCHES = 1e-12
@@ -136,7 +136,7 @@ class StageLaws:
                 base = ContactLaw(base.normal, replace(base.friction, of=SlipMeasure.SLIP))
             given = base if memory.of_slip else in_increments(base, rate)
             with error_context(f"damping of contact '{name}'", damping):
-                damper = None if damping is None else damping.at(_places(self._discrete, index))
+                damper = None if damping is None else damping.at(places(self._discrete, index))
             found = self._known[name] = _Foundation(stated, damping, rate, memory, damper, base, given)
         return found
 
@@ -296,10 +296,10 @@ def seen_place(discrete: DiscreteEvolution, moment: TimeState) -> Array:
 
 def _memory(discrete: DiscreteEvolution, name: str, index: IntArray) -> Memory:
     """What a boundary remembers, at its contact points."""
-    return MemoryChain(discrete.contacts[name].memory).at(_places(discrete, index))
+    return MemoryChain(discrete.contacts[name].memory).at(places(discrete, index))
 
 
-def _places(discrete: DiscreteEvolution, index: IntArray) -> Array | None:
+def places(discrete: DiscreteEvolution, index: IntArray) -> Array | None:
     """Contact points (p, d), where they lie somewhere."""
     points = discrete.problem.contact.points
     return None if points is None else points[index]

@@ -98,7 +98,7 @@ def quantity_of(column: str) -> str:
     name = column.rpartition(".")[2]
     if name.startswith("u_") or name == "penetration":
         return "length"
-    if name in ("time", "step", "largest_step"):
+    if name in ("time", "step", "largest_step", "force_time"):
         return "time"
     return "force" if name.endswith("_force") else "energy" if name in _ENERGIES else ""
 

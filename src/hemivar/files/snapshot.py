@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -49,6 +50,8 @@ class Snapshot(ContactValues):
         Of a body with heat.
     thermal_stress : array (M, d, d) or None
         In the middle of each cell what the temperature takes from the stress.
+    force_time : float
+        The time that the multiplier belongs to.
     """
 
     problem: DiscreteProblem
@@ -62,6 +65,7 @@ class Snapshot(ContactValues):
     memory: Mapping[str, Array] = field(default_factory=dict)
     temperature: Array | None = None
     thermal_stress: Array | None = None
+    force_time: float = math.nan
 
     @property
     def contact(self) -> ContactPoints:  # type: ignore[override]
@@ -89,7 +93,7 @@ def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
     states = moving_states(discrete, frame)
     return Snapshot(
         problem, frame.time, frame.displacement, frame.velocity, frame.local, frame.multiplier, frame.rate, states,
-        frame.memory, frame.temperature, _thermal_stress(discrete, frame),
+        frame.memory, frame.temperature, _thermal_stress(discrete, frame), frame.force_time,
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -106,7 +106,7 @@ def write_vtu(
         raise ProblemError(
             "this problem was made of arrays and has no mesh; give one, of_arrays(..., mesh=...), or use write_json"
         )
-    mesh, nodes, names = field.mesh, field.nodes, problem.contact.names
+    mesh, nodes = field.mesh, field.nodes
     scalar = isinstance(problem.origin, ScalarProblem)
     point_data, own = (_scalar_fields if scalar else _body_fields)(solution)
     cell_data: dict[str, Array] = {"region": region_numbers(mesh), **own, **_checked(mesh, cell_values)}
@@ -127,7 +127,7 @@ def write_vtu(
             point_data[name][used[~held]] = values[~held]
         blocks.insert(0, (boundary, data))
     kind = {CELL_TYPES[mesh.dim, field.order]: mesh.cell_nodes(field.order)}
-    write_grid(path, three_components(nodes), kind, point_data, cell_data, names, _warning(solution))
+    write_grid(path, three_components(nodes), kind, point_data, cell_data, _told(solution))
     if not boundaries:
         return path, None
     second = path.with_name(f"{path.stem}_contact.vtu")
@@ -135,11 +135,12 @@ def write_vtu(
     return path, second
 
 
-def _warning(solution: Solution | Snapshot) -> str:
-    """What the file says of a body that is in no equilibrium."""
-    if isinstance(solution, Snapshot) or solution.status is Status.CONVERGED:
-        return ""
-    return f"NOT A SOLUTION: {solution.status.value}"
+def _told(solution: Solution | Snapshot) -> dict[str, float]:
+    """What a file says of the whole: numbers of boundaries, the time of forces, and whether this is no equilibrium."""
+    names = {f"boundary {name}": number for number, name in enumerate(solution.problem.contact.names)}
+    if isinstance(solution, Snapshot):
+        return {**names, "force_time": solution.force_time}
+    return names if solution.status is Status.CONVERGED else {**names, f"NOT A SOLUTION: {solution.status.value}": 1}
 
 
 def _body_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -237,7 +238,7 @@ def _write_contact(
     for name in blocks[0][1]:
         point_data[name] = np.concatenate([data[name] for _, data in blocks])
     data: dict[str, Array] = {"boundary": np.asarray(np.concatenate(numbers))}
-    write_grid(path, three_components(field.nodes[used]), {kind: np.vstack(cells)}, point_data, data, names)
+    write_grid(path, three_components(field.nodes[used]), {kind: np.vstack(cells)}, point_data, data, _told(solution))
 
 
 def write_grid(
@@ -246,13 +247,9 @@ def write_grid(
     cells: Mapping[str, IntArray],
     point_data: Mapping[str, Array],
     cell_data: Mapping[str, Array],
-    names: Sequence[str] = (),
-    warning: str = "",
+    told: Mapping[str, float],
 ) -> None:
-    """Write a VTU file, silently; states and ``boundary`` become whole numbers.
-
-    ``names`` are those of the boundaries, whose numbers are written as field data; so is a warning, by its text.
-    """
+    """Write a VTU file, silently; states and ``boundary`` become whole numbers, and what is told field data."""
     with IMPORTS:
         import meshio
 
@@ -263,18 +260,15 @@ def write_grid(
     noise = io.StringIO()
     with whole_file(path) as name, contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
         grid.write(name, file_format="vtu")
-        known_numbers = {f"boundary {known}": number for number, known in enumerate(names)} | (
-            {warning: 1} if warning else {}
-        )
-        if known_numbers:  # meshio writes no field data
+        if told:  # meshio writes no field data
             arrays = "".join(
-                f'<DataArray type="Int32" Name={quoteattr(known)} NumberOfTuples="1" '
-                f'format="ascii">{number}</DataArray>\n'
-                for known, number in known_numbers.items()
+                f'<DataArray type="{"Int32" if isinstance(number, int) else "Float64"}" Name={quoteattr(known)} '
+                f'NumberOfTuples="1" format="ascii">{number!r}</DataArray>\n'
+                for known, number in told.items()
             )
             start = b"<UnstructuredGrid>"
-            told = start + f"<FieldData>\n{arrays}</FieldData>\n".encode()
-            name.write_bytes(read_bytes(name, "VTU file", 1 << 62).replace(start, told, 1))
+            begun = start + f"<FieldData>\n{arrays}</FieldData>\n".encode()
+            name.write_bytes(read_bytes(name, "VTU file", 1 << 62).replace(start, begun, 1))
 
 
 def symmetric_stress(stated: ContactProblem, displacement: Array) -> Array:

@@ -203,7 +203,8 @@ def _write_pieces(body: BodyOnRanks, path: Path, seen: ContactValues, nodal: dic
     ranks, mesh = body.ranks, body.piece.mesh
     fields, cell_fields = _fields(body, seen, nodal)
     kind = {2: "triangle", 3: "tetra"}[mesh.dim]
-    grids = [_Grid("", three_components(mesh.points), {kind: mesh.cells}, fields, cell_fields)]
+    told = {"force_time": seen.force_time} if isinstance(seen, Snapshot) else {}
+    grids = [_Grid("", three_components(mesh.points), {kind: mesh.cells}, fields, cell_fields, told)]
     names = list(body.statement.contact)
     if names:
         facets = [mesh.boundaries[name] for name in names]
@@ -211,7 +212,7 @@ def _write_pieces(body: BodyOnRanks, path: Path, seen: ContactValues, nodal: dic
         used, place = np.unique(np.concatenate(facets).ravel(), return_inverse=True)
         chosen = {name: values[used] for name, values in fields.items() if name not in ("stress", "velocity")}
         cells = {{2: "line", 3: "triangle"}[mesh.dim]: place.reshape(-1, mesh.dim)}
-        grids.append(_Grid("_contact", three_components(mesh.points[used]), cells, chosen, {"boundary": number}))
+        grids.append(_Grid("_contact", three_components(mesh.points[used]), cells, chosen, {"boundary": number}, told))
     here = ranks.mpi.allgather([grid.count > 0 for grid in grids])
     with ExitStack() as pieces, ExitStack() as indices:
         # the stacks rename what was written when they end well: pieces first
@@ -240,6 +241,7 @@ class _Grid:
     cells: dict[str, IntArray]
     point_data: dict[str, Array]
     cell_data: dict[str, Array]
+    told: dict[str, float]
 
     @property
     def count(self) -> int:
@@ -258,7 +260,7 @@ def _write_all(
         if here[ranks.rank][number]:
             with _naming(own):
                 there = pieces.enter_context(whole_file(own))
-                write_grid(there, grid.points, grid.cells, grid.point_data, grid.cell_data)
+                write_grid(there, grid.points, grid.cells, grid.point_data, grid.cell_data, grid.told)
         if files and ranks.rank == [rank[number] for rank in here].index(True):
             with _naming(index):
                 there = indices.enter_context(whole_file(index))
