@@ -48,6 +48,10 @@ def test_a_march_that_finishes_closes_its_balance(scheme: Scheme, ratio: float) 
     found = march(column(ratio), 0.1, step=0.01, scheme=scheme)
     if found.ended == "finished":
         assert closes(found)
+        assert found["numerical"].min() > -0.5 * np.abs(found["work"]).max()
+    elif found.ended == "energy made":
+        assert (scheme.name, ratio) in {("generalized-alpha", 1e-6), ("generalized-alpha", 1e-12)}
+        assert "made energy" in found.messages[-1]
     else:
         assert ratio < 1e-6
         assert found.ended == "inaccurate"

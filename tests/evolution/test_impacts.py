@@ -9,9 +9,20 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.evolution import Evolution, March, MoreauJean, Save, march, marching
+from hemivar.evolution import (
+    Evolution,
+    GeneralizedAlpha,
+    March,
+    Midpoint,
+    MoreauJean,
+    Newmark,
+    Save,
+    Scheme,
+    march,
+    marching,
+)
 from hemivar.evolution.discrete import discretize_evolution
-from hemivar.gallery import moving_bar
+from hemivar.gallery import bouncing_block, moving_bar
 from tests import bodies
 
 
@@ -120,3 +131,37 @@ def test_an_obstacle_that_jumps_into_the_body_is_reported(ramp: float, says: boo
         assert "by 0.05 in the step to t = 0.52" in told[0]
         assert f"{found['penetration'][26]:.3g}" in told[0]
         assert found["penetration"][26] > 5e-3
+
+
+@pytest.mark.parametrize("scheme", [Newmark(), GeneralizedAlpha(0.8), Midpoint()], ids=lambda scheme: scheme.name)
+def test_a_scheme_that_makes_energy_does_not_finish(scheme: Scheme) -> None:
+    """A block driven against an obstacle; what its table says of the energy is the reason."""
+    found = {law.name: march(driven(law), until=1.0, step=0.02, scheme=scheme) for law in OBSTACLES}
+    hit, met = found["signorini"], found["compliance"]
+    assert -hit["numerical"].min() > 2.0 * np.abs(hit["work"]).max()
+    assert (hit.ended, hit.finished) == ("energy made", False)
+    assert f"the scheme {scheme.name} made energy" in hit.messages[-1]
+    assert met.finished
+    assert not any("made energy" in message for message in met.messages)
+
+
+def test_a_bounce_without_work_makes_nothing() -> None:
+    """A bounce from an initial velocity: nothing does work, and nothing is made."""
+    known = bouncing_block()
+    found = march(known.evolution, known.until, step=5e-4, scheme=Midpoint())
+    assert found.finished
+    assert not found["work"].any()
+
+
+OBSTACLES = (hv.Signorini(), hv.Compliance(24.0))
+
+
+def driven(law: hv.laws.NamedLaw) -> Evolution:
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), (1, 2)),
+        material=hv.Material.lame(4.0, 4.0, density=0.5),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
+        tractions={"bottom": lambda x, t: np.tile([0.0, -3.6 * t], (len(x), 1))},
+        contact={"bottom": hv.Contact(law, gap=0.01)},
+    )
+    return Evolution(problem, inertia=True)

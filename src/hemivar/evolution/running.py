@@ -67,6 +67,8 @@ _LAGS = "the body lags behind"
 #: And where a rigid obstacle jumps into the body.
 _SINKS = "an obstacle jumps into the body"
 _FEW, _LATE = 5.0, 0.01
+#: How a march ends in which the scheme made more than this part of the energy that was given.
+_MADE, _MOST_MADE = "energy made", 0.5
 #: Columns of the sums of errors of steps: in the energy norm, and at the contact points.
 _SUMMED = ("error_sum", "contact_error_sum")
 #: Ends of a solve that are none of the step.
@@ -505,6 +507,8 @@ class Integration:
         """What there is."""
         if self.frames.kept[-1].time != self.moment.time:
             self.frames.offer(self.discrete, self.moment, last=True)
+        made = self._energy_made()
+        ended = _MADE if made and ended == "finished" else ended
         strained = large_deformation(self.discrete, self.frames.kept)
         summed = tuple(self.rows[-1].values[name] for name in _SUMMED) if self.stepping.estimates else (0.0, 0.0)
         added = (_added(summed),) if self.stepping.adds_up(max(summed)) else ()
@@ -515,9 +519,22 @@ class Integration:
             self.moment,
             ended,
             tuple(self.events),
-            (*strained, *self.messages, *added, *self.beyond),
+            (*strained, *self.messages, *made, *added, *self.beyond),
             self.bound.now,
             unkept,
+        )
+
+    def _energy_made(self) -> tuple[str, ...]:
+        """That the scheme made more than a part of the energy that was given, if so."""
+        rows, start = [row.values for row in self.rows], self.moment.ledger.start
+        made = -min(row["numerical"] + row["jumps"] for row in rows)
+        given = abs(start) + max(abs(row["work"]) + abs(row["moved"]) + abs(row.get("thermal", 0.0)) for row in rows)
+        if made <= _MOST_MADE * given:
+            return ()
+        return (
+            f"the scheme {self.plan.scheme.name} made energy, {made:.3g} where loads, supports and the initial state "
+            f"gave {given:.3g}: this is no motion of the body. Take shorter steps or implicit-euler, and on a rigid "
+            "obstacle moreau-jean or mass = 'redistributed'",
         )
 
     # ---- events ----------------------------------------------------------------------------------------------
