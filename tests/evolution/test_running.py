@@ -477,5 +477,6 @@ def test_a_body_without_mass_rings_on_a_rigid_obstacle_with_the_midpoint_rule(sc
         history = march(Evolution(problem), 1.0, step=1.0 / count, scheme=scheme)
         ground = np.flatnonzero(history["normal_force"] > 0.0)
         lost.append(history["viscous"][-1] - history["viscous"][ground[0]])
-        assert ["an obstacle is rigid" in message for message in said_of(history)] == [True] * told
+        assert any("an obstacle is rigid" in message for message in said_of(history)) == told
+        assert history.ended == ("energy made" if told else "finished")  # velocities that ring are damped
     assert (min(lost) > 1e-5) == told

@@ -531,10 +531,10 @@ class Integration:
         given = abs(start) + max(abs(row["work"]) + abs(row["moved"]) + abs(row.get("thermal", 0.0)) for row in rows)
         if made <= _MOST_MADE * given:
             return ()
+        others = "sdirk2" if self.discrete.mass is None else "on a rigid obstacle moreau-jean or mass = 'redistributed'"
         return (
             f"the scheme {self.plan.scheme.name} made energy, {made:.3g} where loads, supports and the initial state "
-            f"gave {given:.3g}: this is no motion of the body. Take shorter steps or implicit-euler, and on a rigid "
-            "obstacle moreau-jean or mass = 'redistributed'",
+            f"gave {given:.3g}: this is no motion of the body. Take shorter steps or implicit-euler, or {others}",
         )
 
     # ---- events ----------------------------------------------------------------------------------------------
