@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from hemivar.evolution import (
     ImplicitEuler,
     Midpoint,
     MoreauJean,
+    Newmark,
     Scheme,
     march,
 )  # fmt: skip
@@ -138,3 +140,42 @@ def test_files_tell_the_time_of_forces(tmp_path: Path) -> None:
     for name in ("run_000002.vtu", "run_000002_contact.vtu"):
         text = (tmp_path / "run" / name).read_text(encoding="latin-1")
         assert 'type="Float64" Name="force_time" NumberOfTuples="1" format="ascii">0.15' in text
+
+
+def growing(density: float | None) -> Evolution:
+    """The block on springs under ``t^2``, which is ``0.1 t^2`` deep without mass."""
+    evolution = pressed(hv.Contact(hv.Compliance(SPRING)), density)
+    tractions = {"bottom": lambda x, t: np.tile([0.0, -3.6 * t**2], (len(x), 1))}
+    return replace(evolution, problem=replace(evolution.problem, tractions=tractions))
+
+
+@pytest.mark.parametrize(
+    ("scheme", "order"),
+    [(ImplicitEuler(), 1), (BDF2(), 1), (Midpoint(), 2), (SDIRK2(), 2)],
+    ids=lambda one: getattr(one, "name", str(one)),
+)
+def test_the_order_of_the_energy_table_is_that_of_the_page(scheme: Scheme, order: int) -> None:
+    """Work is the integral of 3.6 t^2 over 0.1 t^2: 0.18 at the end; displacements are exact with all of them."""
+
+    def off(steps: int) -> float:
+        found = march(growing(None), until=1.0, step=1.0 / steps, scheme=scheme)
+        np.testing.assert_allclose(found["penetration"][-1], 0.1, rtol=1e-3 if order == 2 else 1e-9)
+        return abs(float(found["work"][-1]) / 0.18 - 1.0)
+
+    if order == 2:
+        assert off(100) < 1e-4
+    else:
+        assert off(100) > 1e-2
+        assert off(50) / off(100) == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("scheme", [Newmark(), GeneralizedAlpha(0.8)], ids=lambda scheme: scheme.name)
+def test_numerical_loss_of_schemes_with_mass_is_of_first_order_where_the_motion_is_of_second(scheme: Scheme) -> None:
+    def books(steps: int) -> tuple[float, float]:
+        found = march(growing(0.5), until=1.0, step=1.0 / steps, scheme=scheme)
+        return float(found["numerical"][-1] / found["work"][-1]), float(found["penetration"][-1])
+
+    (first, place), (second, near), (_, exact) = (books(steps) for steps in (50, 100, 800))
+    assert first / second == pytest.approx(2.0, abs=0.2)
+    assert abs(near / exact - 1.0) < 0.2 * second
+    assert abs(place - exact) > 3.0 * abs(near - exact)

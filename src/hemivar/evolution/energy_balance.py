@@ -33,7 +33,8 @@ class EnergyBalance:
     memory : float
         Dissipated by what contact points remember: broken bonds, worn material.
     numerical : float
-        What the scheme takes; negative where it gives.
+        What the scheme takes; negative where it gives. Work is counted by the forces of stages, to first order where
+        these do not lie in the middle of a step: this is no measure of accuracy.
     jumps : float
         What is lost where the body jumps from one equilibrium to another.
     gap : float

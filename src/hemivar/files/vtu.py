@@ -137,7 +137,7 @@ def write_vtu(
 
 def _told(solution: Solution | Snapshot) -> dict[str, float]:
     """What a file says of the whole: numbers of boundaries, the time of forces, and whether this is no equilibrium."""
-    names = {f"boundary {name}": number for number, name in enumerate(solution.problem.contact.names)}
+    names: dict[str, float] = {f"boundary {name}": number for number, name in enumerate(solution.problem.contact.names)}
     if isinstance(solution, Snapshot):
         return {**names, "force_time": solution.force_time}
     return names if solution.status is Status.CONVERGED else {**names, f"NOT A SOLUTION: {solution.status.value}": 1}
