@@ -110,3 +110,21 @@ def test_files_say_it(of: SlipMeasure, tmp_path: Path) -> None:
         write_problem(stated, path)
         assert f'of = "{of}"' in path.read_text()
         assert read_problem(path).contact["bottom"].friction.of is of  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("scheme", ["implicit-euler", "midpoint"])
+def test_a_load_that_acts_from_the_start_finds_friction_of_the_slip(scheme: str) -> None:
+    """The initial equilibrium is the static solution, and stays where it is."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((2.0, 1.0), (4, 2)),
+        material=hv.Material.lame(400.0, 400.0),
+        contact={"bottom": hv.Contact(hv.Compliance(1e3), hv.laws.SlipTable(1.0, [0, 1, 2], [0, 10, 9], of="slip"))},
+        supports={},
+        tractions={"top": (0.3, -1.0)},
+    )
+    static = hv.solve(problem).raise_for_status()
+    assert 10.0 * static.contact.weights @ static.local[:, 1] == pytest.approx(0.6, rel=1e-6)
+    history = march(Evolution(problem), 1.0, step=0.25, scheme=scheme)
+    assert history.finished
+    for frame in history.frames:
+        np.testing.assert_allclose(frame.local, static.local, rtol=1e-6, atol=1e-9)
