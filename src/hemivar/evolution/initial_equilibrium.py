@@ -82,7 +82,7 @@ def settled(
 
 
 def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
-    """What acts, with friction that weakens with the slip rate as strong as it is without one; that of the slip stays."""
+    """What acts, with friction that weakens with the slip rate as strong as it is at rest; that of the slip stays."""
     friction, none = acting.law.friction, np.zeros(len(acting.offset))
     remembered = any(contact.memory for contact in discrete.contacts.values())
     weakens = none.size > 0 and not friction.profile.convex and not discrete.follows_slip.any()
