@@ -280,7 +280,6 @@ UNTYPED = {
     "evolution.evolution_problem": (3, "initial fields as users give them"),
     "evolution.history": (3, "a DataFrame, keywords of matplotlib"),
     "evolution.march": (1, "keywords of a plan"),
-    "evolution.march_state": (1, "JSON"),
     "evolution.save": (4, "places as users give them"),
     "files.material_table": (1, "keywords of a dataclass, read from a file"),
     "files.memory_table": (3, "dataclasses found by their names"),

@@ -12,7 +12,7 @@ import typing
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from typing import Any, TypeVar
+from typing import TypeVar, cast
 
 import numpy as np
 
@@ -74,15 +74,14 @@ def decoded(
     ValueError, KeyError, TypeError
         What was read is no such value.
     """
-    found: Kind = _value(kind, head, arrays, names or {})
-    return found
+    return cast(Kind, _value(kind, head, arrays, names or {}))
 
 
-def _kept(metadata: Mapping[Any, Any]) -> bool:
+def _kept(metadata: Mapping[str, object]) -> bool:
     return bool(metadata.get("kept", True))
 
 
-def _value(kind: Any, head: Any, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> Any:
+def _value(kind: object, head: object, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> object:
     origin, inside = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
         if head is None and types.NoneType in inside:
@@ -92,10 +91,10 @@ def _value(kind: Any, head: Any, arrays: Sequence[AnyArray], names: Mapping[str,
         if type(head) is not int or not 0 <= head < len(arrays):
             raise KeyError(f"array {head!r}")
         return arrays[head]
-    if is_dataclass(kind):
+    if isinstance(kind, type) and is_dataclass(kind):
         return _object(kind, head, arrays, names)
     if origin is tuple:
-        entries = _expected(list, head)
+        entries: list[object] = _expected(list, head)
         kinds = [inside[0]] * len(entries) if inside[-1] is Ellipsis else inside
         return tuple(_value(one, entry, arrays, names) for one, entry in zip(kinds, entries, strict=True))
     if isinstance(origin, type) and issubclass(origin, Mapping):
@@ -106,10 +105,10 @@ def _value(kind: Any, head: Any, arrays: Sequence[AnyArray], names: Mapping[str,
         return float(head)
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind(head)
-    return _expected(kind, head)
+    return _expected(cast(type, kind), head)
 
 
-def _object(kind: Any, head: Any, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> Any:
+def _object(kind: type, head: object, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> object:
     hints, given = typing.get_type_hints(kind, localns=dict(names)), _expected(dict, head)
     kept = [one.name for one in fields(kind) if _kept(one.metadata)]
     if given.keys() != set(kept):
@@ -117,7 +116,7 @@ def _object(kind: Any, head: Any, arrays: Sequence[AnyArray], names: Mapping[str
     return kind(**{name: _value(hints[name], given[name], arrays, names) for name in kept})
 
 
-def _expected(kind: type, head: Any) -> Any:
+def _expected(kind: type[Kind], head: object) -> Kind:
     if type(head) is not kind:
         raise TypeError(f"{head!r:.40} is no {kind.__name__}")
     return head
@@ -129,7 +128,7 @@ def text_of_array(array: AnyArray) -> dict[str, object]:
     return {"shape": list(array.shape), "data": data}
 
 
-def array_of_text(packed: Any) -> AnyArray:
+def array_of_text(packed: object) -> AnyArray:
     """The contrary of :func:`text_of_array`.
 
     Raises
@@ -137,8 +136,9 @@ def array_of_text(packed: Any) -> AnyArray:
     ValueError, KeyError, TypeError
         It is no such text.
     """
-    shape = _expected(list, packed["shape"])
+    given: dict[str, object] = _expected(dict, packed)
+    shape: list[int] = _expected(list, given["shape"])
     if any(type(length) is not int or length < 0 for length in shape):
         raise TypeError("a shape is no list of whole numbers")
-    numbers = np.frombuffer(base64.b64decode(str(packed["data"]), validate=True), dtype="<f8")
+    numbers = np.frombuffer(base64.b64decode(str(given["data"]), validate=True), dtype="<f8")
     return numbers.astype(float).reshape(shape)

@@ -295,8 +295,8 @@ def _refuse_unmeasured(
         return
     if index.size and not homogeneous(law.take(index).friction.profile):
         raise ProblemError(
-            f"{where} depends on a length, and in time it may be a law of the slip or of its rate; say of = 'slip' (as "
-            "in statics) or of = 'rate'"
+            f"{where} depends on a length: in time it may be a law of the slip or of its rate; say of = 'slip', as in "
+            "statics, or of = 'rate'"
         )
 
 

@@ -222,7 +222,7 @@ def _refuse_pole(text: str, graph: Graph, node: int, largest: Mapping[str, float
 
     found = pole_in_box(graph, node, {name: (least.get(name, -size), size) for name, size in largest.items()}, inside)
     if found is not None:
-        raise ProblemError(f"energy: formula '{shown(text)}' {pole_words(found)}, or a smaller reach")
+        raise ProblemError(f"energy: formula '{shown(text)}' {pole_words(found)}; or take a smaller reach")
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,7 +97,7 @@ class FormulaPotential:
             sides = {"r": (low, high), "s": (near, reach)}
             found = pole_in_box(self.graph, node, sides, lambda at: at[:, 1] > 0.0)
             if found is not None:
-                raise ProblemError(f"{self.shown} {pole_words(found)}, or a smaller reach")
+                raise ProblemError(f"{self.shown} {pole_words(found)}; or take a smaller reach")
 
     def _of(self, node: int, r: Array, s: Array) -> Array:
         with np.errstate(all="ignore"):
