@@ -53,7 +53,8 @@ def compare(problem: Path, result: Path) -> Record:
     np.testing.assert_allclose(contact["pressure"], reference.pressure, atol=1e-7 * size)
     assert discrete.contact.without_friction is not None
     assert contact["without_friction"] == discrete.contact.without_friction.tolist()
-    assert record["warnings"] == list(reference.warnings)
+    # which methods took over from one another is said of the serial run alone
+    assert record["warnings"] == [said for said in reference.warnings if said not in reference.remarks]
     return record
 
 
