@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from hemivar.errors import ProblemError
 from hemivar.laws import (
+    Adhesive,
     Bilateral,
     Compliance,
     NoContact,
@@ -132,17 +133,35 @@ def test_the_shortcut_for_convex_laws_agrees_with_the_enumeration(law: Piecewise
     assert float(law.local_argmin(np.array([a]), np.array([b]))[0]) == pytest.approx(expected, abs=1e-12)
 
 
+def integral(law: PiecewiseQuadratic, low: float, high: float) -> float:
+    """That of the derivative, which is linear between knots: the midpoint rule is exact."""
+    ends = np.unique(np.clip(np.append(law.knots[0], [low, high]), low, high))
+    return sum(float(law.derivative(np.array([0.5 * (a + b)]))[0]) * (b - a) for a, b in itertools.pairwise(ends))
+
+
 @given(law=tables(), left=numbers, right=numbers)
 @settings(max_examples=100, deadline=None)
 def test_value_is_the_integral_of_the_derivative(law: PiecewiseQuadratic, left: float, right: float) -> None:
     low = np.clip(min(left, right), law.domain.lower[0], law.domain.upper[0])
     high = np.clip(max(left, right), law.domain.lower[0], law.domain.upper[0])
-    ends = np.unique(np.clip(np.append(law.knots[0], [low, high]), low, high))
-    total = 0.0
-    for start, stop in itertools.pairwise(ends):  # linear in between: the midpoint rule is exact
-        total += float(law.derivative(np.array([0.5 * (start + stop)]))[0]) * (stop - start)
     difference = float((law.value(np.array([high])) - law.value(np.array([low])))[0])
-    assert difference == pytest.approx(total, abs=1e-11)
+    assert difference == pytest.approx(integral(law, low, high), abs=1e-11)
+
+
+@given(law=tables(), r=numbers, size=st.integers(-12, 0))
+@settings(max_examples=100, deadline=None)
+def test_small_values_keep_their_digits_beside_far_knots(law: PiecewiseQuadratic, r: float, size: int) -> None:
+    rest, place = np.clip([0.0, r * 10.0**size], law.domain.lower[0], law.domain.upper[0])
+    stored = float(law.value(np.array([place]))[0]) * (1.0 if place > rest else -1.0)
+    assert stored == pytest.approx(integral(law, min(rest, place), max(rest, place)), rel=1e-11, abs=1e-13 * abs(place))
+
+
+@pytest.mark.parametrize("share", [1.0, 1e-6, 1e-12])
+def test_an_adhesive_stores_little_where_it_is_hardly_open(share: float) -> None:
+    """The energy of its springs, not rounded by its fracture energy."""
+    opening = share * 1e-3
+    glue = Adhesive(3500.0, 100.0, 300.0).at(None)
+    assert glue.value(np.array([-opening]))[0] == pytest.approx(1750.0 * opening**2, rel=1e-10, abs=0.0)
 
 
 @pytest.mark.parametrize("name", NAMED)

@@ -62,8 +62,6 @@ class PiecewiseQuadratic(Superpotential):
     _told: Array = field(init=False, repr=False)
     _left: Array = field(init=False, repr=False)
     _right: Array = field(init=False, repr=False)
-    _values: Array = field(init=False, repr=False)
-    _offset: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         knots, slopes, jumps = (
@@ -157,9 +155,6 @@ class PiecewiseQuadratic(Superpotential):
             rise = slopes[..., -1:] * (knots - np.take_along_axis(knots, last, -1))
             along = np.take_along_axis(right, last, -1) + rise
             left, right = np.where(used, left, along), np.where(used, right, along)
-        width = np.diff(knots, axis=-1)
-        parts = np.zeros((*knots.shape[:-1], 2 * count - 1))
-        parts[..., 1::2], parts[..., 2::2] = right[..., :-1] * width, 0.5 * slopes[..., 1:-1] * width**2
         for key, item in (
             ("breakpoints", knots),
             ("slopes", slopes),
@@ -170,12 +165,8 @@ class PiecewiseQuadratic(Superpotential):
             ("_told", told),
             ("_left", left),
             ("_right", right),
-            ("_values", np.cumsum(parts, axis=-1)[..., 0::2].copy()),
-            ("_offset", np.zeros(len(knots))),
         ):
             object.__setattr__(self, key, item)
-        origin = np.clip(np.zeros(len(knots)), *ends)
-        object.__setattr__(self, "_offset", self.piece_value(self.piece_of(origin), origin))
 
     def _scalars(self) -> tuple[Array | float, Array | float, Array | float]:
         return self.start, self.lower, self.upper
@@ -189,24 +180,39 @@ class PiecewiseQuadratic(Superpotential):
         return Interval(np.asarray(self.lower), np.asarray(self.upper))
 
     @cached_property
-    def _anchors(self) -> tuple[Array, Array, Array]:
-        """For each piece the knot that its formula refers to, j' there on the side of the piece, and j; (m, K + 1)."""
+    def _anchors(self) -> tuple[Array, Array]:
+        """For each piece the knot that its formula refers to, and j' there on the side of the piece; (m, K + 1)."""
         knots = self.breakpoints
-        return (
-            np.concatenate([knots[:, :1], knots], axis=1),
-            np.concatenate([self._left[:, :1], self._right], axis=1),
-            np.concatenate([self._values[:, :1], self._values], axis=1),
-        )
+        return np.concatenate([knots[:, :1], knots], axis=1), np.concatenate([self._left[:, :1], self._right], axis=1)
 
     def _anchor(self, piece: IntArray) -> tuple[Array, Array]:
         """Knot to which the formula of each piece refers, and j' there on the side of the piece."""
-        knots, slopes, _ = self._anchors
+        knots, slopes = self._anchors
         return entry(knots, piece), entry(slopes, piece)
 
+    @cached_property
+    def _energies(self) -> tuple[Array, Array, Array]:
+        """For each piece its place nearest to the origin, j' there on the side of the piece, and j; (m, K + 1).
+
+        j is summed from the origin outwards: where it is small, no energy of far knots rounds it.
+        """
+        knots, bends = self.breakpoints, self.slopes
+        origin = np.clip(np.zeros(len(knots)), self.lower, self.upper)[:, None]
+        ends = np.concatenate([knots, knots[:, -1:]], axis=1), np.concatenate([knots[:, :1], knots], axis=1)
+        first, last = np.arange(bends.shape[1]) == 0, np.arange(bends.shape[1]) == knots.shape[1]
+        above, below = np.where(last, np.inf, ends[0]) <= origin, np.where(first, -np.inf, ends[1]) >= origin
+        place = np.where(above, ends[0], np.where(below, ends[1], origin))
+        anchors, sides = self._anchors
+        slope = np.where(above, np.concatenate([self._left, sides[:, -1:]], axis=1), sides + bends * (place - anchors))
+        up, down = ((slope + 0.5 * bends * (end - place)) * (end - place) for end in ends)
+        rises, falls = np.cumsum(up[:, :-1], axis=1), np.cumsum(down[:, :0:-1], axis=1)[:, ::-1]
+        values = rises + falls
+        base = np.where(above, values[:, [*range(knots.shape[1]), -1]], values[:, [0, *range(knots.shape[1])]])
+        return place, slope, np.where(above | below, base, 0.0)
+
     def piece_value(self, piece: IntArray, r: Array) -> Array:
-        t, slope = self._anchor(piece)
-        s = r - t
-        base = entry(self._anchors[2], piece) - self._offset
+        place, slope, base = (entry(table, piece) for table in self._energies)
+        s = r - place
         return base + slope * s + 0.5 * entry(self.slopes, piece) * s**2
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:

@@ -112,7 +112,7 @@ def beside(law: Superpotential, places: Array, before: IntArray, after: IntArray
     here, last = after > before, law.knots.shape[-1] - 1
     if isinstance(law, PiecewiseQuadratic):
         left, right = law._left, law._right
-        anchor, slope, _ = law._anchors
+        anchor, slope = law._anchors
         smooth = pick(slope, before) + pick(law.slopes, before) * (places - pick(anchor, before))
     else:
         left, right = law.knot_slopes()
