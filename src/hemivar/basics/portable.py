@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import FunctionType, MappingProxyType, MethodType
-from typing import Self
-
-import numpy as np
+from typing import TYPE_CHECKING, Self
 
 from hemivar.basics.display import brief
-from hemivar.basics.types import AnyArray
 from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.basics.types import AnyArray
 
 __all__ = ["PickleMixin"]
 
@@ -87,7 +87,8 @@ def _packed(value: object) -> object:
         return _ReadOnly({key: _packed(item) for key, item in value.items()})
     if isinstance(value, dict):
         return {key: _packed(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray) and not value.flags.writeable:
+    numpy = sys.modules.get("numpy")  # without it nothing is an array: the command does not load it for its help
+    if numpy is not None and isinstance(value, numpy.ndarray) and not value.flags.writeable:
         return _ReadOnly(value)
     return value
 
