@@ -176,11 +176,13 @@ def test_ctrl_c_ends_after_the_step_with_everything_written(folder: Path) -> Non
 
 def test_what_is_refused_on_the_way_leaves_what_was_computed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A load that is no number from t = 0.52 on: table, frames and checkpoint end at 0.5, one line says why."""
-    (folder / "timed.toml").write_text((STATIC + TIMED).replace("body = [0.3,", 'body = ["sqrt(0.52 - t)",'))
+    (folder / "timed.toml").write_text((STATIC + TIMED).replace("body = [0.3,", 'body = ["sqrt(0.52 - t + 0*x)",'))
     assert main(["march", "timed.toml", "--checkpoint", "a.ckpt"]) == 2
     out, err = capsys.readouterr()
     assert "refused at t = 0.5 after 10 steps" in out
-    assert err.startswith("hemivar: error: timed.toml: after t = 0.5: [loads] body: formula 'sqrt(0.52 - t)' is nan")
+    assert err.startswith(
+        "hemivar: error: timed.toml: after t = 0.5: [loads] body: formula 'sqrt(0.52 - t + 0*x)' is nan"
+    )
     assert err.count("\n") == 1
     assert read_history_table(folder / "run.csv")["time"][-1] == pytest.approx(0.5)
     assert read_film(folder / "run.pvd").times == pytest.approx([0.0, 0.25, 0.5])

@@ -345,7 +345,7 @@ def test_a_hostile_solution_file_gives_one_line(
 
 
 def test_a_file_that_is_no_text_is_no_solution(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / "s.json").write_bytes(b"\xff\xfe{}")
+    (folder / "s.json").write_bytes(b"\xff{}")
     code, _, err = run(capsys, "certify", "p.toml", "--solution", "s.json")
     assert code == 2
     assert "not UTF-8" in err

@@ -35,11 +35,17 @@ STEP = 0.01
 NONE = Save(every=1e9)
 
 
+def of_the_rate(problem: hv.ContactProblem) -> hv.ContactProblem:
+    """The problem with friction of the slip rate in time."""
+    contact = {name: replace(one, friction=replace(one.friction, of="rate")) for name, one in problem.contact.items()}
+    return replace(problem, contact=contact)
+
+
 def body(law: str, n: int = 8, viscosity: tuple[float, float] = (0.4, 0.4)) -> Evolution:
     """One of the survey's bodies with mass and viscosity."""
     made = {
         "survey": lambda: gallery.survey("5.1", n, "right"),
-        "softening": lambda: gallery.survey_logarithmic(0.3, n, "right"),
+        "softening": lambda: of_the_rate(gallery.survey_logarithmic(0.3, n, "right")),
         "cube": lambda: gallery.survey_cube("5.1", n // 2),
     }[law]()
     return Evolution(replace(made, material=replace(made.material, density=1.0, viscosity=viscosity)), inertia=True)

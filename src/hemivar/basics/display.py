@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from types import FunctionType
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from hemivar.basics.defined_above import above
 
@@ -79,11 +78,13 @@ def _entry(value: object) -> str:
     if isinstance(value, bool | int | str | None):
         text = str(value.value) if isinstance(value, Enum) else repr(value)
         return text if len(text) <= _FIELD else text[: _FIELD - 4] + f"...{text[-1]}"
-    value = value.item() if isinstance(value, np.generic) else value
+    numpy = sys.modules.get("numpy")  # without it nothing is an array: the command does not load it for its help
+    if numpy is not None and isinstance(value, numpy.generic):
+        value = value.item()
     if isinstance(value, float):
         text = repr(value)
         return text if len(text) <= 8 else f"{value:.6g}"
-    if isinstance(value, np.ndarray):
+    if numpy is not None and isinstance(value, numpy.ndarray):
         few = 0 < value.ndim <= 2 and value.size <= _FEW
         return f"[{', '.join(_entry(one) for one in value)}]" if few else f"array {value.shape}"
     if isinstance(value, tuple | list):

@@ -47,6 +47,8 @@ _UNSETTLED = (Status.INACCURATE, Status.MAX_STEPS, Status.STALLED, Status.CYCLIN
 _KNOWN = 1e-5
 #: Part of load and contact forces that rounding of displacements may make for a residual to tell something.
 _TELLS = 1e-3
+#: Part of the elastic forces up to which such rounding does nothing.
+_NOTHING = 1e-6
 #: Steps of a method after which it is clear that rounding keeps it from its tolerance.
 _FEW = 30
 #: Contact components up to which small matrices are dense ones.
@@ -178,7 +180,7 @@ class StageSolver:
             elif controls.atol == 0.0:  # nothing acts yet that they could be held against, as before a jump
                 again = self._sought(stage, initial, jump, controls.within(known / TIGHT))
                 found = again if again.solution.residual.relative <= _KNOWN else found
-        if found.solution.status is Status.CONVERGED and _untold(stage, controls):
+        if found.solution.status is Status.CONVERGED and _untold(self.discrete, stage, controls):
             return replace(found, solution=replace(found.solution, status=Status.INACCURATE), reached=None)
         return found
 
@@ -293,11 +295,17 @@ def _rounding(stage: Stage) -> float:
     return 0.5 * float(np.finfo(float).eps) * size
 
 
-def _untold(stage: Stage, controls: Controls) -> bool:
-    """Whether displacements do not tell the forces of so short a step: their rounding makes too much of them."""
+def _untold(discrete: DiscreteEvolution, stage: Stage, controls: Controls) -> bool:
+    """Whether displacements do not tell the forces of so short a step: their rounding makes too much of them.
+
+    A body that comes to rest is none of these: the rounding is next to nothing beside the elastic forces then.
+    """
     sums, n = stage.problem.bulk.row_sums, stage.problem.unknowns
     made = 8.0 * float(np.finfo(float).eps) * norm(sums * stage.place[:n])
-    return controls.rtol > 0.0 and 0.0 < controls.atol < controls.rtol * made / _TELLS
+    if not (controls.rtol > 0.0 and 0.0 < controls.atol < controls.rtol * made / _TELLS):
+        return False
+    elastic = discrete.stiffness.row_sums
+    return made > _NOTHING * norm(elastic * stage.place[: elastic.size])
 
 
 def _hides(known: float, controls: Controls) -> bool:

@@ -103,7 +103,10 @@ class Formula:
         if self.variables != frozenset({TIME}) or not 0.0 < reach < np.inf:
             return
         name = f"{self._prefix}formula '{shown(self.text)}'"
-        places = Switches(self._graph, TIME, reach, name).breaks(self._node)
+        try:
+            places = Switches(self._graph, TIME, reach, name).breaks(self._node)
+        except ProblemError:  # it changes its branch too often to be looked at
+            return
         ends = np.concatenate([[start], places[(places > start) & (places < end)], [end]])
         nodes = self._graph.branches(self._node, TIME, 0.5 * (ends[1:] + ends[:-1])).tolist()
         pieces = [SmoothFormula(self._graph, node, TIME) for node in nodes]

@@ -293,7 +293,7 @@ class ContactProblem(Statement):
         metadata=stated(
             Form.QUANTITY,
             "stiffness per volume of springs all over the body, a force `-bedding u` per volume (Winkler), >= 0 *(f)*; "
-            "such a body needs no support",
+            "such a body needs no support, and a warning says what digits a soft one costs",
             least=0.0, table="loads",
         ),
     )  # fmt: skip
