@@ -18,7 +18,7 @@ from hemivar.basics.types import Array
 from hemivar.coercivity.recession import Coercivity, decide
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import Residual
+from hemivar.discrete.residual import Residual, inaccurate_law
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.linear.factor_memory import shortage
@@ -197,7 +197,12 @@ class _Task:
             return (yield from _run(self.problem, own, controls, self.initial, self.workspace))
 
     def handed_on(self, solver: Solver, first: Solution, asked: bool) -> Generator[Progress, bool | None, Solution]:
-        """What other methods find where the first has failed; the best iterate of all where they fail as well."""
+        """What other methods find where the first has failed; the best iterate of all where they fail as well.
+
+        Where the law is known no better than the iterate solves it, no other method can do more.
+        """
+        if inaccurate_law(self.problem, first.unknowns, first.multiplier, first.residual) is not None:
+            return first
         failed, spent = [first], first.timings.get("iterate", 0.0)
         for other in self._others(solver, first, asked):
             try:
