@@ -10,6 +10,7 @@ from weakref import WeakSet
 
 import numpy as np
 
+from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray, Parameter
@@ -68,8 +69,8 @@ class Friction(PickleMixin):
         if not isinstance(self.profile, Superpotential):
             raise ProblemError(f"the profile of a friction law must be a superpotential, not {self.profile!r}")
         if self.of is not None:
-            if self.of not in tuple(SlipMeasure):
-                raise ProblemError(f"of = {self.of!r} of friction law '{self.name}'; give 'slip' or 'rate'")
+            if not isinstance(self.of, str) or self.of not in tuple(SlipMeasure):
+                raise ProblemError(f"of = {described(self.of)} of friction law '{self.name}'; give 'slip' or 'rate'")
             object.__setattr__(self, "of", SlipMeasure(self.of))
         check_own(self.profile)
         _check_profile(self.profile)
