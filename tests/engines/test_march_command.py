@@ -269,5 +269,5 @@ def test_friction_that_may_follow_the_slip_or_its_rate_is_refused(folder: Path) 
     done = _march(2, "p.toml")
     assert done.returncode == 2
     assert done.stderr.count("hemivar: error: ") == 1
-    assert "say of = 'slip' (as in statics) or of = 'rate'" in done.stderr
+    assert "say of = 'slip', as in statics, or of = 'rate'" in done.stderr
     assert not (folder / "run.csv").exists()
