@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.scalar_graph import downhill, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
+from hemivar.laws.vector_law import Linearisation, OnGraph, Sides, VectorLaw
 
 __all__ = ["ContactLaw", "separable"]
 
@@ -164,6 +164,24 @@ class ContactLaw(NormalAndFriction):
             length = np.abs(self.tangential.local_argmin(a[:, 1], size))
             r[:, 1:] = length[:, None] * np.where(size[:, None] > 0.0, direction, _first_axis(direction))
         return r
+
+    def on_graph(self, p: Array, a: Array) -> OnGraph:
+        bound = self.friction.bound
+        if not isinstance(bound, StateBound):
+            return super().on_graph(p, a)
+        normal = ContactLaw(self.normal).on_graph(p[:, :1], a)
+        penetration, pressure, yields = normal.r[:, 0], normal.multiplier[:, 0], normal.jacobian[:, 0, 0]
+        at_bound = ContactLaw(self.normal, self.friction.frozen(penetration, pressure)).on_graph(p, a)
+        if p.shape[1] == 1 or not self.follows_state:
+            return at_bound
+        # a slip of constant p falls by the slope of the profile for each unit of the bound
+        size = bound.value(penetration, pressure)
+        place, force = bound.slopes(penetration, pressure)
+        rate = (place * yields + force * (1.0 - a[:, 0] * yields)) / np.where(size > 0.0, size, np.inf)
+        jacobian = at_bound.jacobian.copy()
+        pulled = np.einsum("mij,mj->mi", jacobian[:, 1:, 1:], at_bound.multiplier[:, 1:])
+        jacobian[:, 1:, 0] = -rate[:, None] * pulled
+        return replace(at_bound, jacobian=jacobian)
 
     def place_on_piece(self, a: Array, b: Array, r: Array) -> Array:
         """Where to linearise the law next: the minimiser of :meth:`local_argmin` where it is at a kink, elsewhere a

@@ -14,7 +14,25 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.crossings import Crossings
 from hemivar.laws.superpotential import Interval
 
-__all__ = ["Linearisation", "Near", "Sides", "VectorLaw", "spread"]
+__all__ = ["Linearisation", "Near", "OnGraph", "Sides", "VectorLaw", "spread"]
+
+
+@dataclass(frozen=True, eq=False)
+class OnGraph:
+    """The pairs of a law in Minty's chart ``p = a r + lam``, and how they move with p.
+
+    Attributes
+    ----------
+    r, multiplier : arrays (m, c)
+        The pair of each point on the graph of its law.
+    jacobian : array (m, c, c)
+        A generalised derivative of ``r`` in ``p``; symmetric where the law has a potential.  That of the multiplier is
+        the unit matrix less ``a`` times it.
+    """
+
+    r: Array
+    multiplier: Array
+    jacobian: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,6 +396,23 @@ class VectorLaw(PickleMixin, ABC):
     @abstractmethod
     def resistance(self, r: Array, lam: Array) -> Array:
         """The most that resists a slip at a pair (m, c) that does not slip, (m or 1,); 0 where it is free."""
+
+    def on_graph(self, p: Array, a: Array) -> OnGraph:
+        """The pair of the law at ``p = a r + lam``, for every point (Minty's chart of the graph).
+
+        Where a is larger than :attr:`weak_convexity`, part by part, there is one such pair, and it is Lipschitz in p:
+        ``r`` with the constant ``1/(a - alpha)``.  Where a is not, it is the pair of least energy.
+
+        Parameters
+        ----------
+        p : array (m, c)
+            Force per area.
+        a : array (m, 2)
+            Stiffness (force per area and length) for the normal and the tangential part.
+        """
+        each = spread(a, p.shape[1])
+        r = self.local_argmin(a, p)
+        return OnGraph(r, p - each * r, self.prox_jacobian(p / each, 1.0 / a) / each[:, None, :])
 
     def prox(self, x: Array, tau: Array) -> Array:
         """Proximal map of j with step ``tau (m, 2)`` for the normal and the tangential part."""

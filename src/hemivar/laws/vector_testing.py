@@ -7,6 +7,7 @@ check_vector_law(MixedMode(...).at(None), reach=0.05)
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from hemivar.basics.types import Array
 from hemivar.laws.testing import LawError, LawReport
 from hemivar.laws.vector_law import VectorLaw, spread
 
-__all__ = ["check_vector_law"]
+__all__ = ["check_graph", "check_vector_law"]
 
 #: Places and local problems that are tried; lines and columns of the grid on which minimisers are looked for.
 _PLACES, _PROBLEMS, _GRID = 400, 60, 161
@@ -46,7 +47,7 @@ def check_vector_law(
         With the list of failures.
     """
     checker = _Checker(law, reach, components, np.random.default_rng(seed))
-    steps: tuple[tuple[str, Callable[[], str | None]], ...] = (
+    steps: _Steps = (
         ("the value is zero at r = 0", checker.origin),
         ("the gradient is that of the value", checker.gradient),
         ("the hessian is that of the gradient", checker.hessian),
@@ -56,8 +57,24 @@ def check_vector_law(
         ("downhill leads to a stationary point that is not higher", checker.downhill),
         ("prox_jacobian is the derivative of prox", checker.jacobian),
         ("the nearest multiplier is an element", checker.nearest),
+        *_chart(law, reach, components, seed),
         ("rates bound the growth", checker.growth),
     )
+    return _reported(law, steps, raises)
+
+
+def check_graph(law: VectorLaw, *, reach: float, components: int = 2, seed: int = 0, raises: bool = True) -> LawReport:
+    """Check :meth:`VectorLaw.on_graph` of a law, one whose bound or mode depends on the state too.
+
+    Parameters, errors: see :func:`check_vector_law`.
+    """
+    return _reported(law, _chart(law, reach, components, seed), raises)
+
+
+_Steps = tuple[tuple[str, Callable[[], str | None]], ...]
+
+
+def _reported(law: VectorLaw, steps: _Steps, raises: bool) -> LawReport:
     failures = []
     for name, step in steps:
         with np.errstate(all="ignore"):
@@ -68,6 +85,81 @@ def check_vector_law(
     if raises and failures:
         raise LawError(str(report))
     return report
+
+
+def _chart(law: VectorLaw, reach: float, components: int, seed: int) -> _Steps:
+    chart = _Chart.of(law, reach, components, np.random.default_rng(seed))
+    return (
+        ("on_graph finds pairs of the law", chart.pairs),
+        ("on_graph is Lipschitz", chart.lipschitz),
+        ("the jacobian of on_graph is its derivative", chart.jacobian),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Chart:
+    """Random places of Minty's chart, ``p`` and ``a``, and the questions about them."""
+
+    law: VectorLaw
+    p: Array  # (m, c)
+    a: Array  # (m, 2)
+    alpha: Array  # (2,), with the Lipschitz constant of a law that depends on the whole state
+    size: float  # of multipliers
+    random: np.random.Generator
+
+    @staticmethod
+    def of(law: VectorLaw, reach: float, components: int, random: np.random.Generator) -> _Chart:
+        alpha = np.array([float(np.max(part)) for part in law.weak_convexity_at(np.zeros((1, components)))])
+        if law.depends_on_whole_state:
+            alpha = alpha + float(np.max(law.lipschitz))
+        r = random.uniform(-reach, reach, (_PLACES, components))
+        inside = law.admissible(r)
+        size = float(np.abs(law.frozen_at(inside).nearest_multiplier(inside, np.zeros_like(r))).max()) or 1.0
+        finite = np.where(np.isfinite(alpha), alpha, 10.0 * size / reach)
+        a = finite + np.maximum(finite, size / reach) * 10.0 ** random.uniform(-1.0, 1.0, (_PLACES, 2))
+        p = spread(a, components) * r + size * random.uniform(-1.5, 1.5, r.shape)
+        return _Chart(law, p, a, alpha, size, random)
+
+    def pairs(self) -> str | None:
+        on, a = self.law.on_graph(self.p, self.a), spread(self.a, self.p.shape[1])
+        large = np.abs(self.p).max() + self.size
+        if np.abs(a * on.r + on.multiplier - self.p).max() > 1e-12 * large:
+            return "a r + lam is not p"
+        off = self.law.frozen(on.r, on.multiplier).graph_distance(on.r, on.multiplier, 1.0 / self.a)
+        i = int(np.argmax(off))
+        return None if off[i] <= 1e-8 * large else f"at p = {self.p[i]}, a = {self.a[i]} it is off by {off[i]:.3g}"
+
+    def lipschitz(self) -> str | None:
+        """Of parts that do not see one another: in the length a - alpha of each."""
+        if self.law.state_dependent and not self.law.depends_on_whole_state:
+            return None  # the bound goes with the normal part: checked by the derivative
+        if not np.isfinite(self.alpha).all():
+            return None
+        on, c = self.law.on_graph(self.p, self.a), self.p.shape[1]
+        for size in (1e-6, 1e-3, 0.1, 1.0):
+            step = size * self.size * self.random.normal(size=self.p.shape)
+            r = self.law.on_graph(self.p + step, self.a).r - on.r
+            room = spread(self.a - self.alpha, c)
+            if self.law.depends_on_whole_state:
+                room = np.broadcast_to(room.min(axis=1, keepdims=True), r.shape)
+            # monotone: (a - alpha) |dr|^2 <= dp . dr, in the norm of each component
+            over = (room * r**2).sum(axis=1) - (step * r).sum(axis=1)
+            i = int(np.argmax(over))
+            if over[i] > 1e-8 * size * self.size * float(np.abs(r).max() + np.abs(on.r).max()):
+                return f"between p = {self.p[i]} and {(self.p + step)[i]}, a = {self.a[i]}"
+        return None
+
+    def jacobian(self) -> str | None:
+        step = 1e-6 * self.size
+        shifts = step * np.eye(self.p.shape[1])
+        ways = [(self.law.on_graph(self.p + s, self.a).r, self.law.on_graph(self.p - s, self.a).r) for s in shifts]
+        found = np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in ways], axis=-1)
+        stated = self.law.on_graph(self.p, self.a).jacobian
+        off = np.abs(found - stated).max(axis=(1, 2)) * self.a.min(axis=1)
+        largest = 1.0 + np.abs(found).max(axis=(1, 2)) * self.a.min(axis=1)
+        wrong = (off > 1e-4 * largest) & (largest < 1e3)  # at a kink, or a jump, there is no derivative
+        i = int(np.argmax(np.where(wrong, off, 0.0)))
+        return None if wrong.mean() <= 0.03 else f"at p = {self.p[i]}, a = {self.a[i]}: {stated[i]}, not {found[i]}"
 
 
 class _Checker:

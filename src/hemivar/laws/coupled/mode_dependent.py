@@ -20,12 +20,14 @@ from hemivar.laws.neighbourhood import lengths
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
+from hemivar.laws.vector_law import Linearisation, OnGraph, Sides, VectorLaw
 
 __all__ = ["ModeDependentGlue"]
 
 #: Modes at which constants are looked for.
 _MODES = np.linspace(0.0, 1.0, 2001)
+#: Rounds in which the mode of a pair is sought, and the difference of modes that is none.
+_ROUNDS, _SAME = 80, 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,6 +282,54 @@ class ModeDependentGlue(VectorLaw):
 
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         self._refuse()
+
+    def on_graph(self, p: Array, a: Array) -> OnGraph:
+        """The pair whose mode is its own, for ``p = a r + lam``: a scalar equation in the mode.
+
+        Raises
+        ------
+        ProblemError
+            ``a`` is not above the weak convexity plus :attr:`lipschitz`: there may be several such pairs.
+        """
+        enough = np.max([a_least + self.lipschitz for a_least in self.weak_convexity], axis=0)
+        if not (a > enough[:, None]).all():
+            raise ProblemError(
+                f"law '{self.name}' is a curve for stiffnesses above {float(enough.max()):.6g}, its weak convexity "
+                f"plus the Lipschitz constant of its mode, and {float(a.min()):.6g} is asked for"
+            )
+        low, high = np.zeros(len(p)), np.ones(len(p))
+        mode = self.mode(p)
+        for _ in range(_ROUNDS):
+            at_mode, turned, steer = self._at_frozen(p, a, mode)
+            miss = self.mode(at_mode.r) - mode
+            low, high = np.where(miss >= 0.0, mode, low), np.where(miss <= 0.0, mode, high)
+            if (np.abs(miss) <= _SAME).all() or (high - low <= _SAME).all():
+                break
+            newton = mode + miss / (1.0 - np.einsum("mi,mi->m", steer, turned))
+            mode = np.where((newton > low) & (newton < high), newton, 0.5 * (low + high))
+        D = at_mode.jacobian
+        feedback = np.einsum("mi,mij->mj", steer, D) / (1.0 - np.einsum("mi,mi->m", steer, turned))[:, None]
+        return replace(at_mode, jacobian=D + turned[:, :, None] * feedback[:, None, :])
+
+    def _at_frozen(self, p: Array, a: Array, mode: Array) -> tuple[OnGraph, Array, Array]:
+        """The pair with a mode, how ``r (m, c)`` moves with the mode, and how the mode moves with ``r``, (m, c)."""
+        found = self._frozen(mode).on_graph(p, a)
+        r, ratio = found.r, self.ratio
+        shear, opening = (ratio[:, None] * r[:, 1:]), np.maximum(-r[:, 0], 0.0)
+        rho = np.hypot(opening, lengths(shear))
+        some = np.where(rho > 0.0, rho, 1.0)
+        heading = np.column_stack([-opening, ratio[:, None] * shear]) / some[:, None]  # d rho / d r
+        first, first_rate, last, last_rate = self._curve(mode)
+        left, wide = (last - rho) / (last - first), last - first
+        rate = self._own["stiffness"] * (
+            first_rate * left + first * (last_rate - left * (last_rate - first_rate)) / wide
+        )
+        rate = np.where((rho > first) & (rho < last), rate, 0.0)
+        turned = -np.einsum("mij,mj->mi", found.jacobian, rate[:, None] * heading)
+        share = (lengths(shear) / some) ** 2
+        steer = -2.0 * share[:, None] * heading
+        steer[:, 1:] += 2.0 * ratio[:, None] * shear / some[:, None]
+        return found, turned, np.where((rho > self.least_damage)[:, None], steer / some[:, None], 0.0)
 
     # ---- what is asked of a state, in its own mode -------------------------------------------------------
 
