@@ -89,16 +89,17 @@ def _joined(record: object, numbers: Array) -> bytes:
 def _with_sums(record: dict[str, Any], numbers: Array) -> bytes:
     """A checkpoint whose sums fit, as one would make it who wants to harm."""
     sums = []
-    for vector in numbers.reshape(len(record["sums"]), -1):
+    for vector in numbers.reshape(len(record["head"]["sums"]), -1):
         factors = 2 * np.arange(vector.size, dtype=np.uint64) + np.uint64(1)
         sums.append(f"{int((vector.view(np.uint64) * factors).sum(dtype=np.uint64)):016x}")
-    return _joined({**record, "sums": sums}, numbers)
+    return _joined({**record, "head": {**record["head"], "sums": sums}}, numbers)
 
 
 def _edited(**changes: object) -> Callable[[bytes], bytes]:
     def edit(data: bytes) -> bytes:
         record, numbers = _parts(data)
-        return _joined({**record, **changes}, numbers)
+        head = record["head"] | {key: value for key, value in changes.items() if key != "format"}
+        return _joined({"format": changes.get("format", record["format"]), "head": head}, numbers)
 
     return edit
 
@@ -115,7 +116,7 @@ def _number(value: float, fitting: bool = False) -> Callable[[bytes], bytes]:
 def _without(key: str) -> Callable[[bytes], bytes]:
     def edit(data: bytes) -> bytes:
         record, numbers = _parts(data)
-        del record[key]
+        del record["head"][key]
         return _joined(record, numbers)
 
     return edit
@@ -145,7 +146,7 @@ DAMAGE: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
     "unknowns a text": ("'unknowns'", _edited(unknowns="one")),
     "unknowns below zero": ("'unknowns'", _edited(unknowns=-4)),
     "built a number": ("'built'", _edited(built=1)),
-    "state a list": ("'state'", _edited(state=[])),
+    "dependent a list": ("'dependent'", _edited(dependent=[])),
     "energy a list": ("'energy'", _edited(energy=[1.0])),
     "energy nan": ("'energy'", _edited(energy=float("nan"))),
     "energy too long": ("too large", _edited(energy=10**400)),

@@ -112,8 +112,16 @@ def _object(kind: type, head: object, arrays: Sequence[AnyArray], names: Mapping
     hints, given = typing.get_type_hints(kind, localns=dict(names)), _expected(dict, head)
     kept = [one.name for one in fields(kind) if _kept(one.metadata)]
     if given.keys() != set(kept):
-        raise KeyError(f"{kind.__name__} has the fields {', '.join(kept)}")
-    return kind(**{name: _value(hints[name], given[name], arrays, names) for name in kept})
+        lacks = next((name for name in kept if name not in given), None)
+        raise KeyError(f"{kind.__name__} has the fields {', '.join(kept)}") if lacks is None else KeyError(lacks)
+    return kind(**{name: _entry(name, hints[name], given[name], arrays, names) for name in kept})
+
+
+def _entry(name: str, kind: object, head: object, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> object:
+    try:
+        return _value(kind, head, arrays, names)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise TypeError(f"'{name}': {error}") from None
 
 
 def _expected(kind: type[Kind], head: object) -> Kind:

@@ -292,12 +292,7 @@ def history_record(history: History) -> Record:
         "margin": history.margin,
         "residual": history.residual,
         "ledger": dict(history.ledger),
-        "time_error": {
-            "norm": error.norm,
-            "bound": error.bound,
-            "guaranteed": error.guaranteed,
-            "why": error.why,
-        },
+        "time_error": {name: getattr(error, name) for name in ("norm", "bound", "guaranteed", "why")},
         "events": [list(event) for event in history.events],
         "messages": list(history.messages),
         "table": history_columns(history),

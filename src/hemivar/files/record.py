@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 
@@ -51,16 +52,7 @@ def iteration_record(
         "steps": steps,
         "evaluations": evaluations,
         "timings": dict(timings),
-        "history": [
-            {
-                "step": line.step,
-                "energy": line.energy,
-                "residual": line.residual,
-                "changed": line.changed,
-                "seconds": line.seconds,
-            }
-            for line in history
-        ],
+        "history": [asdict(line) for line in history],
     }
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import json
 import math
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from hemivar.basics.codec import decoded, encoded
 from hemivar.basics.disk import regular_file, shown
 from hemivar.basics.types import Array, IntArray, Record
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
@@ -36,12 +37,42 @@ if TYPE_CHECKING:
 
 __all__ = ["read_checkpoint", "write_checkpoint"]
 
-_FORMAT = 3
+_FORMAT = 4
 _LONGEST_LINE = 1 << 26
 _LEAST = 1e-300  # of a residual
 _LENGTHS = 10.0 ** np.arange(-6, 1)  # of displacements at which laws are compared, in terms of the size of the body
 
 _KNOWN: WeakKeyDictionary[BodyOnRanks, list[float]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True)
+class _Head:
+    """What stands before the vectors."""
+
+    nodes: int
+    dim: int
+    unknowns: int
+    load: float
+    marks: tuple[float, ...]
+    energy: float
+    stiffening: float
+    built: bool
+    dependent: bool  # whether a bound depends on the solution
+    changes: tuple[float, ...]
+    history: tuple[Progress, ...]
+    sums: tuple[str, ...]
+
+    @property
+    def wrong(self) -> str | None:
+        """The first entry that cannot be, by name."""
+        good = {
+            **{name: getattr(self, name) >= 0 for name in ("nodes", "dim", "unknowns")},
+            **{name: math.isfinite(getattr(self, name)) for name in ("load", "energy")},
+            "stiffening": 0.0 < self.stiffening < math.inf,
+            **{name: all(map(math.isfinite, getattr(self, name))) for name in ("marks", "changes")},
+            "history": bool(self.history),
+        }
+        return next((name for name, fits in good.items() if not fits), None)
 
 
 def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
@@ -79,21 +110,11 @@ def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
     wrong = [float(not np.isfinite(natural.array_r).all()) for natural in naturals]
     if ranks.largest(*wrong, float(not np.isfinite([energy, factor, *changes]).all())).any():
         return False
-    record = {
-        "format": _FORMAT,
-        "nodes": body.piece.total,
-        "dim": body.dim,
-        "unknowns": body.unknowns,
-        "load": body.load_scale.load,
-        "marks": _marks(body),
-        "energy": energy,
-        "stiffening": factor,
-        "built": built,
-        "state": isinstance(memory, Outer),
-        "changes": changes,
-        "history": [_plain(line) for line in saved.history],
-        "sums": _sums(ranks, naturals),
-    }
+    head = _Head(
+        body.piece.total, body.dim, body.unknowns, body.load_scale.load, tuple(_marks(body)), energy, factor, built,
+        isinstance(memory, Outer), tuple(map(float, changes)), saved.history, tuple(_sums(ranks, naturals)),
+    )  # fmt: skip
+    record = {"format": _FORMAT, "head": encoded(head, [])}
     with one_writer(ranks, path) as sink:
         sink.write(json.dumps(record, allow_nan=False) + "\n")
         for natural in naturals:
@@ -116,7 +137,7 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
     marks, dependent = _marks(body), depends_on_ranks(body)
     with ExitStack() as stack:
 
-        def head() -> tuple[IO[bytes], Record] | None:
+        def head() -> tuple[IO[bytes], _Head] | None:
             if ranks.rank:
                 return None
             stream = stack.enter_context(_opened(path))
@@ -124,10 +145,10 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
 
         found = ranks.agree(head)
         stream = None if found is None else found[0]
-        record = ranks.mpi.bcast(None if found is None else found[1])
+        kept: _Head = ranks.mpi.bcast(None if found is None else found[1])
         naturals: list[PETSc.Vec] = []
         arrays: list[Array] = []
-        for _ in record["sums"]:
+        for _ in kept.sums:
             natural, vector = _natural(body), body.vector()
             natural.array_w[:] = read_rows(ranks, stream, natural.getLocalSize())
             _scatter(body, vector, natural).scatter(natural, vector, mode=PETSc.ScatterMode.REVERSE)
@@ -137,42 +158,29 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
     finite = float(all(np.isfinite(natural.array_r).all() for natural in naturals))
     for natural in naturals:
         natural.destroy()
-    if sums != record["sums"] or ranks.largest(1.0 - finite)[0]:
+    if sums != list(kept.sums) or ranks.largest(1.0 - finite)[0]:
         raise shared(ProblemError(f"checkpoint '{shown(path)}' is damaged: numbers in it have changed; start again"))
     with np.errstate(all="ignore"):
-        return Saved(_state(body, record, arrays), tuple(_progress(line) for line in record["history"]))
+        return Saved(_state(body, kept, arrays), kept.history)
 
 
-def _state(body: BodyOnRanks, record: Record, arrays: list[Array]) -> State:
+def _state(body: BodyOnRanks, head: _Head, arrays: list[Array]) -> State:
     """The state that these arrays stand for."""
     x = arrays[0]
-    if record["state"]:
-        lam, changes = _from_vectors(body, arrays[1:]), tuple(record["changes"])
+    if head.dependent:
+        lam, changes = _from_vectors(body, arrays[1:]), head.changes
         outer = Outer(x, lam, changes[0], changes[1:]) if changes else Outer(x, lam)
         return State(x, lam, memory=outer)
     if body.stored is not None:
         force = body.out_of_balance(x)
         lam = body.multiplier(x, force)
         found = body.residual(x, lam, force)
-        return State(
-            x, lam, energy=record["energy"], residual=found, memory=ProximalMemory(force, record["stiffening"])
-        )
-    matrix = Multigrid(body, arrays[2] if record["built"] else None)
-    memory = NewtonMemory(record["stiffening"], arrays[1], KrylovNewton(body, matrix))
+        return State(x, lam, energy=head.energy, residual=found, memory=ProximalMemory(force, head.stiffening))
+    matrix = Multigrid(body, arrays[2] if head.built else None)
+    memory = NewtonMemory(head.stiffening, arrays[1], KrylovNewton(body, matrix))
     lam = body.multiplier(x, memory.force)
     found = body.residual(x, lam, memory.force)
-    return State(x, lam, energy=record["energy"], residual=found, memory=memory)
-
-
-def _progress(line: Record) -> Progress:
-    """The opposite of :func:`_plain`."""
-    numbers: Record = {key: math.nan if value is None else value for key, value in line.items()}
-    return Progress(**numbers)
-
-
-def _plain(line: Progress) -> Record:
-    """A line of the history for JSON, which has neither nan nor infinity."""
-    return {key: value if math.isfinite(value) else None for key, value in asdict(line).items()}
+    return State(x, lam, energy=head.energy, residual=found, memory=memory)
 
 
 def _sums(ranks: Ranks, naturals: list[PETSc.Vec]) -> list[str]:
@@ -219,14 +227,16 @@ def _opened(path: Path) -> IO[bytes]:
         raise ProblemError(f"cannot read checkpoint '{shown(path)}': {error.strerror}") from None
 
 
-def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], dependent: bool) -> Record:
+def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], dependent: bool) -> _Head:
     """The first line of a checkpoint, if that is whole and of this problem."""
     name = shown(path)
     try:
         record: Record = json.loads(stream.readline(_LONGEST_LINE))
         if record["format"] != _FORMAT:
             raise ProblemError(f"checkpoint '{name}' is of another version; solve from the beginning")
-        _check_types(record)
+        head = decoded(_Head, record["head"], [])
+        if head.wrong is not None:
+            raise TypeError(f"'{head.wrong}' is {str(getattr(head, head.wrong))[:40]}")
     except OSError as error:
         raise ProblemError(f"cannot read checkpoint '{name}': {error.strerror}") from None
     except (ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
@@ -235,68 +245,32 @@ def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], 
         reason = f"its first line lacks {error}" if isinstance(error, KeyError) else str(error)
         raise ProblemError(f"'{name}' is not a checkpoint ({reason}); give the file named by --checkpoint") from None
     other = f"checkpoint '{name}' belongs to another problem"
-    for key, mine, what in (
-        ("nodes", body.piece.total, "nodes"),
-        ("dim", body.dim, "dimensions"),
-        ("unknowns", body.unknowns, "unknowns"),
+    for there, mine, what in (
+        (head.nodes, body.piece.total, "nodes"),
+        (head.dim, body.dim, "dimensions"),
+        (head.unknowns, body.unknowns, "unknowns"),
     ):
-        if record[key] != mine:
-            raise ProblemError(f"{other}: it has {record[key]} {what}, this one {mine}; name another")
-    if not _alike(record["load"], body.load_scale.load):
-        raise ProblemError(
-            f"{other}: its load is {record['load']:.6g}, this one's {body.load_scale.load:.6g}; name another"
-        )
-    if len(record["marks"]) != len(marks) or not all(map(_alike, record["marks"], marks)):
+        if there != mine:
+            raise ProblemError(f"{other}: it has {there} {what}, this one {mine}; name another")
+    if not _alike(head.load, body.load_scale.load):
+        raise ProblemError(f"{other}: its load is {head.load:.6g}, this one's {body.load_scale.load:.6g}; name another")
+    if len(head.marks) != len(marks) or not all(map(_alike, head.marks, marks)):
         raise ProblemError(f"{other}: body, supports or laws differ; name another")
-    if record["state"] is not dependent:
+    if head.dependent is not dependent:
         raise ProblemError(f"{other}: a bound depends on the solution in one of the two only; name another")
-    count = 2 + record["built"] if body.stored is None else 1
-    count = 1 + body.dim if record["state"] else count
+    count = 2 + head.built if body.stored is None else 1
+    count = 1 + body.dim if head.dependent else count
     size = path.stat().st_size - stream.tell()
-    if len(record["sums"]) != count or size != count * 8 * body.dim * body.piece.total:
+    if len(head.sums) != count or size != count * 8 * body.dim * body.piece.total:
         raise ProblemError(
             f"checkpoint '{name}' is damaged: it holds {size} bytes of vectors, not "
             f"{count * 8 * body.dim * body.piece.total}; solve from the beginning"
         )
-    return record
+    return head
 
 
 def _alike(one: float, other: float) -> bool:
     return abs(one - other) <= 1e-6 * max(abs(one), abs(other))
-
-
-_KINDS: dict[str, tuple[type, ...]] = {
-    "nodes": (int,), "dim": (int,), "unknowns": (int,), "load": (float,), "marks": (list,),
-    "energy": (float,), "stiffening": (float,), "built": (bool,), "state": (bool,),
-    "changes": (list,), "history": (list,), "sums": (list,),
-}  # fmt: skip
-
-
-def _check_types(record: Record) -> None:
-    """Raise TypeError or KeyError if an entry is missing or of another kind."""
-    for key, kinds in _KINDS.items():
-        value = record[key]
-        whole = isinstance(value, int) and not isinstance(value, bool)
-        if float in kinds:
-            good = (whole or isinstance(value, float)) and math.isfinite(value)
-        elif int in kinds:
-            good = whole and value >= 0
-        else:
-            good = isinstance(value, kinds)
-        if not good:
-            raise TypeError(f"'{key}' is {str(value)[:40]}")
-    numbers = [*record["marks"], *record["changes"]]
-    keys = {"step", "energy", "residual", "changed", "seconds"}
-    for line in record["history"]:
-        if not isinstance(line, dict) or set(line) != keys:
-            raise TypeError("a line of 'history' has other entries")
-        numbers += [value for value in line.values() if value is not None]
-    if not all(type(value) in (int, float) and math.isfinite(value) for value in numbers):
-        raise TypeError("an entry of 'marks', 'changes' or 'history' is no number")
-    if not record["history"] or not record["stiffening"] > 0.0:
-        raise TypeError("'history' is empty or 'stiffening' not positive")
-    if not all(isinstance(value, str) for value in record["sums"]):
-        raise TypeError("an entry of 'sums' is no text")
 
 
 def _natural(body: BodyOnRanks) -> PETSc.Vec:
