@@ -295,7 +295,7 @@ class ModeDependentGlue(VectorLaw):
         if not (a > enough[:, None]).all():
             raise ProblemError(
                 f"law '{self.name}' is a curve for stiffnesses above {float(enough.max()):.6g}, its weak convexity "
-                f"plus the Lipschitz constant of its mode, and {float(a.min()):.6g} is asked for"
+                f"plus the Lipschitz constant of its mode, and {float(a.min()):.6g} is not; give a larger a"
             )
         low, high = np.zeros(len(p)), np.ones(len(p))
         mode = self.mode(p)
