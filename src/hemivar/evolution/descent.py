@@ -213,7 +213,7 @@ def downhill(
             return replace(solution, problem=problem, residual=off)
         if slowed.contact is not None and _endless(problem, u, way):
             return replace(solution, problem=problem, residual=off, status=Status.NOT_CARRIED)
-        if chain is None and workspace.condenses(slow) and problem.contact.components <= 2:
+        if chain is None and problem.law.splits and workspace.condenses(slow) and problem.contact.components <= 2:
             system = workspace.condensed(problem)
             laid_out = state_chain_of if problem.law.state_dependent else chain_of
             chain = laid_out(system) if system.free.size <= _LARGEST else None

@@ -11,7 +11,7 @@ from hemivar.basics.content import content
 from hemivar.basics.types import Array
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.steps import AdaptiveStep, FixedStep
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 
 __all__ = ["differences", "identity"]
 
@@ -89,7 +89,7 @@ def _looked_at(start: float, *options: object) -> list[float]:
     return [start, *(start + part * step for step in steps for part in (0.37, 1.0))]
 
 
-def _law_at(law: ContactLaw, offset: Array) -> tuple[Array, ...]:
+def _law_at(law: VectorLaw, offset: Array) -> tuple[Array, ...]:
     """Values of a law at penetrations and slips of many sizes."""
     size = max(float(np.abs(offset).max(initial=0.0)), 1.0)
     found = []

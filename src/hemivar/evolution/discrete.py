@@ -27,8 +27,9 @@ from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
 from hemivar.fem.hierarchy import family_of
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.laws import ContactLaw, Friction, NoFriction, SlipMeasure, Superpotential, separable
+from hemivar.laws import ContactLaw, Friction, NoFriction, SlipMeasure, Superpotential, VectorLaw
 from hemivar.laws.memory import MemoryChain
+from hemivar.laws.normal_and_friction import with_friction
 from hemivar.laws.transformed.slipped import homogeneous
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.mechanics.scalar import ScalarContact
@@ -45,8 +46,6 @@ __all__ = [
     "refuse_unmeasured",
 ]
 
-#: Who asks for laws that split.
-_MARCH = "a march in time"
 #: Matrices of different steps that are kept.
 _KEPT = 6
 
@@ -63,7 +62,7 @@ class ExternalData(PickleMixin):
         Displacements of the moved supports.
     offset : array (m, c)
         Gap, less what supports prescribe, and slip that is there already.
-    law : ContactLaw
+    law : VectorLaw
     damping : mapping of boundary to Superpotential
         Laws of the normal rate, where there are some.
     """
@@ -71,7 +70,7 @@ class ExternalData(PickleMixin):
     load: Array
     prescribed: Array
     offset: Array
-    law: ContactLaw
+    law: VectorLaw
     damping: Mapping[str, Superpotential] = field(default_factory=dict)
 
 
@@ -156,18 +155,27 @@ class DiscreteEvolution(PickleMixin):
 
     @cached_property
     def follows_slip(self) -> BoolArray:
-        """Contact points (m,) whose friction is a law of the slip."""
-        return self._with_friction(lambda friction: friction.of is SlipMeasure.SLIP)
+        """Contact points (m,) whose law counts the slip from the beginning of the march."""
+        return self._whether(lambda law: law.follows_slip)
 
     @cached_property
     def stores_slip(self) -> BoolArray:
-        """Those of them (m,) whose friction has an energy, for its bound does not depend on the state."""
-        return self._with_friction(lambda friction: friction.of is SlipMeasure.SLIP and not friction.state_dependent)
+        """Contact points (m,) that store what slips there work against."""
+        return self._whether(lambda law: law.stores_slip)
 
-    def _with_friction(self, chosen: Callable[[Friction], bool]) -> BoolArray:
+    def _whether(self, chosen: Callable[[VectorLaw], bool]) -> BoolArray:
         found = np.zeros(self.problem.contact_points, dtype=bool)
         for name, index in self.blocks:
-            found[index] = chosen(friction_of(self.contacts[name]))
+            found[index] = chosen(law_of(self.contacts[name]))
+        return found
+
+    def counted(self, local: Array, before: Array, index: IntArray | slice = slice(None)) -> Array:
+        """Local displacements (m, c) as laws of a step from ``before (m, c)`` count them, at some contact points.
+
+        That is the penetration, and the slip: the whole one, or of laws of the slip rate the increment.
+        """
+        found = local[index].copy()
+        found[:, 1:] -= np.where(self.follows_slip[index, None], 0.0, before[index, 1:])
         return found
 
     @property
@@ -226,11 +234,15 @@ class DiscreteEvolution(PickleMixin):
         force = stated_load(bound)
         load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
         if not stated.time_dependent & {"supports", "gap", "law"}:
-            law = separable(self.problem.law, _MARCH)
-            return ExternalData(load, *self._as_stated, law, dampings(bound))
+            return ExternalData(load, *self._as_stated, self.problem.law, dampings(bound))
         conditions = nodal_conditions(bound)
         _, offset, found, _ = conditions.contact()
-        return ExternalData(load, conditions.prescribed[self.moved], offset, separable(found, _MARCH), dampings(bound))
+        return ExternalData(load, conditions.prescribed[self.moved], offset, found, dampings(bound))
+
+
+def law_of(contact: Contact | ScalarContact) -> VectorLaw:
+    """The law of a contact, of all components."""
+    return ContactLaw(contact.normal, friction_of(contact)) if isinstance(contact, ScalarContact) else contact.law
 
 
 def friction_of(contact: Contact | ScalarContact) -> Friction:
@@ -291,9 +303,9 @@ def _refuse_unmeasured(
     if friction.of is SlipMeasure.SLIP and (contact.memory or heated):
         what = "memory" if contact.memory else "heat"
         raise ProblemError(f"{where} is a law of the slip, and the {what} needs one of its rate; say of = 'rate'")
-    if friction.of is not None or remembers.of_slip or not isinstance(law, ContactLaw) or not friction.acts:
+    if friction.of is not None or remembers.of_slip or not friction.acts or not index.size:
         return
-    if index.size and not homogeneous(law.take(index).friction.profile):
+    if not homogeneous(with_friction(law.take(index), where).friction.profile):
         raise ProblemError(
             f"{where} depends on a length: in time it may be a law of the slip or of its rate; say of = 'slip', as in "
             "statics, or of = 'rate'"
@@ -427,9 +439,7 @@ class StepMatrices:
             known = self._slow = model, key, replace(model, bulk=bulk, parts=parts)
         return known[2]
 
-    def posed(
-        self, base: DiscreteProblem, load: Array, offset: Array, law: ContactLaw, place: Array
-    ) -> DiscreteProblem:
+    def posed(self, base: DiscreteProblem, load: Array, offset: Array, law: VectorLaw, place: Array) -> DiscreteProblem:
         """One of the bodies under a load (n,), with other offsets (m, c) and another law.
 
         Load and offset are read-only from now on.  A body that is not linear has its energy from a displacement

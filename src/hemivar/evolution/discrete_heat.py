@@ -14,7 +14,8 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.thermal_stress import thermal_matrix
-from hemivar.laws import ContactLaw, PiecewiseQuadratic
+from hemivar.laws import ContactLaw, PiecewiseQuadratic, VectorLaw
+from hemivar.laws.coupled import join_laws
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
 
@@ -68,10 +69,10 @@ class DiscreteHeat(PickleMixin):
         """Nodal heat (nodes,) that a change (n + k,) of the displacement makes."""
         return np.asarray(-self.heat.coupling * (self.pull.T @ change))
 
-    def law(self, stated: ContactLaw, penetration: Array, pressure: Array) -> ContactLaw:
+    def law(self, stated: VectorLaw, penetration: Array, pressure: Array) -> VectorLaw:
         """The exchange of heat where the body has penetration and pressure (m,)."""
         here = self.partner >= 0
-        parts: list[tuple[ContactLaw, int]] = []
+        parts: list[tuple[VectorLaw, int]] = []
         for name, index in self.conduction.blocks:
             one = self.heat.contact[name]
             if not one.depends_on_state:
@@ -84,7 +85,7 @@ class DiscreteHeat(PickleMixin):
             zero = np.zeros_like(h)
             law = PiecewiseQuadratic(zero, np.hstack([h, h]), zero, name="conductance")
             parts.append((ContactLaw(law).at(None), index.size))
-        return ContactLaw.concatenate(parts) if parts else stated
+        return join_laws(parts) if parts else stated
 
 
 def coupled_heat(

@@ -10,13 +10,10 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.state import ContactForce, TimeState
 from hemivar.evolution.step_laws import places
-from hemivar.laws import ContactLaw, Superpotential, separable
-from hemivar.laws.neighbourhood import polar
+from hemivar.laws import Superpotential
+from hemivar.laws.scalar_graph import is_continuous
 
 __all__ = ["shown_force"]
-
-#: Part of a force that it may jump by and count as continuous: rounding.
-_ROUNDED = 1e-12
 
 
 def shown_force(discrete: DiscreteEvolution, end: ExternalData, moment: TimeState, stage: float) -> ContactForce:
@@ -36,19 +33,18 @@ def shown_force(discrete: DiscreteEvolution, end: ExternalData, moment: TimeStat
     stage : float
         Time of the stage.
     """
-    law = separable(end.law, "a march in time")
-    many = float(bool(len(moment.multiplier)) and not _is_function(discrete, law, end))
+    many = float(bool(len(moment.multiplier)) and not _is_function(discrete, end))
     if discrete.vectors.largest(many)[0]:
         return ContactForce(stage, moment.multiplier)
-    return ContactForce(moment.time, _at_end(discrete, law, end, moment))
+    return ContactForce(moment.time, _at_end(discrete, end, moment))
 
 
-def _is_function(discrete: DiscreteEvolution, law: ContactLaw, end: ExternalData) -> bool:
+def _is_function(discrete: DiscreteEvolution, end: ExternalData) -> bool:
     """Whether displacements and their rates tell the force at all contact points."""
-    if any(discrete.contacts[name].memory for name, _ in discrete.blocks) or law.friction.state_dependent:
+    if any(discrete.contacts[name].memory for name, _ in discrete.blocks):
         return False
-    parts = [*law.scalar_laws(discrete.problem.contact.components), *(part for _, part in _dampings(discrete, end))]
-    return all(_continuous(part) for part in parts)
+    damped = all(is_continuous(part) for _, part in _dampings(discrete, end))
+    return damped and end.law.is_function(discrete.problem.contact.components)
 
 
 def _dampings(discrete: DiscreteEvolution, end: ExternalData) -> Iterator[tuple[IntArray, Superpotential]]:
@@ -58,22 +54,11 @@ def _dampings(discrete: DiscreteEvolution, end: ExternalData) -> Iterator[tuple[
             yield index, end.damping[name].at(places(discrete, index))
 
 
-def _continuous(law: Superpotential) -> bool:
-    """Whether the derivative of a superpotential is defined everywhere and jumps nowhere."""
-    ends, (left, right) = law.domain, law.knot_slopes()
-    if np.isfinite(ends.lower).any() or np.isfinite(ends.upper).any():
-        return False
-    return not (np.abs(right - left) > _ROUNDED * np.maximum(np.abs(left), np.abs(right))).any()
-
-
-def _at_end(discrete: DiscreteEvolution, law: ContactLaw, end: ExternalData, moment: TimeState) -> Array:
+def _at_end(discrete: DiscreteEvolution, end: ExternalData, moment: TimeState) -> Array:
     """Forces (m, c) of laws that are functions, at a moment."""
-    place, rate = moment.local.displacement, moment.local.velocity
-    force = np.empty(place.shape)
-    force[:, 0] = law.normal.derivative(place[:, 0])
+    place, rate = moment.local.displacement.copy(), moment.local.velocity
+    place[:, 1:] = np.where(discrete.follows_slip[:, None], place[:, 1:], rate[:, 1:])
+    force = end.law.nearest_multiplier(place, np.zeros(place.shape))
     for index, damping in _dampings(discrete, end):
         force[index, 0] += damping.derivative(rate[index, 0])
-    if place.shape[1] > 1:
-        size, direction = polar(np.where(discrete.follows_slip[:, None], place[:, 1:], rate[:, 1:]))
-        force[:, 1:] = law.tangential.derivative(size)[:, None] * direction
     return force

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +17,8 @@ from hemivar.evolution.state import Kinematics, TimeState
 from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
 from hemivar.evolution.stepper import TimeStepper
-from hemivar.laws import Superpotential
-from hemivar.laws.neighbourhood import polar
-from hemivar.laws.superpotential import Interval
+from hemivar.laws import VectorLaw
+from hemivar.laws.neighbourhood import lengths
 from hemivar.solvers import Status
 
 __all__ = ["accelerated", "initial_moment"]
@@ -67,7 +65,7 @@ def initial_moment(advance: TimeStepper, step: float | None = None) -> TimeState
     n = discrete.unknowns
     local = np.asarray(contact.trace @ place[:n]).reshape(acting.offset.shape) - acting.offset
     rate = np.asarray(contact.trace @ velocity[:n]).reshape(acting.offset.shape) - moving[1].velocity
-    ends = acting.law.normal.domain
+    ends = acting.law.penetrations
     deep = np.maximum(np.maximum(ends.lower - local[:, 0], local[:, 0] - ends.upper), 0.0)
     (deepest,) = discrete.vectors.largest(float(deep.max(initial=0.0)))
     if deepest > 1e-12 * max(size, far):
@@ -87,7 +85,7 @@ def initial_moment(advance: TimeStepper, step: float | None = None) -> TimeState
         initial_memory(discrete, acting.law, local),
     )
     law = _law_of_rates(advance, moment, acting, _AT_ONCE * (1.0 if step is None else step))
-    moment = replace(moment, multiplier=_pressure(moment, law, local[:, 0]))
+    moment = replace(moment, multiplier=_least(law, discrete.counted(local, local)))
     if discrete.mass is not None:
         moment = accelerated(advance, moment, advance.data.after(evolution.start), moving, step)
     found = energies(discrete, moment, law)
@@ -121,7 +119,8 @@ def accelerated(
     """
     contact, n, first = advance.discrete.problem.contact, advance.discrete.unknowns, 1.0 if step is None else step
     law = _law_of_rates(advance, moment, acting, _AT_ONCE * first)
-    sought = replace(moment, multiplier=_pressure(moment, law, moment.local.displacement[:, 0]))
+    place = moment.local.displacement
+    sought = replace(moment, multiplier=_least(law, advance.discrete.counted(place, place)))
     pressed = replace(sought, multiplier=_pressed(advance, sought, acting, moving, law, first))
     acceleration = _acceleration(advance, pressed, acting.load, moving[0].acceleration)
     pushed = (
@@ -136,26 +135,32 @@ def accelerated(
 
 def _law_of_rates(advance: TimeStepper, moment: TimeState, acting: ExternalData, span: float) -> StepLaw:
     """The law of a step of implicit Euler so short that it sees the velocities at the start, and what is remembered."""
-    guess = span * moment.local.velocity
-    guess[:, 0] = moment.local.displacement[:, 0]
+    guess = _soon(advance, moment, span)
     (rule,) = ImplicitEuler().rules(span)
     return stage_law(advance.discrete, acting, moment, rule, span, guess, moment.multiplier)
 
 
-def _felt(law: StepLaw, penetration: Array) -> Iterator[tuple[IntArray | slice, Interval]]:
-    """Pressures of laws and memories, without damping, where the penetration (m,) is reached in the step of a law."""
-    blocks: list[tuple[IntArray | slice, Superpotential]] = [(b.index, b.undamped.normal) for b in law.blocks]
-    for index, normal in blocks or [(slice(None), law.stored.normal)]:
-        if penetration[index].size:
-            ends = normal.domain
-            yield index, normal.subdifferential(np.clip(penetration[index], ends.lower, ends.upper))
+def _soon(advance: TimeStepper, moment: TimeState, span: float) -> Array:
+    """Penetration (m, c) at the start, and slip a short time after it, as the law of a step counts them."""
+    place = moment.local.displacement
+    guess = advance.discrete.counted(place, place)
+    guess[:, 1:] += span * moment.local.velocity[:, 1:]
+    return guess
 
 
-def _pressure(moment: TimeState, law: StepLaw, penetration: Array) -> Array:
-    """The least of these pressures (m, c)."""
-    lam = np.zeros(moment.local.displacement.shape)
-    for index, felt in _felt(law, penetration):
-        lam[index, 0] = np.clip(0.0, felt.lower, felt.upper)
+def _undamped(law: StepLaw) -> list[tuple[IntArray | slice, VectorLaw]]:
+    """Laws and memories, without damping, and their contact points."""
+    blocks: list[tuple[IntArray | slice, VectorLaw]] = [(b.index, b.undamped) for b in law.blocks if b.index.size]
+    return blocks or [(slice(None), law.stored)]
+
+
+def _least(law: StepLaw, r: Array) -> Array:
+    """The least multiplier (m, c) of laws and memories at local displacements ``r (m, c)`` of a step."""
+    lam = np.zeros(r.shape)
+    if not lam.size:
+        return lam
+    for index, one in _undamped(law):
+        lam[index] = one.frozen_at(r[index]).nearest_multiplier(r[index], lam[index])
     return lam
 
 
@@ -178,10 +183,10 @@ def _pressed(
         max(float(np.abs(velocity).max(initial=0.0)) for velocity in (moment.body.velocity, rate)),
         max(float(np.abs(here).max(initial=0.0)) for here in (moment.body.displacement, place)),
     ).tolist()
-    lam, held = _rubbed(moment, law, _SLIPS * fast, _AT_ONCE * step)
+    lam, held = _rubbed(advance, moment, law, _SLIPS * fast, _AT_ONCE * step)
     # Where a support or another boundary has the component already, nothing is held.
     held &= np.diff(advance.discrete.problem.contact.trace.indptr).reshape(held.shape) > 0
-    ends, near = acting.law.normal.domain, _TOUCHES * far
+    ends, near = acting.law.penetrations, _TOUCHES * far
     down = (place[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
     up = (place[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
     holds, thrown = vectors.largest(float(held.any()), float((down | up).any())).tolist()
@@ -196,7 +201,7 @@ def _pressed(
     return np.where(held, found.moment.multiplier, lam) if found.status is Status.CONVERGED else lam
 
 
-def _rubbed(moment: TimeState, law: StepLaw, slow: float, span: float) -> tuple[Array, BoolArray]:
+def _rubbed(advance: TimeStepper, moment: TimeState, law: StepLaw, slow: float, span: float) -> tuple[Array, BoolArray]:
     """The multiplier (m, c) at the start, from the velocity of the body, and where the velocity leaves it open.
 
     Points that are no faster than ``slow`` do not slip.
@@ -205,23 +210,26 @@ def _rubbed(moment: TimeState, law: StepLaw, slow: float, span: float) -> tuple[
     held = np.zeros(lam.shape, dtype=bool)
     if not lam.size:
         return lam, held
-    for index, stored in _felt(law, local.displacement[:, 0]):
+    there = advance.discrete.counted(local.displacement, local.displacement)
+    for index, one in _undamped(law):
+        stored = one.pressures(there[index])
         held[index] |= (stored.upper > stored.lower)[:, None]
-    guess = span * local.velocity
     if law.blocks:  # a damper of the foundation acts as soon as it is reached
-        lam = _pressure(moment, law, local.displacement[:, 0] + guess[:, 0])
+        there[:, 0] += span * local.velocity[:, 0]
+        lam = _least(law, there)
     for block in law.blocks:
         if block.damping is not None:
             felt = block.damping.subdifferential(local.velocity[block.index, 0])
             lam[block.index, 0] += np.clip(0.0, felt.lower, felt.upper)
             held[block.index] |= (felt.upper > felt.lower)[:, None]
     if lam.shape[1] > 1:
-        guess[:, 0] = local.displacement[:, 0]
-        size, direction = polar(guess[:, 1:])
-        pull = law.law.frozen(guess, lam).tangential.subdifferential(size)
-        slips = size > span * slow
-        lam[:, 1:] = np.where(slips, np.clip(0.0, pull.lower, pull.upper), 0.0)[:, None] * direction
-        held[:, 1:] |= (~slips & (pull.upper > 0.0))[:, None]
+        guess = _soon(advance, moment, span)
+        rests = lengths(local.velocity[:, 1:]) <= slow
+        rubs = law.law.frozen(guess, lam)
+        guess[rests & ~advance.discrete.follows_slip, 1:] = 0.0
+        guess = rubs.admissible(guess)
+        lam[:, 1:] = rubs.nearest_multiplier(guess, np.zeros(lam.shape))[:, 1:]
+        held[:, 1:] |= ~rubs.linearise(guess).smooth[:, 1:]
     return lam, held
 
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, friction_of
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.fem.quadrature import quadrature_rule, region_masks
-from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
+from hemivar.laws import SlipMeasure
 from hemivar.solvers import Status
 
 __all__ = ["begun", "longest_without_swing", "ramped", "settled", "sunk_by_a_jump", "yields_at_once"]
@@ -83,13 +83,13 @@ def settled(
 
 def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
     """What acts, with friction that weakens with the slip rate as strong as it is at rest; that of the slip stays."""
-    friction, none = acting.law.friction, np.zeros(len(acting.offset))
     remembered = any(contact.memory for contact in discrete.contacts.values())
-    weakens = none.size > 0 and not friction.profile.convex and not discrete.follows_slip.any()
+    of_slip = any(friction_of(contact).of is SlipMeasure.SLIP for contact in discrete.contacts.values())
+    law = acting.law if of_slip else acting.law.at_rest()
+    weakens = len(acting.offset) > 0 and law is not acting.law
     if remembered or not discrete.vectors.largest(float(weakens))[0]:
         return acting
-    static = friction.profile.subdifferential(none).upper
-    return replace(acting, law=replace(acting.law, friction=replace(friction, profile=ABSOLUTE_VALUE.scaled(static))))
+    return replace(acting, law=law)
 
 
 def begun(moment: TimeState) -> TimeState:

@@ -17,7 +17,6 @@ from hemivar.evolution.stage import Stage
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_laws import BoundaryLaw
 from hemivar.evolution.stepper import StepResult, TimeStepper
-from hemivar.laws import separable
 from hemivar.solvers import Solution
 from hemivar.systems.elimination import SchurComplement
 
@@ -62,8 +61,8 @@ class Margins:
     def _at(self, stage: Stage, solution: Solution) -> float:
         """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
         problem, body = stage.problem, stage.operator.base.model
-        law = separable(problem.law, "a bound that depends on the state")
-        if self._known[0] is body and self._known[1] is law and law.friction.profile.convex:
+        law = problem.law
+        if self._known[0] is body and self._known[1] is law and law.alpha_is_one:
             return self._known[2]
         found = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.stages.workspace)
         self._known = body, law, found

@@ -6,7 +6,6 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.evolution.stage import Stage
-from hemivar.laws import separable
 from hemivar.systems.body import Body
 
 __all__ = ["predicted_contact"]
@@ -34,7 +33,7 @@ def predicted_contact(stage: Stage, body: Body) -> Array | None:
     weights, stiffness, r = body.weights[:, None], body.diagonal, body.local(way)
     force = body.spread(body.load[body.unknown] - body.pull(way))
     pair = stiffness[:, [0, min(1, r.shape[1] - 1)]] / weights
-    place = separable(body.law, "a march in time").place_on_piece(pair, (stiffness * r + force) / weights, r)
+    place = body.law.place_on_piece(pair, (stiffness * r + force) / weights, r)
     if not np.isfinite(place).all():
         return None
     return body.moved(np.zeros(way.shape), np.where(body.active, place, body.fixed))

@@ -193,8 +193,8 @@ class StageSolver:
         """The solution of a stage to a tolerance."""
         problem, convexity_defect = stage.problem, self.convexity_defect(stage)
         if convexity_defect < 0.0:
-            at_rest = _at_rest(problem) if self.discrete.vectors.alone else None
-            near = self._nearby(stage, initial, controls) if at_rest is None else StageSolution(at_rest)
+            at_rest = self._at_rest(problem)
+            near = self._nearby(stage, initial, controls) if at_rest is None else at_rest
             if near is not None:
                 return near
             if _hides(_rounding(stage), controls):  # it is looked for again, to what is known
@@ -209,6 +209,9 @@ class StageSolver:
             found = find_solutions(problem, workspace=self.workspace)
             if found.solutions:
                 return StageSolution(min(found.solutions, key=lambda solution: solution.energy))
+        at_rest = self._at_rest(problem)
+        if at_rest is not None:
+            return at_rest
         slow = slowed(self.bodies, problem, convexity_defect)
         if jump is SelectionRule.VISCOUS and not self.resists:
             if slow.contact is not None:
@@ -219,6 +222,17 @@ class StageSolver:
             crept = solve(slow.problem, self.solver, controls, initial=start, workspace=self.workspace)
             return StageSolution(crept, slow.resistance)
         return StageSolution(downhill(problem, slow, start, self.solver, controls, self.workspace))
+
+    def _at_rest(self, problem: DiscreteProblem) -> StageSolution | None:
+        """The solution where the body is, if nothing acts there and the foundation does not push.
+
+        No iteration would find so: it has nothing to hold a residual against.
+        """
+        if not self.discrete.vectors.alone or not problem.unmoved:
+            return None
+        unknowns, residual = np.zeros(problem.unknowns), Residual(0.0, 0.0, 0.0, 0.0)
+        none = np.zeros_like(problem.offset)
+        return StageSolution(Solution(problem, unknowns, none, Status.CONVERGED, residual, method="rest"))
 
     def _foreseen(self, stage: Stage, initial: Solution | None, method: Solver | None) -> tuple[Array, Solver | None]:
         """Where a method starts from, and how: multigrid with the contact points where they are expected."""
@@ -275,17 +289,6 @@ def _refuse_without_energy(problem: DiscreteProblem, jump: SelectionRule) -> Non
             f"jump = '{jump}' needs an energy, and there is none for a friction bound that depends on the solution "
             "(Coulomb); take jump = 'local', 'viscous' or 'stop'"
         )
-
-
-def _at_rest(problem: DiscreteProblem) -> Solution | None:
-    """The solution of a problem with one solution, if that is nought: nothing acts, and the foundation does not push.
-
-    No iteration would find so: it has nothing to hold a residual against.
-    """
-    if not problem.unmoved:
-        return None
-    unknowns, residual = np.zeros(problem.unknowns), Residual(0.0, 0.0, 0.0, 0.0)
-    return Solution(problem, unknowns, np.zeros_like(problem.offset), Status.CONVERGED, residual, method="rest")
 
 
 def _rounding(stage: Stage) -> float:

@@ -8,7 +8,7 @@ from operator import add
 import numpy as np
 
 from hemivar.basics.relaxation import squares_of_relaxation
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.potential import Potential
@@ -23,7 +23,6 @@ from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
 from hemivar.evolution.step_laws import BoundaryLaw, StepLaw
 from hemivar.evolution.step_operator import decay, gain
 from hemivar.laws.memory import LocalStep
-from hemivar.laws.neighbourhood import lengths
 from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
 
@@ -154,7 +153,8 @@ def end_of_step(
     memory = dict(before.memory)
     for block in stage.law.blocks:
         if block.name in memory:
-            since, own = _since(local.displacement, before, block.index), last.own[block.index]
+            since = discrete.counted(local.displacement, before.local.displacement, block.index)
+            own = last.own[block.index]
             memory[block.name] = block.memory.advance(
                 block.given, before.memory[block.name], _whole(block, rule, step), since, own
             )
@@ -199,19 +199,15 @@ def energies(discrete: DiscreteEvolution, state: TimeState, law: StepLaw) -> dic
         if law.blocks:
             for block in law.blocks:
                 w, r = weights[block.index], place[block.index]
-                ends, remembered = block.base.normal.domain, state.memory.get(block.name, {})
+                ends, remembered = block.base.penetrations, state.memory.get(block.name, {})
                 seen = block.memory.seen(remembered, r)[:, 0]
                 beyond = seen - np.clip(seen, ends.lower, ends.upper)
                 r = np.column_stack([r[:, 0] - beyond, r[:, 1:]])
                 contact += float(w @ block.memory.stored(block.base, remembered, r))
-                if discrete.stores_slip[block.index].any():
-                    contact += float(w @ block.base.tangential.value(lengths(r[:, 1:])))
         else:
-            stored = law.stored.normal
-            ends = stored.domain
-            inside = np.minimum(np.maximum(place[:, 0], ends.lower), ends.upper)
-            value = stored.piece_value(stored.piece_of(inside), inside)
-            contact = float(weights @ (value if value.shape == weights.shape else np.full(weights.shape, value)))
+            ends, inside = law.stored.penetrations, place.copy()
+            inside[:, 0] = np.minimum(np.maximum(place[:, 0], ends.lower), ends.upper)
+            contact = float(weights @ law.stored.stored_energy(inside))
     own = {
         "elastic": discrete.elastic_energy(x, stiffness_force(discrete, state.body)),
         "kinetic": 0.0 if discrete.mass is None else 0.5 * float(v @ momentum(discrete, state.body)),
@@ -313,17 +309,10 @@ def _memory_loss(
         before.memory[block.name],
         found.memory[block.name],
         _whole(block, rule, step),
-        _since(found.local.displacement, before, block.index),
+        discrete.counted(found.local.displacement, before.local.displacement, block.index),
         own[block.index],
     )
     return float(discrete.problem.contact.weights[block.index] @ lost)
-
-
-def _since(place: Array, before: TimeState, index: IntArray) -> Array:
-    """Penetration at the end of a step, and slip since its beginning, of some contact points."""
-    here = place[index].copy()
-    here[:, 1:] -= before.local.displacement[index, 1:]
-    return here
 
 
 def _whole(block: BoundaryLaw, rule: StageRule, step: float) -> LocalStep:

@@ -12,8 +12,10 @@ from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, friction_of
 from hemivar.evolution.schemes import Scheme, StageRule
 from hemivar.evolution.state import TimeState
-from hemivar.laws import ContactLaw, NoContact, Signorini, SlipMeasure, Superpotential, separable
-from hemivar.laws.memory import LocalStep, Memory, MemoryChain, friction_in_increments, in_increments, law_of_step
+from hemivar.laws import NoContact, Signorini, SlipMeasure, Superpotential, VectorLaw
+from hemivar.laws.coupled import join_laws
+from hemivar.laws.memory import LocalStep, Memory, MemoryChain, law_of_step
+from hemivar.laws.normal_and_friction import NormalAndFriction, with_friction
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
 from hemivar.mechanics.instants import error_context
@@ -22,6 +24,8 @@ from hemivar.mechanics.statement import Contact
 
 __all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "places", "seen_place", "stage_law"]
 
+#: Who asks for laws whose force is averaged over a step.
+_CONSERVES = "the midpoint rule that conserves energy"
 #: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
 _TOUCHES = 1e-12
 
@@ -38,28 +42,28 @@ class BoundaryLaw:
         The boundary.
     index : int array (p,)
         Its contact points.
-    base : ContactLaw
+    base : VectorLaw
         The law as it was stated, at these points.
     memory : Memory
         What they remember, maybe nothing.
-    given : ContactLaw
+    given : VectorLaw
         The law that the memory is given.
     damping : Superpotential or None
         Law of the normal rate, at these points.
     local : LocalStep
-    law, undamped : ContactLaw
+    law, undamped : VectorLaw
         Of the stage, with and without the damping.
     """
 
     name: str
     index: IntArray
-    base: ContactLaw
+    base: VectorLaw
     memory: Memory
-    given: ContactLaw
+    given: VectorLaw
     damping: Superpotential | None
     local: LocalStep
-    law: ContactLaw
-    undamped: ContactLaw
+    law: VectorLaw
+    undamped: VectorLaw
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,19 +72,19 @@ class StepLaw:
 
     Attributes
     ----------
-    law : ContactLaw
+    law : VectorLaw
     blocks : tuple of BoundaryLaw
         Boundaries with memory or damping, all boundaries if there is one; empty where the law is as stated.
-    storing : ContactLaw or None
+    storing : VectorLaw or None
         The law whose energy is stored, where the law of the stage is another one.
     """
 
-    law: ContactLaw
+    law: VectorLaw
     blocks: tuple[BoundaryLaw, ...] = field(default_factory=tuple)
-    storing: ContactLaw | None = None
+    storing: VectorLaw | None = None
 
     @property
-    def stored(self) -> ContactLaw:
+    def stored(self) -> VectorLaw:
         """The law whose energy is stored where there are no blocks."""
         return self.law if self.storing is None else self.storing
 
@@ -94,13 +98,13 @@ class StepLaw:
 class _Foundation:
     """What a boundary is given at its contact points, whatever they remember; see :class:`BoundaryLaw`."""
 
-    stated: ContactLaw
+    stated: VectorLaw
     damped: Superpotential | None
     rate: float
     memory: Memory
     damping: Superpotential | None
-    base: ContactLaw
-    given: ContactLaw
+    base: VectorLaw
+    given: VectorLaw
 
 
 class StageLaws:
@@ -116,14 +120,14 @@ class StageLaws:
     def __init__(self, discrete: DiscreteEvolution) -> None:
         self._discrete = discrete
         self._known: dict[str, _Foundation] = {}
-        self._made: dict[str, tuple[_Foundation, float, Mapping[str, Array], ContactLaw]] = {}
-        self._joined: tuple[list[tuple[ContactLaw, int]], ContactLaw] | None = None
-        self._plain: tuple[ContactLaw, StepLaw] | None = None
+        self._made: dict[str, tuple[_Foundation, float, Mapping[str, Array], VectorLaw]] = {}
+        self._joined: tuple[list[tuple[VectorLaw, int]], VectorLaw] | None = None
+        self._plain: tuple[VectorLaw, StepLaw] | None = None
 
-    def plain(self, stated: ContactLaw, rate: float) -> StepLaw:
+    def plain(self, stated: VectorLaw, rate: float) -> StepLaw:
         """The law of a stage where points remember nothing."""
         if self._plain is None or self._plain[0] is not stated:
-            self._plain = stated, StepLaw(ContactLaw(stated.normal, friction_in_increments(stated.friction, rate)))
+            self._plain = stated, StepLaw(stated.in_increments(rate))
         return self._plain[1]
 
     def of(self, name: str, index: IntArray, acting: ExternalData, rate: float) -> _Foundation:
@@ -133,14 +137,14 @@ class StageLaws:
             memory = _memory(self._discrete, name, index)
             base = stated.take(index)
             if _follows_slip(self._discrete.contacts[name]):
-                base = ContactLaw(base.normal, replace(base.friction, of=SlipMeasure.SLIP))
-            given = base if memory.of_slip else in_increments(base, rate)
+                base = _of_slip(base)
+            given = base if memory.of_slip else base.in_increments(rate)
             with error_context(f"damping of contact '{name}'", damping):
                 damper = None if damping is None else damping.at(places(self._discrete, index))
             found = self._known[name] = _Foundation(stated, damping, rate, memory, damper, base, given)
         return found
 
-    def law(self, name: str, found: _Foundation, state: Mapping[str, Array], local: LocalStep) -> ContactLaw:
+    def law(self, name: str, found: _Foundation, state: Mapping[str, Array], local: LocalStep) -> VectorLaw:
         """The law of a boundary in a step, without damping; that of the step before where it cannot be another one."""
         known = self._made.get(name)
         same = known is not None and found.memory.of_state and known[0] is found and known[1] == local.tau
@@ -150,10 +154,10 @@ class StageLaws:
         self._made[name] = found, local.tau, state, made
         return made
 
-    def joined(self, laws: list[tuple[ContactLaw, int]]) -> ContactLaw:
+    def joined(self, laws: list[tuple[VectorLaw, int]]) -> VectorLaw:
         """One law from those of all boundaries; the one of the step before where they are the same."""
         if self._joined is None or [law for law, _ in self._joined[0]] != [law for law, _ in laws]:
-            self._joined = laws, ContactLaw.concatenate(laws)
+            self._joined = laws, join_laws(laws)
         return self._joined[1]
 
 
@@ -192,9 +196,9 @@ def stage_law(
         return StepLaw(_impact(stated, before, step, rate))
     foundations = StageLaws(discrete) if known is None else known
     if plain and rule.conserving:
-        start = before.local.displacement[:, 0]
-        normal = affine(averaged(stated.normal, start), rule.reach, (1.0 - rule.reach) * start)
-        return StepLaw(ContactLaw(normal, friction_in_increments(stated.friction, rate)), storing=stated)
+        start, parts = before.local.displacement[:, 0], with_friction(stated.in_increments(rate), _CONSERVES)
+        normal = affine(averaged(parts.normal, start), rule.reach, (1.0 - rule.reach) * start)
+        return StepLaw(parts.with_parts(normal), storing=stated)
     if plain:
         return foundations.plain(stated, rate)
     blocks, carried = [], rule.rate.carried(before.local, before.rates[1])
@@ -248,34 +252,40 @@ def refuse_unaveraged(discrete: DiscreteEvolution, scheme: Scheme) -> None:
                 f"the scheme {scheme.name} is to conserve energy, but contact '{name}' has a memory, a damping or "
                 "friction of the slip, which do not; leave conserving out"
             )
-    averaged(separable(discrete.problem.law, "a march in time").normal, 0.0)
+    averaged(with_friction(discrete.problem.law, _CONSERVES).normal, 0.0)
+
+
+def _of_slip(law: VectorLaw) -> NormalAndFriction:
+    """The law with friction of the slip, which several laws in one do not know any more."""
+    parts = with_friction(law, "friction of the slip")
+    return parts.with_parts(friction=replace(parts.friction, of=SlipMeasure.SLIP))
 
 
 def _follows_slip(contact: Contact | ScalarContact) -> bool:
     return friction_of(contact).of is SlipMeasure.SLIP
 
 
-def _impact(stated: ContactLaw, before: TimeState, step: float, rate: float) -> ContactLaw:
+def _impact(stated: VectorLaw, before: TimeState, step: float, rate: float) -> VectorLaw:
     """Rigid where the gap is closed, as it is predicted for the middle of the step; nothing elsewhere."""
-    local, friction = before.local, friction_in_increments(stated.friction, rate)
+    local, parts = before.local, with_friction(stated.in_increments(rate), "a law of impact")
     ahead = 0.5 * step * local.velocity[:, 0]
     # What rests on the obstacle is as deep as the rounding of its place and its velocity says, and yet in contact.
     sizes = np.abs(before.body.displacement).max(initial=0.0), np.abs(ahead).max(initial=0.0)
     shut = local.displacement[:, 0] + ahead >= -_TOUCHES * (
         sum(sizes) + np.abs(local.displacement[:, 0]).max(initial=0.0)
     )
-    parts: list[tuple[Superpotential, IntArray]] = [
+    pieces: list[tuple[Superpotential, IntArray]] = [
         (law.at(None), np.flatnonzero(points))
         for law, points in ((Signorini(), shut), (NoContact(), ~shut))
         if points.any()
     ]
-    normal = parts[0][0] if parts else stated.normal
-    if len(parts) > 1:
-        normal = StackedLaw(tuple(law for law, _ in parts), tuple(points for _, points in parts), name="impact")
-    return ContactLaw(normal, friction)
+    normal = pieces[0][0] if pieces else parts.normal
+    if len(pieces) > 1:
+        normal = StackedLaw(tuple(law for law, _ in pieces), tuple(points for _, points in pieces), name="impact")
+    return parts.with_parts(normal)
 
 
-def initial_memory(discrete: DiscreteEvolution, law: ContactLaw, local: Array) -> States:
+def initial_memory(discrete: DiscreteEvolution, law: VectorLaw, local: Array) -> States:
     """States of all memories at the start, local displacements (m, c) being what they are."""
     found = {}
     for name, index in discrete.blocks:

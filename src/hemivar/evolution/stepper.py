@@ -21,7 +21,7 @@ from hemivar.evolution.state import Kinematics, TimeState
 from hemivar.evolution.step_end import SolvedStage, end_of_step, with_products
 from hemivar.evolution.step_laws import StepLaw, stage_law
 from hemivar.evolution.step_operator import StepOperator, StepOperators, body_factors, step_operator
-from hemivar.laws import ContactLaw
+from hemivar.laws import VectorLaw
 from hemivar.solvers import Controls, Solution, Solver, Status
 from hemivar.solvers.choice import choose
 from hemivar.solvers.solve import suited
@@ -267,14 +267,13 @@ class TimeStepper:
         solved = self._solved(stages, before, operator, now, now, start, jump)
         return self._ended(before, [solved], span, before.time, now)
 
-    def stage_laws(self, before: TimeState, step: float) -> list[tuple[tuple[float, ...], ContactLaw]]:
+    def stage_laws(self, before: TimeState, step: float) -> list[tuple[tuple[float, ...], VectorLaw]]:
         """For each stage of a step, not solved: what makes its body, see :meth:`StepMatrices.body`, and its law.
 
         The state before stands for what the stages would find.
         """
         found = []
-        guess = np.zeros(before.local.displacement.shape)
-        guess[:, 0] = before.local.displacement[:, 0]
+        guess = self.discrete.counted(before.local.displacement, before.local.displacement)
         data, timed = self.data_from(before), "law" in self.discrete.evolution.problem.time_dependent
         for rule in self.operators.rules(step, before.last_length):
             acting = data.at(before.time + (rule.at * step if timed else 0.0))
@@ -294,8 +293,8 @@ class TimeStepper:
     ) -> SolvedStage:
         """A stage, its law being that of its own solution."""
         discrete, vectors, rule = self.discrete, self.discrete.vectors, operator.rule
-        guess, multiplier = np.zeros(base.local.displacement.shape), base.multiplier
-        guess[:, 0] = base.local.displacement[:, 0]
+        before = base.local.displacement
+        guess, multiplier = discrete.counted(before, before), base.multiplier
         initial: Solution | None = None
         for _ in range(_ROUNDS):
             check_time()
@@ -309,8 +308,7 @@ class TimeStepper:
             again = law.iterates and solution.status is Status.CONVERGED
             if not (again if vectors.alone else vectors.largest(float(again))[0]):
                 break
-            slid = local.copy()
-            slid[:, 1:] -= base.local.displacement[:, 1:]
+            slid = discrete.counted(local, before)
             change, size, pressed, level = vectors.largest(
                 float(np.abs(slid - guess).max(initial=0.0)),
                 float(np.abs(local).max(initial=0.0)),
@@ -346,7 +344,7 @@ def _undamped(law: StepLaw, point: Kinematics, multiplier: Array) -> Array:
         own = multiplier.copy() if own is multiplier else own
         rate, lam = point.velocity[block.index, 0], multiplier[block.index, 0]
         stored, felt = (
-            block.undamped.normal.subdifferential(point.displacement[block.index, 0]),
+            block.undamped.pressures(point.displacement[block.index]),
             block.damping.subdifferential(rate),
         )
         slope = np.clip(block.damping.derivative(rate), felt.lower, felt.upper)

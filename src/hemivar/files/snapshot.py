@@ -13,7 +13,6 @@ from hemivar.basics.types import Array
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.thermal_stress import cell_thermal_stress
-from hemivar.laws import separable
 from hemivar.laws.memory import MemoryChain
 from hemivar.solvers.boundary_result import ContactValues
 from hemivar.solvers.contact_states import ContactStates, contact_states
@@ -132,8 +131,8 @@ def moving_states(discrete: DiscreteEvolution, frame: Frame) -> ContactStates:
         if index.size and state:
             memory = MemoryChain(discrete.contacts[name].memory)
             seen[index] = memory.seen(state, seen[index])
-            past_peak[index] = memory.past_peak(separable(law, "a memory").take(index), state)
-    past_peak |= separable(law, "a history").normal.past_peak(seen[:, 0])
+            past_peak[index] = memory.past_peak(law.take(index), state)
+    past_peak |= law.past_peak(seen)
     return contact_states(
         law, seen, frame.multiplier, (moved, pressed), moves=moves, past_peak=past_peak,
         without_friction=contact.without_friction,

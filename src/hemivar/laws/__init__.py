@@ -40,6 +40,7 @@ from hemivar.laws.friction import (
     StateBound,
     StaticKinetic,
     Tresca,
+    friction_in_increments,
 )
 from hemivar.laws.memory import (
     Bonding,
@@ -56,7 +57,6 @@ from hemivar.laws.memory import (
     SlipSum,
     ViscousFoundation,
     Wear,
-    friction_in_increments,
     law_of_step,
 )
 from hemivar.laws.normal import (

@@ -17,7 +17,7 @@ from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.neighbourhood import Neighbourhood, lengths, polar
 from hemivar.laws.normal_and_friction import NormalAndFriction
-from hemivar.laws.scalar_graph import downhill, nearest_knot, one_sided, radial_sides, steepest
+from hemivar.laws.scalar_graph import downhill, is_continuous, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Linearisation, OnGraph, Sides, VectorLaw
@@ -89,6 +89,9 @@ class ContactLaw(NormalAndFriction):
         if not isinstance(bound, StateBound) or not bound.differentiable:
             return False
         return bool(np.isfinite(profile.weak_convexity).all() and np.isposinf(profile.domain.upper).all())
+
+    def is_function(self, components: int) -> bool:
+        return not self.state_dependent and all(is_continuous(law) for law in self.scalar_laws(components))
 
     @staticmethod
     def concatenate(laws: Sequence[tuple[ContactLaw, int]]) -> ContactLaw:
@@ -184,15 +187,6 @@ class ContactLaw(NormalAndFriction):
         return replace(at_bound, jacobian=jacobian)
 
     def place_on_piece(self, a: Array, b: Array, r: Array) -> Array:
-        """Where to linearise the law next: the minimiser of :meth:`local_argmin` where it is at a kink, elsewhere a
-        place on its piece, ``r`` if it lies there.
-
-        Parameters
-        ----------
-        a : array (m, 2)
-            Larger than the weak convexity of the law.
-        b, r : arrays (m, d)
-        """
         out = np.empty(b.shape)
         out[:, 0] = self.normal.place_on_piece(a[:, 0], b[:, 0], r[:, 0])
         if b.shape[1] > 1:

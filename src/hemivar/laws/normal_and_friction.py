@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Self
 
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import MethodError
 from hemivar.laws.friction.bounds import StateBound
-from hemivar.laws.friction.friction_law import Friction
+from hemivar.laws.friction.friction_law import Friction, SlipMeasure, friction_in_increments
+from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.neighbourhood import lengths
 from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.transformed import plus, secant
+from hemivar.laws.transformed.secants import secant_stiffness
 from hemivar.laws.vector_law import VectorLaw
 
-__all__ = ["NormalAndFriction"]
+__all__ = ["NormalAndFriction", "with_friction"]
 
 
 class NormalAndFriction(VectorLaw):
@@ -34,6 +39,61 @@ class NormalAndFriction(VectorLaw):
     def take(self, index: IntArray) -> Self:
         return replace(self, normal=self.normal.take(index), friction=self.friction.take(index))  # type: ignore[type-var]
 
+    def with_parts(self, normal: Superpotential | None = None, friction: Friction | None = None) -> Self:
+        """The law with another part; None leaves it as it is."""
+        normal = self.normal if normal is None else normal
+        return replace(self, normal=normal, friction=self.friction if friction is None else friction)  # type: ignore[type-var]
+
+    # ---- in time ----------------------------------------------------------------------------------------
+
+    @property
+    def follows_slip(self) -> bool:
+        return self.friction.of is SlipMeasure.SLIP
+
+    @property
+    def stores_slip(self) -> bool:
+        return self.follows_slip and not self.state_dependent
+
+    def in_increments(self, rate: float) -> Self:
+        friction = friction_in_increments(self.friction, rate)
+        return self if friction is self.friction else self.with_parts(friction=friction)
+
+    def damped(self, damping: Superpotential) -> Self:
+        return self.with_parts(plus(self.normal, damping))
+
+    def at_rest(self) -> Self:
+        if self.friction.profile.convex:
+            return self
+        profile = self.friction.profile
+        static = profile.subdifferential(np.zeros(len(profile.knots))).upper
+        return self.with_parts(friction=replace(self.friction, profile=ABSOLUTE_VALUE.scaled(static)))
+
+    def stored_energy(self, r: Array) -> Array:
+        return self.value(r) if self.stores_slip else self.normal.value(r[:, 0])
+
+    # ---- glue that remembers ----------------------------------------------------------------------------
+
+    def damaged(self, known: Mapping[str, Array] | None, r: Array) -> dict[str, Array]:
+        last = np.zeros(len(r)) if known is None else known["opening"]
+        opening = np.minimum(np.maximum(last, -r[:, 0]), -self.normal.domain.lower)
+        return {"opening": opening, "stiffness": secant_stiffness(self.normal, opening)}
+
+    def unloading(self, known: Mapping[str, Array]) -> Self:
+        return self.with_parts(secant(self.normal, known["opening"]))
+
+    def unloading_energy(self, known: Mapping[str, Array], r: Array, of_law: Callable[[Array], Array]) -> Array:
+        shut, w = r.copy(), r[:, 0]
+        shut[:, 0] = 0.0
+        along = of_law(shut) + 0.5 * known["stiffness"] * w**2
+        return np.where((w < 0.0) & (w >= -known["opening"]), along, of_law(r))
+
+    def spent_by(self, known: Mapping[str, Array]) -> Array:
+        opening = known["opening"]
+        return np.asarray(self.normal.value(-opening) - 0.5 * known["stiffness"] * opening**2)
+
+    def softened(self, known: Mapping[str, Array]) -> BoolArray:
+        return self.normal.past_peak(-known["opening"])
+
     # ---- the bound --------------------------------------------------------------------------------------
 
     @property
@@ -50,12 +110,11 @@ class NormalAndFriction(VectorLaw):
         if not self.state_dependent:
             return self
         lam = np.zeros(r.shape)
-        interval = self._pressures(r)
+        interval = self.pressures(r)
         lam[:, 0] = np.clip(0.0, interval.lower, interval.upper)
         return self.frozen(r, lam)
 
-    def _pressures(self, r: Array) -> Interval:
-        """The pressures of the normal law at r, cut at the ends of its domain."""
+    def pressures(self, r: Array) -> Interval:
         ends = self.normal.domain
         return self.normal.subdifferential(np.clip(r[:, 0], ends.lower, ends.upper))
 
@@ -90,6 +149,10 @@ class NormalAndFriction(VectorLaw):
         if r.shape[1] == 1 or not self.friction.profile.by_differences:
             return normal
         return np.hypot(normal, self.friction.radial.derivative_error(lengths(r[:, 1:])))
+
+    @property
+    def alpha_is_one(self) -> bool:
+        return not self.state_dependent or self.friction.profile.convex
 
     @property
     def alpha_reach(self) -> tuple[float, float]:
@@ -127,10 +190,29 @@ class NormalAndFriction(VectorLaw):
         return self.normal.at_kink(r[:, 0])
 
     def pulls(self, r: Array) -> BoolArray:
-        return np.asarray(self._pressures(r).lower < 0.0)
+        return np.asarray(self.pressures(r).lower < 0.0)
 
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return self.normal.past_peak(r[:, 0], pull, near, slack)
 
     def debonding(self, r: Array) -> dict[str, Array]:
         return self.normal.debonding(r[:, 0])
+
+
+def with_friction(law: VectorLaw, what: str) -> NormalAndFriction:
+    """The law as a normal law with friction beside it, whichever way the friction may point.
+
+    Parameters
+    ----------
+    law : VectorLaw
+    what : str
+        Who asks for it, as the subject of the message.
+
+    Raises
+    ------
+    MethodError
+        Opening and slip act together.
+    """
+    if not isinstance(law, NormalAndFriction):
+        raise MethodError(f"{law.not_separable}, and {what} needs a normal law with friction beside it")
+    return law

@@ -13,17 +13,36 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Sides
 
-__all__ = ["downhill", "nearest_knot", "one_sided", "part_of", "radial_sides", "steepest", "straightness"]
+__all__ = [
+    "downhill",
+    "is_continuous",
+    "nearest_knot",
+    "one_sided",
+    "part_of",
+    "radial_sides",
+    "steepest",
+    "straightness",
+]
 
 #: Pairs of a point and a knot that are looked at together.
 _PAIRS = 1 << 20
 #: Derivatives of a law below this share of its largest one at a knot are rounding.
 _SLOPE_NOISE = 1e-12
+#: Part of a force that it may jump by and count as continuous: rounding.
+_ROUNDED = 1e-12
 #: Parts of a way at which a law is looked at.
 _SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
 
 #: How far out, in units of the knots, an endless piece is looked at.
 _FAR = 1e3
+
+
+def is_continuous(law: Superpotential) -> bool:
+    """Whether the derivative of a superpotential is defined everywhere and jumps nowhere."""
+    ends, (left, right) = law.domain, law.knot_slopes()
+    if np.isfinite(ends.lower).any() or np.isfinite(ends.upper).any():
+        return False
+    return not (np.abs(right - left) > _ROUNDED * np.maximum(np.abs(left), np.abs(right))).any()
 
 
 def part_of(law: Superpotential, r: Array) -> IntArray:

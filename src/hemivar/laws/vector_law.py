@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,8 +11,9 @@ import numpy as np
 
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import MethodError
 from hemivar.laws.crossings import Crossings
-from hemivar.laws.superpotential import Interval
+from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["Linearisation", "Near", "OnGraph", "Sides", "VectorLaw", "spread"]
 
@@ -148,6 +149,93 @@ class VectorLaw(PickleMixin, ABC):
     def take(self, index: IntArray) -> VectorLaw:
         """The law at some of the contact points."""
 
+    # ---- in time ----------------------------------------------------------------------------------------
+
+    @property
+    def follows_slip(self) -> bool:
+        """Whether it is a law of the place: its slip counts from the beginning of a march, not of a step."""
+        return True
+
+    @property
+    def stores_slip(self) -> bool:
+        """Whether what it does on a slip is stored, and not dissipated."""
+        return self.follows_slip
+
+    def in_increments(self, rate: float) -> VectorLaw:
+        """The law of a step: what is a law of the slip rate as one of the slip increment, ``rate`` times which is the
+        rate; a law of the place is itself."""
+        return self
+
+    def damped(self, damping: Superpotential) -> VectorLaw:
+        """The law with another one of the penetration beside it.
+
+        Raises
+        ------
+        MethodError
+            It couples opening and slip.
+        """
+        raise MethodError(f"{self.not_separable}, and damping of the normal rate is not known beside it; leave it out")
+
+    def at_rest(self) -> VectorLaw:
+        """The law of a body that does not slip, whose friction is as strong as it is at the rate 0."""
+        return self
+
+    def stored_energy(self, r: Array) -> Array:
+        """Energy (m,) that the law stores at ``r (m, c)`` in time: all of :meth:`value` but that of friction."""
+        return self.value(r)
+
+    # ---- glue that remembers ----------------------------------------------------------------------------
+
+    def damaged(self, known: Mapping[str, Array] | None, r: Array) -> dict[str, Array]:
+        """What glue remembers after it has come to ``r (m, c)``, arrays (m,): its largest effective ``opening``, and
+        its ``stiffness`` from there back to rest.
+
+        Parameters
+        ----------
+        known : mapping or None
+            What it has remembered before; None of intact glue.
+        r : array (m, c)
+
+        Raises
+        ------
+        MethodError
+            The law has no effective opening.
+        """
+        raise MethodError(
+            f"law '{self.name}' has no effective opening whose largest value glue could remember; leave the memory "
+            "out, or take MixedMode(...)"
+        )
+
+    def unloading(self, known: Mapping[str, Array]) -> VectorLaw:
+        """The law of glue that remembers: along the secant up to the largest opening, as it is beyond."""
+        raise NotImplementedError
+
+    def unloading_energy(self, known: Mapping[str, Array], r: Array, of_law: Callable[[Array], Array]) -> Array:
+        """Energy (m,) that this law stores at ``r (m, c)``, where the law stores ``of_law(r)`` without memory."""
+        return self.unloading(known).stored_energy(r)
+
+    def spent_by(self, known: Mapping[str, Array]) -> Array:
+        """Energy per area (m,) that glue has lost since it was intact."""
+        raise NotImplementedError
+
+    def softened(self, known: Mapping[str, Array]) -> BoolArray:
+        """Whether glue that remembers is past its peak, (m,)."""
+        raise NotImplementedError
+
+    # ---- at a displacement ------------------------------------------------------------------------------
+
+    def pressures(self, r: Array) -> Interval:
+        """Pressures of the law at ``r (m, c)``, cut at the ends of its domain."""
+        far = np.zeros(r.shape)
+        far[:, 0] = np.inf
+        return Interval(*(self.nearest_multiplier(r, way)[:, 0] for way in (-far, far)))
+
+    def is_function(self, components: int) -> bool:
+        """Whether there is one multiplier at each displacement, which changes continuously, as far as is known."""
+        return False
+
+    # ---- whether it depends on the state ----------------------------------------------------------------
+
     @property
     @abstractmethod
     def state_dependent(self) -> bool:
@@ -223,6 +311,19 @@ class VectorLaw(PickleMixin, ABC):
     @abstractmethod
     def local_argmin(self, a: Array, b: Array) -> Array:
         """Minimiser of ``a_n/2 r_n^2 + a_t/2 |r_t|^2 - b.r + j(r)``; ``a (m, 2)``, ``b (m, c)`` -> ``(m, c)``."""
+
+    def place_on_piece(self, a: Array, b: Array, r: Array) -> Array:
+        """Where to linearise the law next: the minimiser of :meth:`local_argmin` where it is at a kink, elsewhere a
+        place on its piece.
+
+        Parameters
+        ----------
+        a : array (m, 2)
+            Larger than the weak convexity of the law.
+        b, r : arrays (m, c)
+            ``r`` is taken where it lies on that piece.
+        """
+        return self.local_argmin(a, b)
 
     @abstractmethod
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
@@ -315,6 +416,11 @@ class VectorLaw(PickleMixin, ABC):
         return False
 
     @property
+    def alpha_is_one(self) -> bool:
+        """Whether :meth:`weak_convexity_at` is the same in all states."""
+        return not self.state_dependent
+
+    @property
     def convex(self) -> bool:
         """Whether the law is convex at all points, and that is proved."""
         return not self.alpha_sampled and all(bool((alpha == 0.0).all()) for alpha in self.weak_convexity)
@@ -381,7 +487,7 @@ class VectorLaw(PickleMixin, ABC):
         """Whether the law can pull at ``r (m, c)``, cut at the ends of its domain."""
 
     @abstractmethod
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         """Whether the law has let go of some of its ``pull (m,)``; see :meth:`Superpotential.past_peak`."""
 
     def debonding(self, r: Array) -> dict[str, Array]:

@@ -96,10 +96,12 @@ class NewtonCache:
     _known: tuple[_Graphs, Array, CompiledRounds | None] | None = field(default=None, repr=False)
 
     def graphs(self, system: CondensedProblem) -> _Graphs | None:
-        """The graphs of the law; None where its bound depends on the state and Newton's equation cannot follow it."""
+        """The graphs of the law; None where Newton's equations have none of it."""
         found, body = self._law, system.body
         if found is None or found.law is not system.law:
-            law = separable(system.law, "a march in time")
+            law = system.law
+            if not isinstance(law, ContactLaw):
+                return None
             d, pair = system.shape[1], body.pointwise
             made: _Graphs | None
             if law.state_dependent:

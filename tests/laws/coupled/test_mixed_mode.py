@@ -384,8 +384,6 @@ def test_what_needs_a_normal_law_and_friction_says_so() -> None:
     assert asked.kind == hv.certify(solution).kind
     with pytest.raises(hv.HemivarError, match="couples opening and slip"):
         hv.follow_path(block())
-    with pytest.raises(hv.HemivarError, match="couples opening and slip"):
-        hv.march(hv.Evolution(block()), 1.0)
     for method in (hv.solvers.PrimalDualActiveSet(), hv.solvers.ProximalBundle()):
         with pytest.raises(hv.HemivarError, match=r"couples opening and slip|not convex"):
             hv.solve(block(), method)

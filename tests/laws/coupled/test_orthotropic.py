@@ -294,10 +294,6 @@ def test_results_do_not_change_with_the_frame() -> None:
             "the mesh is plane",
         ),
         (
-            lambda: hv.march(hv.Evolution(block(np.zeros(2), OrthotropicFriction(1.0))), 1.0),
-            "depends on the direction of the slip, and a march in time is only known",
-        ),
-        (
             lambda: exact_distance(
                 block(np.zeros(2), OrthotropicFriction(1.0)),
                 hv.solve(block(np.zeros(2), Tresca(1.0))).displacement,

@@ -83,6 +83,24 @@ class JoinedLaw(CoupledLaw):
             return chosen[0][0]
         return JoinedLaw(tuple(law for law, _ in chosen), tuple(rows for _, rows in chosen))
 
+    def _each(self, ask: Callable[[VectorLaw], VectorLaw]) -> VectorLaw:
+        """The law of other parts; itself where they are the same."""
+        parts = tuple(ask(law) for law in self.parts)
+        same = all(one is other for one, other in zip(parts, self.parts, strict=True))
+        return self if same else JoinedLaw(parts, self.indices)
+
+    def in_increments(self, rate: float) -> VectorLaw:
+        return self._each(lambda law: law.in_increments(rate))
+
+    def at_rest(self) -> VectorLaw:
+        return self._each(lambda law: law.at_rest())
+
+    def stored_energy(self, r: Array) -> Array:
+        return self._gather(lambda law, i: law.stored_energy(r[i]))
+
+    def is_function(self, components: int) -> bool:
+        return all(law.is_function(components) for law in self.parts)
+
     def value(self, r: Array) -> Array:
         return self._gather(lambda law, i: law.value(r[i]))
 
@@ -204,8 +222,8 @@ class JoinedLaw(CoupledLaw):
     def pulls(self, r: Array) -> BoolArray:
         return self._whether(lambda law, i: law.pulls(r[i]))
 
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
-        return self._whether(lambda law, i: law.past_peak(r[i], pull[i], near, slack))
+    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
+        return self._whether(lambda law, i: law.past_peak(r[i], None if pull is None else pull[i], near, slack))
 
     def debonding(self, r: Array) -> dict[str, Array]:
         return gathered_debonding(

@@ -21,7 +21,7 @@ from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.scalar_graph import downhill, one_sided, radial_sides, steepest
+from hemivar.laws.scalar_graph import downhill, is_continuous, one_sided, radial_sides, steepest
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, Sides
 
@@ -264,6 +264,9 @@ class MixedMode(CoupledLaw):
         rho, opening = self.effective(r), np.maximum(-r[:, 0], 0.0)
         return np.where(rho > 0.0, 1.0 - (opening / np.where(rho > 0.0, rho, 1.0)) ** 2, np.nan)
 
+    def is_function(self, components: int) -> bool:
+        return is_continuous(self.compression)
+
     # ---- value and subdifferential ----------------------------------------------------------------------
 
     def value(self, r: Array) -> Array:
@@ -487,7 +490,7 @@ class MixedMode(CoupledLaw):
     def pulls(self, r: Array) -> BoolArray:
         return np.asarray((r[:, 0] < 0.0) & (self.effective(r) < self.opening_at_break))
 
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return np.asarray(self.effective(r) > self._peak * (1.0 + 1e-9))
 
     def debonding(self, r: Array) -> dict[str, Array]:

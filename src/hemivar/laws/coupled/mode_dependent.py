@@ -367,7 +367,7 @@ class ModeDependentGlue(VectorLaw):
     def pulls(self, r: Array) -> BoolArray:
         return self.frozen_at(r).pulls(r)
 
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return self.frozen_at(r).past_peak(r, pull, near, slack)
 
     def debonding(self, r: Array) -> dict[str, Array]:

@@ -30,6 +30,8 @@ from hemivar.laws.vector_law import Linearisation, Sides
 
 __all__ = ["OwnCoupledLaw", "checked_reach"]
 
+#: Part of the forces of a law that is none.
+_NOTHING = 1e-40
 #: Lines of the grid on which the minimisers of a local problem are looked for, to either side, and starts taken of it.
 _GRID, _STARTS = 70, 8
 #: Local problems that are looked at together.
@@ -132,8 +134,9 @@ class OwnCoupledLaw(CoupledLaw):
         return np.where(r > 0.0, np.inf, value) if self.rigid else value
 
     def slopes_at(self, r: Array, s: Array, side: Array | float) -> tuple[Array, Array]:
-        """f_r and f_s, at r = 0 those of a side."""
-        by_r, by_s = self.plane.gradient(*self._nonzero(r, s, -1.0 if self.rigid else side))
+        """f_r and f_s, at r = 0 those of a side; what stands for zero there makes no force."""
+        slopes = self.plane.gradient(*self._nonzero(r, s, -1.0 if self.rigid else side))
+        by_r, by_s = (np.where(np.abs(slope) <= _NOTHING * self.size, 0.0, slope) for slope in slopes)
         return by_r, by_s
 
     def bends_at(self, r: Array, s: Array, side: Array | float) -> tuple[Array, Array, Array]:
@@ -487,7 +490,7 @@ class OwnCoupledLaw(CoupledLaw):
         normal, size, _ = self.split(self.admissible(r))
         return np.asarray(self.slopes_at(normal, size, -1.0)[0] < -1e-9 * self.size)
 
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         """Where the law is open and pulls less the more it opens."""
         normal, size, _ = self.split(self.admissible(r))
         return np.asarray((normal < 0.0) & (self.bends_at(normal, size, -1.0)[0] < 0.0))

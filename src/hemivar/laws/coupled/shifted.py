@@ -163,7 +163,7 @@ class ShiftedLaw(CoupledLaw):
     def pulls(self, r: Array) -> BoolArray:
         return self.base.pulls(self.from_shift(r))
 
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return self.base.past_peak(self.from_shift(r), pull, near, slack)
 
     def resistance(self, r: Array, lam: Array) -> Array:

@@ -1,7 +1,7 @@
 """Friction: even profiles of the slip, bounds that may depend on the state, and the laws that they make."""
 
 from hemivar.laws.friction.bounds import CoulombBound, PenetrationBound, StateBound
-from hemivar.laws.friction.friction_law import Friction, SlipMeasure
+from hemivar.laws.friction.friction_law import Friction, SlipMeasure, friction_in_increments
 from hemivar.laws.friction.named_frictions import (
     Coulomb,
     Logarithmic,
@@ -37,4 +37,5 @@ __all__ = [
     "StaticKinetic",
     "StaticKineticProfile",
     "Tresca",
+    "friction_in_increments",
 ]

@@ -22,8 +22,11 @@ from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
+from hemivar.laws.transformed.affine import affine
+from hemivar.laws.transformed.exact_table import as_examined
+from hemivar.laws.transformed.slipped import homogeneous
 
-__all__ = ["Friction", "SlipMeasure"]
+__all__ = ["Friction", "SlipMeasure", "friction_in_increments"]
 
 #: Knots of a profile next to which it is tried out.
 _MOST_KNOTS = 2000
@@ -143,6 +146,28 @@ class Friction(PickleMixin):
     def radial(self) -> Superpotential:
         """The even scalar law h_tau j_tau, for resolved parameters."""
         return self.profile.scaled(self.bounds)
+
+
+def friction_in_increments(friction: Friction, rate: float) -> Friction:
+    """Friction that is a law of the slip rate, as a law of the slip increment d of a step: ``h j_tau(a |d|)/a``.
+
+    A profile that is a multiple of the size of the slip, as Tresca's and Coulomb's, sees no rate and stays what it is;
+    else alpha is ``rate`` times that of the law.
+
+    Parameters
+    ----------
+    friction : Friction
+        With resolved parameters; its bound may depend on the state. A law of the slip stays what it is.
+    rate : float
+        a > 0, the factor of the increment in the slip rate: 1/tau for implicit Euler.
+
+    Returns
+    -------
+    Friction
+    """
+    if friction.of is SlipMeasure.SLIP or homogeneous(friction.profile):
+        return friction
+    return replace(friction, profile=as_examined(affine(friction.profile, rate)))
 
 
 #: Profiles that have been looked at; most calls build a law anew from one of them.

@@ -11,7 +11,7 @@ from hemivar.laws.memory.damped import DampedContact
 from hemivar.laws.memory.in_series import ViscousFoundation, Wear
 from hemivar.laws.memory.plastic_bond import BondState, PlasticBond
 from hemivar.laws.memory.rate_and_state import RateAndState
-from hemivar.laws.memory.step_law import MemoryChain, friction_in_increments, in_increments, law_of_step
+from hemivar.laws.memory.step_law import MemoryChain, law_of_step
 
 __all__ = [
     "BondState",
@@ -28,7 +28,5 @@ __all__ = [
     "SlipSum",
     "ViscousFoundation",
     "Wear",
-    "friction_in_increments",
-    "in_increments",
     "law_of_step",
 ]

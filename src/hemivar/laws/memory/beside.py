@@ -9,11 +9,11 @@ import numpy as np
 
 from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, BoolArray, Parameter
-from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.transformed import bonded, plus
+from hemivar.laws.transformed import bonded
+from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["Bonding", "PenetrationMemory"]
 
@@ -43,29 +43,29 @@ class Bonding(Memory):
     minimum: ClassVar[dict[str, float]] = {"stiffness": 0.0, "energy": 0.0}
     positive: ClassVar[tuple[str, ...]] = ("viscosity",)
 
-    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept(bond=np.ones(len(r)))
 
-    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
-        v = self.values()
-        made = bonded(law.normal, v["stiffness"], v["energy"], v["viscosity"], state["bond"], step.tau)
-        return ContactLaw(made, law.friction)
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
+        v, parts = self.values(), self.parts_of(law)
+        made = bonded(parts.normal, v["stiffness"], v["energy"], v["viscosity"], state["bond"], step.tau)
+        return parts.with_parts(made)
 
-    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         v, beta = self.values(), state["bond"]
         driving = step.tau * v["stiffness"] * np.minimum(r[:, 0], 0.0) ** 2 / v["viscosity"]
         return kept(bond=np.minimum(beta, (beta + step.tau * v["energy"] / v["viscosity"]) / (1.0 + driving)))
 
-    def past_peak(self, law: ContactLaw, state: MemoryState) -> BoolArray:
+    def past_peak(self, law: VectorLaw, state: MemoryState) -> BoolArray:
         """Where the bond has faded."""
         return np.asarray(state["bond"] < 1.0)
 
-    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+    def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         opening = np.minimum(r[:, 0], 0.0)
-        return energy_of(law, inner)(r[:, 0]) + 0.5 * self.values()["stiffness"] * (state["bond"] * opening) ** 2
+        return energy_of(law, inner)(r) + 0.5 * self.values()["stiffness"] * (state["bond"] * opening) ** 2
 
     def dissipated(
-        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+        self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         v, fall = self.values(), old["bond"] - new["bond"]
         return np.asarray(v["energy"] * fall + v["viscosity"] * fall**2 / step.tau)
@@ -94,7 +94,7 @@ class PenetrationMemory(Memory):
     name: ClassVar[str] = "penetration-memory"
     positive: ClassVar[tuple[str, ...]] = ("time",)
 
-    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept(integral=np.zeros(len(r)), last=r[:, 0])
 
     def _recursion(self, step: LocalStep) -> tuple[Array, Array, Array, Array, Array]:
@@ -107,25 +107,25 @@ class PenetrationMemory(Memory):
         mean = np.where(ratio > 1e-3, 1.0 - lost / ratio, ratio * (0.5 - ratio * (1.0 / 6.0 - ratio / 24.0)))
         return v["stiffness"], time, np.exp(-ratio), time * (lost - mean), time * mean
 
-    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
         b, _, keep, first, last = self._recursion(step)
         force = b * (keep * state["integral"] + first * step.before[:, 0])
         slope = np.broadcast_to(b * last, force.shape)[:, None]
-        return ContactLaw(plus(law.normal, _spring(slope, force)), law.friction)
+        return self.parts_of(law).damped(_spring(slope, force))
 
-    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         _, _, keep, first, last = self._recursion(step)
         q = keep * state["integral"] + first * step.before[:, 0] + last * r[:, 0]
         return kept(integral=q, last=r[:, 0])
 
-    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+    def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         v = self.values()
         branch = r[:, 0] - state["integral"] / v["time"]
         own = 0.5 * v["stiffness"] * v["time"] * (r[:, 0] - branch) * (r[:, 0] + branch)
-        return np.asarray(energy_of(law, inner)(r[:, 0]) + own)
+        return np.asarray(energy_of(law, inner)(r) + own)
 
     def dissipated(
-        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+        self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         """``-b int h^2``, exact for r linear in the step: h goes exponentially towards time times the rate of r."""
         v = self.values()

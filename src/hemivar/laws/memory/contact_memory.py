@@ -21,15 +21,16 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.normal_and_friction import NormalAndFriction, with_friction
 from hemivar.laws.parameters import evaluate
+from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["Energy", "LocalStep", "Memory", "MemoryState", "energy_of", "kept", "slide"]
 
 #: What a contact point remembers: arrays (m, ...) by name, read-only.
 MemoryState = Mapping[str, Array]
 
-#: Energy stored in the normal direction, of the penetration (m,) -> (m,).
+#: Energy that is stored at a local displacement, (m, c) -> (m,).
 Energy = Callable[[Array], Array]
 
 
@@ -137,40 +138,41 @@ class Memory(PickleMixin, ABC):
         return replace(self, **{k: v if v.size == 1 else v[index] for k, v in self.values().items()})  # type: ignore[type-var]
 
     @abstractmethod
-    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
         """The state at the beginning, in the local displacement ``r (m, c)``."""
 
     @abstractmethod
-    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
         """The law of the step, made of the law without this memory."""
 
     @abstractmethod
-    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         """The state at the end of the step, where the local displacement is ``r`` (with the slip increment).
 
         Parameters
         ----------
-        law : ContactLaw
+        law : VectorLaw
             The law without this memory, as in :meth:`law`.
         r, lam : arrays (m, c)
             Local displacement, of which the slip is the increment of the step, and multiplier, without what a damping
             beside the memory exerts.
         """
 
-    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
-        """Energy that law and memory store in the normal direction, (m,); friction stores none.
+    def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+        """Energy that law and memory store, (m,); friction of the slip rate stores none.
 
-        ``inner`` is the energy of the law without this memory, ``law.normal.value`` by default.
+        ``r`` is the whole local displacement; ``inner`` is the energy of the law without this memory,
+        ``law.stored_energy`` by default.
         """
-        return energy_of(law, inner)(r[:, 0])
+        return energy_of(law, inner)(r)
 
     def dissipated(
-        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+        self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         """Energy that is lost in the step by the change of the state, (m,); that of friction is not counted."""
         return np.zeros(len(r))
 
-    def past_peak(self, law: ContactLaw, state: MemoryState) -> BoolArray:
+    def past_peak(self, law: VectorLaw, state: MemoryState) -> BoolArray:
         """Where the memory alone says that the pull of the foundation is past its peak, (m or 1,)."""
         return np.zeros(1, dtype=bool)
 
@@ -178,10 +180,14 @@ class Memory(PickleMixin, ABC):
         """Local displacement (m, c) that the law without this memory sees in a state: of a worn surface, less wear."""
         return r
 
+    def parts_of(self, law: VectorLaw) -> NormalAndFriction:
+        """The law, which must be a normal law with friction beside it."""
+        return with_friction(law, f"the memory '{self.name}'")
 
-def energy_of(law: ContactLaw, inner: Energy | None) -> Energy:
+
+def energy_of(law: VectorLaw, inner: Energy | None) -> Energy:
     """The energy of the law without a memory: what is handed on, or its own value."""
-    return law.normal.value if inner is None else inner
+    return law.stored_energy if inner is None else inner
 
 
 def slide(slip: Array) -> Array:

@@ -8,12 +8,11 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.friction import Friction
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
-from hemivar.laws.transformed import secant, slipped
+from hemivar.laws.transformed import slipped
 from hemivar.laws.transformed.exact_table import as_examined
-from hemivar.laws.transformed.secants import secant_stiffness
+from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["Secant", "SlipSum"]
 
@@ -28,35 +27,26 @@ class Secant(Memory):
 
     name: ClassVar[str] = "secant"
 
-    def start(self, law: ContactLaw, r: Array) -> MemoryState:
-        return self._opened(law, np.zeros(len(r)), r)
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
+        return kept(**law.damaged(None, r))
 
-    @staticmethod
-    def _opened(law: ContactLaw, opening: Array, r: Array) -> MemoryState:
-        opening = np.minimum(np.maximum(opening, -r[:, 0]), -law.normal.domain.lower)
-        return kept(opening=opening, stiffness=secant_stiffness(law.normal, opening))
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
+        return law.unloading(state)
 
-    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
-        return ContactLaw(secant(law.normal, state["opening"]), law.friction)
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+        return kept(**law.damaged(state, r))
 
-    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
-        return self._opened(law, state["opening"], r)
+    def past_peak(self, law: VectorLaw, state: MemoryState) -> BoolArray:
+        return law.softened(state)
 
-    def past_peak(self, law: ContactLaw, state: MemoryState) -> BoolArray:
-        return law.normal.past_peak(-state["opening"])
-
-    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
-        of_law = energy_of(law, inner)
-        along = of_law(np.zeros(len(r))) + 0.5 * state["stiffness"] * r[:, 0] ** 2
-        return np.where((r[:, 0] < 0.0) & (r[:, 0] >= -state["opening"]), along, of_law(r[:, 0]))
+    def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+        return law.unloading_energy(state, r, energy_of(law, inner))
 
     def dissipated(
-        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+        self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         """What the law takes up between the old and the new D, less what the triangle beneath the secant grows."""
-        beneath = [0.5 * state["stiffness"] * state["opening"] ** 2 for state in (old, new)]
-        taken = law.normal.value(-new["opening"]) - law.normal.value(-old["opening"])
-        return np.where(new["opening"] > old["opening"], taken - (beneath[1] - beneath[0]), 0.0)
+        return law.spent_by(new) - law.spent_by(old)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +60,15 @@ class SlipSum(Memory):
     name: ClassVar[str] = "slip-sum"
     of_slip: ClassVar[bool] = True  # type: ignore[misc]
 
-    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept(slip=np.zeros(len(r)))
 
-    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
-        profile = slipped(law.friction.profile, state["slip"])
-        if profile is law.friction.profile:
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
+        parts = self.parts_of(law)
+        profile = slipped(parts.friction.profile, state["slip"])
+        if profile is parts.friction.profile:
             return law
-        return ContactLaw(law.normal, Friction(law.friction.bound, as_examined(profile)))
+        return parts.with_parts(friction=Friction(parts.friction.bound, as_examined(profile)))
 
-    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         return kept(slip=state["slip"] + slide(r[:, 1:]))

@@ -10,10 +10,10 @@ import numpy as np
 from hemivar.basics.arguments import described
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState, kept
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed import affine, pushing
+from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["DampedContact"]
 
@@ -45,20 +45,21 @@ class DampedContact(Memory):
     def take(self, index: IntArray) -> DampedContact:
         return DampedContact(self.damping.take(index))
 
-    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept()
 
-    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
-        made = pushing(law.normal, affine(self.damping, step.rate, step.shift))
-        return ContactLaw(made, law.friction)
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
+        parts = self.parts_of(law)
+        return parts.with_parts(pushing(parts.normal, affine(self.damping, step.rate, step.shift)))
 
-    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         return state
 
     def dissipated(
-        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+        self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         """The work of what the law does not give; when the damper is cut off, springs that relax by themselves lose."""
-        ends, way = law.normal.domain, r[:, 0] - step.before[:, 0]
-        bound = law.normal.subdifferential(np.clip(step.before[:, 0] + step.at * way, ends.lower, ends.upper))
+        way, there = r[:, 0] - step.before[:, 0], r.copy()
+        there[:, 0] = step.before[:, 0] + step.at * way
+        bound = law.pressures(there)
         return np.asarray((lam[:, 0] - np.clip(lam[:, 0], bound.lower, bound.upper)) * way)

@@ -14,9 +14,9 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.types import Array, Parameter
-from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
 from hemivar.laws.transformed import affine, envelope
+from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["ViscousFoundation", "Wear"]
 
@@ -32,13 +32,14 @@ class _Series(Memory):
     def _reached(self, step: LocalStep, r: Array, lam: Array) -> Array:
         """c of the step at its end."""
 
-    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept(depth=np.zeros(len(r)))
 
-    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
-        return ContactLaw(affine(envelope(law.normal, self._compliance(step)), 1.0, -state["depth"]), law.friction)
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
+        parts = self.parts_of(law)
+        return parts.with_parts(affine(envelope(parts.normal, self._compliance(step)), 1.0, -state["depth"]))
 
-    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         return kept(depth=state["depth"] + self._reached(step, r, lam) * lam[:, 0])
 
     def seen(self, state: MemoryState, r: Array) -> Array:
@@ -46,12 +47,13 @@ class _Series(Memory):
         left[:, 0] -= state["depth"]
         return left
 
-    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
-        bound = law.normal.domain  # a rigid law holds r - w at its end, up to rounding
-        return energy_of(law, inner)(np.clip(r[:, 0] - state["depth"], bound.lower, bound.upper))
+    def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+        bound, seen = law.penetrations, self.seen(state, r)
+        seen[:, 0] = np.clip(seen[:, 0], bound.lower, bound.upper)  # a rigid law holds r - w there, up to rounding
+        return energy_of(law, inner)(seen)
 
     def dissipated(
-        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+        self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         return np.asarray(lam[:, 0] * (new["depth"] - old["depth"]))
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
-from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.friction import ABSOLUTE_VALUE, Friction
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState, kept, slide
 from hemivar.laws.transformed.transformed_law import TransformedLaw
+from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["RateAndState", "RateStateProfile"]
 
@@ -117,7 +117,7 @@ class RateAndState(Memory):
     takes_friction: ClassVar[bool] = True
     positive: ClassVar[tuple[str, ...]] = ("direct", "length", "rate", "age")
 
-    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept(age=np.broadcast_to(self.values()["age"], (len(r),)))
 
     def aged(self, age: Array, slid: Array, tau: float) -> Array:
@@ -137,15 +137,16 @@ class RateAndState(Memory):
         psi = v["reference"] + v["evolution"] * (np.log(v["rate"]) + np.log(age) - np.log(v["length"]))
         return np.asarray(np.clip(psi / v["direct"] - np.log(2.0 * v["rate"]), -_MOST, _MOST))
 
-    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
-        if law.friction.profile is not ABSOLUTE_VALUE:
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
+        parts = self.parts_of(law)
+        if parts.friction.profile is not ABSOLUTE_VALUE:
             raise ProblemError(
-                f"rate-and-state friction makes its own profile, but the friction law is '{law.friction.name}'; give "
+                f"rate-and-state friction makes its own profile, but the friction law is '{parts.friction.name}'; give "
                 f"Tresca(bound), whose bound is the normal pressure, or Tresca(CoulombBound(1.0))"
             )
         age = self.aged(state["age"], step.sliding, step.tau)
         profile = RateStateProfile(self.values()["direct"], self._exponent(age), step.rate)
-        return ContactLaw(law.normal, Friction(law.friction.bound, profile))
+        return parts.with_parts(friction=Friction(parts.friction.bound, profile))
 
-    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         return kept(age=self.aged(state["age"], slide(r[:, 1:]), step.tau))

@@ -10,37 +10,12 @@ import numpy as np
 from hemivar.basics.arguments import described
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.contact_law import ContactLaw
-from hemivar.laws.friction import Friction, SlipMeasure
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.transformed import affine, plus
-from hemivar.laws.transformed.exact_table import as_examined
-from hemivar.laws.transformed.slipped import homogeneous
+from hemivar.laws.transformed import affine
+from hemivar.laws.vector_law import VectorLaw
 
-__all__ = ["MemoryChain", "friction_in_increments", "in_increments", "law_of_step"]
-
-
-def friction_in_increments(friction: Friction, rate: float) -> Friction:
-    """Friction that is a law of the slip rate, as a law of the slip increment d of a step: ``h j_tau(a |d|)/a``.
-
-    A profile that is a multiple of the size of the slip, as Tresca's and Coulomb's, sees no rate and stays what it is;
-    else alpha is ``rate`` times that of the law.
-
-    Parameters
-    ----------
-    friction : Friction
-        With resolved parameters; its bound may depend on the state. A law of the slip stays what it is.
-    rate : float
-        a > 0, the factor of the increment in the slip rate: 1/tau for implicit Euler.
-
-    Returns
-    -------
-    Friction
-    """
-    if friction.of is SlipMeasure.SLIP or homogeneous(friction.profile):
-        return friction
-    return replace(friction, profile=as_examined(affine(friction.profile, rate)))
+__all__ = ["MemoryChain", "law_of_step"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +73,7 @@ class MemoryChain(Memory):
     def _joined(self, states: list[MemoryState]) -> MemoryState:
         return kept(**{f"{i}.{key}": values for i, state in enumerate(states) for key, values in state.items()})
 
-    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return self._joined([part.start(law, r) for part in self.parts])
 
     def _steps(self, state: MemoryState, step: LocalStep) -> list[LocalStep]:
@@ -109,20 +84,20 @@ class MemoryChain(Memory):
             steps[i - 1] = replace(steps[i], before=before)
         return steps
 
-    def _given(self, law: ContactLaw, state: MemoryState, steps: list[LocalStep]) -> list[ContactLaw]:
+    def _given(self, law: VectorLaw, state: MemoryState, steps: list[LocalStep]) -> list[VectorLaw]:
         """The law that each part is given."""
         laws = [law]
         for i, part in enumerate(self.parts[:-1]):
             laws.append(part.law(laws[-1], self._own(state, i), steps[i]))
         return laws
 
-    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
         if not self.parts:
             return law
         steps, last = self._steps(state, step), len(self.parts) - 1
         return self.parts[-1].law(self._given(law, state, steps)[-1], self._own(state, last), steps[-1])
 
-    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         steps = self._steps(state, step)
         laws, states = self._given(law, state, steps), [self._own(state, i) for i in range(len(self.parts))]
         for i in range(len(self.parts) - 1, -1, -1):
@@ -135,18 +110,18 @@ class MemoryChain(Memory):
             r = self.parts[i].seen(self._own(state, i), r)
         return r
 
-    def past_peak(self, law: ContactLaw, state: MemoryState) -> BoolArray:
+    def past_peak(self, law: VectorLaw, state: MemoryState) -> BoolArray:
         own = [part.past_peak(law, self._own(state, i)) for i, part in enumerate(self.parts)]
         return np.asarray(np.logical_or.reduce(np.broadcast_arrays(np.zeros(1, dtype=bool), *own)))
 
-    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+    def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         energy = energy_of(law, inner)
         for i, part in enumerate(self.parts):
             energy = _stored_in(part, law, self._own(state, i), energy)
-        return energy(r[:, 0])
+        return energy(r)
 
     def dissipated(
-        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+        self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         steps, total = self._steps(old, step), np.zeros(len(r))
         laws = self._given(law, old, steps)
@@ -157,18 +132,18 @@ class MemoryChain(Memory):
         return total
 
 
-def _stored_in(part: Memory, law: ContactLaw, state: MemoryState, inner: Energy) -> Energy:
-    return lambda penetration: part.stored(law, state, penetration[:, None], inner)
+def _stored_in(part: Memory, law: VectorLaw, state: MemoryState, inner: Energy) -> Energy:
+    return lambda r: part.stored(law, state, r, inner)
 
 
 def law_of_step(
-    law: ContactLaw, memory: Memory, state: MemoryState, step: LocalStep, damping: Superpotential | None = None
-) -> ContactLaw:
+    law: VectorLaw, memory: Memory, state: MemoryState, step: LocalStep, damping: Superpotential | None = None
+) -> VectorLaw:
     """The law of a time step: friction of the slip rate in increments, the memory, and damping of the normal rate.
 
     Parameters
     ----------
-    law : ContactLaw
+    law : VectorLaw
         As stated, with resolved parameters.
     memory : Memory
         ``Chain(())`` for none.
@@ -181,17 +156,11 @@ def law_of_step(
 
     Returns
     -------
-    ContactLaw
+    VectorLaw
         Of the penetration and the slip increment.
     """
-    given = law if memory.of_slip else in_increments(law, step.rate)
+    given = law if memory.of_slip else law.in_increments(step.rate)
     made = memory.law(given, state, step)
     if damping is None:
         return made
-    return ContactLaw(plus(made.normal, affine(damping, step.rate, step.shift)), made.friction)
-
-
-def in_increments(law: ContactLaw, rate: float) -> ContactLaw:
-    """The contact law with friction of the slip rate as friction of the slip increment."""
-    friction = friction_in_increments(law.friction, rate)
-    return law if friction is law.friction else ContactLaw(law.normal, friction)
+    return made.damped(affine(damping, step.rate, step.shift))
