@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from hemivar.basics.stated import Form
 from hemivar.laws import Friction, Superpotential
-from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, ParameterForm
+from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry
 from hemivar.report import plot_laws, save
 
 IMAGES = Path(__file__).parent / "images"
@@ -15,7 +16,7 @@ IMAGES = Path(__file__).parent / "images"
 
 def example(entry: LawEntry) -> Superpotential:
     """A law with the values that ``hemivar laws`` shows it with."""
-    law = entry.make(**{one.name: one.shown for one in entry.parameters if one.shown is not None})
+    law = entry.make(**{one.key: one.shown for one in entry.parameters if one.shown is not None})
     if isinstance(law, Friction):
         return law.profile
     assert isinstance(law, Superpotential)
@@ -24,7 +25,7 @@ def example(entry: LawEntry) -> Superpotential:
 
 def own(entry: LawEntry) -> bool:
     """Whether a law is read from a file or a formula of the user's."""
-    return any(one.form in (ParameterForm.FILE, ParameterForm.TEXT) for one in entry.parameters)
+    return any(one.said.form in (Form.FILE, Form.TEXT) for one in entry.parameters)
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ def test_they_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert "linear materials" in out
     for name, entry in MATERIAL_LAWS.items():
         assert f"  {name}: " in out
-        assert all(f"      {p.name} " in out for p in entry.parameters)
+        assert all(f"      {p.key} " in out for p in entry.parameters)
 
 
 def test_constants_are_taken(capsys: pytest.CaptureFixture[str]) -> None:

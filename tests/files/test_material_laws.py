@@ -241,7 +241,7 @@ def test_the_page_lists_every_material_with_its_constants() -> None:
     assert set(rows) == set(MATERIAL_LAWS)
     for name, entry in MATERIAL_LAWS.items():
         told = set(re.findall(r"`(\w+)`", rows[name].split("|")[-2]))
-        assert told == {p.name for p in entry.parameters} - {"plane"}, name
+        assert told == {p.key for p in entry.parameters} - {"plane"}, name
 
 
 def test_materials_are_made_by_name() -> None:

@@ -16,13 +16,14 @@ from hypothesis import strategies as st
 
 import hemivar as hv
 from hemivar import gallery
+from hemivar.basics.stated import Form
 from hemivar.errors import FileError, HemivarError, ProblemError
 from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import parse_problem_file, read_problem_file
 from hemivar.files.settings import SolverSettings
 from hemivar.files.toml import text_of
 from hemivar.formula import Formula, FormulaArray
-from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, ParameterForm, friction_law, normal_law
+from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, friction_law, normal_law
 from hemivar.mesh import Mesh, box, read_mesh, rectangle
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "problems").glob("*.toml"))
@@ -161,16 +162,16 @@ def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.laws.Superpotenti
     law, slip, bound = tables(folder)
     values: dict[str, object] = {}
     for parameter in entry.parameters:
-        if not parameter.required and parameter.name != "potential" and draw(st.booleans()):
+        if not parameter.required and parameter.key != "potential" and draw(st.booleans()):
             continue
-        if parameter.name == "derivative" or (parameter.name == "potential" and "derivative" in values):
+        if parameter.key == "derivative" or (parameter.key == "potential" and "derivative" in values):
             continue  # one of the two is given; test_derivative_formulas writes the other
-        match parameter.form:
-            case ParameterForm.NUMBER:
-                values[parameter.name] = draw(st.floats(1.0, 9.0) | st.sampled_from(POSITIVE).map(Formula))
-                if parameter.name in ("reach", "base", "compression"):
-                    values[parameter.name] = draw(st.floats(1.0, 9.0))
-            case ParameterForm.BOUND:
+        match parameter.said.form:
+            case Form.QUANTITY:
+                values[parameter.key] = draw(st.floats(1.0, 9.0) | st.sampled_from(POSITIVE).map(Formula))
+                if parameter.key in ("reach", "base", "compression"):
+                    values[parameter.key] = draw(st.floats(1.0, 9.0))
+            case Form.OWN:
                 choices: list[st.SearchStrategy[object]] = [
                     st.floats(0.0, 9.0),
                     formulas,
@@ -179,13 +180,13 @@ def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.laws.Superpotenti
                     st.just(hv.laws.PenetrationBound("min(8*s, 0.8)")),
                     st.just(hv.laws.PenetrationBound(_read_bound(bound), file=bound)),
                 ]
-                values[parameter.name] = draw(st.one_of(choices))
-            case ParameterForm.FILE:
-                values[parameter.name] = slip if entry in FRICTION_LAWS.values() else law
-            case ParameterForm.TEXT:
-                values[parameter.name] = draw(st.sampled_from(parameter.choices or (parameter.example,)))
-            case ParameterForm.NUMBERS:
-                values[parameter.name] = parameter.example or draw(st.sampled_from([(0.5, 2.0), (0.25, 0.75)]))
+                values[parameter.key] = draw(st.one_of(choices))
+            case Form.FILE:
+                values[parameter.key] = slip if entry in FRICTION_LAWS.values() else law
+            case Form.TEXT:
+                values[parameter.key] = draw(st.sampled_from(parameter.said.choices or (parameter.shown,)))
+            case Form.LIST:
+                values[parameter.key] = parameter.said.example or draw(st.sampled_from([(0.5, 2.0), (0.25, 0.75)]))
     if values.get("extend") == "linear" and entry in FRICTION_LAWS.values():
         values["extend"] = "constant"  # the table falls
     if {"softening", "energy"} <= values.keys():

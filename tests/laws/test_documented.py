@@ -12,9 +12,9 @@ import pytest
 
 import hemivar as hv
 from hemivar import laws
+from hemivar.basics.stated import Form
 from hemivar.laws import Friction, SlipMeasure, StateBound, Superpotential, friction, normal, own
-from hemivar.laws.coupled_registry import COUPLED_LAWS
-from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, ParameterForm
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawEntry
 
 DOCS = Path(__file__).parents[2] / "docs"
 LAWS_PAGE = (DOCS / "laws.md").read_text(encoding="utf-8")
@@ -80,21 +80,21 @@ def test_the_page_about_problem_files_lists_the_laws(title: str, entries: Mappin
     assert set(found) == set(entries)
     for name, entry in entries.items():
         told = set(re.findall(r"`(\w+)`", found[name].split("|")[-2]))
-        assert told == {parameter.name for parameter in entry.parameters} - {OF}, name
+        assert told == {parameter.key for parameter in entry.parameters} - {OF}, name
 
 
 @pytest.mark.parametrize("name", [*NORMAL_LAWS, *FRICTION_LAWS, *COUPLED_LAWS])
 def test_what_the_registry_says_of_zero_is_what_the_law_does(name: str) -> None:
     """The table of ``hemivar laws`` says *at least 0* where zero is taken, and *positive* where it is refused."""
     entry = (NORMAL_LAWS | FRICTION_LAWS | COUPLED_LAWS)[name]
-    given = {p.name: p.shown for p in entry.parameters if p.required}
-    for p in (p for p in entry.parameters if p.minimum == 0.0 and p.form is ParameterForm.NUMBER):
-        if (name, p.name) == ("mixed-mode", "plateau"):  # which only one of its shapes has
+    given = {p.key: p.shown for p in entry.parameters if p.required}
+    for p in (p for p in entry.parameters if p.said.lowest == 0.0 and p.said.form is Form.QUANTITY):
+        if (name, p.key) == ("mixed-mode", "plateau"):  # which only one of its shapes has
             continue
         try:
-            at = entry.make(**{**given, p.name: 0.0}).at(np.zeros((1, 2)))
+            at = entry.make(**{**given, p.key: 0.0}).at(np.zeros((1, 2)))
             _ = getattr(at, "knots", None), getattr(at, "bound", None)
             refused = ""
         except hv.HemivarError as error:
             refused = str(error)
-        assert p.positive == ("positive" in refused), (p.name, refused)
+        assert (p.said.above == 0.0) == ("positive" in refused), (p.key, refused)

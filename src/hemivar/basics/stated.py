@@ -2,20 +2,35 @@
 
     rho: float = field(default=0.8, metadata=stated(Form.NUMBER, "spectral radius", least=0.0, most=1.0))
 
-:mod:`hemivar.files.schema` reads and writes such fields, and the page of the problem file is held against them.
+:mod:`hemivar.files.schema` reads and writes such fields, and the page of the problem file is held against them.  What
+is made by a function has its arguments stated by :func:`stating`, above it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import Field, dataclass, fields
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import Field, dataclass, fields, is_dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from functools import cache
+from inspect import Parameter, signature
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["Form", "Stated", "keys_of", "stated", "stated_fields"]
+__all__ = [
+    "Argument",
+    "Form",
+    "Stated",
+    "arguments_of",
+    "keys_of",
+    "stated",
+    "stated_fields",
+    "stating",
+]
+
+Made = TypeVar("Made", bound=Callable[..., object])
 
 
 class Form(StrEnum):
@@ -36,6 +51,8 @@ class Form(StrEnum):
     """A number, or a formula of the place."""
     VECTOR = "vector"
     """A number or a formula for each direction."""
+    LIST = "list"
+    """A list of numbers."""
     TENSOR = "tensor"
     """A quantity, or a row of them for each direction."""
     OWN = "own"
@@ -68,6 +85,12 @@ class Stated:
         place.
     table : str
         Of a class that several tables state: which of them states it.
+    unit : str
+        In terms of force and length.
+    example : object
+        A value that shows what it does.
+    instead : str
+        The argument that it takes the place of, if there is one.
     """
 
     form: Form
@@ -83,6 +106,14 @@ class Stated:
     left_out: str = ""
     by: str = ""
     table: str = ""
+    unit: str = ""
+    example: object = None
+    instead: str = ""
+
+    @property
+    def lowest(self) -> float:
+        """The lower limit of a number, be it allowed or not; -inf if there is none."""
+        return next((limit for limit in (self.least, self.above) if limit is not None), -math.inf)
 
 
 def stated(form: Form, says: str = "", **how: object) -> Mapping[str, Stated]:
@@ -102,3 +133,74 @@ def stated_fields(
 def keys_of(*kinds: DataclassInstance | type[DataclassInstance], table: str = "") -> tuple[str, ...]:
     """The keys of dataclasses in a table of a problem file."""
     return tuple(key for kind in kinds for key in stated_fields(kind, table))
+
+
+# ---- what makes something by name ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Argument:
+    """A stated argument of what makes a law or a material.
+
+    Attributes
+    ----------
+    key : str
+        Its name in files.
+    name : str
+        Its name in Python.
+    said : Stated
+    default : object
+        None if there is none.
+    required : bool
+        Whether it must be given.
+    """
+
+    key: str
+    name: str
+    said: Stated
+    default: object
+    required: bool
+
+    @property
+    def shown(self) -> object:
+        """A value to show what is made with; None to leave the argument out."""
+        if self.said.example is not None:
+            return self.said.example
+        return 1.0 if self.required else self.default
+
+
+def stating(*kinds: type[DataclassInstance], **own: Mapping[str, Stated]) -> Callable[[Made], Made]:
+    """Say what the arguments of a function are in problem files: what dataclasses say of fields so named, or more.
+
+    Parameters
+    ----------
+    *kinds : type
+    **own : mapping
+        By name, what :func:`stated` returns.
+    """
+    said = {one.name: one.metadata for kind in kinds for one in fields(kind)} | own
+
+    def mark(maker: Made) -> Made:
+        maker.__stated__ = said  # type: ignore[attr-defined]
+        return maker
+
+    return mark
+
+
+@cache
+def arguments_of(maker: Callable[..., object]) -> tuple[Argument, ...]:
+    """The stated arguments of a dataclass, or of a function under :func:`stating`, in their order."""
+    said = (
+        {one.name: one.metadata for one in fields(maker)} if is_dataclass(maker) else getattr(maker, "__stated__", {})
+    )
+    return tuple(
+        _argument(one, said[name]["stated"])
+        for name, one in signature(maker).parameters.items()
+        if "stated" in said.get(name, ())
+    )
+
+
+def _argument(one: Parameter, said: Stated) -> Argument:
+    required = one.default is Parameter.empty
+    none = required or one.default == ()
+    return Argument(said.key or one.name, one.name, said, None if none else one.default, required)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hemivar.basics.disk import noting_files_read
+from hemivar.basics.stated import Form
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
 from hemivar.errors import ProblemError
@@ -84,8 +84,7 @@ def values_given(given: list[str] | None, example: str) -> dict[str, str]:
 
 def _list_laws() -> None:
     """Print all laws with their parameters."""
-    from hemivar.laws.coupled_registry import COUPLED_LAWS
-    from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
+    from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS
 
     titles = ("normal laws", "laws of opening and slip together", "friction laws")
     for title, entries in zip(titles, (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS), strict=True):
@@ -156,21 +155,15 @@ def _draw(
 
 def print_entry(entry: LawEntry) -> None:
     """Print a law or a material with its parameters, as a problem file writes it."""
-    from hemivar.laws.registry import ParameterForm
-
-    samples = {ParameterForm.NUMBERS: "[...]", ParameterForm.FILE: '"law.csv"', ParameterForm.TEXT: '"..."'}
-    required = "".join(f", {p.name} = {samples.get(p.form, '...')}" for p in entry.parameters if p.required)
+    samples = {Form.LIST: "[...]", Form.FILE: '"law.csv"', Form.TEXT: '"..."'}
+    required = "".join(f", {p.key} = {samples.get(p.said.form, '...')}" for p in entry.parameters if p.required)
     print(f"\n  {entry.name}: {entry.summary}")
     print(f"      {entry.formula}")
     print(f'      {entry.kind} = {{ law = "{entry.name}"{required} }}')
     for p in entry.parameters:
-        default = ", may be left out" if p.optional else "" if p.default is None else f", default {_text(p.default)}"
-        lowest = "" if p.minimum == -math.inf else ", positive" if p.positive else f", at least {p.minimum:g}"
-        form = "a list, " if p.form is ParameterForm.NUMBERS else ""
-        print(f"      {p.name:<11} {form}{p.meaning} [{p.unit}]{lowest}{default}")
-
-
-def _text(value: str | float | tuple[float, ...]) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(f'{number:g}' for number in value)}]"
-    return f'"{value}"' if isinstance(value, str) else f"{value:g}"
+        said = p.said
+        value = f'"{p.default}"' if isinstance(p.default, str) else f"{p.default:g}" if p.default is not None else ""
+        default = f", default {value}" if value else "" if p.required else ", may be left out"
+        lowest = ", positive" if said.above is not None else "" if said.least is None else f", at least {said.least:g}"
+        form = "a list, " if said.form is Form.LIST else ""
+        print(f"      {p.key:<11} {form}{said.says} [{said.unit}]{lowest}{default}")

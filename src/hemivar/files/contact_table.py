@@ -9,13 +9,13 @@ from typing import cast
 import numpy as np
 
 from hemivar.basics.arguments import suggest
-from hemivar.basics.stated import keys_of
+from hemivar.basics.stated import Argument, Form, keys_of
 from hemivar.basics.types import Array, Parameter
 from hemivar.files.memory_table import memory_record, read_memory
 from hemivar.files.mesh_table import file_name
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import quantity_record
-from hemivar.files.schema import check_named, decode, encode
+from hemivar.files.schema import check_named, decode, encode, read_arguments, written
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.laws import (
@@ -27,10 +27,9 @@ from hemivar.laws import (
     Superpotential,
     VectorLaw,
 )
-from hemivar.laws.coupled_registry import COUPLED_LAWS
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
-from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.statement import Contact
 from hemivar.mesh import Mesh
@@ -128,48 +127,22 @@ class _Reader:
                 )
             raise given.error("law", f"'{name}' is not a {_KIND[key]} law{suggest(name, list(laws))}")
         entry = laws[name]
-        given.only(("law", *(p.name for p in entry.parameters)))
-        parameters: dict[str, object] = {}
-        for parameter in entry.parameters:
-            if parameter.name in given:
-                parameters[parameter.name] = self.parameter(given, parameter)
-            elif parameter.required:
-                example = ", ".join(f"{p} = ..." for p in entry.required)
-                raise given.error(
-                    parameter.name,
-                    f'is missing ({parameter.meaning}); write {key} = {{ law = "{name}", {example} }}',
-                )
+        given.only(("law", *(p.key for p in entry.parameters)))
+        parameters = read_arguments(entry, given, self.dim, key, {Form.OWN: self.bound, Form.FILE: self.file})
         for name in ("potential", "derivative"):
             if name in parameters:
                 parameters["where"] = given.where(name)
         with context(f"{table.where(key)}:"):
-            return cast(Superpotential | Friction | VectorLaw, entry.make(**parameters))
+            return cast(Superpotential | Friction | VectorLaw, entry.build(**parameters))
 
-    def parameter(self, given: TomlTable, parameter: LawParameter) -> object:
-        """The value of a law parameter, in whatever form it is written."""
-        name, value = parameter.name, given.data[parameter.name]
-        match parameter.form:
-            case ParameterForm.NUMBER:
-                return given.quantity(name, value, self.dim, parameter.minimum, timed=True)
-            case ParameterForm.BOUND:
-                return self.bound(given, parameter)
-            case ParameterForm.FILE:
-                return self.file(given, name)
-            case ParameterForm.TEXT:
-                return given.text(name, None, parameter.choices or None)
-        if not isinstance(value, list) or not value:
-            raise given.error(name, f"must be a list of numbers, not {kind(value)}")
-        return [given.number(name, number) for number in value]
+    def file(self, given: TomlTable, one: Argument) -> Path:
+        return self.folder / given.text(one.key)  # an absolute path stays
 
-    def file(self, given: TomlTable, name: str) -> Path:
-        path = Path(given.text(name))
-        return path if path.is_absolute() else self.folder / path
-
-    def bound(self, given: TomlTable, parameter: LawParameter) -> Parameter | StateBound:
+    def bound(self, given: TomlTable, one: Argument) -> Parameter | StateBound:
         """A friction bound: a number, a formula of x, or a table with one of table, formula and coulomb."""
-        name, value = parameter.name, given.data[parameter.name]
+        name, value = one.key, given.data[one.key]
         if not isinstance(value, dict):
-            return given.quantity(name, value, self.dim, parameter.minimum, timed=True)
+            return given.quantity(name, value, self.dim, one.said.lowest, timed=True)
         ways = ("table", "formula", "coulomb")
         inner = given.table(name, ways, inline=True)
         if len(inner.data) != 1:
@@ -182,7 +155,7 @@ class _Reader:
             with context(f"{inner.where('formula')}:"):
                 return PenetrationBound(formula)
         with context(f"{inner.where('table')}:"):
-            path = self.file(inner, "table")
+            path = self.folder / inner.text("table")
             return PenetrationBound(read_columns(path, BOUND_COLUMNS), file=path)
 
 
@@ -261,26 +234,21 @@ def _law_record(
         raise not_expressible(where, law, own)
     entry = laws[str(stated["law"])]
     record: dict[str, object] = {"law": entry.name}
-    for parameter in entry.parameters:
-        value = bound if parameter.form is ParameterForm.BOUND else stated.get(parameter.name)
-        place = f"{where}.{parameter.name}"
-        if parameter.form is ParameterForm.FILE:
+    for one in entry.parameters:
+        value = bound if one.said.form is Form.OWN else stated.get(one.key)
+        if one.said.form is Form.FILE:
             side = where.rpartition(".")[2]
-            record[parameter.name] = (
+            record[one.key] = (
                 file_name(value, aside.folder)
                 if isinstance(value, Path)
                 else aside.table(where, f"{name}-{side}", stated["rows"], (LAW_COLUMNS[0][0], LAW_COLUMNS[1][0]))  # type: ignore[arg-type]
             )
         elif value is None or (isinstance(value, tuple | list) and not value):
             continue
-        elif parameter.form is ParameterForm.NUMBERS:
-            record[parameter.name] = np.asarray(value, dtype=float).ravel().tolist()
-        elif parameter.form is ParameterForm.NUMBER:
-            record[parameter.name] = quantity_record(value, place)
         else:
-            record[parameter.name] = value
-        if parameter.default is not None and record.get(parameter.name) == parameter.default:
-            del record[parameter.name]
+            record[one.key] = written(value, one.said.form, f"{where}.{one.key}")
+        if one.default is not None and record.get(one.key) == one.default:
+            del record[one.key]
     return record if len(record) > 1 else entry.name
 
 

@@ -11,9 +11,9 @@ from hemivar.basics.arguments import suggest
 from hemivar.basics.types import Array
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
+from hemivar.files.schema import read_arguments, written
 from hemivar.files.toml import KEYS, TomlTable, array, context, kind, listed
 from hemivar.formula import Formula
-from hemivar.laws.registry import ParameterForm
 from hemivar.mechanics.composed_material import ByRegion
 from hemivar.mechanics.function_energy import FunctionEnergy
 from hemivar.mechanics.linear_material import Anisotropic, Isotropic
@@ -29,7 +29,7 @@ __all__ = ["material_record", "read_material"]
 
 _IN_TIME = ("density", "viscosity", "branches")
 #: Names of constants in files, where classes have others.
-_ATTRIBUTES = {"young": "E", "poisson": "nu", "energy": "text"}
+_ATTRIBUTES = {"energy": "text"}
 
 #: Keys of a branch, and the ways to give its spring.
 _BRANCH = ("lame", "young", "poisson", "tensor", "time")
@@ -85,7 +85,7 @@ def _one_material(table: TomlTable, dim: int) -> Material:
         raise table.error("lame, young, tensor", f"{found}; give lame, or young and poisson, or tensor, or a law")
     for key in table.data:
         if key not in _LINEAR_KEYS:
-            owners = [name for name, entry in MATERIAL_LAWS.items() if key in {p.name for p in entry.parameters}]
+            owners = [name for name, entry in MATERIAL_LAWS.items() if key in {p.key for p in entry.parameters}]
             raise table.error(key, f"belongs to law = {listed(owners)}; add the law, or remove it")
     owner = {"poisson": ("young",), "out_of_plane": ("tensor",), "plane": ("lame", "young")}
     for key, allowed in owner.items():
@@ -119,21 +119,13 @@ def _nonlinear(table: TomlTable, dim: int) -> Material:
     """A material of the registry."""
     name = table.text("law", None, list(MATERIAL_LAWS))
     entry = MATERIAL_LAWS[name]
-    known = ("law", *(p.name for p in entry.parameters), *_IN_TIME)
+    known = ("law", *(p.key for p in entry.parameters), *_IN_TIME)
     for key in table.data:
         if key not in known:
             raise table.error(key, f'does not go with law = "{name}"; remove it (known here: {", ".join(known)})')
     if "plane" in table and dim == 3:
         raise table.error("plane", "is for plane meshes, but this mesh is three-dimensional; remove it")
-    constants: dict[str, object] = {}
-    for p in entry.parameters:
-        if p.name in table and p.form is ParameterForm.TEXT:
-            constants[p.name] = table.text(p.name, None, p.choices or None)
-        elif p.name in table:
-            constants[p.name] = table.quantity(p.name, table.data[p.name], dim, p.minimum)
-        elif p.required:
-            example = ", ".join(f"{one} = ..." for one in entry.required)
-            raise table.error(p.name, f'is missing ({p.meaning}); write law = "{name}", {example}')
+    constants = read_arguments(entry, table, dim)
     with context(f"{table.where('law')}:"):
         return cast(Material, entry.build(**constants, **_in_time(table, dim)))
 
@@ -240,7 +232,7 @@ def _nonlinear_record(material: StoredEnergy, where: str) -> dict[str, object]:
         value = getattr(material, _ATTRIBUTES.get(p.name, p.name), None)
         if value is None or (not callable(value) and value == p.default):
             continue
-        record[p.name] = str(value) if isinstance(value, str) else quantity_record(value, f"{where}.{p.name}")
+        record[p.key] = written(value, p.said.form, f"{where}.{p.key}")
     return record
 
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hemivar.basics.arguments import suggest
-from hemivar.basics.stated import Form, Stated, stated_fields
+from hemivar.basics.stated import Argument, Form, Stated, stated_fields
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import TomlTable, array, kind
@@ -24,7 +25,9 @@ from hemivar.mesh import Mesh
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["check_named", "decode", "encode", "read_value", "rows_of", "written"]
+    from hemivar.laws.registry import LawEntry
+
+__all__ = ["check_named", "decode", "encode", "read_arguments", "read_value", "rows_of", "written"]
 
 
 def decode(
@@ -114,6 +117,47 @@ def encode(
     return record
 
 
+def read_arguments(
+    entry: LawEntry,
+    table: TomlTable,
+    dim: int,
+    key: str = "",
+    own: Mapping[Form, Callable[[TomlTable, Argument], object]] = MappingProxyType({}),
+) -> dict[str, Any]:
+    """What a table gives of the parameters of a law or a material, by their names in Python.
+
+    Parameters
+    ----------
+    entry : LawEntry
+    table : TomlTable
+    dim : int
+        Directions of the body.
+    key : str
+        Under which the table stands in another one, if it does.
+    own : mapping of Form to function
+        Readers of other forms.
+
+    Raises
+    ------
+    ProblemError
+        A value is none, or a parameter is missing.
+    """
+    found: dict[str, object] = {}
+    for one in entry.parameters:
+        if one.key not in table:
+            if one.required:
+                given = ", ".join((f'law = "{entry.name}"', *(f"{name} = ..." for name in entry.required)))
+                example = f"{key} = {{ {given} }}" if key else given
+                raise table.error(one.key, f"is missing ({one.said.says}); write {example}")
+        elif one.said.form is Form.QUANTITY:  # a law itself says that zero is not allowed
+            value = table.data[one.key]
+            found[one.name] = table.quantity(one.key, value, dim, one.said.lowest, timed=one.said.timed)
+        else:
+            read = own.get(one.said.form)
+            found[one.name] = read(table, one) if read else read_value(table, one.key, one.said, dim)
+    return found
+
+
 def rows_of(*classes: type[DataclassInstance], defaults: bool = True, part: str = "") -> list[str]:
     """The rows of dataclasses in the tables of the page of the problem file: key, what it is, and its default.
 
@@ -183,6 +227,10 @@ def read_value(table: TomlTable, key: str, said: Stated, dim: int = 0) -> object
             return _file(table, key, said.endings)
         case Form.POINT:
             return table.numbers(key, dim, f"a list of {dim} numbers")
+        case Form.LIST:
+            if not isinstance(value, list) or not value:
+                raise table.error(key, f"must be a list of numbers, not {kind(value)}")
+            return [table.number(key, number) for number in value]
         case Form.VECTOR:
             return table.vector(key, value, dim, timed=said.timed)
         case Form.TENSOR if isinstance(value, list):
@@ -238,4 +286,6 @@ def written(value: object, form: Form, where: str) -> object:
             return str(value)
         case Form.NUMBER:
             return float(value)  # type: ignore[arg-type]
+        case Form.LIST:
+            return np.asarray(value, dtype=float).ravel().tolist()
     return value

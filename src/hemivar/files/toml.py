@@ -27,7 +27,7 @@ from hemivar.mesh import MeshRecipe
 __all__ = ["KEYS", "Quantity", "TomlTable", "array", "context", "kind", "listed", "printable", "text_of"]
 
 _LINEAR = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "density", "viscosity", "branches")
-_BY_LAW = ("law", *(p.name for entry in MATERIAL_LAWS.values() for p in entry.parameters))
+_BY_LAW = ("law", *(p.key for entry in MATERIAL_LAWS.values() for p in entry.parameters))
 _MATERIAL = tuple(dict.fromkeys((*_LINEAR, *_BY_LAW)))
 
 

@@ -2,17 +2,72 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hemivar.basics.arrays import real_array
+from hemivar.basics.stated import Form, Stated, stated
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
 
-__all__ = ["evaluate"]
+__all__ = [
+    "COMPRESSION",
+    "FRICTION",
+    "LENGTH",
+    "LINE",
+    "PRESSURE",
+    "RATE",
+    "evaluate",
+    "numbers",
+    "parameter",
+    "positive",
+    "word",
+]
+
+#: Units.
+PRESSURE, RATE, LENGTH, LINE = "force/area", "force/area/length", "length", "force/length"
 
 
-def evaluate(parameter: Parameter, points: Array | None, what: str, minimum: float | None = None) -> Array:
+def parameter(
+    says: str, unit: str, example: object = None, *, least: float | None = None, above: float | None = None
+) -> Mapping[str, Stated]:
+    """The metadata of a parameter: a number or a formula of place and time."""
+    return stated(Form.QUANTITY, says, unit=unit, example=example, least=least, above=above, timed=True)
+
+
+def numbers(says: str, unit: str, example: object = None) -> Mapping[str, Stated]:
+    """The metadata of a list of numbers."""
+    return stated(Form.LIST, says, unit=unit, example=example)
+
+
+def word(says: str, *choices: str) -> Mapping[str, Stated]:
+    """The metadata of a parameter that is one of some words."""
+    unit = f"{', '.join(choices[:-1])} or {choices[-1]}"
+    return stated(Form.TEXT, says, unit=unit, choices=tuple(str(choice) for choice in choices))
+
+
+#: The metadata of a parameter that must be above zero.
+positive = partial(parameter, above=0.0)
+#: What a normal law of glue does in penetration.
+COMPRESSION = parameter("stiffness in penetration; left out: rigid", RATE, least=0.0)
+#: What a friction bound is, and what friction may be a law of: of every friction law.
+FRICTION = {
+    "bound": stated(Form.OWN, "friction bound h_tau", unit=PRESSURE, least=0.0, example=1.0),
+    "of": word("what it is a law of in time", "slip", "rate"),
+}
+
+
+def evaluate(
+    parameter: Parameter,
+    points: Array | None,
+    what: str,
+    minimum: float | None = None,
+    *,
+    above: float | None = None,
+) -> Array:
     """The values of a parameter at the contact points, checked.
 
     Parameters
@@ -24,6 +79,8 @@ def evaluate(parameter: Parameter, points: Array | None, what: str, minimum: flo
         Name used in messages, such as ``"q_max of law 'survey'"``.
     minimum : float, optional
         Smallest value allowed.
+    above : float, optional
+        Largest value that is too small, zero.
 
     Returns
     -------
@@ -32,7 +89,7 @@ def evaluate(parameter: Parameter, points: Array | None, what: str, minimum: flo
     Raises
     ------
     ProblemError
-        Wrong shape, not a number, nan or infinite, or below ``minimum``.
+        Wrong shape, not a number, nan or infinite, or too small.
     """
     if callable(parameter):
         if points is None:
@@ -50,6 +107,8 @@ def evaluate(parameter: Parameter, points: Array | None, what: str, minimum: flo
     if minimum is not None and (result < minimum).any():
         bad = result < minimum
         raise ProblemError(f"{what} is {result[bad][0]:g}{_where(bad, points)}; it must be at least {minimum:g}")
+    if above is not None and (result <= above).any():
+        raise ProblemError(f"{what} is {result.min():g}; it must be positive")
     return result
 
 

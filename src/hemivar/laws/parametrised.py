@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -25,10 +25,10 @@ def columns(*values: Array | float) -> Array:
 
 
 class ParameterLaw(Superpotential):
-    """A law whose dataclass fields are parameters, at least ``minimum``, > 0 if ``positive``; ``None`` if left out."""
+    """A law whose dataclass fields are parameters, which say their limits; ``None`` if left out.
 
-    minimum: ClassVar[dict[str, float]] = {}
-    positive: ClassVar[tuple[str, ...]] = ()
+    See :func:`hemivar.laws.parameters.parameter`.
+    """
 
     def _values(self, points: Array | None) -> dict[str, Array]:
         found: dict[str, Array] = {}
@@ -36,10 +36,8 @@ class ParameterLaw(Superpotential):
             given = getattr(self, f.name)
             if given is None and f.default is None:
                 continue
-            what = f"{f.name} of law '{self.name}'"
-            found[f.name] = evaluate(given, points, what, self.minimum.get(f.name))
-            if f.name in self.positive and np.any(found[f.name] <= 0.0):
-                raise ProblemError(f"{what} is {found[f.name].min():g}; it must be positive")
+            said = f.metadata["stated"]
+            found[f.name] = evaluate(given, points, f"{f.name} of law '{self.name}'", said.least, above=said.above)
         rows = {value.size for value in found.values()} - {1}
         if len(rows) > 1:
             raise ProblemError(

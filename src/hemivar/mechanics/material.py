@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,9 @@ from numpy.typing import ArrayLike
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array, BoolArray
+from hemivar.laws.parameters import word
 from hemivar.mechanics.material_words import BoundsBy, PlaneState, StrainMeasure
 from hemivar.mechanics.moduli import Branch, Moduli, Number, Viscosity
 
@@ -19,6 +22,12 @@ if TYPE_CHECKING:
     from hemivar.mechanics.material_description import MaterialDescription
 
 __all__ = ["Material", "no_matrices"]
+
+_STRESS = "force/area"
+#: What a problem file says of constants of materials.
+_constant = partial(stated, Form.QUANTITY)
+_BULK = _constant("bulk modulus", unit=_STRESS, example=6.5)
+_PLANE = word("what a plane mesh assumes across the plane", *PlaneState)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +148,13 @@ class Material(PickleMixin):
         return ByRegion(materials)
 
     @staticmethod
+    @stating(
+        bulk=_BULK,
+        shear=_constant("shear modulus at small strain", unit=_STRESS, example=4.0),
+        softened=_constant("part of the shear modulus left at large strain, at most 1", unit="1", example=0.25),
+        strain=_constant("size of the deviator |dev eps| at which it softens", unit="1", example=0.05),
+        plane=_PLANE,
+    )
     def hencky(
         bulk: Number,
         shear: Number,
@@ -175,6 +191,17 @@ class Material(PickleMixin):
         return Hencky(bulk, shear, softened, strain, plane, **more)  # type: ignore[arg-type]
 
     @staticmethod
+    @stating(
+        E=_constant("Young's modulus at small strain", key="young", unit=_STRESS, example=200e3),
+        nu=_constant("Poisson's ratio at small strain", key="poisson", unit="1", example=0.3),
+        yield_stress=_constant("yield stress", unit=_STRESS, example=400.0),
+        exponent=_constant("of the stress; 5 to 20 for metals", unit="1", least=1.0, example=5.0),
+        offset=_constant("plastic over elastic strain at the yield stress", unit="1"),
+        linear_from=_constant(
+            "|dev eps| from which on the stress grows linearly; left out: no bound holds", unit="1", example=0.02
+        ),
+        plane=_PLANE,
+    )
     def ramberg_osgood(
         E: Number,
         nu: Number,
@@ -219,6 +246,14 @@ class Material(PickleMixin):
         return RambergOsgood(E, nu, yield_stress, exponent, offset, linear_from, plane, **more)  # type: ignore[arg-type]
 
     @staticmethod
+    @stating(
+        bulk=_BULK,
+        shear=_constant("shear modulus", unit=_STRESS, example=4.0),
+        stiffening=_constant("stiffness added beyond the set", unit=_STRESS, example=20.0),
+        strain=_constant("size of the set", unit="1", example=0.03),
+        measure=word("what is limited: the size of the deviator or of the whole strain", *StrainMeasure),
+        plane=_PLANE,
+    )
     def locking(
         bulk: Number,
         shear: Number,
@@ -259,6 +294,16 @@ class Material(PickleMixin):
         return Locking(bulk, shear, stiffening, strain, measure, plane, **more)  # type: ignore[arg-type]
 
     @staticmethod
+    @stating(
+        energy=stated(
+            Form.TEXT,
+            "formula of the stored energy",
+            unit=_STRESS,
+            example="3.3*tr^2 + dev2 + 0.015*(sqrt(1 + 400*dev2) - 1)",
+        ),
+        reach=_constant("size |eps| of the strain up to which it is examined", unit="1", example=0.2),
+        plane=_PLANE,
+    )
     def potential(
         energy: str | Callable[[Array], object],
         stress: Callable[[Array], object] | None = None,

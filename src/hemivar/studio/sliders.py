@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawParameter
+from hemivar.basics.stated import Argument
+from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
 from hemivar.studio.toml_numbers import TextNumber
 
 __all__ = ["Slider", "key_of_message", "sliders_of"]
@@ -74,7 +75,7 @@ def sliders_of(data: Mapping[str, object], numbers: list[TextNumber]) -> list[Sl
         low, high, whole = _range(data, number, parameter)
         step = 1.0 if whole else _nice((high - low) / 200.0)
         table, label = _names(number)
-        meaning = "" if parameter is None else f"{parameter.meaning} ({parameter.unit})"
+        meaning = "" if parameter is None else f"{parameter.said.says} ({parameter.said.unit})"
         found.append(
             Slider(number.key, table, label, number.start, number.end, number.value, low, high, step, whole, meaning)
         )
@@ -99,7 +100,7 @@ def _names(number: TextNumber) -> tuple[str, str]:
     return ".".join(path[:depth]), ".".join(path[depth:])
 
 
-def _parameter(data: Mapping[str, object], number: TextNumber) -> LawParameter | None:
+def _parameter(data: Mapping[str, object], number: TextNumber) -> Argument | None:
     """The parameter of a law that a number is."""
     path = number.path
     if path[0] != "contact" or len(path) < 4 or path[2] not in ("normal", "friction"):
@@ -109,10 +110,10 @@ def _parameter(data: Mapping[str, object], number: TextNumber) -> LawParameter |
         law = law.get(str(step)) if isinstance(law, Mapping) else None
     name = law.get("law") if isinstance(law, Mapping) else None
     entry = (NORMAL_LAWS if path[2] == "normal" else FRICTION_LAWS).get(str(name))
-    return None if entry is None else next((p for p in entry.parameters if p.name == path[3]), None)
+    return None if entry is None else next((p for p in entry.parameters if p.key == path[3]), None)
 
 
-def _range(data: Mapping[str, object], number: TextNumber, parameter: LawParameter | None) -> tuple[float, float, bool]:
+def _range(data: Mapping[str, object], number: TextNumber, parameter: Argument | None) -> tuple[float, float, bool]:
     value, name = float(number.value), next(str(k) for k in reversed(number.path) if isinstance(k, str))
     if number.path[0] == "mesh" and name in _WHOLE:
         least, most = _WHOLE[name]
@@ -125,7 +126,7 @@ def _range(data: Mapping[str, object], number: TextNumber, parameter: LawParamet
     size = _nice(2.0 * abs(value)) if value else 1.0
     low, high = (-size, size) if number.path[0] in ("loads", "supports", "contact") else (0.0, size)
     if parameter is not None:
-        low = max(low, parameter.minimum)
+        low = max(low, parameter.said.lowest)
         high = max(high, low + size)
         if low == 0.0 and parameter.required and value > 0.0:
             low = size / 200.0

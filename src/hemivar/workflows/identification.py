@@ -12,6 +12,7 @@ import numpy as np
 from hemivar.basics.arguments import described, expect, expecting
 from hemivar.basics.disk import shown
 from hemivar.basics.generators import result_of
+from hemivar.basics.stated import Form
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -21,7 +22,7 @@ from hemivar.files.problem_file import parse_problem_file, read_text
 from hemivar.identification import Experiment, Fit, FitOptions, Measurements, Parameter, fit, read_measurements
 from hemivar.identification.fit import FitAttempt
 from hemivar.laws import VectorLaw, join_laws
-from hemivar.laws.registry import NORMAL_LAWS, ParameterForm
+from hemivar.laws.registry import NORMAL_LAWS
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls
 from hemivar.workflows.events import Event, Phase
@@ -168,7 +169,7 @@ def parameters_of_law(problem: str | Path, law: str, contact: str | None = None)
             f"contact '{names[0]}' has the law '{stated.get('law')}' in the file; state '{law}' there with a first "
             "guess of its parameters, or name each parameter and its range with --fit"
         )
-    numbers = {one.name for one in NORMAL_LAWS[law].parameters if one.form is ParameterForm.NUMBER}
+    numbers = {one.key for one in NORMAL_LAWS[law].parameters if one.said.form is Form.QUANTITY}
     found = []
     for name, value in stated.items():
         if name not in numbers:

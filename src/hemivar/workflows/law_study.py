@@ -8,11 +8,11 @@ from typing import TypeAlias, cast
 
 from hemivar.basics.arguments import expecting, suggest
 from hemivar.basics.display import brief
+from hemivar.basics.stated import Form, Stated
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
 from hemivar.laws import Friction, MixedMode, ModeDependentGlue, OwnCoupledLaw, Superpotential
-from hemivar.laws.coupled_registry import COUPLED_LAWS
-from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind
 from hemivar.workflows.events import Notice, Work
 
 __all__ = ["LawStudy", "Value", "study_law", "values_shown"]
@@ -101,7 +101,7 @@ def study_law(
 def _study(entry: LawEntry, given: Mapping[str, Value], label: str) -> LawStudy:
     """The law with the values given and example values for the others."""
     values, examples = values_shown(entry, given, label)
-    if any(p.form is ParameterForm.FILE and p.name not in values for p in entry.parameters):
+    if any(p.said.form is Form.FILE and p.key not in values for p in entry.parameters):
         return LawStudy(entry, None)
     law = cast(Superpotential | Friction | MixedMode | ModeDependentGlue | OwnCoupledLaw, entry.make(**values)).at(None)
     if not isinstance(law, Friction):
@@ -118,7 +118,7 @@ def values_shown(entry: LawEntry, given: Mapping[str, Value], label: str) -> tup
     ProblemError
         There is no such parameter, or a value is none.
     """
-    known = {p.name: p for p in entry.parameters}
+    known = {p.key: p for p in entry.parameters}
     for key in given:
         if key not in known:
             raise ProblemError(
@@ -126,31 +126,31 @@ def values_shown(entry: LawEntry, given: Mapping[str, Value], label: str) -> tup
             )
     values: dict[str, Value] = {}
     examples: dict[str, Value] = {}
-    replaced = {known[key].instead for key in given}
+    replaced = {known[key].said.instead for key in given}
     for p in entry.parameters:
-        if p.name in replaced:
+        if p.key in replaced:
             continue
-        if p.name in given:
-            values[p.name] = _value(p, given[p.name], f"{label}{p.name}")
-        elif p.form is not ParameterForm.FILE and p.shown is not None:
-            values[p.name] = p.shown
+        if p.key in given:
+            values[p.key] = _value(p.said, given[p.key], f"{label}{p.key}")
+        elif p.said.form is not Form.FILE and p.shown is not None:
+            values[p.key] = cast(Value, p.shown)
             if p.default is None:
-                examples[p.name] = p.shown
+                examples[p.key] = values[p.key]
     return values, examples
 
 
-def _value(p: LawParameter, given: Value, where: str) -> Value:
+def _value(said: Stated, given: Value, where: str) -> Value:
     if not isinstance(given, str):
         return given
-    if p.form in (ParameterForm.FILE, ParameterForm.TEXT):
-        if p.choices and given not in p.choices:
-            raise ProblemError(f"{where}={given}: write one of {', '.join(p.choices)}")
+    if said.form in (Form.FILE, Form.TEXT):
+        if said.choices and given not in said.choices:
+            raise ProblemError(f"{where}={given}: write one of {', '.join(said.choices)}")
         return given
-    parts = given.strip("[]").split(",") if p.form is ParameterForm.NUMBERS else [given]
+    parts = given.strip("[]").split(",") if said.form is Form.LIST else [given]
     numbers = []
     for part in parts:
         formula = Formula(part, where)
         if formula.variables:
             raise ProblemError(f"{where}={given}: give a number here; a formula of x belongs in a problem file")
         numbers.append(float(formula([[0.0, 0.0]])[0]))  # type: ignore[arg-type]
-    return numbers if p.form is ParameterForm.NUMBERS else numbers[0]
+    return numbers if said.form is Form.LIST else numbers[0]

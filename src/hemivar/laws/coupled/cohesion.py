@@ -7,7 +7,7 @@ at a finite opening; the area under ``Phi'`` is the fracture energy, exactly.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -16,6 +16,7 @@ import numpy as np
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
+from hemivar.laws.parameters import LENGTH, LINE, PRESSURE, RATE, parameter, positive
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
@@ -26,7 +27,16 @@ _CHORDS = 600
 
 
 @dataclass(frozen=True, eq=False)
-class BilinearCohesion(NamedLaw):
+class _Cohesion(NamedLaw):
+    """A cohesive traction with a strength, a fracture energy and an initial stiffness."""
+
+    strength: Parameter = field(metadata=positive("largest traction in opening", PRESSURE, 30.0))
+    energy: Parameter = field(metadata=positive("fracture energy G_c", LINE, 0.5))
+    stiffness: Parameter = field(metadata=positive("initial stiffness", RATE, 1e4))
+
+
+@dataclass(frozen=True, eq=False)
+class BilinearCohesion(_Cohesion):
     """Traction ``stiffness rho`` up to ``strength``, then straight down to zero.
 
     It lets go at ``rho_f = 2 energy / strength``; weakly convex with alpha = strength / (rho_f - strength / stiffness).
@@ -42,11 +52,7 @@ class BilinearCohesion(NamedLaw):
         Initial stiffness, > 0 (force per area and length).
     """
 
-    strength: Parameter
-    energy: Parameter
-    stiffness: Parameter
     name: ClassVar[str] = "bilinear cohesion"  # type: ignore[misc]
-    positive: ClassVar[tuple[str, ...]] = ("strength", "energy", "stiffness")
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         strength, first, length = _softening_length(self.name, values)
@@ -54,7 +60,7 @@ class BilinearCohesion(NamedLaw):
 
 
 @dataclass(frozen=True, eq=False)
-class TrapezoidalCohesion(NamedLaw):
+class TrapezoidalCohesion(_Cohesion):
     """Traction ``stiffness rho`` up to ``strength``, which stays for a ``plateau``, then straight down to zero.
 
     Parameters
@@ -65,13 +71,8 @@ class TrapezoidalCohesion(NamedLaw):
         Length over which the strength stays, >= 0.
     """
 
-    strength: Parameter
-    energy: Parameter
-    stiffness: Parameter
-    plateau: Parameter
+    plateau: Parameter = field(metadata=parameter("length of the plateau of a trapezoid", LENGTH, least=0.0))
     name: ClassVar[str] = "trapezoidal cohesion"  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"plateau": 0.0}
-    positive: ClassVar[tuple[str, ...]] = ("strength", "energy", "stiffness")
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         strength, first, length = _softening_length(self.name, values)
@@ -90,7 +91,7 @@ class TrapezoidalCohesion(NamedLaw):
 
 
 @dataclass(frozen=True, eq=False)
-class ExponentialCohesion(NamedLaw):
+class ExponentialCohesion(_Cohesion):
     """Traction ``stiffness rho`` up to ``strength``, then falling as an exponential.
 
     The exponential is a chain of 600 chords, nowhere further from it than 1e-6 of the strength, that ends at a finite
@@ -102,11 +103,7 @@ class ExponentialCohesion(NamedLaw):
         As those of :class:`BilinearCohesion`.
     """
 
-    strength: Parameter
-    energy: Parameter
-    stiffness: Parameter
     name: ClassVar[str] = "exponential cohesion"  # type: ignore[misc]
-    positive: ClassVar[tuple[str, ...]] = ("strength", "energy", "stiffness")
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         strength, first, length = _softening_length(self.name, values)

@@ -12,7 +12,6 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray, Parameter
-from hemivar.errors import ProblemError
 from hemivar.laws.parameters import evaluate
 
 __all__ = ["BenzeggaghKenane", "FractureCriterion", "PowerCriterion"]
@@ -43,10 +42,7 @@ class FractureCriterion(ABC):
         """G_Ic, G_IIc and the exponent at the contact points, (m or 1,) each."""
         found = []
         for what in ("opening", "shear", "exponent"):
-            value = evaluate(getattr(self, what), points, f"{what} of criterion '{self.name}'")
-            if (value <= 0.0).any():
-                raise ProblemError(f"{what} of criterion '{self.name}' is {value.min():g}; it must be positive")
-            found.append(value)
+            found.append(evaluate(getattr(self, what), points, f"{what} of criterion '{self.name}'", above=0.0))
         return found[0], found[1], found[2]
 
     def at(self, points: Array | None) -> Self:

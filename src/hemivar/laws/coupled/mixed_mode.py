@@ -18,7 +18,7 @@ from hemivar.laws.coupled.near_mixed_mode import NearMixedMode, principal_sides,
 from hemivar.laws.coupled.opening import OpeningProblem
 from hemivar.laws.neighbourhood import lengths, polar
 from hemivar.laws.normal import Signorini
-from hemivar.laws.parameters import evaluate
+from hemivar.laws.parameters import evaluate, positive
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import downhill, is_continuous, one_sided, radial_sides, steepest
@@ -59,7 +59,7 @@ class MixedMode(CoupledLaw):
     """
 
     cohesion: Superpotential
-    ratio: Parameter = 1.0
+    ratio: Parameter = field(default=1.0, metadata=positive("shear strength over normal strength", "1", 1.5))
     compression: Superpotential = field(default_factory=Signorini)
     name: ClassVar[str] = "mixed-mode"  # type: ignore[misc]
 

@@ -18,7 +18,7 @@ from hemivar.laws.coupled.mixed_mode import MixedMode
 from hemivar.laws.coupled.near_mixed_mode import NearMixedMode
 from hemivar.laws.neighbourhood import lengths
 from hemivar.laws.normal import Signorini
-from hemivar.laws.parameters import evaluate
+from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, OnGraph, Sides, VectorLaw
 
@@ -62,11 +62,13 @@ class ModeDependentGlue(VectorLaw):
         A parameter is not positive, or the fracture energy of a mode is less than what is stored at its strength.
     """
 
-    strength: Parameter
-    shear_strength: Parameter
-    stiffness: Parameter
+    strength: Parameter = field(metadata=positive("largest traction in opening", PRESSURE, 80.0))
+    shear_strength: Parameter = field(metadata=positive("largest traction in shear", PRESSURE, 100.0))
+    stiffness: Parameter = field(metadata=positive("initial stiffness in opening", RATE, 1e6))
     criterion: FractureCriterion
-    shear_stiffness: Parameter | None = None
+    shear_stiffness: Parameter | None = field(
+        default=None, metadata=positive("initial stiffness in shear; left out: as Turon et al.", RATE)
+    )
     compression: Superpotential = field(default_factory=Signorini)
     name: ClassVar[str] = "mode-dependent"  # type: ignore[misc]
 
@@ -81,14 +83,8 @@ class ModeDependentGlue(VectorLaw):
     _numbers: ClassVar[tuple[str, ...]] = ("strength", "shear_strength", "stiffness", "shear_stiffness")
 
     def _values(self, points: Array | None) -> dict[str, Array]:
-        found = {}
-        for what in self._numbers:
-            if getattr(self, what) is None:
-                continue
-            found[what] = evaluate(getattr(self, what), points, f"{what} of law '{self.name}'")
-            if (found[what] <= 0.0).any():
-                raise ProblemError(f"{what} of law '{self.name}' is {found[what].min():g}; it must be positive")
-        return found
+        given = {what: getattr(self, what) for what in self._numbers if getattr(self, what) is not None}
+        return {what: evaluate(one, points, f"{what} of law '{self.name}'", above=0.0) for what, one in given.items()}
 
     def at(self, points: Array | None) -> ModeDependentGlue:
         made = replace(

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from types import MappingProxyType
 
+from hemivar.basics.stated import stating
 from hemivar.basics.types import Parameter
 from hemivar.laws.friction.bounds import CoulombBound, StateBound
 from hemivar.laws.friction.friction_law import Friction, SlipMeasure
 from hemivar.laws.friction.profiles import ExponentialWeakening, LogarithmicWeakening, StaticKineticProfile
 from hemivar.laws.own.table_law import check_points, even_table
+from hemivar.laws.parameters import FRICTION, LENGTH, numbers, parameter
 
 __all__ = ["Coulomb", "Logarithmic", "NoFriction", "SlipTable", "SlipWeakening", "StaticKinetic", "Tresca"]
 
 
+@stating(**FRICTION)
 def Tresca(  # noqa: N802 - a law, named as the others are
     bound: Parameter | StateBound, *, of: SlipMeasure | str | None = None
 ) -> Friction:
@@ -33,6 +36,7 @@ def Tresca(  # noqa: N802 - a law, named as the others are
     return Friction(bound, of=of)
 
 
+@stating(coefficient=parameter("friction coefficient mu", "1", 0.3, least=0.0), **FRICTION)
 def Coulomb(  # noqa: N802 - a law, named as the others are
     coefficient: Parameter, *, of: SlipMeasure | str | None = None
 ) -> Friction:
@@ -62,6 +66,7 @@ def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
     return Friction(0.0)
 
 
+@stating(ExponentialWeakening, **FRICTION)
 def SlipWeakening(  # noqa: N802 - a law, named as the others are
     bound: Parameter | StateBound,
     static: Parameter = 1.0,
@@ -94,6 +99,7 @@ def SlipWeakening(  # noqa: N802 - a law, named as the others are
     return Friction(bound, ExponentialWeakening(static, kinetic, rate), of=of)
 
 
+@stating(LogarithmicWeakening, **FRICTION)
 def Logarithmic(  # noqa: N802 - a law, named as the others are
     bound: Parameter | StateBound, scale: Parameter = 1.0, *, of: SlipMeasure | str | None = None
 ) -> Friction:
@@ -115,6 +121,7 @@ def Logarithmic(  # noqa: N802 - a law, named as the others are
     return Friction(bound, LogarithmicWeakening(scale), of=of)
 
 
+@stating(StaticKineticProfile, **FRICTION)
 def StaticKinetic(  # noqa: N802
     bound: Parameter | StateBound,
     slip: Parameter,
@@ -145,6 +152,11 @@ def StaticKinetic(  # noqa: N802
     return Friction(bound, StaticKineticProfile(slip, static, kinetic), of=of)
 
 
+@stating(
+    slips=numbers("from 0 on, increasing", LENGTH, (0.0, 0.2)),
+    values=numbers("factors of the bound there", "1", (1.0, 0.5)),
+    **FRICTION,
+)
 def SlipTable(  # noqa: N802
     bound: Parameter | StateBound,
     slips: Sequence[float],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
+from hemivar.laws.parameters import LENGTH, parameter, positive
 from hemivar.laws.parametrised import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import RescaledLaw
@@ -79,12 +80,10 @@ class ExponentialWeakening(_EvenLaw):
     alpha = rate (static - kinetic). The survey's family 0.7 r - 0.3 exp(-r) has static 1, kinetic 0.7, rate 1.
     """
 
-    static: Parameter = 1.0
-    kinetic: Parameter = 0.7
-    rate: Parameter = 1.0
+    static: Parameter = field(default=1.0, metadata=parameter("factor of the bound at rest", "1", least=0.0))
+    kinetic: Parameter = field(default=0.7, metadata=parameter("factor of the bound after much slip", "1", least=0.0))
+    rate: Parameter = field(default=1.0, metadata=positive("how fast it falls", "1/length"))
     name: ClassVar[str] = "slip-weakening"  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"static": 0.0, "kinetic": 0.0}
-    positive: ClassVar[tuple[str, ...]] = ("rate",)
 
     @cached_property
     def _resolved(self) -> tuple[Array, Array, Array]:
@@ -128,9 +127,8 @@ class ExponentialWeakening(_EvenLaw):
 class LogarithmicWeakening(_EvenLaw):
     """j(r) = ln(1 + |r|/scale): friction 1/(scale + |r|) falls to nothing with the slip; alpha = 1/scale^2."""
 
-    scale: Parameter = 1.0
+    scale: Parameter = field(default=1.0, metadata=positive("slip at which it has fallen to one half", LENGTH))
     name: ClassVar[str] = "logarithmic"  # type: ignore[misc]
-    positive: ClassVar[tuple[str, ...]] = ("scale",)
 
     @cached_property
     def _resolved(self) -> Array:
@@ -170,12 +168,10 @@ class LogarithmicWeakening(_EvenLaw):
 class StaticKineticProfile(NamedLaw):
     """j'(r) = static for 0 < r < slip, kinetic beyond: friction drops at once; alpha is infinite if it drops."""
 
-    slip: Parameter
-    static: Parameter = 1.0
-    kinetic: Parameter = 0.7
+    slip: Parameter = field(metadata=positive("at which the friction drops", LENGTH, 0.1))
+    static: Parameter = field(default=1.0, metadata=parameter("factor of the bound up to this slip", "1", least=0.0))
+    kinetic: Parameter = field(default=0.7, metadata=parameter("factor of the bound beyond it", "1", least=0.0))
     name: ClassVar[str] = "static-kinetic"  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"static": 0.0, "kinetic": 0.0}
-    positive: ClassVar[tuple[str, ...]] = ("slip",)
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         slip, static, kinetic = values["slip"], values["static"], values["kinetic"]

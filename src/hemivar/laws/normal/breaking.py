@@ -6,7 +6,7 @@ Penetration r is positive where the body goes into the foundation; opening is ne
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -14,9 +14,10 @@ import numpy as np
 
 from hemivar.basics.arguments import number
 from hemivar.basics.arrays import real_array
+from hemivar.basics.stated import stating
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
-from hemivar.laws.parameters import evaluate
+from hemivar.laws.parameters import COMPRESSION, LENGTH, LINE, PRESSURE, RATE, evaluate, numbers, parameter, positive
 from hemivar.laws.parametrised import NamedLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
@@ -40,12 +41,10 @@ class Softening(NamedLaw):
         Rate at which the pressure falls, >= 0 (force per area and length); with 0 it stays.
     """
 
-    stiffness: Parameter
-    limit: Parameter
-    softening: Parameter
+    stiffness: Parameter = field(metadata=positive("of the springs", RATE, 2.0))
+    limit: Parameter = field(metadata=positive("penetration of the largest pressure", LENGTH, 0.1))
+    softening: Parameter = field(metadata=parameter("rate at which the pressure falls", RATE, 0.5, least=0.0))
     name: ClassVar[str] = "softening"  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"softening": 0.0}
-    positive: ClassVar[tuple[str, ...]] = ("stiffness", "limit")
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         k, limit, alpha = values["stiffness"], values["limit"], values["softening"]
@@ -73,12 +72,12 @@ class Capped(NamedLaw):
         Share of the largest pressure that is left, >= 0.
     """
 
-    stiffness: Parameter
-    limit: Parameter
-    residual: Parameter = 0.0
+    stiffness: Parameter = field(metadata=positive("of the springs", RATE, 20.0))
+    limit: Parameter = field(metadata=positive("penetration at which they break", LENGTH, 0.1))
+    residual: Parameter = field(
+        default=0.0, metadata=parameter("share of the largest pressure that is left", "1", least=0.0)
+    )
     name: ClassVar[str] = "capped"  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"residual": 0.0}
-    positive: ClassVar[tuple[str, ...]] = ("stiffness", "limit")
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         k, limit, residual = values["stiffness"], values["limit"], values["residual"]
@@ -116,14 +115,14 @@ class Adhesive(NamedLaw):
         Softening and energy are both given; the energy is too small.
     """
 
-    stiffness: Parameter
-    strength: Parameter
-    softening: Parameter | None = None
-    compression: Parameter | None = None
-    energy: Parameter | None = None
+    stiffness: Parameter = field(metadata=positive("of the glue", RATE, 5.0))
+    strength: Parameter = field(metadata=positive("largest tension", PRESSURE, 0.5))
+    softening: Parameter | None = field(
+        default=None, metadata=positive("rate at which the tension falls; left out: at once", RATE)
+    )
+    compression: Parameter | None = field(default=None, metadata=COMPRESSION)
+    energy: Parameter | None = field(default=None, metadata=positive("fracture energy, instead of softening", LINE))
     name: ClassVar[str] = "adhesive"  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"compression": 0.0}
-    positive: ClassVar[tuple[str, ...]] = ("stiffness", "strength", "softening", "energy")
 
     def __post_init__(self) -> None:
         if self.softening is not None and self.energy is not None:
@@ -178,6 +177,12 @@ def _same_length(what: str, numbers: Array, count: int, reason: str) -> Array:
     return numbers
 
 
+@stating(
+    thicknesses=numbers("of the layers, from the surface down", LENGTH, (0.05, 0.1)),
+    stiffnesses=numbers("of the layers", RATE, (10.0, 4.0)),
+    drops=numbers("pressure lost at the lower end of each layer", PRESSURE, (0.3, 0.2)),
+    base=parameter("stiffness of the ground below; left out: rigid", RATE, 2.0),
+)
 def Layered(  # noqa: N802 - a law, named as the others are
     thicknesses: Sequence[float],
     stiffnesses: Sequence[float],
@@ -230,6 +235,12 @@ def Layered(  # noqa: N802 - a law, named as the others are
     return PiecewiseQuadratic(knots, slopes, jumps, upper=upper, name="layered", stated=MappingProxyType(stated))
 
 
+@stating(
+    openings=numbers("at which the tension falls, increasing", LENGTH, (1.0, 2.0)),
+    slopes=numbers("of the tension on each tooth", RATE, (3.0, 1.0)),
+    offsets=numbers("of the tension on each tooth", PRESSURE),
+    compression=COMPRESSION,
+)
 def SawTooth(  # noqa: N802 - a law, named as the others are
     openings: Sequence[float],
     slopes: Sequence[float],

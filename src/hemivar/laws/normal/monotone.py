@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray, Parameter
+from hemivar.laws.parameters import LENGTH, PRESSURE, RATE, parameter, positive
 from hemivar.laws.parametrised import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
@@ -33,10 +34,9 @@ class ThresholdCompliance(NamedLaw):
         Stiffness beyond it, >= 0 (force per area and length).
     """
 
-    q_max: Parameter
-    p_const: Parameter = 0.0
+    q_max: Parameter = field(metadata=parameter("threshold pressure", PRESSURE, least=0.0))
+    p_const: Parameter = field(default=0.0, metadata=parameter("stiffness beyond it", RATE, least=0.0))
     name: ClassVar[str] = "survey"  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"q_max": 0.0, "p_const": 0.0}
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         q, p = np.broadcast_arrays(values["q_max"], values["p_const"])
@@ -87,10 +87,11 @@ class Compliance(ParameterLaw):
         Exponent >= 1; 1 is the linear spring foundation.
     """
 
-    stiffness: Parameter
-    exponent: Parameter = 1.0
+    stiffness: Parameter = field(
+        metadata=parameter("pressure at unit penetration", "force/area/length^exponent", least=0.0)
+    )
+    exponent: Parameter = field(default=1.0, metadata=parameter("power of the penetration", "1", least=1.0))
     name: ClassVar[str] = "compliance"  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"stiffness": 0.0, "exponent": 1.0}
 
     @cached_property
     def _resolved(self) -> tuple[Array, Array]:
@@ -160,11 +161,9 @@ class FinitePenetration(NamedLaw):
         Largest penetration, > 0.
     """
 
-    stiffness: Parameter
-    limit: Parameter
+    stiffness: Parameter = field(metadata=parameter("of the springs", RATE, 2.0, least=0.0))
+    limit: Parameter = field(metadata=positive("largest penetration", LENGTH, 0.1))
     name: ClassVar[str] = "finite-penetration"  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"stiffness": 0.0}
-    positive: ClassVar[tuple[str, ...]] = ("limit",)
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         k, limit = np.broadcast_arrays(values["stiffness"], values["limit"])

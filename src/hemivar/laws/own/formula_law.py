@@ -12,6 +12,7 @@ from hemivar.basics.arguments import described, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_keywords
+from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
@@ -19,9 +20,10 @@ from hemivar.formula.poles import Pole, pole_of_pieces
 from hemivar.formula.primitive import Primitive
 from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, supremum_of_pieces
 from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
+from hemivar.laws.parameters import LENGTH, LINE, numbers, parameter
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["FormulaLaw"]
+__all__ = ["FORMULA", "FormulaLaw"]
 
 #: Kinks and turns of the curvature that a formula may have.
 _MOST_KNOTS = 1000
@@ -331,6 +333,25 @@ def _beyond(third: SmoothFormula, reach: float, sides: Sequence[float]) -> list[
     return taken
 
 
+#: What a problem file says of any formula.
+FORMULA = {
+    "kinks": numbers("further places where a derivative jumps", LENGTH),
+    "reach": parameter("length up to which kinks and constants are looked for", LENGTH),
+}
+
+
+@stating(
+    potential=stated(
+        Form.TEXT,
+        "formula of the penetration r",
+        unit=LINE,
+        example="piecewise((0, r < 0), (10*r^2, r < 0.1), (0.1, True))",
+    ),
+    derivative=stated(
+        Form.TEXT, "formula of the pressure, in place of potential", unit="force/length^2", instead="potential"
+    ),
+    **FORMULA,
+)
 @known_keywords
 def FormulaLaw(  # noqa: N802 - a law, named as the others are
     potential: str | None = None,

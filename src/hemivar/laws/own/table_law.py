@@ -11,12 +11,14 @@ import numpy as np
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.known_keywords import known_keywords
+from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.laws.own.columns import read_columns
+from hemivar.laws.parameters import word
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
-__all__ = ["Extension", "check_points", "even_table", "read_law_table", "table_law"]
+__all__ = ["EXTEND", "TABLE", "Extension", "check_points", "even_table", "read_law_table", "table_law"]
 
 
 class Extension(StrEnum):
@@ -66,6 +68,11 @@ def check_points(
         i, words = min(broken, key=lambda one: one[0])
         raise ProblemError(f"{where}, row {i + 1}: {words(i)}")
     return x, y
+
+
+#: What a problem file says of a table.
+TABLE = stated(Form.FILE, "the CSV file", key="file", unit="path")
+EXTEND = word("how the derivative goes on beyond the table", *Extension)
 
 
 @known_keywords
@@ -128,6 +135,7 @@ def table_law(
     return PiecewiseQuadratic(knots, slopes, right - left, start=float(left[0]), name=name, stated=stated)
 
 
+@stating(path=TABLE, extend=EXTEND)
 def read_law_table(
     path: str | Path, *, extend: str = Extension.CONSTANT, friction: bool = False, name: str = "table"
 ) -> PiecewiseQuadratic:
