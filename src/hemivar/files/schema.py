@@ -123,7 +123,7 @@ def read_arguments(
     dim: int,
     key: str = "",
     own: Mapping[Form, Callable[[TomlTable, Argument], object]] = MappingProxyType({}),
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """What a table gives of the parameters of a law or a material, by their names in Python.
 
     Parameters
