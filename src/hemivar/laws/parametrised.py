@@ -13,8 +13,8 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.parameters import evaluate
-from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.piecewise import PiecewiseQuadratic, TabulatedLaw
+from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["NamedLaw", "ParameterLaw", "columns"]
 
@@ -58,7 +58,7 @@ class ParameterLaw(Superpotential):
         return replace(self, **values)  # type: ignore[type-var]
 
 
-class NamedLaw(ParameterLaw):
+class NamedLaw(ParameterLaw, TabulatedLaw):
     """A named law that is a piecewise-quadratic table once its parameters are known."""
 
     @abstractmethod
@@ -66,56 +66,6 @@ class NamedLaw(ParameterLaw):
         """The table for checked parameter values."""
 
     @cached_property
-    def table(self) -> PiecewiseQuadratic:
+    def table(self) -> PiecewiseQuadratic:  # type: ignore[override]
         """The piecewise-quadratic table of this law."""
         return self._build(self._values(None))
-
-    @property
-    def knots(self) -> Array:
-        return self.table.knots
-
-    @property
-    def domain(self) -> Interval:
-        return self.table.domain
-
-    @property
-    def weak_convexity(self) -> Array:
-        return self.table.weak_convexity
-
-    @property
-    def growth(self) -> tuple[Array, Array]:
-        return self.table.growth
-
-    def piece_value(self, piece: IntArray, r: Array) -> Array:
-        return self.table.piece_value(piece, r)
-
-    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
-        return self.table.piece_derivative(piece, r)
-
-    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
-        return self.table.piece_curvature(piece, r)
-
-    def asymptotic_curvature(self, sign: float) -> Array:
-        return self.table.asymptotic_curvature(sign)
-
-    def piece_formula(self, piece: int) -> str:
-        return self.table.piece_formula(piece)
-
-    def _knot_sides(self) -> tuple[Array, Array]:
-        return self.table.knot_slopes()
-
-    @property
-    def straight(self) -> bool:
-        return True
-
-    def recession(self, sign: Array) -> Array:
-        return self.table.recession(sign)
-
-    def scaled(self, factor: Array | float) -> Superpotential:
-        return self.table.scaled(factor)
-
-    def local_minimisers(self, a: Array, b: Array) -> tuple[Array, Array]:
-        return self.table.local_minimisers(a, b)
-
-    def local_argmin(self, a: Array, b: Array) -> Array:
-        return self.table.local_argmin(a, b)

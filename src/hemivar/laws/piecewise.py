@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Self
@@ -15,14 +16,115 @@ from hemivar.errors import ProblemError
 from hemivar.laws.rescaled import RescaledLaw
 from hemivar.laws.superpotential import Interval, Superpotential, entry
 
-__all__ = ["PiecewiseQuadratic"]
+__all__ = ["PiecewiseQuadratic", "TabulatedLaw"]
 
 #: Knots up to which slopes that cancel are told one by one.
 _FEW = 40
 
 
+class TabulatedLaw(Superpotential):
+    """A law whose derivative is piecewise linear: all that is asked of it is read from its table."""
+
+    @property
+    @abstractmethod
+    def table(self) -> PiecewiseQuadratic:
+        """The law with resolved parameters, as knots, slopes and jumps."""
+
+    @property
+    def knots(self) -> Array:
+        return self.table._told
+
+    @property
+    def domain(self) -> Interval:
+        return Interval(np.asarray(self.table.lower), np.asarray(self.table.upper))
+
+    def _anchor(self, piece: IntArray) -> tuple[Array, Array]:
+        """Knot to which the formula of each piece refers, and j' there on the side of the piece."""
+        knots, slopes = self.table._anchors
+        return entry(knots, piece), entry(slopes, piece)
+
+    def piece_value(self, piece: IntArray, r: Array) -> Array:
+        place, slope, base = (entry(table, piece) for table in self.table._energies)
+        s = r - place
+        return base + slope * s + 0.5 * entry(self.table.slopes, piece) * s**2
+
+    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
+        t, slope = self._anchor(piece)
+        return slope + entry(self.table.slopes, piece) * (r - t)
+
+    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
+        curvature = entry(self.table.slopes, piece)
+        return np.broadcast_to(curvature, np.broadcast_shapes(curvature.shape, np.shape(r)))
+
+    def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
+        (t, slope), bend = self._anchor(piece), entry(self.table.slopes, piece)
+        line = slope + bend * (r - t)
+        return line, np.broadcast_to(bend, line.shape)
+
+    def _knot_sides(self) -> tuple[Array, Array]:
+        table = self.table
+        lower, upper = np.asarray(table.lower)[..., None], np.asarray(table.upper)[..., None]
+        left, right = np.where(table.breakpoints <= lower, -np.inf, table._left), table._right
+        return left, np.where(table.breakpoints >= upper, np.inf, right)
+
+    @property
+    def straight(self) -> bool:
+        return True
+
+    @property
+    def weak_convexity(self) -> Array:
+        return self.table._alpha
+
+    @property
+    def growth(self) -> tuple[Array, Array]:
+        table = self.table
+        bounded = np.isneginf(table.lower) & np.isposinf(table.upper)
+        c1 = np.maximum(np.abs(table.slopes[..., 0]), np.abs(table.slopes[..., -1]))
+        largest = np.maximum(np.abs(table._left), np.abs(table._right)) - c1[..., None] * np.abs(table.breakpoints)
+        at_origin = self.subdifferential(np.zeros(len(table.breakpoints)))
+        c0 = np.maximum(np.max(largest, axis=-1), np.maximum(np.abs(at_origin.lower), np.abs(at_origin.upper)))
+        c0 = np.maximum(c0, 0.0)
+        return np.where(bounded, c0, np.inf), np.where(bounded, c1, np.inf)
+
+    def asymptotic_curvature(self, sign: float) -> Array:
+        table = self.table
+        end, slope = (table.upper, table.slopes[..., -1]) if sign > 0.0 else (table.lower, table.slopes[..., 0])
+        return np.where(np.isfinite(end), np.inf, slope)
+
+    def piece_formula(self, piece: int) -> str:
+        table = self.table
+        t, slope = (float(x[0]) for x in self._anchor(np.array([piece])))
+        k = float(table.slopes[0, piece])
+        if k == 0.0:
+            return f"{slope + 0.0:.6g}"
+        constant = slope - k * t
+        if abs(constant) <= 1e-14 * float(np.abs(table._left).max() + np.abs(table._right).max() + abs(k * t)):
+            return f"{k:.6g} r"
+        return f"{constant:.6g} {'+' if k > 0 else '-'} {abs(k):.6g} r"
+
+    def recession(self, sign: Array) -> Array:
+        sign, table = np.asarray(sign, dtype=float), self.table
+        up = _rate(table.slopes[..., -1], table._right[..., -1], np.isfinite(table.upper))
+        down = _rate(table.slopes[..., 0], -table._left[..., 0], np.isfinite(table.lower))
+        with np.errstate(invalid="ignore"):
+            return np.where(sign > 0, sign * up, np.where(sign < 0, -sign * down, 0.0))
+
+    def scaled(self, factor: Array | float) -> Superpotential:
+        factor, table = np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False)), self.table
+        if self.searched and factor.size > 1:  # one table for all points, not one for each
+            return RescaledLaw(table, factor)
+        times, ends = factor[:, None], (table.lower, table.upper)
+        sides = times * table._left, times * table._right
+        made = table.with_sides(table._told, times * table.slopes, *sides, ends, self.name)
+        if not np.isfinite(made.slopes).all() or not np.isfinite(made.start).all():
+            raise ProblemError(
+                f"law '{self.name}': with the factor {factor.max():g} a slope overflows; take other units"
+            )
+        return made
+
+
 @dataclass(frozen=True, eq=False)
-class PiecewiseQuadratic(Superpotential):
+class PiecewiseQuadratic(TabulatedLaw):
     """Superpotential whose derivative is piecewise linear, with jumps.
 
     The derivative equals ``start`` just left of the first knot, rises with ``slopes[i]`` on piece ``i`` and jumps
@@ -172,23 +274,14 @@ class PiecewiseQuadratic(Superpotential):
         return self.start, self.lower, self.upper
 
     @property
-    def knots(self) -> Array:
-        return self._told
-
-    @property
-    def domain(self) -> Interval:
-        return Interval(np.asarray(self.lower), np.asarray(self.upper))
+    def table(self) -> Self:
+        return self
 
     @cached_property
     def _anchors(self) -> tuple[Array, Array]:
         """For each piece the knot that its formula refers to, and j' there on the side of the piece; (m, K + 1)."""
         knots = self.breakpoints
         return np.concatenate([knots[:, :1], knots], axis=1), np.concatenate([self._left[:, :1], self._right], axis=1)
-
-    def _anchor(self, piece: IntArray) -> tuple[Array, Array]:
-        """Knot to which the formula of each piece refers, and j' there on the side of the piece."""
-        knots, slopes = self._anchors
-        return entry(knots, piece), entry(slopes, piece)
 
     @cached_property
     def _energies(self) -> tuple[Array, Array, Array]:
@@ -210,31 +303,6 @@ class PiecewiseQuadratic(Superpotential):
         base = np.where(above, values[:, [*range(knots.shape[1]), -1]], values[:, [0, *range(knots.shape[1])]])
         return place, slope, np.where(above | below, base, 0.0)
 
-    def piece_value(self, piece: IntArray, r: Array) -> Array:
-        place, slope, base = (entry(table, piece) for table in self._energies)
-        s = r - place
-        return base + slope * s + 0.5 * entry(self.slopes, piece) * s**2
-
-    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
-        t, slope = self._anchor(piece)
-        return slope + entry(self.slopes, piece) * (r - t)
-
-    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
-        curvature = entry(self.slopes, piece)
-        return np.broadcast_to(curvature, np.broadcast_shapes(curvature.shape, np.shape(r)))
-
-    def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
-        (t, slope), bend = self._anchor(piece), entry(self.slopes, piece)
-        line = slope + bend * (r - t)
-        return line, np.broadcast_to(bend, line.shape)
-
-    def _knot_sides(self) -> tuple[Array, Array]:
-        lower, upper = np.asarray(self.lower)[..., None], np.asarray(self.upper)[..., None]
-        return (
-            np.where(self.breakpoints <= lower, -np.inf, self._left),
-            np.where(self.breakpoints >= upper, np.inf, self._right),
-        )
-
     def _inside(self) -> tuple[BoolArray, BoolArray]:
         """Pieces and knots that lie inside the domain (knots: strictly)."""
         knots = self.breakpoints
@@ -243,14 +311,6 @@ class PiecewiseQuadratic(Superpotential):
         starts = np.concatenate([np.full((*knots.shape[:-1], 1), -np.inf), knots], axis=-1)
         return (ends > lower) & (starts < upper), (knots > lower) & (knots < upper)
 
-    @property
-    def straight(self) -> bool:
-        return True
-
-    @property
-    def weak_convexity(self) -> Array:
-        return self._alpha
-
     @cached_property
     def _alpha(self) -> Array:
         pieces, knots = self._inside()
@@ -258,56 +318,11 @@ class PiecewiseQuadratic(Superpotential):
         falls = np.any(knots & (self.jumps < 0.0), axis=-1)
         return np.where(falls, np.inf, np.maximum(softening, 0.0))
 
-    @property
-    def growth(self) -> tuple[Array, Array]:
-        bounded = np.isneginf(self.lower) & np.isposinf(self.upper)
-        c1 = np.maximum(np.abs(self.slopes[..., 0]), np.abs(self.slopes[..., -1]))
-        largest = np.maximum(np.abs(self._left), np.abs(self._right)) - c1[..., None] * np.abs(self.breakpoints)
-        at_origin = self.subdifferential(np.zeros(len(self.breakpoints)))
-        c0 = np.maximum(np.max(largest, axis=-1), np.maximum(np.abs(at_origin.lower), np.abs(at_origin.upper)))
-        c0 = np.maximum(c0, 0.0)
-        return np.where(bounded, c0, np.inf), np.where(bounded, c1, np.inf)
-
-    def asymptotic_curvature(self, sign: float) -> Array:
-        end, slope = (self.upper, self.slopes[..., -1]) if sign > 0.0 else (self.lower, self.slopes[..., 0])
-        return np.where(np.isfinite(end), np.inf, slope)
-
-    def piece_formula(self, piece: int) -> str:
-        t, slope = (float(x[0]) for x in self._anchor(np.array([piece])))
-        k = float(self.slopes[0, piece])
-        if k == 0.0:
-            return f"{slope + 0.0:.6g}"
-        constant = slope - k * t
-        if abs(constant) <= 1e-14 * float(np.abs(self._left).max() + np.abs(self._right).max() + abs(k * t)):
-            return f"{k:.6g} r"
-        return f"{constant:.6g} {'+' if k > 0 else '-'} {abs(k):.6g} r"
-
-    def recession(self, sign: Array) -> Array:
-        sign = np.asarray(sign, dtype=float)
-        up = _rate(self.slopes[..., -1], self._right[..., -1], np.isfinite(self.upper))
-        down = _rate(self.slopes[..., 0], -self._left[..., 0], np.isfinite(self.lower))
-        with np.errstate(invalid="ignore"):
-            return np.where(sign > 0, sign * up, np.where(sign < 0, -sign * down, 0.0))
-
     def at(self, points: Array | None) -> PiecewiseQuadratic:
         rows = len(self.breakpoints)
         if points is not None and rows not in (1, len(points)):
             raise ProblemError(f"law '{self.name}' is a table for {rows} contact points, but there are {len(points)}")
         return self
-
-    def scaled(self, factor: Array | float) -> Superpotential:
-        factor = np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False))
-        if self.searched and factor.size > 1:  # one table for all points, not one for each
-            return RescaledLaw(self, factor)
-        times, ends = factor[:, None], (self.lower, self.upper)
-        made = self.with_sides(
-            self._told, times * self.slopes, times * self._left, times * self._right, ends, self.name
-        )
-        if not np.isfinite(made.slopes).all() or not np.isfinite(made.start).all():
-            raise ProblemError(
-                f"law '{self.name}': with the factor {factor.max():g} a slope overflows; take other units"
-            )
-        return made
 
     def take(self, index: IntArray) -> PiecewiseQuadratic:
         if len(self.breakpoints) == 1:
