@@ -35,6 +35,7 @@ from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, 
 from hemivar.certificates.continuous.body_data import BodyData, VaryingLoads
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
 from hemivar.certificates.continuous.exact_distance import SWEEPS, ExactDistance
+from hemivar.certificates.continuous.fenchel import exact_gap
 from hemivar.certificates.continuous.sweeps import PatchSmoother
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
@@ -280,7 +281,7 @@ class _Dual:
         self._size, self._both = 0.0, constants.both
         if traces is not None:
             forces = traces.forces(distance.stress.tractions.moments)
-            self._zeta = traces.allowed(forces)
+            self._zeta = exact_gap(traces, forces).multiplier
             squares = traces.square(forces - self._zeta)
             self._rho = squares[0] + squares[1]
             self._size = constants.distance(*squares)

@@ -54,6 +54,8 @@ class DistanceToExact:
         Added after that division: by how much a quadratic trace had to be moved to keep to a rigid law between nodes.
     geometry : str
         What the body is taken for, such as "a polygon with 4 straight sides": the exact solution is that of this body.
+    conditions : tuple of str
+        Those under which it is a bound, if nothing else stands between; they are among the reasons.
     """
 
     bound: float
@@ -69,6 +71,7 @@ class DistanceToExact:
     seconds: float = 0.0
     correction: float = 0.0
     geometry: str = ""
+    conditions: tuple[str, ...] = ()
 
     @classmethod
     def none(cls, reason: str, seconds: float = 0.0) -> DistanceToExact:
@@ -90,6 +93,8 @@ class DistanceToExact:
         if not self.known:
             return ""
         size = f"{rounded_up(100.0 * self.relative)} % from the exact solution"
+        if self.conditions:
+            return f"at most {size}, on a condition"
         return f"at most {size}" if self.guaranteed else f"about {size}"
 
     def lines(self) -> list[str]:
@@ -115,6 +120,12 @@ class DistanceToExact:
             made.append(f"{blank}the body is {self.geometry}")
         if self.guaranteed:
             return [f"{label}at most {size}: guaranteed up to rounding and rules of integration", *made]
+        if self.conditions:
+            return [
+                f"{label}at most {size}: conditional, no guarantee",
+                *made,
+                f"{blank}if {' and '.join(self.conditions)}",
+            ]
         return [f"{label}about {size}: an estimate, no bound", *made, f"{blank}because {self.why}"]
 
     @property
@@ -151,7 +162,13 @@ class DistanceToExact:
         values = {"bound": self.bound, "relative": self.relative, "guaranteed": self.guaranteed}
         values |= {**self.parts, "gap": self.gap, "constant": self.constant, "seconds": self.seconds}
         finite = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
-        return {**finite, "geometry": self.geometry, "advice": self.advice, "reasons": list(self.reasons)}
+        return {
+            **finite,
+            "geometry": self.geometry,
+            "advice": self.advice,
+            "reasons": list(self.reasons),
+            "conditions": list(self.conditions),
+        }
 
 
 def _percent(ratio: float) -> str:

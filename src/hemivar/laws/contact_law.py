@@ -12,7 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.consistency import check_own
-from hemivar.laws.crossings import Crossings, crossings
+from hemivar.laws.crossings import Crossings, crossings, length_places, level_places
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.neighbourhood import Neighbourhood, lengths, polar
@@ -158,6 +158,16 @@ class ContactLaw(NormalAndFriction):
         if (rubs and r.shape[1] > 2) or not all(law.straight for law in laws):
             return None
         return Crossings.joined([crossings(law, r[:, c], way[:, c]) for c, law in enumerate(laws)])
+
+    def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
+        normal = super().kinks_along(start, end, bend)
+        if start.shape[1] == 1:
+            return normal
+        knots = (self.friction.profile if self.state_dependent else self.tangential).knots
+        if start.shape[1] > 2:
+            return np.concatenate([normal, length_places(np.abs(knots), start[:, 1:], end[:, 1:])], axis=1)
+        both = np.concatenate([knots, -knots], axis=1)
+        return np.concatenate([normal, level_places(both, start[:, 1], end[:, 1], bend[:, 1])], axis=1)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         r = np.empty(b.shape)

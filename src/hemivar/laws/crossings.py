@@ -1,4 +1,5 @@
-"""A law along a straight way: where its derivative bends, for laws that are quadratic between their knots."""
+"""A law along a way: where its derivative bends, for laws that are quadratic between their knots; where a way meets
+levels of a component or of a length."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from hemivar.basics.types import Array, IntArray
 if TYPE_CHECKING:
     from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["Crossings", "crossings"]
+__all__ = ["Crossings", "crossings", "length_places", "level_places"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,3 +77,36 @@ def crossings(law: Superpotential, r: Array, way: Array) -> Crossings:
         jump=np.abs(speed) * (right - left),
         change=np.abs(speed) * speed * (last - first),
     )
+
+
+def level_places(levels: Array, start: Array, end: Array, bend: Array) -> Array:
+    """Where ``start + t (end - start) - t (1 - t) bend``, (m,) each, meets levels (m or 1, K): t, (m, 2 K).
+
+    nan, or beyond 0 to 1, where it does not.
+    """
+    return _roots(bend[:, None], (end - start - bend)[:, None], start[:, None] - levels)
+
+
+def length_places(levels: Array, start: Array, end: Array) -> Array:
+    """Where the length of ``start + t (end - start)``, (m, c) each, meets levels >= 0, (m or 1, K): t, (m, 2 K).
+
+    A length that does not come down to a level is least there.
+    """
+    way = end - start
+    square, along, size = (
+        np.einsum("mi,mi->m", one, other)[:, None] for one, other in ((way, way), (start, way), (start, start))
+    )
+    with np.errstate(all="ignore"):
+        least = -along / square
+        root = np.sqrt(np.maximum(least**2 - (size - levels**2) / square, 0.0))
+        return np.concatenate([least - root, least + root], axis=1)
+
+
+def _roots(a: Array, b: Array, c: Array) -> Array:
+    """Where ``a t^2 + b t + c`` vanishes."""
+    with np.errstate(all="ignore"):
+        if not a.any():
+            found = -c / b
+            return np.concatenate([found, np.full_like(found, np.nan)], axis=1)
+        q = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
+        return np.concatenate([q / a, c / q], axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import MethodError
-from hemivar.laws.crossings import Crossings
+from hemivar.laws.crossings import Crossings, level_places
 from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["Linearisation", "Near", "OnGraph", "Sides", "VectorLaw", "spread"]
@@ -303,6 +303,17 @@ class VectorLaw(PickleMixin, ABC):
     def crossings(self, r: Array, way: Array) -> Crossings | None:
         """Where the law bends along ``r + t way``, ``(m, c)`` each; None where it is not quadratic in between."""
         return None
+
+    def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
+        """Where the law may bend on ways ``start + t (end - start) - t (1 - t) bend``, ``(m, c)`` each.
+
+        Returns
+        -------
+        array, shape (m, K)
+            t; nan, or beyond 0 to 1, where it does not. A law may leave out the bend of a way, and kinks: integrals
+            that are bounded between these places hold nonetheless, and are less sharp.
+        """
+        return level_places(self.penetration_knots, start[:, 0], end[:, 0], bend[:, 0])
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
         """The element of dj(r) nearest to ``lam``, (m, c); outside its domain r counts as at the end of it."""

@@ -11,8 +11,6 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous import exact_distance
-from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
 from hemivar.laws import (
     Adhesive,
     Compliance,
@@ -292,14 +290,6 @@ def test_results_do_not_change_with_the_frame() -> None:
                 )
             ),
             "the mesh is plane",
-        ),
-        (
-            lambda: exact_distance(
-                block(np.zeros(2), OrthotropicFriction(1.0)),
-                hv.solve(block(np.zeros(2), Tresca(1.0))).displacement,
-                guaranteed_trace_bounds(hv.discretize(block(np.zeros(2), Tresca(1.0)))),
-            ),
-            "depends on the direction of the slip",
         ),
     ],
 )  # fmt: skip

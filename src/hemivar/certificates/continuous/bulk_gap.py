@@ -14,7 +14,9 @@ of a piece of a cell, so that by Jensen's inequality, q_c being its value at the
 
     int g(q) <= int |q|^2 / 2 - volume (|q_c|^2 / 2 - g(q_c)):
 
-the first integral is that of a polynomial, and g is evaluated at centroids alone. No integral is left to a rule.
+the first integral is that of a polynomial, and g is evaluated at centroids alone. No integral is left to a rule. Where
+C_low holds for strains up to a reach only, so must ``e + d``: then g is the supremum over these, for exact solutions
+whose strains are within the reach.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from hemivar.certificates.continuous.cell_energy import CellEnergy
 from hemivar.certificates.continuous.split_element import SplitElement, voigt_map
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["saved_by_curvature"]
+__all__ = ["saved_by_curvature", "strain_sizes"]
 
 #: How often each piece of a cell is cut into halves, and the steps of the search for d.
 _HALVINGS = {2: 2, 3: 1}
@@ -61,12 +63,22 @@ def saved_by_curvature(data: BodyData, element: SplitElement, difference: Array)
         q = np.einsum("mvw,ca,mbaw->mbcv", change, centroids, nodes, optimize=True)
         q = q.reshape(len(nodes), -1, q.shape[3])
         strain = data.engineering[part, None]
-        saved = _saved(data.stored.at(part), strain, q, compliance[part], data.sweep_compliance[part])
+        reach = data.problem.material.reach
+        saved = _saved(data.stored.at(part), strain, q, compliance[part], data.sweep_compliance[part], reach)
         found[part] = 2.0 * table.volumes[part] * saved.mean(axis=1)
     return found
 
 
-def _saved(stored: CellEnergy, strain: Array, q: Array, compliance: Array, start: Array) -> Array:
+def strain_sizes(strain: Array, dim: int) -> Array:
+    """Upper bounds of the sizes ``|eps|`` in space of strains (..., v) with engineering shear.
+
+    In the plane the strain across it is at most the trace of those in it, as for a linear body.
+    """
+    square = (strain[..., :dim] ** 2).sum(axis=-1) + 0.5 * (strain[..., dim:] ** 2).sum(axis=-1)
+    return np.asarray(np.sqrt(square + (strain[..., :dim].sum(axis=-1) ** 2 if dim == 2 else 0.0)))
+
+
+def _saved(stored: CellEnergy, strain: Array, q: Array, compliance: Array, start: Array, reach: float) -> Array:
     """Lower bounds (M, p) of ``|q|^2 / 2 - g(q)`` for q (M, p, v), none below zero; ``start`` is W''(e)^-1."""
 
     def square(stress: Array) -> Array:
@@ -82,7 +94,8 @@ def _saved(stored: CellEnergy, strain: Array, q: Array, compliance: Array, start
         rest = q - (stored.stress(there) - stress)
         above = work - (energy - value) + 0.5 * square(rest)
         above += _ROUNDED * (np.abs(work) + np.abs(energy) + np.abs(value))
-        best = np.maximum(best, most - above)
+        within = strain_sizes(there, stored.places.shape[2]) <= reach
+        best = np.maximum(best, np.where(within, most - above, 0.0))
     return np.asarray(best)
 
 

@@ -1,7 +1,8 @@
 """Where the body may touch: its local displacement and the law, at the points of a rule on every contact facet.
 
-In the plane the rule is one of Gauss on the parts into which the kinks of the law and a number of equal parts cut a
-facet; in space facets are cut into sixteen. A local displacement that misses a kink by rounding is put there.
+In the plane facets are cut at the kinks of the law and into a number of equal parts, in space into sixteen. On each
+part the rule is one of Gauss. Where a law couples opening and slip the corners of the part belong to it
+(:mod:`hemivar.certificates.continuous.part_rule`). A local displacement that misses a kink by rounding is put there.
 """
 
 from __future__ import annotations
@@ -11,20 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
+from hemivar.certificates.continuous.part_rule import PART_RULES, PartRule, cut_triangle
 from hemivar.certificates.continuous.split_element import facet_mass
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.laws import ContactLaw, separable
+from hemivar.laws import VectorLaw
+from hemivar.laws.coupled.joined import join_laws
+from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
 from hemivar.mechanics.obstacles import obstacle_contact
 
-__all__ = ["EXACT", "ContactTraces", "contact_traces", "local_traces", "radial_parts"]
-
-#: Who asks for laws that split.
-EXACT = "a bound of the distance to the exact solution"
+__all__ = ["ContactTraces", "contact_traces", "local_traces", "radial_parts"]
 
 #: Parts of an edge, and of each side of a triangle, besides those between kinks; of an edge with a quadratic trace, on
 #: which the multiplier between force and law has kinks of its own.
@@ -58,10 +59,10 @@ class ContactTraces:
         Normal and tangents at the points.
     local : array, shape (k, q, d)
         Penetration and slip; what misses a kink by rounding is put there.
-    law : ContactLaw
-        At the k q points; a friction bound that depends on the penetration is taken there.
-    stated : ContactLaw
-        The same, its friction bound as it was stated: what its constants are, and whether they are sampled.
+    law : VectorLaw
+        At the k q points; what depends on the state is taken there.
+    stated : VectorLaw
+        The same as it was stated: what its constants are, and whether they are sampled.
     beyond : float
         By how much a penetration leaves the domain of the law, where it is more than rounding; it is cut off.
     """
@@ -73,9 +74,14 @@ class ContactTraces:
     weights: Array
     frames: Array
     local: Array
-    law: ContactLaw
-    stated: ContactLaw
+    law: VectorLaw
+    stated: VectorLaw
     beyond: float
+
+    @property
+    def rule(self) -> PartRule | None:
+        """That of every part, of which the points are those of one part after the other; None where the law splits."""
+        return None if self.law.splits else PART_RULES[self.data.table.dim]
 
     @cached_property
     def loose(self) -> Array:
@@ -85,7 +91,7 @@ class ContactTraces:
     @cached_property
     def rough(self) -> ContactTraces:
         """The same facets with fewer points in space: to look for a choice, never to judge it."""
-        if self.data.table.dim == 2 or self.weights.shape[1] <= len(_cut_triangle(_FEW_PARTS)[1]):
+        if self.data.table.dim == 2 or self.weights.shape[1] <= len(cut_triangle(_FEW_PARTS, self.rule)[1]):
             return self
         found = contact_traces(self.data, _FEW_PARTS)
         assert found is not None
@@ -150,21 +156,24 @@ class ContactTraces:
 
     def allowed(self, forces: Array) -> Array:
         """The elements of dj(r) nearest to forces in local components, shape (k, q, d)."""
-        flat = self.law.nearest_multiplier(self._flat(self.local), self._flat(forces))
+        flat = self.law.nearest_multiplier(*(values.reshape(-1, values.shape[-1]) for values in (self.local, forces)))
         return flat.reshape(forces.shape)
 
     def coupling(self) -> Array:
-        """By how much the friction grows with the penetration at the points, (k, q): ``L G``, inf where it may jump."""
-        if not self.stated.state_dependent:
+        """By how much the force of the law changes with the state at the points, (k, q); inf where it may jump.
+
+        Friction grows with the penetration by ``L G``.
+        """
+        law = self.stated
+        if not law.state_dependent:
             return np.zeros(self.weights.shape)
-        steepest, growing = self.stated.friction.profile.growth
-        rate = np.where(growing > 0.0, np.inf, np.maximum(steepest, np.finfo(float).tiny))
-        slope = self.stated.lipschitz
+        rate: Array | float = 1.0
+        if isinstance(law, NormalAndFriction):
+            steepest, growing = law.friction.profile.growth
+            rate = np.where(growing > 0.0, np.inf, np.maximum(steepest, np.finfo(float).tiny))
+        slope = law.lipschitz
         found = np.where(slope > 0.0, np.where(slope > 0.0, slope, 1.0) * rate, 0.0)
         return np.broadcast_to(found, self.weights.size).reshape(self.weights.shape)
-
-    def _flat(self, values: Array) -> Array:
-        return values.reshape(-1, values.shape[-1])
 
     def square(self, off: Array) -> tuple[Array, Array]:
         """Integrals (k,) of the squares of the normal and of the tangential part of forces (k, q, d).
@@ -197,34 +206,38 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
     if not data.problem.contact:
         return None
     table, dim = data.table, data.table.dim
+    rule = None if all(one.law.splits for one in data.problem.contact.values()) else PART_RULES[dim]
     found = []
     for number, name in enumerate(data.problem.contact):
         facets = np.flatnonzero(data.contact == number)
         if dim == 2:
-            barycentric, share = _between_kinks(data, name, facets)
+            barycentric, share = _between_kinks(data, name, facets, rule)
         else:
-            points, weights = _cut_triangle(parts)
+            points, weights = cut_triangle(parts, rule)
             barycentric = np.broadcast_to(points, (len(facets), *points.shape))
             share = np.broadcast_to(weights, (len(facets), len(weights)))
         local, frames, places = local_traces(data, name, facets, barycentric)
-        law = separable(data.problem.contact[name].law, EXACT).at(places.reshape(-1, dim))
+        law = data.problem.contact[name].law.at(places.reshape(-1, dim)).in_frames(frames.reshape(-1, dim, dim))
         found.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
     width = max(part[1].shape[1] for part in found)
-    law = ContactLaw.concatenate([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in found])
+    law = join_laws([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in found])
     facets = np.concatenate([part[0] for part in found])
     barycentric = np.concatenate([_padded(part[1], width) for part in found])
     shapes = shape_values(data.order, barycentric)
     weights = np.concatenate([_padded(part[2], width, 0.0) for part in found])
     frames = np.concatenate([_padded(part[3], width) for part in found])
-    local = np.concatenate([_padded(part[4], width) for part in found])
-    local, beyond = _snapped(law, local.reshape(-1, dim), _scale(data, local))
+    local = np.concatenate([_padded(part[4], width) for part in found]).reshape(-1, dim)
+    near = _ROUNDING * _scale(data, local)
+    local = law.frozen_at(local).snap_to_kinks(local, near)
+    inside = law.admissible(local)
+    beyond = float(np.abs(inside - local).max(initial=0.0))
     return ContactTraces(
-        data, facets, barycentric, shapes, weights, frames, local.reshape(frames.shape[:3]), law.frozen_at(local), law,
-        beyond,
+        data, facets, barycentric, shapes, weights, frames, inside.reshape(frames.shape[:3]), law.frozen_at(inside),
+        law, beyond,
     )  # fmt: skip
 
 
-def _filled(part: tuple[IntArray, Array, Array, Array, Array, ContactLaw], width: int) -> IntArray:
+def _filled(part: tuple[IntArray, Array, Array, Array, Array, VectorLaw], width: int) -> IntArray:
     """Numbers of the points of a boundary, its last points repeated up to a width."""
     count, own = part[1].shape[:2]
     return np.asarray((np.arange(count)[:, None] * own + np.minimum(np.arange(width), own - 1)).ravel())
@@ -286,81 +299,34 @@ def _frames(normal: Array) -> Array:
     return np.stack([normal, first, np.cross(normal, first)], axis=1)
 
 
-def _between_kinks(data: BodyData, name: str, facets: IntArray) -> tuple[Array, Array]:
+def _between_kinks(data: BodyData, name: str, facets: IntArray, rule: PartRule | None) -> tuple[Array, Array]:
     """Barycentric coordinates (k, q, 2) and shares (k, q) of points between the kinks on edges."""
     at_nodes = np.broadcast_to([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]], (len(facets), 3, 2))
-    ends, _, places = local_traces(data, name, facets, at_nodes)
-    law = separable(data.problem.contact[name].law, EXACT).at(places.mean(axis=1))
+    ends, frames, places = local_traces(data, name, facets, at_nodes)
+    law = data.problem.contact[name].law.at(places.mean(axis=1)).in_frames(frames[:, 2])
     parts = _PARTS if data.order == 1 else _MORE_PARTS
-    cuts = [np.broadcast_to(np.arange(parts + 1) / parts, (len(facets), parts + 1))]
-    laws = [law.normal] if law.state_dependent else [law.normal, law.tangential]
-    profiles = [law.friction.profile] if law.state_dependent else []
-    for component, scalar in enumerate([*laws, *profiles]):
-        first, last, middle = ends[..., component].T
-        knots = np.broadcast_to(scalar.knots, (len(facets), scalar.knots.shape[-1]))
-        both = knots if component == 0 else np.concatenate([knots, -knots], axis=1)
-        bend = np.zeros(len(first)) if data.order == 1 else 2.0 * (first + last - 2.0 * middle)
-        for at in _crossings(bend[:, None], (last - first - bend)[:, None], first[:, None] - both):
-            cuts.append(np.where((at > 0.0) & (at < 1.0), at, 0.0))
-    cut = np.sort(np.concatenate(cuts, axis=1), axis=1)
-    point, weight = quadrature_rule(1, 5)
-    length = np.diff(cut, axis=1)
-    at = cut[:, :-1, None] + length[:, :, None] * point[:, 1]
-    share = (length[:, :, None] * weight).reshape(len(facets), -1)
-    flat = np.hstack([at.reshape(len(facets), -1), np.broadcast_to([0.0, 1.0], (len(facets), 2))])
-    share = np.hstack([share, np.zeros((len(facets), 2))])
+    first, last, middle = ends.transpose(1, 0, 2)
+    bend = np.zeros(first.shape) if data.order == 1 else 2.0 * (first + last - 2.0 * middle)
+    kinks = [law.kinks_along(first, last, bend)]
+    turn = np.zeros((len(facets), 0))
     if data.order == 2:
-        first, last, middle = ends.transpose(1, 2, 0)
         with np.errstate(all="ignore"):
             turn = (0.75 * first + 0.25 * last - middle) / (first + last - 2.0 * middle)
-        turn = np.clip(np.where(np.isfinite(turn), turn, 0.0), 0.0, 1.0).T
-        flat = np.hstack([flat, turn])
-        share = np.hstack([share, np.zeros((len(facets), turn.shape[1]))])
+        turn = np.clip(np.where(np.isfinite(turn), turn, 0.0), 0.0, 1.0)
+        kinks += [] if rule is None else [turn[:, :1]]  # a penetration that rises or falls on each part
+    found = np.concatenate(kinks, axis=1)
+    found = np.sort(np.where((found > 0.0) & (found < 1.0), found, 0.0), axis=1)
+    even = np.broadcast_to(np.arange(parts + 1) / parts, (len(facets), parts + 1))
+    cut = np.sort(np.concatenate([even, found[:, found.any(axis=0)]], axis=1), axis=1)
+    length = np.diff(cut, axis=1)
+    if rule is not None:
+        at, share = cut[:, :-1, None] + length[:, :, None] * rule.points[:, 1], length[:, :, None] * rule.weights
+        flat = at.reshape(len(facets), -1)
+        return np.stack([1.0 - flat, flat], axis=2), share.reshape(len(facets), -1)
+    point, weight = quadrature_rule(1, 5)
+    at = cut[:, :-1, None] + length[:, :, None] * point[:, 1]
+    share = (length[:, :, None] * weight).reshape(len(facets), -1)
+    extremes = np.hstack([np.broadcast_to([0.0, 1.0], (len(facets), 2)), turn])
+    flat = np.hstack([at.reshape(len(facets), -1), extremes])
+    share = np.hstack([share, np.zeros(extremes.shape)])
     return np.stack([1.0 - flat, flat], axis=2), share
-
-
-def _crossings(a: Array, b: Array, c: Array) -> list[Array]:
-    """Where ``a t^2 + b t + c`` vanishes: nan or any place beyond 0 to 1 if it does not."""
-    with np.errstate(all="ignore"):
-        if not a.any():
-            return [-c / b]
-        q = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
-        return [q / a, c / q]
-
-
-def _cut_triangle(parts: int) -> tuple[Array, Array]:
-    """Barycentric coordinates (q, 3) and weights (q,) of a rule of degree 4 on the parts of a triangle.
-
-    That of degree 3 has negative weights, which may make squares with kinks too small.
-    """
-    point, weight = quadrature_rule(2, 4)
-    points = []
-    for i in range(parts):
-        for j in range(parts - i):
-            corner = np.array([[i, j], [i + 1, j], [i, j + 1]], dtype=float)
-            points.append(point @ corner)
-            if i + j < parts - 1:
-                points.append(point @ np.array([[i + 1, j + 1], [i, j + 1], [i + 1, j]], dtype=float))
-    # the corners take no part in integrals, but constants must hold there too
-    at = np.vstack([np.concatenate(points) / parts, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
-    shares = np.append(np.tile(weight, parts**2) / parts**2, np.zeros(3))
-    return np.column_stack([1.0 - at.sum(axis=1), at]), shares
-
-
-def _snapped(law: ContactLaw, local: Array, size: float) -> tuple[Array, float]:
-    """Local displacements (m, d), those that miss a kink by rounding put there; how far they leave the domain."""
-    near, out = _ROUNDING * size, local.copy()
-    kink = law.normal.kink_within(out[:, 0], near)
-    out[:, 0] = np.where(np.isnan(kink), out[:, 0], kink)
-    if out.shape[1] > 1:
-        scalar = law.friction.profile if law.state_dependent else law.tangential
-        slip = np.sqrt(np.einsum("mi,mi->m", out[:, 1:], out[:, 1:]))
-        kink = scalar.kink_within(slip, near)
-        moved: BoolArray = ~np.isnan(kink)
-        factor = np.where(moved, kink, slip) / np.where(slip > 0.0, slip, 1.0)
-        out[:, 1:] *= np.where(moved, np.maximum(factor, 0.0), 1.0)[:, None]
-    ends = law.normal.domain
-    inside = np.clip(out[:, 0], ends.lower, ends.upper)
-    beyond = float(np.abs(inside - out[:, 0]).max(initial=0.0))
-    out[:, 0] = inside
-    return out, beyond

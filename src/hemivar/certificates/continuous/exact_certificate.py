@@ -82,6 +82,7 @@ def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
         relative=found.relative,
         guaranteed=found.guaranteed and math.isfinite(found.distance),
         reasons=found.reasons,
+        conditions=found.conditions if math.isfinite(found.distance) else (),
         misfit=parts.misfit,
         contact=parts.contact,
         oscillation=parts.oscillation,

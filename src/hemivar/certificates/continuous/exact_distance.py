@@ -31,8 +31,8 @@ from hemivar.certificates.continuous.admissible_trace import admissible_displace
 from hemivar.certificates.continuous.body_data import BodyData, body_data
 from hemivar.certificates.continuous.contact_normals import has_constant_normals
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
-from hemivar.certificates.continuous.fenchel import FenchelGap, fenchel_gap, following
-from hemivar.certificates.continuous.hypotheses import inexact_data, unmet_hypotheses
+from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following
+from hemivar.certificates.continuous.hypotheses import inexact_data, stated_conditions, unmet_hypotheses
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.one_sided import one_sided_constants
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
@@ -40,6 +40,7 @@ from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
+from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
@@ -124,6 +125,9 @@ class ExactDistance:
         Contact facets by their nodes.
     facet_contact, facet_gap : arrays, shape (k,)
         ``|xi - zeta|^2`` and G of each of them.
+    conditions : tuple of str
+        Those under which it is a bound, and all that stands between, one sentence each; empty if it is one, or if there
+        are other reasons.
     """
 
     distance: float
@@ -139,6 +143,7 @@ class ExactDistance:
     facets: IntArray
     facet_contact: Array
     facet_gap: Array
+    conditions: tuple[str, ...] = ()
 
     __repr__ = brief
 
@@ -230,7 +235,7 @@ def _first_multiplier(data: BodyData, traces: ContactTraces, constants: TraceBou
     """Near to the interpolated multiplier: in dj(r), or where quadratic traces overshoot in the domain of j*."""
     between = traces.interpolated(shared)
     if data.order == 1 or not _weakly_convex(traces) or not 0.0 < constants.both < np.inf:
-        return traces.allowed(between)
+        return exact_gap(traces, between).multiplier
     return fenchel_gap(traces, between, _FIRST * constants.both).multiplier
 
 
@@ -262,7 +267,7 @@ def _multiplier(
     traces: ContactTraces, forces: Array, weight: float | None, paying: tuple[BoolArray, BoolArray]
 ) -> Array:
     """zeta (k, q, d) for forces (k, q, d), as :class:`_Choice` describes it."""
-    exact = traces.allowed(forces)
+    exact = exact_gap(traces, forces).multiplier
     if weight is None:
         return exact
     return fenchel_gap(traces, forces, weight).only(paying, traces, forces, exact).multiplier
@@ -290,7 +295,7 @@ def _best_gap(
     seen = (traces, forces, exact)
     if rough is not traces:
         there = rough.forces(moments)
-        seen = (rough, there, rough.allowed(there))
+        seen = (rough, there, exact_gap(rough, there).multiplier)
     lowest, start, highest = _POWERS
     tried = {start: of(start, *seen)}
     best = start
@@ -316,6 +321,8 @@ def _bound(
     correction = float(np.sqrt(max(np.sum((stress.data.forces - data.forces) * change[data.cell_nodes]), 0.0)))
     reasons = [] if constants.guaranteed else [f"the constants of the body are {constants.source}"]
     reasons += unmet + inexact_data(data)
+    outside, conditions = stated_conditions(stress.data, traces)
+    reasons += outside
     rest = oscillation(stress, constants.body)
     eta, direct = float(np.sqrt(stress.misfit.sum())), float(np.sqrt(_cells(stress.square, rest).sum()))
     # Fenchel's inequality holds for the whole body and not on each cell, so that the oscillation comes beside it
@@ -356,8 +363,8 @@ def _bound(
     )
     return ExactDistance(
         found.value + correction, float(np.sqrt(data.energy)), parts, found.constant, found.theorem,
-        not reasons, tuple(reasons), stress, _cells(stress.misfit, rest), rest.missed, nodes, found.facet_contact,
-        found.facet_gap,
+        not (reasons or conditions), (*reasons, *conditions), stress, _cells(stress.misfit, rest), rest.missed, nodes,
+        found.facet_contact, found.facet_gap, tuple(conditions) if not reasons else (),
     )  # fmt: skip
 
 
@@ -400,12 +407,25 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
     """What of the law is not known."""
     law, coupling, found = traces.law, _coupling(traces, constants), []
     if coupling == np.inf:
-        found.append("the friction bound depends on the pressure, or jumps with the penetration: there is no bound")
-    if law.alpha_doubt:
+        found.append(
+            "the tractions of the law jump with the mode: there is no bound"
+            if traces.stated.depends_on_whole_state
+            else "the friction bound depends on the pressure, or jumps with the penetration: there is no bound"
+        )
+    if min(law.alpha_reach) == 0.0:
         found.append(f"a constant of the law is {law.alpha_doubt}")
     if traces.stated.lipschitz_sampled:
-        found.append("how the friction bound depends on the penetration is known from samples only")
+        found.append(f"how {_what_depends(traces.stated)} is known from samples only")
+    elif traces.rule is not None and traces.stated.state_dependent:
+        found.append(f"how {_what_depends(traces.stated)} is seen at the points of a rule of integration only")
     return found
+
+
+def _what_depends(law: VectorLaw) -> str:
+    """What depends on the state, in words."""
+    if law.depends_on_whole_state:
+        return "the tractions of the law depend on the mode"
+    return "the friction bound depends on the penetration"
 
 
 def _chosen(
@@ -423,7 +443,8 @@ def _chosen(
     table, coupling = traces.data.table, _coupling(traces, constants)
     corners = table.mesh.points[table.facets[traces.facets]]
     forces = traces.forces(moments)
-    exact = traces.allowed(forces)
+    nearest = exact_gap(traces, forces)
+    exact = nearest.multiplier
     near = tuple(part.max(axis=1) for part in one_sided_constants(traces, exact))
     every = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
     convex = tuple(part.reshape(traces.weights.shape).max(axis=1) for part in every)
@@ -442,11 +463,12 @@ def _chosen(
         return confined_error(total + apart, modes.seen(mode, zeta), mode.theta, first, second, coupling, gap)
 
     none = np.zeros(len(traces.facets), dtype=bool)
-    normal, tangential = traces.square(forces - exact)
-    rho = constants.distance(normal, tangential)
+    rho, paid = constants.distance(nearest.normal, nearest.tangential), nearest.normal_gap + nearest.tangential_gap
     c, alpha = constant((none, none))
-    value = min(_value(base + rho, 0.0, c), confined(alpha, c, base + rho, exact, 0.0))
-    best = _Choice(value, c, rho, 2, normal + tangential, np.zeros(len(normal)), alpha, (none, none))
+    gap_of_all = float(paid.sum())
+    value = min(_value(base + rho, gap_of_all, c), confined(alpha, c, base + rho, exact, gap_of_all))
+    theorem = 2 if traces.rule is None else 1
+    best = _Choice(value, c, rho, theorem, nearest.normal + nearest.tangential, paid, alpha, (none, none))
 
     # A part pays where that costs no c, or wherever it can.
     finite = tuple(np.isfinite(part) for part in convex)
@@ -512,11 +534,12 @@ def _value(sum_: float, gap: float, c: float) -> float:
 def _coupling(traces: ContactTraces, constants: TraceBounds) -> float:
     """What a friction bound that depends on the penetration adds to c: a bound of ``L G int |v_nu| |v_tau| / a(v, v)``.
 
-    That is ``L G / sqrt(L_nu L_tau)``, or ``L G / (2 Lambda)`` where that is less.
+    That is ``L G / sqrt(L_nu L_tau)``, or ``L G / (2 Lambda)`` where that is less; ``m_L / Lambda`` where all tractions
+    depend on the state, with their Lipschitz constant m_L.
     """
     worst = float(traces.coupling().max(initial=0.0))
     if worst == 0.0:
         return 0.0
     apart = np.sqrt(constants.normal) * np.sqrt(constants.tangential)
-    least = max(float(apart), 2.0 * constants.both)
+    least = constants.both if traces.stated.depends_on_whole_state else max(float(apart), 2.0 * constants.both)
     return worst / least if least > 0.0 else np.inf

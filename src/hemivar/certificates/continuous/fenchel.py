@@ -12,6 +12,18 @@ a local problem that laws solve exactly, and ``D = jh(r) - jh(p) - y . (r - p)``
 zeta is xi, clipped to where the conjugate is finite; for large a it is the nearest element of dj(r).
 
 Normal and tangential part of each facet may do either: keep an element of dj(r), or pay a gap.
+
+Of laws that couple opening and slip both parts pay together, and the integral of D is bounded from above on parts of
+facets, on which y is taken linear between values ``y_a`` in djh(p_a) at the corners, r being linear there:
+
+    D <= sum_a t_a (jh(r_a) + jh*(y_a)) - y . r,    jh*(y_a) = y_a . p_a - jh(p_a),
+
+because jh and jh* are convex, so that with d corners
+
+    int D <= |part| [ mean_a D_a + sum_a (y_a - mean y) . (r_a - mean r) / (d + 1) ].
+
+A quadratic trace lies between its control points; that of the middle counts as a third value of jh. No p need be exact,
+and no integral is left to a rule; kinks that lie inside a part make it less sharp, and no less true.
 """
 
 from __future__ import annotations
@@ -23,12 +35,18 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.continuous.contact_traces import ContactTraces
-from hemivar.laws import Superpotential
+from hemivar.certificates.continuous.part_rule import PartRule
+from hemivar.laws import ContactLaw, Superpotential, VectorLaw
+from hemivar.laws.neighbourhood import lengths
 
-__all__ = ["FenchelGap", "fenchel_gap", "following"]
+__all__ = ["FenchelGap", "exact_gap", "fenchel_gap", "following"]
 
 #: Change of the force, over the largest, by which it is seen whether the multiplier follows.
 _STEP = 1e-6
+#: Part of the way into a part at which its corners take their multiplier, so that each side of a kink has its own.
+_INSIDE = 1e-7
+#: Roundings of energies that are subtracted.
+_ROUNDED = 16.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +56,13 @@ class FenchelGap:
     Attributes
     ----------
     weight : float
-        a.
+        a; inf where no multiplier leaves dj(r).
     multiplier : array, shape (k, q, d)
         zeta at the points, in local components.
     normal, tangential : arrays, shape (k,)
         Integrals of the squares of ``xi - zeta``.
     normal_gap, tangential_gap : arrays, shape (k,)
-        Integrals of D.
+        Integrals of D; of laws that couple, the normal one is that of both.
     """
 
     weight: float
@@ -81,7 +99,10 @@ def fenchel_gap(traces: ContactTraces, forces: Array, weight: float) -> FenchelG
     weight : float
         a, a positive stiffness per area.
     """
+    if traces.rule is not None:
+        return _majorised(traces, traces.rule, forces, weight)
     law, shape = traces.law, traces.weights.shape
+    assert isinstance(law, ContactLaw)
     r, xi = traces.local.reshape(-1, forces.shape[-1]), forces.reshape(-1, forces.shape[-1])
     alpha, every = _convexity(traces)
     p = law.local_argmin(alpha + weight, xi + (every + weight) * r)
@@ -90,9 +111,92 @@ def fenchel_gap(traces: ContactTraces, forces: Array, weight: float) -> FenchelG
     normal = _fall(law.normal, alpha[:, 0], r[:, 0], p[:, 0]) - work[:, 0]
     sizes = (np.sqrt(np.einsum("mi,mi->m", part[:, 1:], part[:, 1:])) for part in (r, p))
     tangential = _fall(law.tangential, alpha[:, 1], *sizes) - work[:, 1:].sum(axis=1)
+    within = _within(law, p)
+    normal, tangential = (np.where(one, part, np.inf) for one, part in zip(within.T, (normal, tangential), strict=True))
     zeta = zeta.reshape(forces.shape)
     gaps = (traces.integral(np.maximum(part, 0.0).reshape(shape)) for part in (normal, tangential))
     return FenchelGap(weight, zeta, *traces.square(forces - zeta), *gaps)
+
+
+def exact_gap(traces: ContactTraces, forces: Array) -> FenchelGap:
+    """That of the multipliers in dj(r) nearest to forces (k, q, d): none where the law splits.
+
+    Where it couples, multipliers are in dj(r) at the corners of parts.
+    """
+    if traces.rule is not None:
+        return _majorised(traces, traces.rule, forces, np.inf)
+    zeta, none = traces.allowed(forces), np.zeros(len(forces))
+    return FenchelGap(np.inf, zeta, *traces.square(forces - zeta), none, none)
+
+
+def _majorised(traces: ContactTraces, rule: PartRule, forces: Array, weight: float) -> FenchelGap:
+    """The gap of a multiplier that is linear with y on the parts of facets, from above."""
+    k, q, c = forces.shape
+    shape, d = (k, -1, len(rule.weights), c), rule.corners
+    all_alpha = _convexity(traces)[1].reshape(shape)
+    r, xi, alpha = traces.local.reshape(shape), forces.reshape(shape)[:, :, :d], all_alpha[:, :, :d]
+    law = traces.law.take(np.arange(k * q).reshape(shape[:3])[:, :, :d].ravel())
+    ends = r[:, :, :d]
+
+    def flat(values: Array) -> Array:
+        return np.ascontiguousarray(values).reshape(-1, c)
+
+    p, target = flat(ends + _INSIDE * (ends.mean(axis=2, keepdims=True) - ends)), flat(xi)
+    if weight < np.inf:
+        p, target = _proximal(law, flat(ends), target, flat(alpha), weight)
+    lam = law.nearest_multiplier(p, target)
+    y = (lam + flat(alpha) * p).reshape(ends.shape)
+    gaps = _fenchel(law, flat(alpha), flat(ends), p, flat(y)).reshape(ends.shape[:3])
+    found = gaps.mean(axis=2)
+    found += np.einsum("kpac,kpac->kp", y - y.mean(axis=2, keepdims=True), ends - ends.mean(axis=2, keepdims=True)) / (
+        d + 1
+    )
+    if traces.data.order == 2:
+        found += _control(traces, rule, r, all_alpha, y)
+    measures = traces.weights.reshape(shape[:3]).sum(axis=2)
+    gap = np.where(measures > 0.0, np.maximum(found, 0.0) * measures, 0.0).sum(axis=1)
+    zeta = (np.einsum("na,kpac->kpnc", rule.points, y) - all_alpha * r).reshape(forces.shape)
+    return FenchelGap(weight, zeta, *traces.square(forces - zeta), gap, np.zeros(k))
+
+
+def _proximal(law: VectorLaw, r: Array, xi: Array, alpha: Array, weight: float) -> tuple[Array, Array]:
+    """Where the multiplier of a weight is one of the law, and what it is nearly, (m, c) each."""
+    p = law.admissible(law.local_argmin(alpha[:, [0, -1]] + weight, xi + (alpha + weight) * r))
+    p = np.where(_within(law, p).all(axis=1)[:, None], p, r)
+    return p, xi + (alpha + weight) * (r - p)
+
+
+def _within(law: VectorLaw, p: Array) -> BoolArray:
+    """Whether penetration and slip (m, c) are where alpha is proved, (m, 2); all of them where it is sampled."""
+    sizes = np.column_stack([np.abs(p[:, 0]), lengths(p[:, 1:])])
+    return np.asarray((sizes <= law.alpha_reach) | (min(law.alpha_reach) == 0.0))
+
+
+def _fenchel(law: VectorLaw, alpha: Array, r: Array, p: Array, y: Array) -> Array:
+    """``jh(r) - jh(p) - y . (r - p)``, raised by its rounding; (m,)."""
+    fall = law.value(r) - law.value(p)
+    bend = 0.5 * (alpha * (r - p) * (r + p)).sum(axis=1)
+    work = (y * (r - p)).sum(axis=1)
+    size = np.abs(law.value(r)) + np.abs(law.value(p)) + np.abs(bend) + np.abs(work)
+    return np.where((r == p).all(axis=1), 0.0, np.maximum(fall + bend - work, 0.0) + _ROUNDED * size)
+
+
+def _control(traces: ContactTraces, rule: PartRule, r: Array, alpha: Array, y: Array) -> Array:
+    """What the bend of a quadratic trace adds on parts of edges, (k, p)."""
+    ends, inner = r[:, :, :2], r[:, :, 2:]
+    e = (inner.mean(axis=2) - ends.mean(axis=2)) / (2.0 * rule.points[2].prod())
+    at = ends.mean(axis=2) + e
+    law, count = traces.law.take(np.arange(r[..., 0].size).reshape(r.shape[:3])[:, :, 2].ravel()), r.shape[3]
+    flat = at.reshape(-1, count)
+    inside = law.admissible(flat)
+    snapped = np.where(np.abs(inside - flat) <= 1e-11 * np.abs(r).max(initial=0.0), inside, flat).reshape(at.shape)
+
+    def raised(values: Array) -> Array:
+        whole = values.reshape(-1, count)
+        return law.value(whole).reshape(values.shape[:2]) + 0.5 * (alpha[:, :, 2] * values**2).sum(axis=2)
+
+    means = 0.5 * (raised(ends[:, :, 0]) + raised(ends[:, :, 1]))
+    return np.asarray((raised(snapped) - means - (y.mean(axis=2) * e).sum(axis=2)) / 3.0)
 
 
 def following(forces: Array, multiplier: Callable[[Array], Array]) -> Array:

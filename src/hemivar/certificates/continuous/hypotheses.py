@@ -14,11 +14,13 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.body_shape import STRAIGHT, facet_angles
-from hemivar.certificates.continuous.contact_traces import EXACT
+from hemivar.certificates.continuous.bulk_gap import strain_sizes
+from hemivar.certificates.continuous.contact_traces import ContactTraces
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import refuse_evolution
 from hemivar.fem.supports import stated_supports
-from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential, separable
+from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential, VectorLaw
+from hemivar.laws.coupled.criteria import FractureCriterion
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.parametrised import ParameterLaw
 from hemivar.mechanics.conditions import Roller
@@ -26,7 +28,7 @@ from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["inexact_data", "unmet_hypotheses"]
+__all__ = ["inexact_data", "stated_conditions", "unmet_hypotheses"]
 
 #: Angle between neighbouring facets up to which they are taken for those of a curve, in radians.
 _BEND = np.pi / 6.0 + STRAIGHT
@@ -61,7 +63,6 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
         _check_supports(problem, displacement)
         found += _passed_rollers(problem, displacement)
     for name, contact in problem.contact.items():
-        separable(contact.law, EXACT)
         values = list(_parameters(contact.normal)) + list(_parameters(contact.friction))
         for what, value in values:
             count = len(np.ravel(value)) if isinstance(value, np.ndarray | list | tuple) else 1
@@ -90,11 +91,6 @@ def inexact_data(data: BodyData) -> list[str]:
     found = data.varying.doubts
     if not problem.material.bounds_by.proved:
         found.append("the lower bound of the stiffness of the material is sampled")
-    elif problem.material.reach < np.inf:
-        found.append(
-            f"the lower bound of the stiffness of the material holds for strains up to {problem.material.reach:g} "
-            "only, and those of the exact solution are not known"
-        )
     if data.varies:
         found.append("the material varies within cells, where it is seen by a rule of integration")
     elif not problem.material.uniform:
@@ -108,6 +104,29 @@ def inexact_data(data: BodyData) -> list[str]:
         if callable(contact.belt):
             found.append(f"the belt of contact '{name}' varies, and is seen by a rule of integration")
     return found
+
+
+def stated_conditions(data: BodyData, traces: ContactTraces | None) -> tuple[list[str], list[str]]:
+    """Why constants do not hold at the displacement itself, and the conditions under which they hold for a solution.
+
+    They are constants of the material and of the law that are proved up to a reach.
+    """
+    outside, conditions, reach = [], [], data.problem.material.reach
+    if reach < np.inf:
+        size = float(strain_sizes(data.engineering, data.table.dim).max())
+        if not size <= reach:
+            outside.append(f"strains of up to {size:.3g} may lie outside of the reach {reach:g} of the material")
+        conditions.append(f"strains of the exact solution are within the reach {reach:g} of the material")
+    if traces is None or min(traces.law.alpha_reach) in (0.0, np.inf):
+        return outside, conditions
+    # a quadratic trace is at most six times as large as at the points
+    sizes = np.abs(traces.local[..., 0]).max(), np.linalg.norm(traces.local[..., 1:], axis=2).max()
+    for what, size, limit in zip(("penetration", "slip"), sizes, traces.law.alpha_reach, strict=True):
+        if not size * (1.0 if data.order == 1 else 6.0) <= limit:
+            outside.append(f"the {what} {size:.4g} may lie outside of the reach {limit:g} of its law")
+        if limit < np.inf:
+            conditions.append(f"{what}s of the exact solution are within the reach {limit:g} of the law")
+    return outside, conditions
 
 
 def _well_formed(problem: ContactProblem, displacement: Array) -> bool:
@@ -150,14 +169,14 @@ def _parameters(law: object) -> Iterator[tuple[str, object]]:
     """Names and values of all that may vary along the boundary."""
     if not is_dataclass(law) or isinstance(law, PiecewiseQuadratic):
         return
-    places = isinstance(law, ParameterLaw | CoulombBound)
+    places = isinstance(law, ParameterLaw | CoulombBound | FractureCriterion | VectorLaw)
     for one in fields(law):
         if not one.init or one.name.startswith("_"):
             continue
         value = getattr(law, one.name)
-        if isinstance(value, Superpotential | StateBound):
+        if isinstance(value, Superpotential | StateBound | FractureCriterion):
             yield from _parameters(value)
-        elif value is not None and (places or (isinstance(law, Friction) and one.name == "bound")):
+        elif value is not None and (places or (isinstance(law, Friction) and one.name in ("bound", "ratio"))):
             yield one.name, value
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.contact_traces import ContactTraces, radial_parts
-from hemivar.laws import Superpotential
+from hemivar.laws import ContactLaw, Superpotential
 from hemivar.laws.scalar_graph import straightness
 
 __all__ = ["one_sided", "one_sided_constants"]
@@ -68,9 +68,12 @@ def one_sided_constants(traces: ContactTraces, zeta: Array) -> tuple[Array, Arra
     """The constants of the normal and of the tangential law at the points (k, q), for multipliers (k, q, d).
 
     That of a radial law in space is that of its profile along the line of the slip, for the ratio is monotone in the
-    cosine of the angle between the two slips.
+    cosine of the angle between the two slips.  Of laws that couple the weak convexity constants are taken.
     """
     shape = traces.weights.shape
+    if not isinstance(traces.law, ContactLaw):
+        normal, tangential = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
+        return normal.reshape(shape), tangential.reshape(shape)
     r, force = traces.local.reshape(-1, traces.local.shape[-1]), zeta.reshape(-1, zeta.shape[-1])
     normal = one_sided(traces.law.normal, r[:, 0], force[:, 0]).reshape(shape)
     size, along = radial_parts(r[:, 1:], force[:, 1:])

@@ -110,6 +110,10 @@ class JoinedLaw(CoupledLaw):
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         return self._gather(lambda law, i: law.graph_distance(r[i], lam[i], tau[i]))
 
+    def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
+        own = [law.kinks_along(start[i], end[i], bend[i]) for law, i in zip(self.parts, self.indices, strict=True)]
+        return self._padded(own, np.nan)
+
     def near(self, r: Array) -> Near:
         return _NearJoined(self, tuple(law.near(r[i]) for law, i in zip(self.parts, self.indices, strict=True)))
 
@@ -190,8 +194,11 @@ class JoinedLaw(CoupledLaw):
 
     @property
     def penetration_knots(self) -> Array:
-        tables = [law.penetration_knots for law in self.parts]
-        found = np.full((self._count, max(table.shape[1] for table in tables)), np.inf)
+        return self._padded([law.penetration_knots for law in self.parts], np.inf)
+
+    def _padded(self, tables: Sequence[Array], fill: float) -> Array:
+        """Tables of the parts, (their points or 1, K) with K of their own, as one for all points."""
+        found = np.full((self._count, max(table.shape[1] for table in tables)), fill)
         for table, index in zip(tables, self.indices, strict=True):
             found[index, : table.shape[1]] = table
         return found

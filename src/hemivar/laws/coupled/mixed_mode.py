@@ -16,6 +16,7 @@ from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.criteria import FractureCriterion
 from hemivar.laws.coupled.near_mixed_mode import NearMixedMode, principal_sides, row_entries
 from hemivar.laws.coupled.opening import OpeningProblem
+from hemivar.laws.crossings import length_places, level_places
 from hemivar.laws.neighbourhood import lengths, polar
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import evaluate, positive
@@ -272,6 +273,12 @@ class MixedMode(CoupledLaw):
     def value(self, r: Array) -> Array:
         pushed = np.where(r[:, 0] > 0.0, self.compression.value(np.maximum(r[:, 0], 0.0)), 0.0)
         return np.asarray(pushed + self._table.value(self.effective(r)))
+
+    def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
+        shut = level_places(np.zeros((1, 1)), start[:, 0], end[:, 0], bend[:, 0])
+        ways = [np.column_stack([one[:, 0], self.beta[:, None] * one[:, 1:]]) for one in (start, end)]
+        slips = [way[:, 1:] for way in ways]
+        return np.concatenate([shut, length_places(self._half[0], *ways), length_places(self._half[0], *slips)], axis=1)
 
     def distance(self, r: Array, lam: Array) -> Array:
         off = lengths(lam - self.near(r).nearest_multiplier(lam))

@@ -19,6 +19,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw, separable
 from hemivar.laws.coupled.near_mixed_mode import principal_sides
+from hemivar.laws.crossings import length_places
 from hemivar.laws.friction.friction_law import Friction
 from hemivar.laws.friction.orthotropic_friction import OrthotropicFriction
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
@@ -194,6 +195,10 @@ class OrthotropicLaw(NormalAndFriction):
         normal = self._plain.graph_distance(r[:, :1], lam[:, :1], tau)
         resting = np.hypot(lengths(r[:, 1:]) / tau[:, 1], self._rest_distance(lam))
         return np.hypot(normal, np.minimum(self._tangential_distance(r, lam), resting))
+
+    def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
+        normal = super().kinks_along(start, end, bend)
+        return np.concatenate([normal, length_places(np.zeros((1, 1)), start[:, 1:], end[:, 1:])], axis=1)
 
     def near(self, r: Array) -> Near:
         return _NearOrthotropic(self, r, self._plain.near(r[:, :1]))

@@ -24,6 +24,7 @@ from hemivar.laws.coupled.plane_bounds import (
     tiny,
 )
 from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotential
+from hemivar.laws.crossings import length_places
 from hemivar.laws.neighbourhood import lengths, polar
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, Sides
@@ -182,6 +183,10 @@ class OwnCoupledLaw(CoupledLaw):
 
     def near(self, r: Array) -> NearOwnCoupled:
         return NearOwnCoupled(self, np.asarray(r, dtype=float))
+
+    def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
+        shut = super().kinks_along(start, end, bend)
+        return np.concatenate([shut, length_places(np.zeros((1, 1)), start[:, 1:], end[:, 1:])], axis=1)
 
     def distance(self, r: Array, lam: Array) -> Array:
         off = lengths(lam - self.near(r).nearest_multiplier(lam))

@@ -76,6 +76,9 @@ class ShiftedLaw(CoupledLaw):
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         return self.base.graph_distance(self.from_shift(r), self.without_pull(lam), tau)
 
+    def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
+        return self.base.kinks_along(self.from_shift(start), self.from_shift(end), bend)
+
     def near(self, r: Array) -> Near:
         return _NearShifted(self, self.base.near(self.from_shift(r)))
 
