@@ -299,9 +299,9 @@ def _refuse_unmeasured(
     """See :func:`refuse_unmeasured`."""
     friction, law = friction_of(contact), problem.law
     where = f"the friction '{friction.name}' of contact '{name}'"
-    remembers = MemoryChain(contact.memory)
-    if friction.of is SlipMeasure.SLIP and (contact.memory or heated):
-        what = "memory" if contact.memory else "heat"
+    remembers = MemoryChain(contact.remembers)
+    if friction.of is SlipMeasure.SLIP and (contact.remembers or heated):
+        what = "memory" if contact.remembers else "heat"
         raise ProblemError(f"{where} is a law of the slip, and the {what} needs one of its rate; say of = 'rate'")
     if friction.of is not None or remembers.of_slip or not friction.acts or not index.size:
         return

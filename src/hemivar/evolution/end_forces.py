@@ -41,7 +41,7 @@ def shown_force(discrete: DiscreteEvolution, end: ExternalData, moment: TimeStat
 
 def _is_function(discrete: DiscreteEvolution, end: ExternalData) -> bool:
     """Whether displacements and their rates tell the force at all contact points."""
-    if any(discrete.contacts[name].memory for name, _ in discrete.blocks):
+    if any(discrete.contacts[name].remembers for name, _ in discrete.blocks):
         return False
     damped = all(is_continuous(part) for _, part in _dampings(discrete, end))
     return damped and end.law.is_function(discrete.problem.contact.components)

@@ -195,7 +195,7 @@ class History(PickleMixin, ReprMixin):
             return f"{lost} step{'s' if lost > 1 else ''} may have several solutions{why}"
         damped = [one.damping for one in contacts if one.damping is not None]
         sampled = law.alpha_doubt or law.lipschitz_sampled
-        held = [part.name for one in contacts for part in one.memory if part.iterates]
+        held = [part.name for one in contacts for part in one.remembers if part.iterates]
         if self.discrete.heat is not None:
             held.append("heat")
         if held:

@@ -83,11 +83,11 @@ def settled(
 
 def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
     """What acts, with friction that weakens with the slip rate as strong as it is at rest; that of the slip stays."""
-    remembered = any(contact.memory for contact in discrete.contacts.values())
+    parts = [part for contact in discrete.contacts.values() for part in contact.remembers]
     of_slip = any(friction_of(contact).of is SlipMeasure.SLIP for contact in discrete.contacts.values())
     law = acting.law if of_slip else acting.law.at_rest()
     weakens = len(acting.offset) > 0 and law is not acting.law
-    if remembered or not discrete.vectors.largest(float(weakens))[0]:
+    if any(part.of_slip or part.takes_friction for part in parts) or not discrete.vectors.largest(float(weakens))[0]:
         return acting
     return replace(acting, law=law)
 

@@ -7,11 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from hemivar.basics.types import IntArray
-from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.discrete import DiscreteEvolution, law_of
 from hemivar.evolution.state import TimeState
 from hemivar.solvers.boundary_result import friction_of
 
-__all__ = ["contact_forces"]
+__all__ = ["contact_forces", "healing"]
+
+#: Part of the stiffness by which the damage of glue changes where it changes.
+_HEALS = 1e-9
 
 
 def contact_forces(discrete: DiscreteEvolution, moment: TimeState) -> dict[str, float]:
@@ -47,3 +50,19 @@ def contact_forces(discrete: DiscreteEvolution, moment: TimeState) -> dict[str, 
         found[f"{name}contact_measure"] = float(total[-1])
         found[f"{name}penetration"] = float(deepest_here)
     return found | {"force_time": shown.time}
+
+
+def healing(discrete: DiscreteEvolution, before: TimeState, after: TimeState) -> str:
+    """The first boundary whose glue is past its strength and closes along the curve that it has opened by, or ""."""
+    for name, index in discrete.blocks:
+        contact = discrete.contacts[name]
+        elastic = not contact.remembers and law_of(contact).remembers
+        if elastic and discrete.vectors.largest(float(_closes(discrete, index, before, after)))[0]:
+            return name
+    return ""
+
+
+def _closes(discrete: DiscreteEvolution, index: IntArray, before: TimeState, after: TimeState) -> bool:
+    law, places = discrete.problem.law.take(index), [state.local.displacement[index] for state in (before, after)]
+    old, new = (law.debonding(r)["damage"] for r in places)
+    return bool((law.past_peak(places[0]) & (new < old - _HEALS)).any())

@@ -33,7 +33,7 @@ from hemivar.evolution.kinks import kinks_in_time
 from hemivar.evolution.march_events import OnEvent
 from hemivar.evolution.march_state import Checkpoint, MarchState
 from hemivar.evolution.margin import Margins
-from hemivar.evolution.measures import contact_forces
+from hemivar.evolution.measures import contact_forces, healing
 from hemivar.evolution.plan import March
 from hemivar.evolution.resuming import misfit
 from hemivar.evolution.save import Frames, large_deformation, probed
@@ -60,6 +60,8 @@ _RESOLVED = 1e-12
 _SHORT = 1e-4
 #: Length of a step above which, and the inverse of that below which, numbers of schemes over- or underflow.
 _LONGEST = 1e100
+#: What a message begins with where glue is elastic.
+_HEALS = "the glue heals"
 #: What a message begins with where steps are less exact than was asked for.
 _MISSED = "the tolerance of steps was missed"
 #: And where viscosity that was put in slows the body down, by more than a few steps and this part of the whole time.
@@ -427,6 +429,12 @@ class Integration:
                 f"{_SINKS} by {jump:.3g} in the step to t = {taken.moment.time:g} and penetrates up to {depth:.3g}, "
                 f"because {self.plan.scheme.name} acts on velocities; move the gap over some steps, or take "
                 "implicit-euler"
+            )
+        healed = healing(self.discrete, taken.before, taken.moment)
+        if healed and not any(message.startswith(_HEALS) for message in self.messages):
+            self.tell(
+                f"{_HEALS} on contact '{healed}' from t = {taken.before.time:g} on: past its strength it closes along "
+                "the curve that it has opened by; leave memory = () out, so that it remembers"
             )
         self.bound.add(taken)
         self.moment = taken.moment

@@ -189,7 +189,7 @@ def stage_law(
     rate, stated = rule.rate.difference, acting.law
     contact = discrete.contacts
     plain = all(
-        not contact[name].memory and contact[name].damping is None and not _follows_slip(contact[name])
+        not contact[name].remembers and contact[name].damping is None and not _follows_slip(contact[name])
         for name, _ in discrete.blocks
     )
     if rule.restitution is not None:
@@ -232,7 +232,7 @@ def refuse_compliant(discrete: DiscreteEvolution, scheme: Scheme) -> None:
                 f"the scheme {scheme.name} has friction of the slip rate, and that of contact '{name}' is a law of the "
                 "slip; take another scheme"
             )
-        if not isinstance(contact.normal, Signorini) or contact.memory or contact.damping is not None:
+        if not isinstance(contact.normal, Signorini) or contact.remembers or contact.damping is not None:
             raise ProblemError(
                 f"the scheme {scheme.name} is one for rigid obstacles, but contact '{name}' has the law "
                 f"'{contact.normal.name}'; take Signorini() without damping and memory, or the scheme generalized-alpha"
@@ -247,7 +247,7 @@ def refuse_unaveraged(discrete: DiscreteEvolution, scheme: Scheme) -> None:
     ProblemError
     """
     for name, contact in discrete.contacts.items():
-        if contact.memory or contact.damping is not None or _follows_slip(contact):
+        if contact.remembers or contact.damping is not None or _follows_slip(contact):
             raise ProblemError(
                 f"the scheme {scheme.name} is to conserve energy, but contact '{name}' has a memory, a damping or "
                 "friction of the slip, which do not; leave conserving out"
@@ -289,7 +289,7 @@ def initial_memory(discrete: DiscreteEvolution, law: VectorLaw, local: Array) ->
     """States of all memories at the start, local displacements (m, c) being what they are."""
     found = {}
     for name, index in discrete.blocks:
-        if index.size and discrete.contacts[name].memory:
+        if index.size and discrete.contacts[name].remembers:
             found[name] = _memory(discrete, name, index).start(law.take(index), local[index])
     return found
 
@@ -300,13 +300,13 @@ def seen_place(discrete: DiscreteEvolution, moment: TimeState) -> Array:
     for name, index in discrete.blocks:
         if name in moment.memory:
             place = place.copy() if place is moment.local.displacement else place
-            place[index] = MemoryChain(discrete.contacts[name].memory).seen(moment.memory[name], place[index])
+            place[index] = MemoryChain(discrete.contacts[name].remembers).seen(moment.memory[name], place[index])
     return place
 
 
 def _memory(discrete: DiscreteEvolution, name: str, index: IntArray) -> Memory:
     """What a boundary remembers, at its contact points."""
-    return MemoryChain(discrete.contacts[name].memory).at(places(discrete, index))
+    return MemoryChain(discrete.contacts[name].remembers).at(places(discrete, index))
 
 
 def places(discrete: DiscreteEvolution, index: IntArray) -> Array | None:

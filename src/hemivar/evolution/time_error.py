@@ -314,7 +314,7 @@ def _uncovered(discrete: DiscreteEvolution, scheme: Scheme) -> str | None:
         return "no bound is known without viscosity"
     if discrete.branches:
         return "no bound is known with branches of the material"
-    if any(stated.memory for stated in contact):
+    if any(stated.remembers for stated in contact):
         return "no bound is known where contact points remember"
     if discrete.problem.law.state_dependent:
         return "no bound is known where a friction bound depends on the solution"

@@ -223,7 +223,8 @@ def refuse_evolution(problem: Statement, evolving: bool = False) -> None:
             "problem at one time, problem.at_time(0.0), or go through time (a table [time] in a problem file)"
         )
     for name, contact in problem.contacts.items():
-        if (contact.damping is not None or contact.memory) and not evolving:
+        remembers = isinstance(contact, Contact) and contact.memory
+        if (contact.damping is not None or remembers) and not evolving:
             what = "damping" if contact.damping is not None else "memory"
             raise ProblemError(
                 f"contact '{name}' has {what}, which means something in time only; leave it out, or go through time (a "

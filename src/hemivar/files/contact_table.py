@@ -201,7 +201,7 @@ def contact_record(name: str, contact: Contact, aside: SideFiles) -> dict[str, o
     record |= encode(contact, where)
     if contact.damping is not None:
         record["damping"] = _law_record(contact.damping, f"{where}.damping", name, aside, NORMAL_LAWS)
-    if contact.memory:
+    if contact.memory is not None:
         record["memory"] = memory_record(contact.memory, f"{where}.memory")
     return record
 

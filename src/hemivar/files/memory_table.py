@@ -26,10 +26,10 @@ def _is_parameter(field: Field[object]) -> bool:
     return field.init and str(field.type).split(" ")[0] in ("Parameter", "float")
 
 
-def read_memory(table: TomlTable, dim: int) -> tuple[memory.Memory, ...]:
-    """The memories of a contact, in the order in which they are stated."""
+def read_memory(table: TomlTable, dim: int) -> tuple[memory.Memory, ...] | None:
+    """The memories of a contact, in the order in which they are stated; None where nothing is said of them."""
     if "memory" not in table:
-        return ()
+        return None
     kinds, value = memory_kinds(), table.data["memory"]
     example = 'memory = [{ kind = "secant" }]'
     if not isinstance(value, list):

@@ -129,7 +129,7 @@ def moving_states(discrete: DiscreteEvolution, frame: Frame) -> ContactStates:
         known = {what: values[index] for what, values in frame.memory.items()}
         state = {what: values for what, values in known.items() if not np.isnan(values).any()}
         if index.size and state:
-            memory = MemoryChain(discrete.contacts[name].memory)
+            memory = MemoryChain(discrete.contacts[name].remembers)
             seen[index] = memory.seen(state, seen[index])
             past_peak[index] = memory.past_peak(law.take(index), state)
     past_peak |= law.past_peak(seen)

@@ -73,6 +73,10 @@ class NormalAndFriction(VectorLaw):
 
     # ---- glue that remembers ----------------------------------------------------------------------------
 
+    @property
+    def remembers(self) -> bool:
+        return self.normal.is_glue
+
     def damaged(self, known: Mapping[str, Array] | None, r: Array) -> dict[str, Array]:
         last = np.zeros(len(r)) if known is None else known["opening"]
         opening = np.minimum(np.maximum(last, -r[:, 0]), -self.normal.domain.lower)

@@ -176,6 +176,11 @@ class Superpotential(PickleMixin, ABC):
     def recession(self, sign: Array) -> Array:
         """Growth rate lim j(t s)/t, t -> inf, in each direction ``s``; may be +inf."""
 
+    @property
+    def is_glue(self) -> bool:
+        """Whether it is glue: :meth:`debonding` says what it has lost."""
+        return False
+
     def debonding(self, r: Array) -> dict[str, Array]:
         """``damage`` and ``dissipated`` of glue at ``r (m,)``; see :meth:`VectorLaw.debonding`."""
         return {}

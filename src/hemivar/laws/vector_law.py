@@ -186,6 +186,11 @@ class VectorLaw(PickleMixin, ABC):
 
     # ---- glue that remembers ----------------------------------------------------------------------------
 
+    @property
+    def remembers(self) -> bool:
+        """Whether it is glue, which in time remembers the largest opening unless it is told not to."""
+        return False
+
     def damaged(self, known: Mapping[str, Array] | None, r: Array) -> dict[str, Array]:
         """What glue remembers after it has come to ``r (m, c)``, arrays (m,): its largest effective ``opening``, and
         its ``stiffness`` from there back to rest.

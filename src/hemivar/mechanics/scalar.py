@@ -144,7 +144,7 @@ class ScalarContact(PickleMixin):
         return replace(self, law=law_at_time(self.law, t), level=at_time(self.level, t))
 
     @property
-    def memory(self) -> tuple[Memory, ...]:
+    def remembers(self) -> tuple[Memory, ...]:
         """What contact points remember in time: nothing."""
         return ()
 

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import ClassVar, get_args
 
 from hemivar.basics.arguments import described, suggest
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
@@ -23,7 +24,7 @@ from hemivar.laws import (
     Superpotential,
     VectorLaw,
 )
-from hemivar.laws.memory import Memory
+from hemivar.laws.memory import Memory, Secant
 from hemivar.mechanics.conditions import (
     LARGEST,
     SUPPORTS,
@@ -87,9 +88,10 @@ class Contact(PickleMixin):
     damping : Superpotential or None
         Law of the rate of the penetration, ``r_nu'``, whose pressure adds to that of the normal law; what does not
         depend on time refuses it.
-    memory : tuple of Memory
+    memory : tuple of Memory or None
         What the contact points remember, one after the other: wear, a bond, the largest opening so far (see
-        ``hemivar.laws.memory``); what does not depend on time refuses it.
+        ``hemivar.laws.memory``); what does not depend on time refuses it.  Glue remembers its largest opening by
+        default (``Secant()``), and ``memory=()`` keeps it elastic; any other law remembers nothing.
 
     Raises
     ------
@@ -112,7 +114,7 @@ class Contact(PickleMixin):
     obstacle: Obstacle | None = None
     normals: Normals | None = None
     damping: Superpotential | None = None
-    memory: tuple[Memory, ...] = ()
+    memory: tuple[Memory, ...] | None = None
     belt: VectorData | float = field(
         default=0.0,
         metadata=stated(
@@ -142,6 +144,8 @@ class Contact(PickleMixin):
                     "Compliance(2.0)"
                 )
             _ = ContactLaw(self.damping)
+        if self.memory is None:
+            return
         memory = self.memory if isinstance(self.memory, Sequence) else (self.memory,)
         for one in memory:
             if not isinstance(one, Memory):
@@ -195,6 +199,13 @@ class Contact(PickleMixin):
                 f"the friction '{self.friction.name}' out"
             )
         return self.normal
+
+    @cached_property
+    def remembers(self) -> tuple[Memory, ...]:
+        """What the contact points remember in time: what is stated, and of glue by default its largest opening."""
+        if self.memory is None:
+            return (Secant(),) if self.law.remembers else ()
+        return self.memory
 
     @property
     def time_dependent(self) -> frozenset[str]:

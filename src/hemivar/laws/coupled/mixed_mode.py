@@ -30,6 +30,8 @@ __all__ = ["MixedMode"]
 
 #: Parts of the way from rest to the break at which the tractions are looked at.
 _WAYS = np.linspace(0.0, 1.0, 201)
+#: Part of an effective opening that is rounding.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +185,9 @@ class MixedMode(CoupledLaw):
     def tangential(self) -> PiecewiseQuadratic:
         """``Phi(ratio s)``, the even law of the length of the slip where nothing opens."""
         beta, table = self.beta[:, None], self._table
-        return PiecewiseQuadratic(table.breakpoints / beta, table.slopes * beta**2, table.jumps, name=self.name)
+        sides = [side * beta for side in table.knot_slopes()]
+        ends = (-np.inf, np.inf)
+        return PiecewiseQuadratic.with_sides(table.breakpoints / beta, table.slopes * beta**2, *sides, ends, self.name)
 
     @cached_property
     def _peak(self) -> Array:
@@ -267,6 +271,63 @@ class MixedMode(CoupledLaw):
 
     def is_function(self, components: int) -> bool:
         return is_continuous(self.compression)
+
+    # ---- glue that remembers ----------------------------------------------------------------------------
+
+    @property
+    def remembers(self) -> bool:
+        return True
+
+    def damaged(self, known: Mapping[str, Array] | None, r: Array) -> dict[str, Array]:
+        rho = self.effective(r)
+        opening = np.minimum(rho if known is None else np.maximum(rho, known["opening"]), self.opening_at_break)
+        return {"opening": opening, "stiffness": self.secant_stiffness(opening)}
+
+    def secant_stiffness(self, opening: Array) -> Array:
+        """``Phi'/rho`` at effective openings (m,); 0 from the break on."""
+        secant = self.curve_on(opening, self.piece_of(opening))[0]
+        return np.where(opening < self.opening_at_break, secant, 0.0)
+
+    def unloading(self, known: Mapping[str, Array]) -> MixedMode:
+        """With ``Phi' = rho Phi'(D)/D`` up to the largest effective opening D, and Phi' beyond it."""
+        if (known["opening"] <= self.curve_knots[:, 0]).all():
+            return self
+        at, slopes, tractions = self._with_secant(known["opening"])
+        zero, ends = np.zeros((len(at), 1)), (-np.inf, np.inf)
+        mirrored = [np.concatenate([-part[:, ::-1], zero, part], axis=1) for part in (at, tractions)]
+        slopes = np.concatenate([slopes[:, ::-1], slopes], axis=1)
+        sides = (mirrored[1], mirrored[1])
+        cohesion = PiecewiseQuadratic.with_sides(mirrored[0], slopes, *sides, ends, self.cohesion.name)
+        return replace(self, cohesion=cohesion)
+
+    def _with_secant(self, opening: Array) -> tuple[Array, Array, Array]:
+        """Knots rho > 0 (m, K + 1) with the secant up to openings (m,), slopes (m, K + 2), and Phi' at the knots."""
+        knots, slopes = self._half
+        rows = max(len(opening), len(knots))
+        far = np.maximum(np.broadcast_to(opening, (rows,))[:, None], knots[:, :1])  # the first piece is straight
+        secant = np.broadcast_to(self.secant_stiffness(opening), (rows,))[:, None]
+        knots, tractions = (np.broadcast_to(part, (rows, knots.shape[1])) for part in (knots, self._tractions))
+        slopes = np.broadcast_to(slopes, (rows, slopes.shape[1]))
+        same = np.abs(knots - far) <= _ROUNDING * far
+        own = same.any(axis=1, keepdims=True)  # a knot where there is one already would have no piece
+        far = np.where(own, np.max(np.where(same, knots, 0.0), axis=1, keepdims=True), far)
+        more = np.where(own, 0.5 * knots[:, :1], far)
+        order = np.argsort(np.concatenate([knots, more], axis=1), axis=1)
+        at, pull = (
+            np.take_along_axis(np.concatenate([part, last], axis=1), order, axis=1)
+            for part, last in ((knots, more), (tractions, secant * more))
+        )
+        middle = 0.5 * (at + np.concatenate([np.zeros((rows, 1)), at[:, :-1]], axis=1))
+        piece = (middle[:, :, None] > knots[:, None, :]).sum(axis=2)
+        inside = np.where(middle < far, secant, np.take_along_axis(slopes, piece, axis=1))
+        return at, np.concatenate([inside, np.zeros((rows, 1))], axis=1), np.where(at < far, secant * at, pull)
+
+    def spent_by(self, known: Mapping[str, Array]) -> Array:
+        opening = known["opening"]
+        return np.asarray(self._table.value(opening) - 0.5 * known["stiffness"] * opening**2)
+
+    def softened(self, known: Mapping[str, Array]) -> BoolArray:
+        return np.asarray(known["opening"] > self._peak * (1.0 + 1e-9))
 
     # ---- value and subdifferential ----------------------------------------------------------------------
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import ClassVar, NoReturn
+from dataclasses import dataclass, field, fields, replace
+from typing import ClassVar, NoReturn, Self
 
 import numpy as np
 
@@ -22,12 +22,14 @@ from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, OnGraph, Sides, VectorLaw
 
-__all__ = ["ModeDependentGlue"]
+__all__ = ["KeptModeGlue", "ModeDependentGlue"]
 
 #: Modes at which constants are looked for.
 _MODES = np.linspace(0.0, 1.0, 2001)
 #: Rounds in which the mode of a pair is sought, and the difference of modes that is none.
 _ROUNDS, _SAME = 80, 1e-15
+#: Part of an effective opening that is rounding.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,7 @@ class ModeDependentGlue(VectorLaw):
         made._frozen(np.zeros(1))
         return made
 
-    def take(self, index: IntArray) -> ModeDependentGlue:
+    def take(self, index: IntArray) -> Self:
         taken = {key: value if value.size == 1 else value[index] for key, value in self._values(None).items()}
         return replace(
             self,
@@ -176,13 +178,17 @@ class ModeDependentGlue(VectorLaw):
         place, rate, last, last_rate = self._curve(_MODES[:, None])
         return place, rate, last, last_rate
 
+    def effective(self, r: Array) -> Array:
+        """rho of local displacements (m, c)."""
+        opening = np.maximum(-r[:, 0], 0.0)
+        return opening if r.shape[1] == 1 else np.hypot(opening, self.ratio * lengths(r[:, 1:]))
+
     def mode(self, r: Array) -> Array:
         """B of states (m, c): 0 in opening, 1 in shear; below the first damage of any mode it falls to 0."""
         if r.shape[1] == 1:
             return np.zeros(len(r))
-        shear = self.ratio * lengths(r[:, 1:])
-        rho = np.maximum(np.hypot(np.maximum(-r[:, 0], 0.0), shear), self.least_damage)
-        return np.asarray(np.minimum((shear / rho) ** 2, 1.0))
+        rho = np.maximum(self.effective(r), self.least_damage)
+        return np.asarray(np.minimum((self.ratio * lengths(r[:, 1:]) / rho) ** 2, 1.0))
 
     def at_mode(self, mode: float) -> MixedMode:
         """The law of all states of one mode, 0 in opening and 1 in shear.
@@ -220,8 +226,12 @@ class ModeDependentGlue(VectorLaw):
         """Multipliers (m, c) of states whose mode is their own; where the compression leaves a choice, the least."""
         return self.frozen_at(r).near(r).nearest_multiplier(np.zeros(r.shape))
 
-    @cached_property
+    @property
     def lipschitz(self) -> Array:
+        return self._steers
+
+    @cached_property
+    def _steers(self) -> Array:
         """Lipschitz constant of the tractions of J(w, v) in the state w, (m or 1,): for the smallness condition (H_s).
 
         The traction changes with the mode by ``max((K + k) |rho_0'|, k |rho_f'|)`` at most, the mode with the state by
@@ -269,6 +279,49 @@ class ModeDependentGlue(VectorLaw):
 
     def value(self, r: Array) -> Array:
         self._refuse()
+
+    def stored_energy(self, r: Array) -> Array:
+        raise ProblemError(
+            f"law '{self.name}' has no potential without a memory: in time it keeps the mode at which damage begins, "
+            "unless memory = () says that it is elastic; leave that out, or take MixedMode"
+        )
+
+    # ---- glue that remembers ----------------------------------------------------------------------------
+
+    @property
+    def remembers(self) -> bool:
+        return True
+
+    def damaged(self, known: Mapping[str, Array] | None, r: Array) -> dict[str, Array]:
+        """Beside the opening and the stiffness the ``mode`` at which damage began, -1 where it has not.
+
+        From then on the law is a potential Phi_m of rho, of the energy G_c(m) of this mode, along the secant k(D) up
+        to the largest rho, D.  Every way r(t) to the break dissipates G_c(m), whatever its modes are:
+
+        1. stored is ``k rho^2/2`` for rho <= D, and the power of the traction is ``k rho rho'``, as that is what it
+           stores while D stays;
+        2. while D = rho grows the power is ``Phi_m'(D) D'``, for ``k(D) D = Phi_m'(D)``, so that
+           ``(Phi_m - k D^2/2)'`` is what is lost;
+        3. from the onset, where ``Phi_m = k D^2/2``, to the break, where ``k = 0``, this is ``Phi_m(rho_f) = G_c(m)``.
+        """
+        rho, last = self.effective(r), np.full(len(r), -1.0) if known is None else known["mode"]
+        mode = np.where(last >= 0.0, last, self.mode(r))
+        glue = self._frozen(mode)
+        began = (last >= 0.0) | (rho > glue.opening_at_peak * (1.0 + _ROUNDING))
+        opening = np.minimum(rho if known is None else np.maximum(rho, known["opening"]), glue.opening_at_break)
+        stiffness = np.where(began, glue.secant_stiffness(opening), self._own["stiffness"])
+        return {"opening": opening, "stiffness": stiffness, "mode": np.where(began, mode, -1.0)}
+
+    def unloading(self, known: Mapping[str, Array]) -> KeptModeGlue:
+        own = {one.name: getattr(self, one.name) for one in fields(ModeDependentGlue)}
+        return KeptModeGlue(**own, kept=known["mode"], reached=known["opening"])
+
+    def spent_by(self, known: Mapping[str, Array]) -> Array:
+        spent = self._frozen(np.maximum(known["mode"], 0.0)).spent_by(known)
+        return np.where(known["mode"] >= 0.0, spent, 0.0)
+
+    def softened(self, known: Mapping[str, Array]) -> BoolArray:
+        return np.asarray(known["mode"] >= 0.0)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         self._refuse()
@@ -418,3 +471,55 @@ class ModeDependentGlue(VectorLaw):
     @property
     def rubs(self) -> BoolArray:
         return np.ones(1, dtype=bool)
+
+
+@dataclass(frozen=True, eq=False)
+class KeptModeGlue(ModeDependentGlue):
+    """The law of a step of glue that keeps the mode at which damage began: :meth:`ModeDependentGlue.damaged`.
+
+    Parameters
+    ----------
+    kept : array (m,)
+        The mode of each contact point; -1 where it is that of the state still.
+    reached : array (m,)
+        Largest effective opening so far.
+    """
+
+    kept: Array = field(kw_only=True)
+    reached: Array = field(kw_only=True)
+
+    def take(self, index: IntArray) -> Self:
+        return replace(super().take(index), kept=self.kept[index], reached=self.reached[index])
+
+    @cached_property
+    def _keeps(self) -> BoolArray:
+        return np.asarray(self.kept >= 0.0)
+
+    @cached_property
+    def _damage(self) -> dict[str, Array]:
+        return {"opening": np.where(self._keeps, self.reached, 0.0)}
+
+    def mode(self, r: Array) -> Array:
+        return np.where(self._keeps, self.kept, super().mode(r))
+
+    def _frozen(self, mode: Array) -> MixedMode:
+        found = super()._frozen(mode)
+        return found if len(mode) < len(self.kept) else found.unloading(self._damage)
+
+    def _at_frozen(self, p: Array, a: Array, mode: Array) -> tuple[OnGraph, Array, Array]:
+        found, turned, steer = super()._at_frozen(p, a, mode)
+        keeps = self._keeps[:, None]
+        return found, np.where(keeps, 0.0, turned), np.where(keeps, 0.0, steer)
+
+    def stored_energy(self, r: Array) -> Array:
+        return self.frozen_at(r).value(r)
+
+    @property
+    def lipschitz(self) -> Array:
+        return np.where(self._keeps, 0.0, self._steers)
+
+    @property
+    def weak_convexity(self) -> tuple[Array, Array]:
+        live, kept = super().weak_convexity, self._frozen(np.maximum(self.kept, 0.0)).weak_convexity
+        normal, tangential = (np.where(self._keeps, own, free) for own, free in zip(kept, live, strict=True))
+        return normal, tangential

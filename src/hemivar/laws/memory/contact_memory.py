@@ -112,6 +112,9 @@ class Memory(PickleMixin, ABC):
     #: Whether the friction law that it is given is the one stated, of the slip, and not one of the slip rate.
     of_slip: bool = False
 
+    #: Whether it makes the friction law of the step.
+    takes_friction: bool = False
+
     def values(self, points: Array | None = None) -> dict[str, Array]:
         """The parameters at the contact points, checked, each of shape (1,) or (m,)."""
         return self._resolved if points is None else self._evaluated(points)

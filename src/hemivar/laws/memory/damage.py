@@ -26,6 +26,7 @@ class Secant(Memory):
     """
 
     name: ClassVar[str] = "secant"
+    of_state = True
 
     def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept(**law.damaged(None, r))

@@ -114,7 +114,7 @@ class RateAndState(Memory):
     age: Parameter
     name: ClassVar[str] = "rate-and-state"
     iterates: ClassVar[bool] = True  # type: ignore[misc]
-    takes_friction: ClassVar[bool] = True
+    takes_friction = True
     positive: ClassVar[tuple[str, ...]] = ("direct", "length", "rate", "age")
 
     def start(self, law: VectorLaw, r: Array) -> MemoryState:

@@ -131,6 +131,10 @@ class Adhesive(NamedLaw):
                 "the other"
             )
 
+    @property
+    def is_glue(self) -> bool:
+        return True
+
     def debonding(self, r: Array) -> dict[str, Array]:
         opening = np.maximum(-np.asarray(r, dtype=float), 0.0)
         tension = np.where(opening > 0.0, -self.derivative(-opening), 0.0)
