@@ -34,6 +34,7 @@ from hemivar.errors import FileError, HemivarError, ProblemError
 if TYPE_CHECKING:
     from hemivar.basics.types import Record
     from hemivar.workflows import Study
+    from hemivar.workflows.study import StudyLevel
 
 __all__ = ["study"]
 
@@ -142,11 +143,22 @@ def _print_bounds(found: Study) -> None:
     if math.isfinite(level.bound):
         norm = found.norms["energy"]
         relative = f", relative {level.bound / norm:.3g}" if norm > 0.0 else ""
-        print(f"guaranteed bound  {level.bound:.3g} in the energy norm on the finest mesh{relative}")
+        print(f"{found.kind_of_bound:<18}{level.bound:.3g} in the energy norm on the finest mesh{relative}")
+        if level.conditions:
+            print(f"                  if {' and '.join(level.conditions)}")
         return
     print("guaranteed bound  none on the finest mesh")
     for reason in level.unbounded:
         print(f"                  because {reason}")
+
+
+def _bound_record(level: StudyLevel) -> Record:
+    """The bound as plain numbers and strings; nothing where none was asked for."""
+    if math.isnan(level.bound):
+        return {}
+    if level.conditions:
+        return {"conditional_bound": level.bound, "conditions": list(level.conditions)}
+    return {"guaranteed_bound": level.bound if math.isfinite(level.bound) else None}
 
 
 def _record(found: Study, name: str) -> Record:
@@ -162,7 +174,7 @@ def _record(found: Study, name: str) -> Record:
             "status": level.solution.status.value,
             "errors": {quantity: plain(getattr(level, quantity)) for quantity in found.quantities},
             "orders": {quantity: plain(found.steps(quantity)[number]) for quantity in found.quantities},
-            **({} if math.isnan(level.bound) else {"guaranteed_bound": plain(level.bound)}),
+            **_bound_record(level),
             "energy": plain(level.solution.energy),
             "normal_force": plain(level.solution.normal_force) if level.solution.problem.contact_points else None,
         }

@@ -217,6 +217,8 @@ def _exact(found: DistanceToExact | None) -> str | None:
     if not found.known:
         return f"not known: {found.why}"
     size = _number(found.relative)
+    if found.conditions:
+        return f"{size} (if {' and '.join(found.conditions)})"
     return f"{size} (guaranteed)" if found.guaranteed else f"{size} (an estimate: {found.why})"
 
 

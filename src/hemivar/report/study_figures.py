@@ -79,7 +79,9 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
         drawn = list(curves.values())
         if np.isfinite(study.bounds).any() and study.norms["energy"] > 0.0:
             bounds = np.where(np.isfinite(study.bounds), study.bounds, np.nan) / study.norms["energy"]
-            ax.plot(sizes, bounds, color=SERIES[0], ls="--", marker="x", ms=5.0, label="energy norm, guaranteed bound")
+            ax.plot(
+                sizes, bounds, color=SERIES[0], ls="--", marker="x", ms=5.0, label=f"energy norm, {study.kind_of_bound}"
+            )
             drawn.append(bounds)
         _triangles(ax, sizes, curves, study.orders, drawn)
         ax.set_xscale("log")

@@ -20,7 +20,7 @@ def study_table(
     """One line for each mesh: size, unknowns, errors with the order from the mesh before, energy, normal force, status.
 
     Where bounds were asked for, the column ``guaranteed bound`` has that of the error in the energy norm; it is empty
-    where there is none.
+    where there is none, and called ``conditional bound`` where bounds hold on conditions only.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def study_table(
         columns += [name, "order"] if brief else [f"{name} error", f"{name} order"]
     bounds = study.bounds
     certified = bool((~np.isnan(bounds)).any())
-    columns += ["guaranteed bound"] * certified
+    columns += [study.kind_of_bound] * certified
     columns += (
         ["status"] * (not study.converged)
         if brief

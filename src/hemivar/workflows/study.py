@@ -131,9 +131,12 @@ class StudyLevel(Notice):
     energy, displacement, pressure : float
         Errors, as :class:`Study` tells; nan while there is nothing to compare with.
     bound : float
-        Guaranteed bound of the error in the energy norm; nan where none was asked for, inf where there is none.
+        Bound of the error in the energy norm, guaranteed or on conditions; nan where none was asked for, inf where
+        there is none.
     unbounded : tuple of str
         Why there is no bound; one sentence each.
+    conditions : tuple of str
+        Those under which it is a bound; empty where it is guaranteed.
     """
 
     solution: Solution
@@ -143,6 +146,7 @@ class StudyLevel(Notice):
     pressure: float = math.nan
     bound: float = math.nan
     unbounded: tuple[str, ...] = ()
+    conditions: tuple[str, ...] = ()
 
     __repr__ = brief
 
@@ -186,7 +190,10 @@ class Study(ReprMixin, PickleMixin):
         orders = ", ".join(f"{name} {order:.2f}" for name, order in self.orders.items() if not math.isnan(order))
         h, count = self.sizes, len(self.levels)
         meshes = f"{count} meshes, h {h[0]:.3g} to {h[-1]:.3g}"
-        return f"Study({meshes}, against the {self.reference}; orders: {orders or 'none'})"
+        said = [f"if {' and '.join(one.conditions)}" for one in self.levels if one.conditions]
+        said += [f"none, because {'; '.join(one.unbounded)}" for one in self.levels if one.unbounded]
+        bounds = f"; {self.kind_of_bound}: {said[-1]}" if said else ""
+        return f"Study({meshes}, against the {self.reference}; orders: {orders or 'none'}{bounds})"
 
     @property
     def sizes(self) -> Array:
@@ -200,8 +207,13 @@ class Study(ReprMixin, PickleMixin):
 
     @property
     def bounds(self) -> Array:
-        """Guaranteed bounds of the errors in the energy norm on each mesh, absolute; see :class:`StudyLevel`."""
+        """Bounds of the errors in the energy norm on each mesh, absolute; see :class:`StudyLevel`."""
         return np.array([level.bound for level in self.levels])
+
+    @property
+    def kind_of_bound(self) -> str:
+        """What the bounds are called: guaranteed, or conditional where some of them hold on conditions only."""
+        return "conditional bound" if any(level.conditions for level in self.levels) else "guaranteed bound"
 
     @property
     def converged(self) -> bool:
@@ -552,7 +564,7 @@ def _pressure(solution: Solution, stated: Statement, known: KnownField) -> Array
 
 
 def _bounded(levels: list[StudyLevel]) -> Work[bool]:
-    """Put the guaranteed bound of its error into each level; returns whether the work was interrupted."""
+    """Put the bound of its error into each level; returns whether the work was interrupted."""
     first = levels[0].solution.problem
     with one_thread():
         constants = body_constants(first, Workspace())  # of the body: they hold on every mesh of it
@@ -562,10 +574,12 @@ def _bounded(levels: list[StudyLevel]) -> Work[bool]:
             assert isinstance(stated, ContactProblem)
             try:
                 found = exact_distance(stated, level.solution.displacement, constants)
-                bound, reasons = (found.distance if found.guaranteed else math.inf), found.reasons
+                bound = found.distance if found.guaranteed or found.conditions else math.inf
+                reasons, conditions = found.reasons, found.conditions
             except ProblemError as error:
-                bound, reasons = math.inf, (str(error),)
-            levels[number] = replace(level, bound=bound, unbounded=() if math.isfinite(bound) else reasons)
+                bound, reasons, conditions = math.inf, (str(error),), ()
+            reasons, conditions = ((), conditions) if math.isfinite(bound) else (reasons, ())
+            levels[number] = replace(level, bound=bound, unbounded=reasons, conditions=conditions)
             if (yield levels[number]):
                 return number + 1 < len(levels)
     return False
