@@ -224,12 +224,12 @@ def _rest(part: Functional, traces: ContactTraces | None, distance: float, const
     shape, law = traces.weights.shape, traces.law
     slip = np.sqrt(np.einsum("fqc,fqc->fq", traces.local[..., 1:], traces.local[..., 1:]))
     total, rates, why = 0.0, [], ""
-    pairs = ((law.normal, along, np.abs(traces.local[..., 0])), (law.tangential, across, slip))
-    for scalar, weight, size in pairs:
+    grows = zip(law.growth, (along, across), (np.abs(traces.local[..., 0]), slip), strict=True)
+    for constants_of_part, weight, size in grows:
         c0, c1 = (np.broadcast_to(np.nan_to_num(c, nan=np.inf, posinf=np.inf), shape[0] * shape[1]).reshape(shape)
-                  for c in scalar.growth)  # fmt: skip
+                  for c in constants_of_part)  # fmt: skip
         on = weight > 0.0
-        if scalar.growth_sampled and on.any():
+        if law.growth_sampled and on.any():
             why = "how the law grows is known from samples only"
         grown = np.where(size > 0.0, c1, 0.0) * size
         total += float(traces.integral((np.where(on, c0, 0.0) + np.where(on, grown, 0.0)) * weight).sum())

@@ -265,6 +265,10 @@ class ContactLaw(NormalAndFriction):
             return self.normal.weak_convexity, np.zeros(1)
         return self.frozen_at(r).weak_convexity
 
+    @property
+    def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        return self.normal.growth, self.tangential.growth
+
     # ---- far away ---------------------------------------------------------------------------------------
 
     @property

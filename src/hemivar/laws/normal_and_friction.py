@@ -167,6 +167,10 @@ class NormalAndFriction(VectorLaw):
         return self.normal.constants_sampled or self.friction.profile.constants_sampled
 
     @property
+    def growth_sampled(self) -> bool:
+        return self.normal.growth_sampled or self.friction.profile.growth_sampled
+
+    @property
     def softens(self) -> bool:
         normal, profile = self.normal.weak_convexity, self.friction.profile.weak_convexity
         return bool((normal > 0.0).any() or (profile > 0.0).any())

@@ -418,6 +418,20 @@ class VectorLaw(PickleMixin, ABC):
         return False
 
     @property
+    def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """c0 and c1 of the normal and of the tangential part, (m or 1,) each; inf where none are known.
+
+        The multiplier is at most ``c0 + c1 |r_n|`` along the normal, and ``c0 + c1 |r_t|`` across it.
+        """
+        unknown = (np.full(1, np.inf), np.zeros(1))
+        return unknown, unknown
+
+    @property
+    def growth_sampled(self) -> bool:
+        """Whether :attr:`growth` comes from sampling."""
+        return False
+
+    @property
     def by_differences(self) -> bool:
         """Whether a derivative is found by differences, so that :meth:`derivative_error` is not 0."""
         return False

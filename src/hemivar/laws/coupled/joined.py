@@ -141,6 +141,16 @@ class JoinedLaw(CoupledLaw):
         return self._gather(lambda law, i: law.recession(direction[i]))
 
     @property
+    def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        normal = self._several(lambda law, i: law.growth[0], 2)
+        tangential = self._several(lambda law, i: law.growth[1], 2)
+        return (normal[0], normal[1]), (tangential[0], tangential[1])
+
+    @property
+    def growth_sampled(self) -> bool:
+        return any(law.growth_sampled for law in self.parts)
+
+    @property
     def rates(self) -> tuple[Array, Array, Array]:
         up, down, slip = self._several(lambda law, i: law.rates, 3)
         return up, down, slip

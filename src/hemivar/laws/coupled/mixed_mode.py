@@ -380,6 +380,11 @@ class MixedMode(CoupledLaw):
         return np.where(direction[:, 0] > 0.0, self.compression.recession(np.maximum(direction[:, 0], 0.0)), 0.0)
 
     @property
+    def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        c0, c1 = self.compression.growth
+        return (np.maximum(self.strength, c0), c1), (self.beta * self.strength, np.zeros(1))
+
+    @property
     def rates(self) -> tuple[Array, Array, Array]:
         return self.compression.recession(np.ones(1)), np.zeros(1), np.zeros(1)
 

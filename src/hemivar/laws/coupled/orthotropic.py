@@ -250,6 +250,10 @@ class OrthotropicLaw(NormalAndFriction):
         return np.zeros(1) if self.state_dependent else np.asarray(self._axes.max(axis=1))
 
     @property
+    def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        return self.normal.growth, (np.asarray(self._axes.max(axis=1)), np.zeros(1))
+
+    @property
     def rates(self) -> tuple[Array, Array, Array]:
         up, down, _ = self._plain.rates
         return up, down, self._most
