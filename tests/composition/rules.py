@@ -59,10 +59,7 @@ _NO_PATH = (
     "on the solution."
 )
 _NO_BOUND = "The distance to the exact solution is bounded for elastic bodies on supports, without bedding."
-_NO_BOUND_OF_LAW = (
-    "The distance to the exact solution is bounded for normal laws with friction beside them; not for Coulomb's law, "
-    "and not where the direction of the slip counts."
-)
+_NO_BOUND_OF_LAW = "The distance to the exact solution is not bounded for Coulomb's law."
 _NOT_IN_TIME = "In time a normal law has no drop, opening and slip are apart, and friction has no direction."
 _SCALAR_LAW = "A scalar body has one component: no pressure beside the slip, and no direction of it."
 _ARRAYS = "A problem made of arrays has no statement and, by default, no mesh."
@@ -77,9 +74,7 @@ RULES = (
     Rule("constants of the body are from the discrete problem", _NO_BOUND, _BOUNDS, ("resting",)),
     Rule("and this is a scalar problem", _NO_BOUND, ("exact",), SCALAR),
     Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),
-    Rule("a bound of the distance to the exact solution is only known", _NO_BOUND_OF_LAW, _BOUNDS, normal=COUPLED),
     Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, friction=("coulomb",)),
-    Rule("depends on the direction of the slip", _NO_BOUND_OF_LAW, _BOUNDS, friction=("orthotropic",)),
     Rule("was made of arrays", _ARRAYS, ("exact", "output"), ("arrays",)),
     Rule("is a DiscreteProblem; give a ContactProblem", _ARRAYS, _OF_STATEMENTS, ("arrays",)),
     Rule("couples opening and slip", _NOT_IN_TIME, _MARCHES, normal=COUPLED),

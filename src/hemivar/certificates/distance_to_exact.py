@@ -56,6 +56,8 @@ class DistanceToExact:
         What the body is taken for, such as "a polygon with 4 straight sides": the exact solution is that of this body.
     conditions : tuple of str
         Those under which it is a bound, if nothing else stands between; they are among the reasons.
+    unique : bool
+        Whether the continuous problem is shown to have exactly one solution.
     """
 
     bound: float
@@ -72,6 +74,7 @@ class DistanceToExact:
     correction: float = 0.0
     geometry: str = ""
     conditions: tuple[str, ...] = ()
+    unique: bool = False
 
     @classmethod
     def none(cls, reason: str, seconds: float = 0.0) -> DistanceToExact:
@@ -114,6 +117,8 @@ class DistanceToExact:
             parts.append(f"c = {self.constant:.3g}")
         took = f"; in {self.seconds:.2g} s" if self.seconds > 0.0 else ""
         made = [f"{blank}made of {', '.join(parts)}{took}"]
+        if self.unique and self.constant > 0.0:
+            made.append(f"{blank}the continuous problem has exactly one solution, for c < 1")
         if self.advice:
             made.append(f"{blank}{self.advice}")
         if self.geometry:
@@ -168,6 +173,7 @@ class DistanceToExact:
             "advice": self.advice,
             "reasons": list(self.reasons),
             "conditions": list(self.conditions),
+            "unique": self.unique,
         }
 
 

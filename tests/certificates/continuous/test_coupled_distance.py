@@ -26,6 +26,8 @@ from hemivar.laws import (
     ModeDependentGlue,
     OrthotropicFriction,
     PenetrationBound,
+    Softening,
+    Superpotential,
     Tresca,
     VectorLaw,
 )
@@ -48,7 +50,9 @@ def bound(problem: ContactProblem) -> ExactDistance:
     return exact_distance(problem, solution.displacement, body_constants(solution.problem, Workspace()))
 
 
-def square(law: VectorLaw = GLUE, n: int = 4, load: tuple[float, float] = (0.15, 0.2)) -> ContactProblem:
+def square(
+    law: VectorLaw | Superpotential = GLUE, n: int = 4, load: tuple[float, float] = (0.15, 0.2)
+) -> ContactProblem:
     return ContactProblem(
         hv.rectangle((1.0, 1.0), n), Material.lame(LAM, MU), {"bottom": Contact(law)}, {"left": Clamped()},
         tractions={"top": load},
@@ -173,8 +177,9 @@ def test_parts_end_at_the_kinks() -> None:
             assert (beyond > 0.0).any() or (law is GLUE and values is levels[0][0])  # it is rigid
 
 
-def test_quadratic_traces_lie_between_their_control_points() -> None:
-    """The gap of a quadratic trace and of its linear one on a fine mesh of parts."""
+def test_quadratic_traces_lie_between_their_control_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Along parts that are long, so that the trace bends, against jh* by the best of a grid."""
+    monkeypatch.setattr(f"{contact_traces.__module__}._MORE_PARTS", 1)
     traces = traces_of(GLUE, order=2)
     forces = forces_on(traces, 0.2)
     found = float(fenchel_gap(traces, forces, 1.0).normal_gap.sum())
@@ -193,7 +198,7 @@ def test_quadratic_traces_lie_between_their_control_points() -> None:
     )
     gap = np.maximum(value + conjugate - (y * r).sum(axis=1), 0.0).reshape(traces.weights.shape)
     below = float((traces.weights * gap).sum())
-    assert 0.0 < below <= found <= 1.2 * below + 1e-4
+    assert 0.0 < below <= found <= 2.0 * below
 
 
 # ---- the constants ------------------------------------------------------------------------------------------------
@@ -214,6 +219,17 @@ def test_c_takes_the_constant_of_each_component(ratio: float) -> None:
     held = np.linalg.inv(np.linalg.cholesky(K))
     least = float(np.linalg.eigvalsh(held @ M @ held.T)[-1])
     assert least * 0.999 <= found.constant <= 1.15 * least
+    assert found.unique
+
+
+def test_one_solution_is_shown_by_the_constant_for_any_two() -> None:
+    """At rest the one-sided constant of a law that falls later is small; another solution there may be all the same."""
+    for falls, expected in ((0.5, True), (30.0, False)):
+        problem = square(Softening(4.0, 0.5, falls), load=(0.0, -1e-3))
+        found = bound(problem)
+        assert found.guaranteed == (found.constant < 1.0)
+        assert found.guaranteed or not found.unique
+        assert found.unique == expected, (falls, found.constant, found.reasons)
 
 
 # ---- what is told -------------------------------------------------------------------------------------------------

@@ -10,11 +10,14 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+import hemivar as hv
 from hemivar.adapt import solve_adaptive
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.body_constants import body_constants
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
+from hemivar.certificates.linear_bodies import largest_strain
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.elements import barycentric_gradients
 from hemivar.fem.quadrature import quadrature_rule
@@ -34,6 +37,7 @@ from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.named_energies import Hencky
 from hemivar.mesh import box, rectangle
+from hemivar.report.study_tables import study_table
 from hemivar.solvers import Status, solve
 from hemivar.systems import Workspace
 from tests.samples import slow
@@ -328,13 +332,42 @@ def test_a_sampled_lower_bound_makes_an_estimate_of_it() -> None:
     assert "an estimate, no bound" in "\n".join(found.lines())
 
 
-def test_so_does_one_that_is_proved_for_some_strains_only() -> None:
+def test_one_that_is_proved_for_some_strains_makes_a_condition() -> None:
     material = Material.potential("3*tr^2 + 2*dev2 + dev2^2", reach=2.0)
-    found = solve(replace(survey("figure1", 4), material=material)).certify(exact=True).exact
+    problem = replace(survey("figure1", 4), material=material)
+    found = solve(problem).certify(exact=True).exact
     assert found is not None
-    assert np.isfinite(found.bound)
     assert not found.guaranteed
-    assert "holds for strains up to 2 only" in found.why
+    assert (
+        found.conditions == ("strains of the exact solution are within the reach 2 of the material",) == found.reasons
+    )
+    assert "conditional, no guarantee" in "\n".join(found.lines())
+    study = hv.study(problem, 1, exact=True)
+    assert study.kind_of_bound == "conditional bound"
+    assert study.levels[0].conditions == found.conditions
+    assert study.levels[0].bound == pytest.approx(found.bound, rel=1e-6)
+    assert study.levels[0].bound > study.levels[0].energy
+    assert any(str(column) == "conditional bound" for column in study_table(study).columns)
+    assert "conditional bound: if strains of the exact solution" in repr(study)
+
+
+def test_what_the_curvature_saves_is_that_within_the_reach() -> None:
+    """With a reach just above the strains there are no others to look at: the bound is that of the lower tensor."""
+    text = "3*tr^2 + 2*dev2 + 40*dev2^2"
+    wide = replace(survey("figure1", 4), material=Material.potential(text, reach=2.0))
+    found, u = judged(wide)
+    largest = largest_strain(discretize(wide), discretize(wide).field.restrict(u))  # type: ignore[union-attr]
+    near = replace(wide, material=Material.potential(text, reach=1.0001 * largest))
+    narrow = exact_distance(near, u, body_constants(discretize(near), Workspace()))
+    assert narrow.conditions
+    assert narrow.cells.sum() > 1.01 * found.cells.sum()
+
+
+def test_strains_beyond_the_reach_have_no_condition() -> None:
+    problem = replace(survey("figure1", 4), material=Material.potential("3*tr^2 + 2*dev2 + dev2^2", reach=1e-3))
+    found = judged(problem)[0]
+    assert not found.conditions
+    assert any("may lie outside of the reach 0.001 of the material" in one for one in found.reasons)
 
 
 @pytest.mark.parametrize(

@@ -83,6 +83,7 @@ def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
         guaranteed=found.guaranteed and math.isfinite(found.distance),
         reasons=found.reasons,
         conditions=found.conditions if math.isfinite(found.distance) else (),
+        unique=found.unique and math.isfinite(found.distance),
         misfit=parts.misfit,
         contact=parts.contact,
         oscillation=parts.oscillation,

@@ -128,6 +128,9 @@ class ExactDistance:
     conditions : tuple of str
         Those under which it is a bound, and all that stands between, one sentence each; empty if it is one, or if there
         are other reasons.
+    unique : bool
+        Whether the continuous problem is shown to have exactly one solution: c is below one, too, with the weak
+        convexity constants of the normal and of the tangential law everywhere, and the distance is guaranteed.
     """
 
     distance: float
@@ -144,6 +147,7 @@ class ExactDistance:
     facet_contact: Array
     facet_gap: Array
     conditions: tuple[str, ...] = ()
+    unique: bool = False
 
     __repr__ = brief
 
@@ -365,6 +369,7 @@ def _bound(
         found.value + correction, float(np.sqrt(data.energy)), parts, found.constant, found.theorem,
         not (reasons or conditions), (*reasons, *conditions), stress, _cells(stress.misfit, rest), rest.missed, nodes,
         found.facet_contact, found.facet_gap, tuple(conditions) if not reasons else (),
+        not (reasons or conditions) and (traces is None or _whole_constant(traces, constants) < 1.0),
     )  # fmt: skip
 
 
@@ -446,8 +451,7 @@ def _chosen(
     nearest = exact_gap(traces, forces)
     exact = nearest.multiplier
     near = tuple(part.max(axis=1) for part in one_sided_constants(traces, exact))
-    every = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
-    convex = tuple(part.reshape(traces.weights.shape).max(axis=1) for part in every)
+    convex = _convexity(traces)
 
     def constant(paying: tuple[BoolArray, BoolArray]) -> tuple[float, tuple[Array, Array]]:
         alpha = _softening(traces, *(np.where(*part) for part in zip(paying, convex, near, strict=True)))
@@ -484,6 +488,19 @@ def _chosen(
         if value < best.value:
             best = _Choice(value, c, rho, 1, gap.normal + gap.tangential, paid, alpha, paying, gap.weight)
     return replace(best, falls=int((np.isinf(near[0]) | np.isinf(near[1])).sum()))
+
+
+def _convexity(traces: ContactTraces) -> tuple[Array, Array]:
+    """The largest weak convexity constants of the normal and of the tangential law on the contact facets, (k,) each."""
+    parts = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
+    normal, tangential = (part.reshape(traces.weights.shape).max(axis=1) for part in parts)
+    return normal, tangential
+
+
+def _whole_constant(traces: ContactTraces, constants: TraceBounds) -> float:
+    """c for any two displacements, whatever the multiplier at one of them."""
+    corners = traces.data.table.mesh.points[traces.data.table.facets[traces.facets]]
+    return constants.softening(corners, *_softening(traces, *_convexity(traces))) + _coupling(traces, constants)
 
 
 def _contradiction(choice: _Choice, modes: SoftModes) -> str:
