@@ -134,6 +134,9 @@ def test_prescribed_displacements_grow_with_the_load() -> None:
         expected, there = hv.discretize(notched(2.0 * factor)), line.at(factor)
         np.testing.assert_allclose(there.load, expected.load, atol=1e-9 * np.abs(line.loaded.load).max())
         np.testing.assert_allclose(there.offset, expected.offset, atol=1e-12)
+        assert there.field is not None
+        assert expected.field is not None
+        np.testing.assert_allclose(there.field.prescribed, expected.field.prescribed, atol=1e-12)
 
 
 def test_load_steps_pass_where_points_let_go_one_after_the_other() -> None:

@@ -38,6 +38,7 @@ RIGHT: dict[str, dict[str, object]] = {
     "identify": {"problem": stated, "data": MEASURED, "parameters": {"k": (0.5, 2.0)}},
     "identifying": {"problem": stated, "data": MEASURED, "parameters": {"k": (0.5, 2.0)}},
     "march": {"evolution": EVOLUTION, "plan": hv.evolution.March(1.0, step=1.0)},
+    "bracket": {"problem": PROBLEM},
     "path": {"problem": PROBLEM},
     "plan_of": {"stated": STATED},
     "read_axis": {"text": "a=1:2:3"},

@@ -1,5 +1,10 @@
 """The public names of ``hemivar.branches`` and where each comes from; loaded on first use."""
 
+from .bracket import BracketOptions as BracketOptions
+from .bracket import LoadBracket as LoadBracket
+from .bracket import Reached as Reached
+from .bracket import bracketing as bracketing
+from .bracket import load_bracket as load_bracket
 from .chain import Chain as Chain
 from .chain import chain_of as chain_of
 from .follow import PathOptions as PathOptions

@@ -18,7 +18,7 @@ from hemivar.basics.disk import shown, write_text
 from hemivar.cli.certification import certify
 from hemivar.cli.comparison import compare
 from hemivar.cli.doctor import doctor
-from hemivar.cli.equilibria import path, solutions
+from hemivar.cli.equilibria import bracket, path, solutions
 from hemivar.cli.identifying import identify
 from hemivar.cli.law_study import laws
 from hemivar.cli.march_results import animate, history
@@ -190,8 +190,8 @@ def methods() -> int:
 
 
 _COMMANDS: tuple[Callable[..., int], ...] = (
-    solve, certify, solutions, path, march, history, animate, compare, study, sweep, identify, survey, new, laws,
-    materials, methods, doctor, studio,
+    solve, certify, solutions, path, bracket, march, history, animate, compare, study, sweep, identify, survey, new,
+    laws, materials, methods, doctor, studio,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command(_command.__name__)(_command)

@@ -1,4 +1,4 @@
-"""``hemivar solutions`` and ``hemivar path``: the equilibria of a problem, at its load and while it grows."""
+"""``hemivar solutions``, ``path`` and ``bracket``: the equilibria of a problem, at its load and while it grows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from hemivar.cli.options import (
 )
 from hemivar.cli.printing import StageView, console, print_head, print_table
 from hemivar.cli.session import Session
-from hemivar.cli.solving import check_drawable
+from hemivar.cli.solving import check_drawable, draw
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from hemivar.branches import SolutionSet
     from hemivar.report.tables import Table
 
-__all__ = ["path", "solutions"]
+__all__ = ["bracket", "path", "solutions"]
 
 _SHOWN = 12
 
@@ -246,3 +246,50 @@ def _rounded(values: Array) -> tuple[float, float]:
     small = 1e-12 * max(abs(end) for end in ends)
     low, high = (0.0 if abs(end) <= small else end for end in ends)
     return low, high
+
+
+def bracket(
+    problem: ProblemPath,
+    upto: Annotated[float, typer.Option(metavar="X", help="The largest load factor.")] = 5.0,
+    json: Json = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the body at the largest load that it carries.")
+    ] = None,
+    colour: Colour = None,
+    max_time: MaxTime = None,
+    given: Given = None,
+) -> int:
+    """Bracket the load that a body carries: the load grows from zero until no equilibrium is found.
+
+    A load that is not carried is a numerical finding.
+
+    Exit code 0 if the whole load is carried or the bracket is closed.
+    """
+    from hemivar.files import solution_record
+    from hemivar.solvers import Status
+    from hemivar.workflows import BracketOptions, result_of
+    from hemivar.workflows import bracket as work
+
+    check_colour(colour, {"--plot": plot})
+    outputs = {"--json": json, "--plot": plot, "--plot-contact": None, "--render": None}
+    session = Session(problem, outputs, max_time=max_time, given=given)
+    check_drawable(session.stated, None, None, colour)
+    options = BracketOptions(upto, session.controls.max_time)
+    with StageView(console()) as view:
+        found = result_of(work(session.stated.problem, options), view)
+    print_head(session.stated, found.solution.problem)
+    print(f"\n{found}")
+    record = {
+        "problem": session.stated.name,
+        "upto": found.upto,
+        "carried": found.carried,
+        "not_carried": found.not_carried,
+        "ended": found.ended.value,
+        "tried": found.tried,
+        "solution": solution_record(found.solution),
+    }
+    session.writer.write_record(json, record)
+    draw(session, found.solution, None, colour)
+    session.writer.tell()
+    code = Exit.CONVERGED if found.complete else Exit.NOT_CONVERGED
+    return session.writer.ended(Exit.INTERRUPTED if found.ended is Status.INTERRUPTED else code)

@@ -120,14 +120,14 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
         self._began = time.monotonic()
 
     def __call__(self, event: Event) -> None:
-        """Show a stage, a start of a search or a point of a path.
+        """Show a stage, a start of a search, a point of a path or a load factor of a bracket.
 
         Raises
         ------
         KeyboardInterrupt
             Nobody reads it.
         """
-        from hemivar.branches import PathProgress, SearchProgress
+        from hemivar.branches import PathProgress, Reached, SearchProgress
         from hemivar.workflows import Phase
 
         match event:
@@ -141,6 +141,8 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
                 self._show(", ".join(part for part in told if part), starts, planned or None)
             case PathProgress(points, load_factor):
                 self._show(f"{points} points, load factor {load_factor:.4g}")
+            case Reached(tried=tried):
+                self._show(f"{tried} load factors, carried {event.carried:.4g}")
         if unread():
             raise KeyboardInterrupt
 

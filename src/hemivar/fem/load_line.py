@@ -62,7 +62,10 @@ class LoadLine:
         return cls(problem, None if rest is None else discretize(rest, check_coercivity=False))
 
     def at(self, factor: float) -> DiscreteProblem:
-        """The problem at load factor ``factor``; matrices are shared."""
+        """The problem at load factor ``factor``; matrices are shared.
+
+        Where displacements are prescribed it has a model of its own, whose field has that part of them.
+        """
         if factor == 1.0:
             return self.loaded
         if not 0.0 <= abs(factor) < np.inf:
@@ -72,23 +75,29 @@ class LoadLine:
             return loaded.with_(load=factor * loaded.load)
         if isinstance(loaded.bulk, Potential) and isinstance(zero.bulk, Potential):
             return self._nonlinear(factor, zero)
-        return loaded.with_(
+        return self._displaced(factor, zero).with_(
             load=(1.0 - factor) * zero.load + factor * loaded.load,
             # The energy of prescribed displacements is quadratic in them.
             constant=zero.constant + factor**2 * (loaded.constant - zero.constant),
             offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
         )
 
+    def _displaced(self, factor: float, zero: DiscreteProblem) -> DiscreteProblem:
+        """The loaded problem, its field with a part of the prescribed displacements."""
+        field, first = self.loaded.field, zero.field
+        if field is None or first is None or np.array_equal(field.prescribed, first.prescribed):
+            return self.loaded
+        field = replace(field, prescribed=(1.0 - factor) * first.prescribed + factor * field.prescribed)
+        return replace(self.loaded, model=replace(self.loaded.model, space=Space((field,))), law_known=True)
+
     def _nonlinear(self, factor: float, zero: DiscreteProblem) -> DiscreteProblem:
         """That of a body that is not linear: what prescribed displacements leave of forces and energy follows W."""
-        loaded, fields, parts = self.loaded, (zero.field, self.loaded.field), (zero.bulk, self.loaded.bulk)
-        assert fields[0] is not None
-        assert fields[1] is not None
-        prescribed = (1.0 - factor) * fields[0].prescribed + factor * fields[1].prescribed
-        field = replace(fields[1], prescribed=prescribed)
+        loaded, displaced, parts = self.loaded, self._displaced(factor, zero), (zero.bulk, self.loaded.bulk)
+        field = displaced.field
+        assert field is not None
         first, last = cast(tuple[Potential, Potential], parts)
-        bulk = Potential(last.energy.from_field(prescribed.reshape(len(field.nodes), -1)))
-        model = replace(loaded.model, bulk=bulk, space=Space((field,)))
+        bulk = Potential(last.energy.from_field(field.prescribed.reshape(len(field.nodes), -1)))
+        model = replace(displaced.model, bulk=bulk)
         forces = (1.0 - factor) * (zero.load + first.initial_forces) + factor * (loaded.load + last.initial_forces)
         # The work of loads on prescribed displacements is quadratic in both; what these store is not.
         begin, end = zero.constant - first.initial_value, loaded.constant - last.initial_value

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hemivar.basics.arguments import expect, number, whole_number
+from hemivar.basics.generators import result_of
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
@@ -17,7 +19,7 @@ from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["LoadStepping"]
+__all__ = ["Climb", "LoadStepping", "Reached"]
 
 #: Part of the load that is rounding, the shortest step, and the residual of an equilibrium that rounding hides.
 _ROUNDED, _SHORTEST, _NEAR = 1e-9, 1e-5, 1e-8
@@ -106,24 +108,16 @@ class LoadStepping(Solver):
         return self.inner.refuse(problem)
 
     def begin(self, system: PosedSystem, start: State, budget: Budget) -> State:
-        climb = _Climb(self, system, LoadLine.to(system.problem), budget)
-        at, status = climb.to(0.0, start)
-        # Without its load a body that contact alone holds may have no equilibrium, and needs none.
-        at = at if status is Status.CONVERGED or status in STOPPED else start
-        low, failed, length = 0.0, np.inf, 1.0 / self.steps
-        while low < 1.0 and status not in STOPPED:
-            factor = self._next(low, failed, length)
-            found, status = climb.to(factor, at)
-            if status is Status.CONVERGED or status in STOPPED:
-                length = min(1.0 / self.steps, 2.0 * (factor - low))
-                low, at, failed = factor, found, failed if factor < failed else np.inf
-            elif self._close(low, factor):
-                return climb.left(at, low, factor, status)
-            else:
-                failed, at = factor, replace(at, evaluations=found.evaluations)
-        r = system.start(at.r)
-        here = State(r, system.multiplier(r), at.evaluations, status if status in STOPPED else None)
-        return here if here.ended is not None else self.inner.begin(system, here, budget)
+        found = result_of(Climb(self, system, LoadLine.to(system.problem), budget).up(start))
+        r = system.start(found.at.r)
+        here = State(r, system.multiplier(r), found.at.evaluations)
+        if found.status in STOPPED:
+            return replace(here, ended=found.status)
+        if found.low == 1.0:
+            return self.inner.begin(system, here, budget)
+        if found.status is Status.UNBOUNDED or system.problem.limit is not None:
+            return replace(here, ended=Status.NOT_CARRIED, carried=(found.low, found.failed))
+        return replace(here, ended=found.status)
 
     def _next(self, low: float, failed: float, length: float) -> float:
         """The next load factor: halfway to one that failed, and that one itself from close by."""
@@ -145,15 +139,98 @@ class LoadStepping(Solver):
 
 
 @dataclass(frozen=True, eq=False)
-class _Climb:
-    """Equilibria of a body while its load grows."""
+class Reached:
+    """How far the load has grown.
+
+    Attributes
+    ----------
+    at : State
+        The equilibrium of the largest load that has one; where the body began if there is none.
+    low, failed : float
+        Its load factor; the next one at which none was found, infinite where there is none.
+    length : float
+        Of the next step.
+    status : Status
+        How the last search ended.
+    tried : int
+        Load factors so far.
+    top : float
+        What is called a load factor of 1 here.
+    """
+
+    at: State
+    low: float
+    failed: float
+    length: float
+    status: Status
+    tried: int = 0
+    top: float = 1.0
+
+    @property
+    def carried(self) -> float:
+        """The largest load factor with an equilibrium."""
+        return self.top * self.low
+
+    @property
+    def not_carried(self) -> float | None:
+        """The next one at which none was found; None where there is none."""
+        return self.top * self.failed if self.failed < np.inf else None
+
+
+@dataclass(frozen=True, eq=False)
+class Climb:
+    """Equilibria of a body while its load grows.
+
+    Attributes
+    ----------
+    method : LoadStepping
+    system : PosedSystem
+        That of the full load.
+    line : LoadLine
+        The load, from nothing to the full one.
+    budget : Budget
+    top : float
+        The load factor of the full load, by which is reported.
+    """
 
     method: LoadStepping
     system: PosedSystem
     line: LoadLine
     budget: Budget
+    top: float = 1.0
 
-    def to(self, factor: float, start: State) -> tuple[State, Status]:
+    def up(self, start: State) -> Generator[Reached, bool | None, Reached]:
+        """Raise the load; yields what is reached after every load factor, and stops after it if it is sent True."""
+        at, status = self._to(0.0, start)
+        # Without its load a body that contact alone holds may have no equilibrium, and needs none.
+        at = at if status is Status.CONVERGED or status in STOPPED else start
+        reached, bracketed = Reached(at, 0.0, np.inf, 1.0 / self.method.steps, status, top=self.top), False
+        while reached.low < 1.0 and not bracketed and reached.status not in STOPPED:
+            try:
+                reached, bracketed = self._after(reached)
+                if (yield reached):
+                    raise KeyboardInterrupt
+            except KeyboardInterrupt:
+                return replace(reached, status=Status.INTERRUPTED)
+        return reached
+
+    def _after(self, reached: Reached) -> tuple[Reached, bool]:
+        """What is reached with the next load factor, and whether one that is not carried is close to one that is."""
+        low, failed = reached.low, reached.failed
+        factor = self.method._next(low, failed, reached.length)
+        found, status = self._to(factor, reached.at)
+        onward = replace(reached, status=status, tried=reached.tried + 1)
+        if status is Status.CONVERGED:
+            length = min(1.0 / self.method.steps, 2.0 * (factor - low))
+            return replace(
+                onward, at=found, low=factor, failed=failed if factor < failed else np.inf, length=length
+            ), False
+        at = replace(reached.at, evaluations=found.evaluations)
+        if status in STOPPED:
+            return replace(onward, at=at), False
+        return replace(onward, at=at, failed=factor), self.method._close(low, factor)
+
+    def _to(self, factor: float, start: State) -> tuple[State, Status]:
         """The equilibrium at a load factor, from that at another one; and how the search for it ended."""
         inner, system, budget = self.method.inner, self.system.for_problem(self.line.at(factor)), self.budget
         full = float(np.linalg.norm(self.system.problem.load))
@@ -164,9 +241,3 @@ class _Climb:
         if status not in STOPPED and system.residual(found.r, found.lam).total <= _NEAR * full:
             status = Status.CONVERGED
         return State(found.r, found.lam, start.evaluations + found.evaluations), status
-
-    def left(self, at: State, low: float, high: float, status: Status) -> State:
-        """The last equilibrium, where the next load has none."""
-        r, limited = self.system.start(at.r), status is Status.UNBOUNDED or self.system.problem.limit is not None
-        ended = State(r, self.system.multiplier(r), at.evaluations, Status.NOT_CARRIED if limited else status)
-        return replace(ended, carried=(low, high)) if limited else ended

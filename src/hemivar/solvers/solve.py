@@ -44,7 +44,7 @@ from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_moves import best_component
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["method_for", "solve", "solving", "suited"]
+__all__ = ["default_method", "method_for", "solve", "solving", "suited"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
@@ -141,7 +141,7 @@ def solving(
     workspace = Workspace.given(workspace)
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
-    solver = _default(problem, workspace) if given is None else _for_body(given, problem)
+    solver = default_method(problem, workspace) if given is None else _for_body(given, problem)
     controls = Controls() if controls is None else controls
     solver = solver if problem.limit is None else solver.downhill()
     if problem.law.state_dependent and not solver.handles_state:
@@ -161,14 +161,25 @@ def solving(
     return replace(found, remarks=(*found.remarks, LOWER)) if given is None and task.below(solver, found) else found
 
 
-def _default(problem: DiscreteProblem, workspace: Workspace) -> Solver:
-    """The method where none was asked for; what breaks is followed downhill from rest, as a load that grows does."""
+def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
+    """The method where none was asked for; what breaks is followed downhill from rest, as a load that grows does.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    workspace : Workspace
+        One that condenses the problem already makes a condensing method cheap.
+
+    Returns
+    -------
+    Solver
+    """
     chosen, reason = choose(problem)
     if workspace.condenses(problem) and not isinstance(chosen, NonsmoothNewton):
         chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, condensed already"
     logging.getLogger("hemivar").info("%s", reason)
     solver = _for_body(suited(chosen, problem), problem)
-    return solver.downhill() if _breaks(problem) else solver
+    return solver.downhill() if problem.limit is not None or _breaks(problem) else solver
 
 
 def _breaks(problem: DiscreteProblem) -> bool:

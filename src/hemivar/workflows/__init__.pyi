@@ -15,10 +15,13 @@ from .comparison import energy_norm_difference as energy_norm_difference
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Part as Part
 from .diagnosis import diagnose as diagnose
+from .equilibria import BracketOptions as BracketOptions
 from .equilibria import PathOptions as PathOptions
 from .equilibria import PathProgress as PathProgress
+from .equilibria import Reached as Reached
 from .equilibria import SearchProgress as SearchProgress
 from .equilibria import SolutionsOptions as SolutionsOptions
+from .equilibria import bracket as bracket
 from .equilibria import path as path
 from .equilibria import solutions as solutions
 from .events import CertificateEvent as CertificateEvent

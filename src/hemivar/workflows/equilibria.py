@@ -1,24 +1,38 @@
-"""All solutions of a problem, and the path of its equilibria while the load grows."""
+"""All solutions of a problem, the path of its equilibria while the load grows, and the load that it carries."""
 
 from __future__ import annotations
 
 from hemivar.basics.arguments import expecting
 from hemivar.branches import (
+    BracketOptions,
+    LoadBracket,
     Path,
     PathOptions,
     PathProgress,
     SearchProgress,
     SolutionSet,
     SolutionsOptions,
+    bracketing,
     finding,
     following,
 )
 from hemivar.fem import LoadLine
 from hemivar.fem.posed import Posable, posed
 from hemivar.mechanics import Statement
+from hemivar.solvers.load_stepping import Reached
 from hemivar.workflows.events import FoundEvent, WarningEvent, Work
 
-__all__ = ["PathOptions", "PathProgress", "SearchProgress", "SolutionsOptions", "path", "solutions"]
+__all__ = [
+    "BracketOptions",
+    "PathOptions",
+    "PathProgress",
+    "Reached",
+    "SearchProgress",
+    "SolutionsOptions",
+    "bracket",
+    "path",
+    "solutions",
+]
 
 
 @expecting(options=SolutionsOptions)
@@ -79,3 +93,31 @@ def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
     for warning in line.loaded.notes:
         yield WarningEvent(warning)
     return (yield from following(line.loaded, options, unloaded=line.unloaded))
+
+
+@expecting(options=BracketOptions)
+def bracket(problem: Posable, options: BracketOptions | None = None) -> Work[LoadBracket]:
+    """The load that a body carries, between two load factors.
+
+    Yields every load factor, and :class:`WarningEvent` of the solution.  An interruption ends it with the bracket so
+    far.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    options : BracketOptions, optional
+
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`LoadBracket`.
+
+    Raises
+    ------
+    ProblemError, MethodError
+        As :func:`hemivar.branches.load_bracket`.
+    """
+    found = yield from bracketing(problem, BracketOptions() if options is None else options)
+    for warning in found.solution.warnings:
+        yield WarningEvent(warning)
+    return found

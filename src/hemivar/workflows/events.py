@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from hemivar.certificates import Certificate
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.solvers import Progress, Solution, Solver
+    from hemivar.solvers.load_stepping import Reached
 
 __all__ = [
     "CertificateEvent",
@@ -29,8 +30,9 @@ __all__ = [
 
 
 class Notice:
-    """Base of all events but the steps of a solve, :class:`~hemivar.solvers.Progress`, the starts of a search and the
-    points of a path, :class:`~hemivar.branches.SearchProgress` and :class:`~hemivar.branches.PathProgress`."""
+    """Base of all events but the steps of a solve, :class:`~hemivar.solvers.Progress`, the starts of a search, the
+    points of a path and the load factors of a bracket: :class:`~hemivar.branches.SearchProgress`,
+    :class:`~hemivar.branches.PathProgress` and :class:`~hemivar.branches.Reached`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +127,6 @@ class CertificateEvent(Notice):
 Result = TypeVar("Result")
 
 #: What a use case yields.
-Event: TypeAlias = "Progress | SearchProgress | PathProgress | Notice"
+Event: TypeAlias = "Progress | SearchProgress | PathProgress | Reached | Notice"
 #: A use case at work: it yields events, ends early after a step if it is sent True, and returns its result.
 Work: TypeAlias = Generator[Event, bool | None, Result]

@@ -1,0 +1,208 @@
+"""What a body carries: the load grows from zero until no equilibrium is found."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from hemivar.basics.arguments import number
+from hemivar.basics.deadline import Budget
+from hemivar.basics.display import brief
+from hemivar.basics.generators import result_of
+from hemivar.basics.known_keywords import known_keywords
+from hemivar.coercivity.free_motion import refuse_free_motion
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError, SupportError
+from hemivar.fem import LoadLine, discretize
+from hemivar.fem.posed import Posable, posed
+from hemivar.linear.threads import one_thread
+from hemivar.mechanics import Statement
+from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
+from hemivar.solvers.base import PosedSystem, State
+from hemivar.solvers.load_stepping import Climb, Reached
+from hemivar.solvers.solve import default_method
+from hemivar.solvers.status import STOPPED
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["BracketOptions", "LoadBracket", "Reached", "bracketing", "load_bracket"]
+
+#: Part of a load that a body must carry to be held at all, and below which nothing of it counts as carried.
+_SMALL, _NOTHING = 1e-6, 1e-9
+
+
+@dataclass(frozen=True)
+class BracketOptions:
+    """How far the load grows; see :func:`load_bracket`.
+
+    Parameters
+    ----------
+    upto : float
+        The largest load factor, > 0.
+    max_time : float
+        Limit in seconds.
+
+    Raises
+    ------
+    ProblemError
+        ``upto`` is not positive and finite.
+    """
+
+    upto: float = 5.0
+    max_time: float = np.inf
+
+    def __post_init__(self) -> None:
+        if not 0.0 < number(self.upto, "upto", "give the largest load factor") < np.inf:
+            raise ProblemError(f"upto is {self.upto}; give the largest load factor, a finite number > 0")
+        Budget(self.max_time)
+
+
+@dataclass(frozen=True, eq=False)
+class LoadBracket:
+    """Load factors between which a body fails, see :func:`load_bracket`.
+
+    Attributes
+    ----------
+    carried : float
+        The largest load factor with an equilibrium that was reached from zero load.
+    not_carried : float or None
+        The least load factor above it at which none was found; None where none failed.
+    solution : Solution
+        The equilibrium at ``carried``; ``solution.problem`` has that load.
+    upto : float
+        The largest load factor that was asked for.
+    ended : Status
+        How the last search ended: CONVERGED where ``upto`` is carried, else how that at ``not_carried`` failed. After
+        MAX_TIME, INTERRUPTED or OUT_OF_MEMORY the bracket may be wider.
+    tried : int
+        Load factors that were tried.
+    """
+
+    carried: float
+    not_carried: float | None
+    solution: Solution
+    upto: float
+    ended: Status
+    tried: int
+
+    __repr__ = brief
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole load is carried or the bracket is closed; False after a time limit or an interruption."""
+        return self.ended not in STOPPED
+
+    @property
+    def wide(self) -> bool:
+        """Whether the bracket is open by more than 1 % of its upper end, and that is more than nothing."""
+        low, high = self.carried, self.not_carried
+        return high is not None and high > _NOTHING and high - low > LoadStepping().width * high
+
+    def __str__(self) -> str:
+        if self.ended is Status.CONVERGED:
+            return f"carries the load up to the factor {self.upto:g}, the largest that was tried"
+        found = f"equilibria up to the load factor {self.carried:.4g}"
+        found = found if self.carried else "carries nothing" if self.complete else "no equilibrium under load yet"
+        none = "" if self.not_carried is None else f", no equilibrium found at {self.not_carried:.4g}"
+        how = "the search ended there" if self.complete else "the bracket is not closed"
+        return f"{found}{none} ({how}: {self.ended.value})"
+
+
+@known_keywords
+def load_bracket(
+    problem: Posable, upto: float = 5.0, *, max_time: float = np.inf, workspace: Workspace | None = None
+) -> LoadBracket:
+    """Bracket the load that a body carries to 1 %.
+
+    The load grows from zero, with the prescribed displacements; each equilibrium is the start of the next. Where none
+    is found the step is halved, until the largest load factor with an equilibrium and one without differ by 1 %.  This
+    works for every law and every body that :func:`hemivar.solve` treats, as :class:`hemivar.solvers.LoadStepping` does.
+
+    That a load is *not carried* is a numerical finding, not a proof: the method found no equilibrium downhill from that
+    of a slightly smaller load.  A body that jumps to another equilibrium carries its load there.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
+        The problem at load factor 1.
+    upto : float
+        The largest load factor.
+    max_time : float
+        Limit in seconds; the bracket is then that reached so far.
+    workspace : Workspace, optional
+        Keeps what is expensive for other calls on the same body.
+
+    Returns
+    -------
+    LoadBracket
+
+    Raises
+    ------
+    SupportError
+        Nothing holds the body even against a small part of its load.
+    MethodError, ProblemError
+        As :func:`hemivar.solve`.
+    """
+    return result_of(bracketing(problem, BracketOptions(upto, max_time), workspace=workspace))
+
+
+def bracketing(
+    problem: Posable, options: BracketOptions, *, workspace: Workspace | None = None
+) -> Generator[Reached, bool | None, LoadBracket]:
+    """:func:`load_bracket` load by load: yields every load factor, ends after it if it is sent True.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    options : BracketOptions
+    workspace : Workspace, optional
+
+    Yields
+    ------
+    Reached
+        Every load factor; the generator returns a :class:`LoadBracket`.
+
+    Raises
+    ------
+    ProblemError, MethodError
+        As :func:`load_bracket`.
+    """
+    line, kept, budget = LoadLine.to(_loaded(problem)), Workspace.given(workspace), Budget(options.max_time)
+    found = yield from _within(line, options.upto, kept, budget, options, 0)
+    while found.complete and found.wide:  # steps that are parts of a smaller load are small enough
+        assert found.not_carried is not None
+        found = yield from _within(line, found.not_carried, kept, budget, options, found.tried)
+    return found
+
+
+def _loaded(problem: Posable) -> DiscreteProblem:
+    """The problem at load factor 1; one that only a smaller load leaves in its place is let pass."""
+    if not isinstance(problem, Statement):
+        return posed(problem, "load_bracket")
+    try:
+        return discretize(problem)
+    except SupportError:
+        loaded = discretize(problem, check_coercivity=False)
+        refuse_free_motion(loaded.with_(load=_SMALL * loaded.load))
+        return loaded
+
+
+def _within(
+    line: LoadLine, upto: float, kept: Workspace, budget: Budget, options: BracketOptions, tried: int
+) -> Generator[Reached, bool | None, LoadBracket]:
+    """The bracket by steps that are parts of a load factor."""
+    loaded = line.at(upto)
+    method = LoadStepping(default_method(loaded, kept)).for_tolerance(Controls().rtol)
+    assert isinstance(method, LoadStepping)
+    with one_thread(not method.condenses):
+        system = cast(PosedSystem, method.prepare(loaded, kept))
+        r = system.start()
+        climb = Climb(method, system, LoadLine(loaded, line.unloaded), budget, upto)
+        reached = yield from climb.up(State(r, system.multiplier(r)))
+        unknowns = system.recover(reached.at.r, reached.at.lam)[0]
+    solution = solve(line.at(reached.carried), method.inner, initial=unknowns, workspace=kept)
+    return LoadBracket(
+        reached.carried, reached.not_carried, solution, options.upto, reached.status, tried + reached.tried
+    )

@@ -1,0 +1,346 @@
+"""What a body carries, against closed forms, the path, and other units."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import hemivar as hv
+from hemivar import cli
+from hemivar.basics.generators import result_of
+from hemivar.branches import BracketOptions, LoadBracket, Reached, bracketing, load_bracket
+from hemivar.errors import ProblemError, SupportError
+from hemivar.fem import LoadLine
+from hemivar.laws import BenzeggaghKenane, BilinearCohesion, ContactLaw, MixedMode, ModeDependentGlue, SlipTable
+from hemivar.mesh import Mesh
+from hemivar.solvers import NonsmoothNewton, Status
+
+STIFF = hv.Material.lame(4e3, 4e3)
+PLANE, SPACE = hv.rectangle((1.0, 1.0), 4), hv.box((1.0, 1.0, 1.0), 2)
+#: Opening: 24 mm^-1 up to 2.0; shear: 3.0.
+CRITERION = BenzeggaghKenane(0.5, 0.9, 2.0)
+GLUE = ModeDependentGlue(2.0, 3.0, 24.0, CRITERION)
+SLIP = SlipTable(2.0, [0.0, 0.1, 0.5], [0.0, 1.0, 0.0])
+
+
+def encloses(found: LoadBracket, limit: float) -> None:
+    """The limit load lies in the bracket, which is closed to 1 %; its lower end is an equilibrium."""
+    assert found.not_carried is not None
+    assert found.carried <= limit * (1.0 + 1e-9)
+    assert found.not_carried >= limit * (1.0 - 1e-3)
+    assert found.not_carried - found.carried <= 0.01 * found.not_carried
+    assert found.complete
+    assert found.ended is not Status.CONVERGED
+    assert found.solution.status is Status.CONVERGED
+
+
+def pushed(contact: hv.Contact, load: tuple[float, ...], mesh: Mesh = PLANE) -> hv.ContactProblem:
+    """A stiff block that contact alone holds, loaded on its contact boundary: the same everywhere along it."""
+    return hv.ContactProblem(mesh=mesh, material=STIFF, contact={"bottom": contact}, tractions={"bottom": load})
+
+
+# ---- one point ----------------------------------------------------------------------------------------------------
+
+
+def point(softening: float, stiffness: object, load: object, trace: object) -> hv.DiscreteProblem:
+    """One point of glue, strength 2.4 at an opening of 0.1, on springs."""
+    law = ContactLaw(hv.Adhesive(24.0, 2.4, softening, 72.0)).at(None)
+    return hv.DiscreteProblem.of_arrays(
+        sp.csr_array(np.array(stiffness)), np.array(load), sp.csr_array(np.array(trace)), np.ones(1), np.zeros(1), law
+    )
+
+
+@pytest.mark.parametrize("softening", [6.0, 36.0])
+def test_a_point_that_is_pulled_through_a_spring_carries_its_strength(softening: float) -> None:
+    """The spring of stiffness 12 passes the force on, however the glue softens."""
+    spring = [[12.0, -12.0], [-12.0, 12.0]]
+    found = load_bracket(point(softening, spring, [1.0, 0.0], [[0.0, -1.0]]))
+    encloses(found, 2.4)
+    opening = found.carried / 24.0
+    np.testing.assert_allclose(found.solution.unknowns, [opening + found.carried / 12.0, opening], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("softening", "opening"), [(6.0, 1.0 / 3.0), (36.0, 5.0 / 12.0)])
+def test_a_point_beside_a_spring_carries_everything(softening: float, opening: float) -> None:
+    """12 w + t(w) = 5: with the fall 6 the glue holds still, with 36 it has jumped to broken on the way."""
+    found = load_bracket(point(softening, [[12.0]], [1.0], [[-1.0]]))
+    assert (found.carried, found.not_carried, found.ended) == (5.0, None, Status.CONVERGED)
+    assert found.solution.unknowns[0] == pytest.approx(opening, rel=1e-9)
+    assert str(found) == "carries the load up to the factor 5, the largest that was tried"
+
+
+def test_a_body_that_nothing_holds_carries_nothing() -> None:
+    spring, law = sp.csr_array(np.array([[1.0, -1.0], [-1.0, 1.0]])), ContactLaw(hv.Signorini()).at(None)
+    trace = sp.csr_array(np.array([[0.0, -1.0]]))
+    found = load_bracket(
+        hv.DiscreteProblem.of_arrays(spring, np.array([1.0, 0.0]), trace, np.ones(1), np.zeros(1), law)
+    )
+    assert found.carried == 0.0
+    assert found.not_carried is not None
+    assert found.not_carried < 1e-8
+    assert str(found).startswith("carries nothing, no equilibrium found at ")
+
+
+@pytest.mark.parametrize("limit", [2.3, 2.3e-3, 2.3e-6])
+def test_a_small_part_of_the_load_is_bracketed_as_closely(limit: float) -> None:
+    spring = [[12.0, -12.0], [-12.0, 12.0]]
+    encloses(load_bracket(point(6.0, spring, [2.4 / limit, 0.0], [[0.0, -1.0]])), limit)
+
+
+# ---- uniform strips -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mesh", [PLANE, SPACE], ids=["plane", "space"])
+@pytest.mark.parametrize(("opening", "shear"), [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (0.3, 1.0)])
+def test_a_strip_of_mode_dependent_glue_carries_the_strength_of_its_mode(
+    mesh: Mesh, opening: float, shear: float
+) -> None:
+    """Damage begins at rho_0^2 = w_0^2 + (s_0^2 - w_0^2) B^eta, where a dead load has its limit."""
+    ratio = np.sqrt(0.5 / 0.9) * 3.0 / 2.0
+    mode = (shear / ratio) ** 2 / (opening**2 + (shear / ratio) ** 2)
+    first, second = 2.0 / 24.0, 3.0 / (ratio * 24.0)
+    onset = np.sqrt(first**2 + (second**2 - first**2) * mode**2.0)
+    limit = 24.0 * onset / np.hypot(opening, shear / ratio)
+    load = (shear, *(0.0,) * (mesh.dim - 2), opening)
+    encloses(load_bracket(pushed(hv.Contact(GLUE), load, mesh)), limit)
+
+
+def test_a_load_beside_friction_is_bracketed_by_the_bound() -> None:
+    """A block that is pressed on and pushed along: discretising it is refused, and half of its load is carried."""
+    pressed = pushed(hv.Contact(hv.Compliance(100.0), hv.Tresca(0.3)), (0.6, -1.0))
+    with pytest.raises(SupportError):
+        hv.discretize(pressed)
+    encloses(load_bracket(pressed), 0.5)
+
+
+def test_what_no_part_of_the_load_leaves_in_its_place_is_refused() -> None:
+    with pytest.raises(SupportError, match=r"translation \(1, 0\)"):
+        load_bracket(pushed(hv.Contact(hv.Compliance(100.0)), (0.6, -1.0)))
+
+
+def test_coulomb_friction_and_glue() -> None:
+    block = replace(pushed(hv.Contact(hv.Adhesive(24.0, 2.0, 6.0, 72.0), hv.Coulomb(0.3)), (0.0, 1.0)))
+    encloses(load_bracket(replace(block, supports={"left": "roller"})), 2.0)
+
+
+def test_a_nonlinear_body() -> None:
+    soft = replace(pushed(hv.Contact(GLUE), (0.0, 1.0)), material=hv.Material.hencky(4e3, 4e3, 0.25, 0.001))
+    encloses(load_bracket(soft), 2.0)
+
+
+def test_a_scalar_problem() -> None:
+    shear = hv.ScalarProblem(
+        mesh=PLANE,
+        coefficient=4e3,
+        contact={"bottom": hv.ScalarContact(SLIP)},
+        fluxes={"top": 1.0},
+        kind="antiplane",
+    )
+    encloses(load_bracket(shear), 2.0)
+
+
+def test_prescribed_displacements_grow_with_the_load() -> None:
+    held = hv.ContactProblem(
+        mesh=PLANE, material=STIFF, contact={"bottom": hv.Contact(GLUE)}, supports={"top": hv.Fixed(x=0.0, y=0.1)}
+    )
+    found = load_bracket(held, upto=2.0)
+    assert found.carried == 2.0
+    top = found.solution.displacement[held.mesh.points[:, 1] > 1.0 - 1e-9]
+    np.testing.assert_allclose(top, np.tile([0.0, 0.2], (len(top), 1)), atol=1e-12)
+
+
+# ---- another method, other units, other steps ----------------------------------------------------------------------
+
+
+def lever(size: float = 1.0, stress: float = 1.0, contact: hv.Contact | None = None) -> hv.ContactProblem:
+    """A beam that glue along its foot holds, pulled up at its end; stress and length in other units."""
+    glue = MixedMode(BilinearCohesion(2.0 * stress, 0.5 * stress * size, 24.0 * stress / size), 1.0)
+    return hv.ContactProblem(
+        mesh=hv.rectangle((4.0 * size, 1.0 * size), (16, 4)),
+        material=hv.Material.young(200.0 * stress, 0.3),
+        contact={"bottom": hv.Contact(glue) if contact is None else contact},
+        tractions={"right": (0.0, 0.1 * stress)},
+    )
+
+
+def test_the_limit_load_of_the_path_lies_in_the_bracket() -> None:
+    own = hv.Contact(hv.Adhesive(24.0, 2.0, 6.0, 72.0), SLIP)
+    limit = hv.follow_path(lever(contact=own), (0.0, 50.0)).limit_load
+    assert limit is not None
+    encloses(load_bracket(lever(contact=own), upto=50.0), limit)
+
+
+@pytest.mark.parametrize(("size", "stress"), [(1e3, 1e-6), (1e-3, 1e6), (1e3, 1.0)])
+def test_units_do_not_change_it(size: float, stress: float) -> None:
+    ours, theirs = load_bracket(lever(), 30.0), load_bracket(lever(size, stress), 30.0)
+    assert ours.not_carried is not None
+    assert (theirs.carried, theirs.not_carried) == (ours.carried, ours.not_carried)
+
+
+TOPS = (30.0, 47.0, 400.0)
+
+
+def test_the_largest_load_that_is_tried_does_not_change_what_is_carried() -> None:
+    limits = [(found.carried, found.not_carried) for found in (load_bracket(lever(), upto) for upto in TOPS)]
+    assert max(low for low, _ in limits) <= 1.01 * min(high or 0.0 for _, high in limits)
+
+
+def test_a_solve_brackets_its_load_in_the_same_way() -> None:
+    """There is one continuation; a solve of the largest load says the same as part of that load."""
+    found, solution = load_bracket(lever(), 30.0), hv.solve(LoadLine.of(lever()).at(30.0))
+    assert solution.carried is not None
+    assert found.not_carried is not None
+    np.testing.assert_allclose(30.0 * np.array(solution.carried), (found.carried, found.not_carried), rtol=1e-12)
+
+
+# ---- own continuation of glue with two fracture energies ------------------------------------------------------------
+
+
+def own_traction(r: np.ndarray) -> np.ndarray:
+    """Multipliers (m, 2) of :data:`GLUE` with a spring of 1e4 in compression, written down anew."""
+    ratio = 0.5 / 0.9 * (3.0 / 2.0) ** 2
+    shear = ratio * r[:, 1] ** 2
+    rho = np.sqrt(np.maximum(-r[:, 0], 0.0) ** 2 + shear) + 1e-150
+    mixed = np.minimum(shear / rho**2, 1.0) ** 2.0
+    onset = np.sqrt((2.0 / 24.0) ** 2 + (9.0 / 24.0**2 / ratio - (2.0 / 24.0) ** 2) * mixed)
+    last = 2.0 * (0.5 + 0.4 * mixed) / (24.0 * onset)
+    falling = 24.0 * onset * (last - rho) / ((last - onset) * rho)
+    secant = np.where(rho <= onset, 24.0, np.where(rho < last, falling, 0.0))
+    return np.stack([np.where(r[:, 0] < 0.0, secant, 1e4) * r[:, 0], ratio * secant * r[:, 1]], axis=1)
+
+
+def own_limit(matrix: np.ndarray, load: np.ndarray, weights: np.ndarray) -> float:
+    """The largest t on the path of A r + W lam(r) = t g, by Newton's method in the arc length."""
+    m, w = len(weights), np.repeat(weights, 2)
+
+    def system(r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        at, tangent = r.reshape(m, 2), matrix.copy()
+        for k, part in enumerate(np.eye(2) * 1e-7 * np.abs(r).max(initial=1e-3)):
+            slope = (own_traction(at + part) - own_traction(at - part)) / (2.0 * part[k])
+            for i in range(2):
+                tangent[2 * np.arange(m) + i, 2 * np.arange(m) + k] += weights * slope[:, i]
+        return matrix @ r + w * own_traction(at).ravel(), tangent
+
+    r, t, length = np.zeros(2 * m), 0.0, 0.3
+    first = np.linalg.solve(system(r)[1], load)
+    size, best = np.abs(first).max(), 0.0
+    way = np.append(first / size, 1.0) / np.linalg.norm(np.append(first / size, 1.0))
+    while t >= 0.8 * best and length > 1e-7:
+        q, s = r + length * size * way[:-1], t + length * way[-1]
+        for _ in range(12):
+            force, tangent = system(q)
+            missed = np.append(force - s * load, ((q - r) / size) @ way[:-1] + (s - t) * way[-1] - length)
+            if np.abs(missed).max() < 1e-10 * np.abs(load).max():
+                way = np.append((q - r) / size, s - t) / length
+                r, t, best, length = q, s, max(best, s), min(2.0 * length, 0.3)
+                break
+            border = np.append(way[:-1] / size, way[-1])
+            change = np.linalg.solve(np.block([[tangent, -load[:, None]], [border[None]]]), -missed)
+            q, s = q + change[:-1], s + change[-1]
+        else:
+            length *= 0.5
+    return best
+
+
+def test_glue_with_two_fracture_energies_against_own_continuation() -> None:
+    glue = ModeDependentGlue(2.0, 3.0, 24.0, CRITERION, compression=hv.Compliance(1e4))
+    stated = lever(contact=hv.Contact(glue))
+    body = hv.systems.condense(hv.discretize(stated))
+    limit = 20.0 * own_limit(body.matrix, 20.0 * body.load, body.weights)
+    assert 20.0 < limit < 25.0
+    encloses(load_bracket(stated, 30.0), limit)
+
+
+# ---- ends ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_time_limit_leaves_the_bracket_so_far() -> None:
+    found = load_bracket(lever(), 20.0, max_time=0.0)
+    assert (found.carried, found.ended, found.complete) == (0.0, Status.MAX_TIME, False)
+    assert str(found) == "no equilibrium under load yet (the bracket is not closed: max_time)"
+
+
+@pytest.mark.parametrize("way", ["asked", "keyboard"])
+def test_it_ends_after_a_load_factor_where_it_is_asked_to(way: str) -> None:
+    seen: list[Reached] = []
+
+    def stop(reached: Reached) -> bool:
+        seen.append(reached)
+        if way == "keyboard" and len(seen) == 3:
+            raise KeyboardInterrupt
+        return len(seen) == 3
+
+    found = result_of(bracketing(lever(), BracketOptions(1.0)), stop)
+    assert [one.tried for one in seen] == [1, 2, 3]
+    assert (found.ended, found.tried, found.carried) == (Status.INTERRUPTED, 3, seen[-1].carried)
+    assert seen[0].carried == pytest.approx(0.1)
+    assert found.solution.status is Status.CONVERGED
+
+
+def test_an_interruption_while_a_load_factor_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    step, taken = NonsmoothNewton.step, list[int]()
+
+    def interrupted(self: NonsmoothNewton, *arguments: object) -> object:
+        taken.append(1)
+        if len(taken) == 5:
+            raise KeyboardInterrupt
+        return step(self, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(NonsmoothNewton, "step", interrupted)
+    found = load_bracket(lever(), 20.0)
+    assert found.ended is Status.INTERRUPTED
+    assert not found.complete
+
+
+def test_mistakes_are_named() -> None:
+    with pytest.raises(ProblemError, match="upto is -1"):
+        load_bracket(lever(), -1.0)
+    with pytest.raises(ProblemError, match="upto is 'high'; give the largest load factor"):
+        load_bracket(lever(), "high")  # type: ignore[arg-type]
+
+
+# ---- the command --------------------------------------------------------------------------------------------------
+
+STRIP = """
+[mesh]
+rectangle = [1.0, 1.0]
+cells = 4
+[material]
+lame = [4e3, 4e3]
+[loads]
+traction = { bottom = [0.0, 1.0] }
+[contact.bottom]
+normal = { law = "mode-dependent", strength = 2.0, shear_strength = 3.0, energy = 0.5, shear_energy = 0.9, \
+stiffness = 24.0, exponent = 2.0 }
+"""
+
+
+def test_the_command_prints_and_writes_the_bracket(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, out, picture = tmp_path / "strip.toml", tmp_path / "b.json", tmp_path / "b.png"
+    file.write_text(STRIP)
+    assert cli.main(["bracket", str(file), "--json", str(out), "--plot", str(picture)]) == 0
+    record = json.loads(out.read_text())
+    printed = re.search(
+        r"equilibria up to the load factor (\S+), no equilibrium found at (\S+) ", capsys.readouterr().out
+    )
+    assert printed is not None
+    assert float(printed.group(1)) == pytest.approx(record["carried"], rel=1e-3)
+    assert record["carried"] <= 2.0 <= record["not_carried"] <= 1.01 * record["carried"]
+    assert record["ended"] == "unbounded"
+    assert record["solution"]["resultants"]["normal_force"] == pytest.approx(-record["carried"], rel=1e-6)
+    assert picture.stat().st_size > 1000
+
+
+def test_the_command_says_that_everything_is_carried(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, out = tmp_path / "strip.toml", tmp_path / "b.json"
+    file.write_text(STRIP)
+    assert cli.main(["bracket", str(file), "--upto", "1.5", "--json", str(out)]) == 0
+    assert "carries the load up to the factor 1.5, the largest that was tried" in capsys.readouterr().out
+    assert json.loads(out.read_text())["not_carried"] is None
+    assert cli.main(["bracket", str(file), "--upto", "nan"]) == 2
