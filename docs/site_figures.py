@@ -35,7 +35,7 @@ SECTIONS = {
         "bounce", "stick_slip", "relaxation", "wear", "delayed_failure", "bar_impact", "thermoviscoelastic",
     ),
     "Exactness": ("exact_distance", "adaptive_mesh"),
-    "Verification": ("patch_test", "hertz_obstacle", "curved_contact"),
+    "Verification": ("patch_test", "hertz_obstacle", "curved_contact", "double_cantilever"),
     "Matrices of other codes": ("bar_from_arrays", "own_matrix_from_fem"),
 }  # fmt: skip
 _ORDER = tuple(name for names in SECTIONS.values() for name in names)
