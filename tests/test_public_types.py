@@ -27,7 +27,7 @@ SCALAR = (gallery.membrane_obstacle(8), gallery.antiplane_friction(4))
 
 #: What users do not make themselves.
 NOT_MADE = {
-    "BondedStep", "FractureCriterion",
+    "FractureCriterion",
     "WinklerFoundation", "Frame", "Interval", "InvariantEnergy", "Invariants", "IsotropicBounds", "LawDescription",
     "LawKink", "Linearisation", "LocalStep", "MaterialDescription", "MaterialReport", "MemoryChain", "Row", "StepEvent",
     "StoredEnergy",
@@ -125,7 +125,6 @@ def examples() -> dict[str, list[object]]:
         hv.laws.PowerCriterion(1.0, 2.0, 1.0),
         hv.laws.ModeDependentGlue(1.0, 1.5, 10.0, hv.laws.BenzeggaghKenane(1.0, 2.0, 2.0)),
         hv.laws.PlasticBond(1.0, 1.0, 1.0, 1.0, 1.0),
-        hv.laws.PlasticBond(1.0, 1.0, 1.0, 1.0, 1.0).start(),
         hv.laws.CoulombBound(0.3),
         hv.laws.PenetrationBound("min(8*s, 0.8)", 3.0),
         hv.laws.PenetrationBound(([0.0, 1.0], [0.0, 2.0])),

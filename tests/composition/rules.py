@@ -81,8 +81,6 @@ RULES = (
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, _MARCHES, normal=("saw-tooth",)),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, normal=("saw-tooth",), beside=TIMED),
     Rule("snaps in series", _NOT_IN_TIME, normal=("saw-tooth",), beside=("wear", "creep")),
-    Rule("depends on the direction of the slip", _NOT_IN_TIME, _MARCHES, friction=("orthotropic",)),
-    Rule("depends on the direction of the slip", _NOT_IN_TIME, friction=("orthotropic",), beside=TIMED),
     Rule(
         "which a problem file cannot say",
         "A problem file says laws by name, by a table or by a formula; this one has no name there.",

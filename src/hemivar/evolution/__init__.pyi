@@ -1,7 +1,5 @@
 """The public names of ``hemivar.evolution`` and where each comes from; loaded on first use."""
 
-from .bonded_steps import BondedStep as BondedStep
-from .bonded_steps import bonded_steps as bonded_steps
 from .evolution_problem import Evolution as Evolution
 from .evolution_problem import Mass as Mass
 from .history import Frame as Frame

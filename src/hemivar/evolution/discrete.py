@@ -166,7 +166,8 @@ class DiscreteEvolution(PickleMixin):
     def _whether(self, chosen: Callable[[VectorLaw], bool]) -> BoolArray:
         found = np.zeros(self.problem.contact_points, dtype=bool)
         for name, index in self.blocks:
-            found[index] = chosen(law_of(self.contacts[name]))
+            contact = self.contacts[name]
+            found[index] = MemoryChain(contact.memory).couples or chosen(law_of(contact))
         return found
 
     def counted(self, local: Array, before: Array, index: IntArray | slice = slice(None)) -> Array:

@@ -44,7 +44,6 @@ from hemivar.laws.friction import (
 )
 from hemivar.laws.memory import (
     Bonding,
-    BondState,
     DampedContact,
     LocalStep,
     Memory,
@@ -83,7 +82,6 @@ __all__ = [
     "BenzeggaghKenane",
     "Bilateral",
     "BilinearCohesion",
-    "BondState",
     "Bonding",
     "Capped",
     "Compliance",

@@ -9,12 +9,11 @@ from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState
 from hemivar.laws.memory.damage import Secant, SlipSum
 from hemivar.laws.memory.damped import DampedContact
 from hemivar.laws.memory.in_series import ViscousFoundation, Wear
-from hemivar.laws.memory.plastic_bond import BondState, PlasticBond
+from hemivar.laws.memory.plastic_bond import PlasticBond
 from hemivar.laws.memory.rate_and_state import RateAndState
 from hemivar.laws.memory.step_law import MemoryChain, law_of_step
 
 __all__ = [
-    "BondState",
     "Bonding",
     "DampedContact",
     "LocalStep",

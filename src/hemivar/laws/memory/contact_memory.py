@@ -115,6 +115,9 @@ class Memory(PickleMixin, ABC):
     #: Whether it makes the friction law of the step.
     takes_friction: bool = False
 
+    #: Whether the law of the step couples opening and slip, and is one of the whole slip.
+    couples: bool = False
+
     def values(self, points: Array | None = None) -> dict[str, Array]:
         """The parameters at the contact points, checked, each of shape (1,) or (m,)."""
         return self._resolved if points is None else self._evaluated(points)

@@ -5,9 +5,9 @@ Stored per area, with the opening w, the slip s, the bond beta (1 or 0) and the 
 Opening breaks the bond at the energy a0.  In shear the plastic slip takes more (Roubicek, Mantic and Panagiotopoulos
 2013), ``G_II = a0 + (t_c^2 - sigma_y^2)/(2 kappa)`` with the traction at the break ``t_c = sqrt(2 k_t a0) > sigma_y``.
 
-A step is solved in two parts that alternate: with the bonds of the step before, displacement and plastic slip minimise
-the energy; then the bonds whose energy has reached a0 break.  With pi minimised at each point the first part is a law:
-with ``c = (1 + kappa/k) pi_n``, ``k = beta k_t`` and ``y = |s - c|``
+In a step two parts alternate: with the bonds as they are, displacement and plastic slip minimise the energy; then the
+bonds break whose energy has reached a0.  With pi minimised at each point the first part is a law: with ``c = (1 +
+kappa/k) pi_n``, ``k = beta k_t`` and ``y = |s - c|``
 
     j_tau(s) = k y^2/2 - <k y - sigma_y>^2 / (2 (k + kappa)) + kappa pi_n.(s - c),
 
@@ -16,95 +16,63 @@ which is convex, so that the part has one solution in a body that is held.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from hemivar.basics.arguments import described, number
-from hemivar.basics.portable import PickleMixin
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array, BoolArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.shifted import ShiftedLaw
 from hemivar.laws.friction import Friction
-from hemivar.laws.neighbourhood import lengths
-from hemivar.laws.normal import Signorini
+from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed import plus
+from hemivar.laws.vector_law import VectorLaw
 
-__all__ = ["BondState", "PlasticBond"]
+__all__ = ["PlasticBond"]
 
-_POSITIVE = ("stiffness", "shear_stiffness", "energy", "yield_traction", "hardening")
-
-
-@dataclass(frozen=True, eq=False)
-class BondState(PickleMixin):
-    """What the contact points remember.
-
-    Attributes
-    ----------
-    bonded : bool array (m or 1,)
-    plastic : array (m or 1, c - 1 or 1)
-        Plastic slip pi.
-    """
-
-    bonded: BoolArray
-    plastic: Array
+#: Halvings of the way of a step on which a bond breaks.
+_HALVINGS = 60
 
 
 @dataclass(frozen=True, eq=False)
-class PlasticBond(PickleMixin):
-    """A bond that breaks, with plastic slip that hardens.
+class PlasticBond(Memory):
+    """A bond beside a normal law, which breaks and has plastic slip that hardens.
+
+    What it is of the slip counts from the beginning of the march.  A bond that is broken does not heal.  The state is
+    ``bond``, 1 or 0, and ``plastic_slip``, pi, one column for each tangent.
 
     Parameters
     ----------
-    stiffness, shear_stiffness : float
+    stiffness, shear_stiffness : Parameter
         k_n and k_t, > 0 (force per area and length).
-    energy : float
+    energy : Parameter
         a0, what a bond costs, and the fracture energy in opening, > 0 (force per length).
-    yield_traction : float
+    yield_traction : Parameter
         sigma_y, > 0 (force per area).
-    hardening : float
+    hardening : Parameter
         kappa, > 0 (force per area and length).
-    compression : Superpotential
-        Normal law in penetration: :class:`Signorini` (default) or :class:`Compliance`.
-
-    Raises
-    ------
-    ProblemError
-        A parameter is not positive, or no law.
     """
 
-    stiffness: float
-    shear_stiffness: float
-    energy: float
-    yield_traction: float
-    hardening: float
-    compression: Superpotential = field(default_factory=Signorini)
+    stiffness: Parameter
+    shear_stiffness: Parameter
+    energy: Parameter
+    yield_traction: Parameter
+    hardening: Parameter
+    name: ClassVar[str] = "plastic-bond"
+    iterates: ClassVar[bool] = True  # type: ignore[misc]
+    couples: ClassVar[bool] = True  # type: ignore[misc]
+    positive: ClassVar[tuple[str, ...]] = ("stiffness", "shear_stiffness", "energy", "yield_traction", "hardening")
 
     def __post_init__(self) -> None:
-        for what in _POSITIVE:
-            value = number(getattr(self, what), f"{what} of the plastic bond", "give a number")
-            if not 0.0 < value < np.inf:
-                raise ProblemError(f"{what} of the plastic bond is {value:g}; it must be positive")
-        if not isinstance(self.compression, Superpotential):
-            raise ProblemError(
-                f"the compression of the plastic bond is {described(self.compression)}; give Signorini() or "
-                "Compliance(stiffness)"
-            )
+        if not any(callable(getattr(self, what)) for what in self.positive):
+            self.values()
 
     @classmethod
     def of_energies(
-        cls,
-        stiffness: float,
-        shear_stiffness: float,
-        energy: float,
-        shear_energy: float,
-        yield_traction: float,
-        compression: Superpotential | None = None,
+        cls, stiffness: float, shear_stiffness: float, energy: float, shear_energy: float, yield_traction: float
     ) -> PlasticBond:
         """The bond with the hardening that makes ``shear_energy`` the fracture energy in shear.
 
@@ -113,8 +81,7 @@ class PlasticBond(PickleMixin):
         ProblemError
             The yield traction is not reached before the break, or shear costs no more than opening.
         """
-        checked = cls(stiffness, shear_stiffness, energy, yield_traction, 1.0)
-        strength = checked.shear_strength
+        strength = cls(stiffness, shear_stiffness, energy, yield_traction, 1.0).shear_strength
         if yield_traction >= strength:
             raise ProblemError(
                 f"yield_traction = {yield_traction:g} of the plastic bond is not reached before the break at "
@@ -126,93 +93,120 @@ class PlasticBond(PickleMixin):
                 "plastic slip takes the rest"
             )
         hardening = 0.5 * (strength**2 - yield_traction**2) / (shear_energy - energy)
-        shut = Signorini() if compression is None else compression
-        return cls(stiffness, shear_stiffness, energy, yield_traction, hardening, shut)
+        return cls(stiffness, shear_stiffness, energy, yield_traction, hardening)
+
+    def _number(self, what: str) -> float:
+        """A parameter that is one number."""
+        value = self.values()[what]
+        if value.size > 1:
+            raise ProblemError(f"{what} of memory '{self.name}' differs from point to point; take(index) one of them")
+        return float(value[0])
 
     @property
     def shear_strength(self) -> float:
         """Shear traction t_c at which the bond breaks without opening."""
-        return float(np.sqrt(2.0 * self.shear_stiffness * self.energy))
+        return float(np.sqrt(2.0 * self._number("shear_stiffness") * self._number("energy")))
 
     @property
     def shear_energy(self) -> float:
         """Fracture energy in shear, plastic and hardening parts included; that of opening without plastic slip."""
-        more = max(self.shear_strength**2 - self.yield_traction**2, 0.0)
-        return self.energy + 0.5 * more / self.hardening
+        more = max(self.shear_strength**2 - self._number("yield_traction") ** 2, 0.0)
+        return self._number("energy") + 0.5 * more / self._number("hardening")
 
-    def start(self) -> BondState:
-        """Bonded everywhere, without plastic slip."""
-        return BondState(np.ones(1, dtype=bool), np.zeros((1, 1)))
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
+        friction = self.parts_of(law).friction
+        if friction.acts:
+            raise ProblemError(
+                f"the memory '{self.name}' stands beside the friction '{friction.name}' of the same boundary, and a "
+                "bond resists slip by itself; leave the friction out"
+            )
+        return kept(bond=np.ones(len(r)), plastic_slip=np.zeros((len(r), r.shape[1] - 1)))
 
-    def step_law(self, state: BondState) -> ShiftedLaw:
-        """The law of displacements with the bonds of a state, plastic slip minimised; convex."""
-        m = max(len(state.bonded), len(state.plastic))
-        bonded = np.broadcast_to(state.bonded, (m,))
-        shear = np.where(bonded, self.shear_stiffness, 0.0)
-        opening = np.where(bonded, self.stiffness, 0.0)
-        zero = np.zeros((m, 1))
-        springs = PiecewiseQuadratic(zero, np.stack([opening, 0.0 * opening], axis=1), zero, name="bond")
-        normal = plus(self.compression.at(None), springs)
-        first = self.yield_traction / self.shear_stiffness
-        later = shear * self.hardening / (shear + self.hardening)
-        knots = np.tile([[-first, 0.0, first]], (m, 1))
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> ShiftedLaw:
+        """The law of the whole displacement with the bonds that hold at the last iterate, plastic slip minimised."""
+        bonded = self._held(state, step.before if step.guess is None else step.guess)
+        v, m, plastic = self.values(), len(bonded), state["plastic_slip"]
+        shear, opening = (np.where(bonded, v[what], 0.0) for what in ("shear_stiffness", "stiffness"))
+        zero, none = np.zeros((m, 1)), np.zeros(m)
+        springs = PiecewiseQuadratic(zero, np.stack([opening, none], axis=1), zero, name="bond")
+        first = np.broadcast_to(v["yield_traction"] / v["shear_stiffness"], (m,))
+        later = shear * v["hardening"] / (shear + v["hardening"])
+        knots = np.stack([-first, none, first], axis=1)
         slopes = np.stack([later, shear, shear, later], axis=1)
         profile = PiecewiseQuadratic(knots, slopes, np.zeros((m, 3)), -shear * first, name="plastic slip")
-        ratio = np.where(bonded, 1.0 + self.hardening / self.shear_stiffness, 0.0)
-        pull = np.where(bonded, self.hardening, 0.0)
-        plastic = state.plastic
-        return ShiftedLaw(
-            ContactLaw(normal, Friction(1.0, profile)).at(None), ratio[:, None] * plastic, pull[:, None] * plastic
-        )
+        ratio = np.where(bonded, 1.0 + v["hardening"] / v["shear_stiffness"], 0.0)
+        pull = np.where(bonded, v["hardening"], 0.0)
+        base = ContactLaw(plus(self.parts_of(law).normal, springs), Friction(1.0, profile))
+        return ShiftedLaw(base, ratio[:, None] * plastic, pull[:, None] * plastic)
 
-    def advance(self, state: BondState, r: Array) -> BondState:
-        """The state after a step that ends at local displacements ``r (m, c)``; bonds never heal."""
-        slip, plastic = r[:, 1:], np.broadcast_to(state.plastic, r[:, 1:].shape)
-        bonded = np.broadcast_to(state.bonded, (len(r),))
-        shear = np.where(bonded, self.shear_stiffness, 0.0)
-        drive = shear[:, None] * (slip - plastic) - self.hardening * plastic
-        size = lengths(drive) if drive.shape[1] else np.zeros(len(r))
-        flow = np.maximum(size - self.yield_traction, 0.0) / (shear + self.hardening)
-        plastic = plastic + (flow / np.where(size > 0.0, size, 1.0))[:, None] * drive
-        return BondState(bonded & (self.bond_energy(plastic, r) < self.energy), plastic)
+    def _held(self, state: MemoryState, r: Array) -> BoolArray:
+        """Bonds (m,) that hold at ``r (m, c)``."""
+        energy = self._bond_energy(self._plastic(state, r), r)
+        return np.asarray((state["bond"] > 0.0) & (energy < self.values()["energy"]))
 
-    def bond_energy(self, plastic: Array, r: Array) -> Array:
+    def _plastic(self, state: MemoryState, r: Array) -> Array:
+        """The plastic slip (m, c - 1) that minimises the energy at ``r (m, c)`` with the bonds of a state."""
+        v, old = self.values(), state["plastic_slip"]
+        shear = np.where(state["bond"] > 0.0, v["shear_stiffness"], 0.0)
+        drive = shear[:, None] * (r[:, 1:] - old) - v["hardening"][:, None] * old
+        size = slide(drive)
+        flow = np.maximum(size - v["yield_traction"], 0.0) / (shear + v["hardening"])
+        return np.asarray(old + (flow / np.where(size > 0.0, size, 1.0))[:, None] * drive)
+
+    def _bond_energy(self, plastic: Array, r: Array) -> Array:
         """Energy per area of an intact bond at ``r (m, c)``, (m,)."""
-        elastic = r[:, 1:] - plastic
-        opening = np.maximum(-r[:, 0], 0.0)
-        return np.asarray(0.5 * (self.stiffness * opening**2 + self.shear_stiffness * (elastic**2).sum(axis=1)))
+        v, opening = self.values(), np.maximum(-r[:, 0], 0.0)
+        sheared = v["shear_stiffness"] * slide(r[:, 1:] - plastic) ** 2
+        return np.asarray(0.5 * (v["stiffness"] * opening**2 + sheared))
 
-    def stored(self, state: BondState, r: Array) -> Array:
-        """Energy per area in bonds, hardening and compression at the end of a step, (m,)."""
-        plastic = np.broadcast_to(state.plastic, r[:, 1:].shape)
-        kept = np.where(state.bonded, self.bond_energy(plastic, r), 0.0)
-        pushed = self.compression.at(None).value(np.maximum(r[:, 0], 0.0))
-        return np.asarray(kept + 0.5 * self.hardening * (plastic**2).sum(axis=1) + pushed)
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+        """A bond that breaks keeps the plastic slip it had there, on the straight way of the step."""
+        end = r.copy()
+        held = self._held(state, end)
+        broke = (state["bond"] > 0.0) & ~held
+        if broke.any():
+            end[broke] = self._at_break(state, step.before, end)[broke]
+        return kept(bond=held, plastic_slip=self._plastic(state, end))
 
-    def dissipated(self, old: BondState, new: BondState) -> Array:
-        """Energy per area lost between two states, (m,): for bonds that broke, and for plastic slip."""
-        broke = old.bonded & ~new.bonded
-        flow = new.plastic - old.plastic
-        return np.asarray(np.where(broke, self.energy, 0.0) + self.yield_traction * np.linalg.norm(flow, axis=1))
+    def _at_break(self, state: MemoryState, start: Array, end: Array) -> Array:
+        """Where on the way the energy of bonds reaches that of a break, (m, c)."""
+        low, high = np.zeros((len(end), 1)), np.ones((len(end), 1))
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            held = self._held(state, start + middle * (end - start))[:, None]
+            low, high = np.where(held, middle, low), np.where(held, high, middle)
+        return np.asarray(start + high * (end - start))
+
+    def past_peak(self, law: VectorLaw, state: MemoryState) -> BoolArray:
+        """Where the bond is broken."""
+        return np.asarray(state["bond"] < 1.0)
+
+    def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+        """Energy in the law, in bonds and in hardening at ``r (m, c)`` with the whole slip, (m,)."""
+        plastic = state["plastic_slip"]
+        hardening = 0.5 * self.values()["hardening"] * slide(plastic) ** 2
+        return np.asarray(energy_of(law, inner)(r) + state["bond"] * self._bond_energy(plastic, r) + hardening)
+
+    def dissipated(
+        self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+    ) -> Array:
+        """For bonds that broke, and for plastic slip."""
+        v, flow = self.values(), slide(new["plastic_slip"] - old["plastic_slip"])
+        return np.asarray(v["energy"] * (old["bond"] - new["bond"]) + v["yield_traction"] * flow)
 
     def describe(self) -> str:
         """Energies and tractions, in words."""
-        strength = self.shear_strength
-        plastic = max(strength - self.yield_traction, 0.0) / self.hardening
+        strength, hardening = self.shear_strength, self._number("hardening")
+        plastic = max(strength - self._number("yield_traction"), 0.0) / hardening
+        slip = plastic + strength / self._number("shear_stiffness")
+        opens = np.sqrt(2.0 * self._number("stiffness") * self._number("energy"))
         return "\n".join(
             (
-                f"plastic bond; in penetration {self.compression.name}",
-                f"opening           breaks at the traction {np.sqrt(2.0 * self.stiffness * self.energy):.6g}, costs "
-                f"{self.energy:.6g}",
-                f"shear             yields at {self.yield_traction:.6g}, breaks at {strength:.6g}, costs "
+                "plastic bond",
+                f"opening           breaks at the traction {opens:.6g}, costs {self._number('energy'):.6g}",
+                f"shear             yields at {self._number('yield_traction'):.6g}, breaks at {strength:.6g}, costs "
                 f"{self.shear_energy:.6g}",
-                f"hardening         {self.hardening:.6g}",
-                f"at the break      plastic slip {plastic:.8g}, slip {plastic + strength / self.shear_stiffness:.8g} "
-                "(shear alone)",
+                f"hardening         {hardening:.6g}",
+                f"at the break      plastic slip {plastic:.8g}, slip {slip:.8g} (shear alone)",
             )
         )
-
-    @property
-    def stated(self) -> Mapping[str, object]:
-        """Parameters by name."""
-        return MappingProxyType({what: getattr(self, what) for what in _POSITIVE})

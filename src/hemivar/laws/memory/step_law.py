@@ -43,6 +43,12 @@ class MemoryChain(Memory):
             names = [part.name for part in parts if getattr(part, one, False)]
             if len(names) > 1:
                 raise ProblemError(f"the memories {' and '.join(names)} both make the friction law; leave one out")
+        for part in parts[:-1]:
+            if part.couples:
+                raise ProblemError(
+                    f"the memory '{part.name}' makes opening and slip act together, and others come after it; put it "
+                    "last"
+                )
         object.__setattr__(self, "parts", parts)
 
     @property
@@ -59,6 +65,11 @@ class MemoryChain(Memory):
     def of_slip(self) -> bool:  # type: ignore[override]
         """Whether a part is given the friction law as stated, and not as one of the slip rate."""
         return any(part.of_slip for part in self.parts)
+
+    @property
+    def couples(self) -> bool:  # type: ignore[override]
+        """Whether the last part makes opening and slip act together."""
+        return any(part.couples for part in self.parts)
 
     def at(self, points: Array | None) -> Self:
         return replace(self, parts=tuple(part.at(points) for part in self.parts))

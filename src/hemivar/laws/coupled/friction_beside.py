@@ -1,0 +1,331 @@
+"""A law of opening and slip together with friction of a slip increment beside it: ``j(r) = base(r) + h |s - s_0|``.
+
+The base has no direction of its own along the surface, so its slip points along the pull on it.  A local problem ``min
+a/2 |r|^2 - b.r + j(r)`` then has one unknown: with ``y = m s`` the pull that friction leaves to the base, m between a
+and a plus the stiffness of the base,
+
+    s - s_0 = <|b - m s_0| - h>/m  along  b - m s_0,        |s| = the slip of the base under the pull m |s|.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.coupled.coupled_law import CoupledLaw
+from hemivar.laws.neighbourhood import lengths, polar
+from hemivar.laws.superpotential import Interval
+from hemivar.laws.vector_law import Linearisation, Near, Sides, VectorLaw, spread
+
+__all__ = ["FrictionBeside"]
+
+#: Steps of the search for the secant stiffness, and times that its upper end is doubled before it.
+_STEPS, _DOUBLINGS = 100, 60
+#: Part of a slip, and of a stiffness, that is rounding.
+_ROUNDED = 4.0 * float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionBeside(CoupledLaw):
+    """A coupled law with resolved parameters, and friction of at most ``bound`` of the slip from ``start`` on.
+
+    Attributes
+    ----------
+    base : VectorLaw
+        It depends on no state, and on the length of the slip alone.
+    bound : array (m or 1,)
+        h >= 0 (force per area).
+    start : array (m or 1, c - 1 or 1)
+        s_0, the slip from which the increment counts.
+    """
+
+    base: VectorLaw
+    bound: Array
+    start: Array
+    name: ClassVar[str] = "glue with friction"  # type: ignore[misc]
+
+    @property
+    def not_separable(self) -> str:
+        return self.base.not_separable
+
+    def at(self, points: Array | None) -> FrictionBeside:
+        return self
+
+    def take(self, index: IntArray) -> FrictionBeside:
+        bound, start = (part if len(part) == 1 else part[index] for part in (self.bound, self.start))
+        return FrictionBeside(self.base.take(index), bound, start)
+
+    # ---- the friction -----------------------------------------------------------------------------------
+
+    def _way(self, r: Array) -> Array:
+        """Slip increment (m, c - 1)."""
+        return np.asarray(r[:, 1:] - self.start)
+
+    def _most(self, r: Array) -> Array:
+        """The bound at all points, (m,)."""
+        return np.broadcast_to(self.bound, (len(r),))
+
+    def _held(self, r: Array) -> BoolArray:
+        """Points (m,) at which friction sticks."""
+        return np.asarray((self._most(r) > 0.0) & ~self._way(r).any(axis=1))
+
+    def slide(self, r: Array) -> Array:
+        """Friction (m, c) of points that slip; zero in the normal component, and where they stick."""
+        out, (size, heading) = np.zeros(r.shape), polar(self._way(r))
+        out[:, 1:] = np.where(size > 0.0, self._most(r), 0.0)[:, None] * heading
+        return out
+
+    def _friction(self, r: Array, lam: Array) -> Array:
+        """The part of a multiplier that is friction, (m, c)."""
+        left = lam - self.base.nearest_multiplier(r, lam)
+        size, heading = polar(left[:, 1:])
+        out = self.slide(r)
+        rest = np.minimum(size, self._most(r))[:, None] * heading
+        out[:, 1:] = np.where(self._held(r)[:, None], rest, out[:, 1:])
+        return out
+
+    def _bend(self, r: Array) -> Array:
+        """Second derivative (m, c, c) of the friction of points that slip."""
+        m, c = r.shape
+        size, heading = polar(self._way(r))
+        out = np.zeros((m, c, c))
+        across = np.eye(c - 1) - heading[:, :, None] * heading[:, None, :]
+        slope = np.where(size > 0.0, self._most(r) / np.where(size > 0.0, size, 1.0), 0.0)
+        out[:, 1:, 1:] = slope[:, None, None] * across
+        return out
+
+    # ---- value and subdifferential ----------------------------------------------------------------------
+
+    def value(self, r: Array) -> Array:
+        rubbed = self._most(r) * (lengths(self._way(r)) - lengths(np.broadcast_to(self.start, r[:, 1:].shape)))
+        return np.asarray(self.base.value(r) + rubbed)
+
+    def distance(self, r: Array, lam: Array) -> Array:
+        return self.base.distance(r, lam - self._friction(r, lam))
+
+    def _at_start(self, r: Array) -> Array:
+        """Points with their slip where it was, where there is friction, (m, c)."""
+        out = r.copy()
+        out[:, 1:] = np.where((self._most(r) > 0.0)[:, None], self.start, r[:, 1:])
+        return out
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        rest = self._at_start(r)
+        far = lengths(r[:, 1:] - rest[:, 1:]) / tau[:, 1]
+        moving, resting = (self.base.graph_distance(at, lam - self._friction(at, lam), tau) for at in (r, rest))
+        return np.asarray(np.minimum(moving, np.hypot(far, resting)))
+
+    def near(self, r: Array) -> Near:
+        return _NearRubbing(self, r, self.base.near(r))
+
+    def linearise(self, r: Array) -> Linearisation:
+        line, held = self.base.linearise(r), self._held(r)
+        smooth = line.smooth.copy()
+        smooth[:, 1] &= ~held
+        gradient, hessian = line.gradient + self.slide(r), line.hessian + self._bend(r)
+        gradient[held, 1:] = 0.0
+        hessian[held, 1:, :] = hessian[held, :, 1:] = 0.0
+        return Linearisation(smooth, gradient, hessian)
+
+    def admissible(self, r: Array) -> Array:
+        return self.base.admissible(r)
+
+    # ---- the local problem ------------------------------------------------------------------------------
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        left, sticks = self._solved(a, b)
+        return self._stuck(self.base.local_argmin(a, left), sticks)
+
+    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+        left, sticks = self._solved(a, b)
+        end = self._stuck(self.base.downhill(a, left, r), sticks)
+        return np.where((self._energy(a, b, end) <= self._energy(a, b, r))[:, None], end, r)
+
+    def _stuck(self, r: Array, sticks: BoolArray) -> Array:
+        r[:, 1:] = np.where(sticks[:, None], self.start, r[:, 1:])
+        return r
+
+    def _energy(self, a: Array, b: Array, r: Array) -> Array:
+        return np.asarray((0.5 * spread(a, b.shape[1]) * r**2 - b * r).sum(axis=1) + self.value(r))
+
+    def _solved(self, a: Array, b: Array) -> tuple[Array, BoolArray]:
+        """What friction leaves of a force to the base, (m, c), and where it sticks, (m,)."""
+        left, sticks = b.copy(), np.zeros(len(b), dtype=bool)
+        rows = np.flatnonzero(self._most(b) > 0.0)
+        if rows.size:
+            problem = _Rubbed(self.take(rows) if len(b) > 1 else self, a[rows], b[rows])
+            left[rows, 1:], sticks[rows] = problem.left(problem.secant())
+        return left, sticks
+
+    def prox_jacobian(self, x: Array, tau: Array) -> Array:
+        c, a = x.shape[1], 1.0 / tau
+        left, sticks = self._solved(a, x / spread(tau, c))
+        wide = spread(tau, c)
+        P = self.base.prox_jacobian(wide * left, tau)
+        r = self._stuck(self.base.local_argmin(a, left), sticks)
+        bent = np.eye(c) + P @ (wide[:, :, None] * self._bend(r))
+        J = np.linalg.solve(bent, P)
+        along = P[:, 1:, 1:]
+        fixed = P - P[:, :, 1:] @ np.linalg.pinv(along) @ P[:, 1:, :]
+        fixed[:, 1:, :] = fixed[:, :, 1:] = 0.0
+        return np.where(sticks[:, None, None], fixed, J)
+
+    # ---- far away, and what is the base's -----------------------------------------------------------------
+
+    def recession(self, direction: Array) -> Array:
+        return np.asarray(self.base.recession(direction) + self._most(direction) * lengths(direction[:, 1:]))
+
+    @property
+    def rates(self) -> tuple[Array, Array, Array]:
+        up, down, slip = self.base.rates
+        return up, down, np.asarray(slip + self.bound)
+
+    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
+        up, down, slip = self.base.strongest(rest, size)
+        return up, down, np.asarray(slip + self.bound)
+
+    def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
+        return self.base.asymptotic_curvature(sign)
+
+    @property
+    def weak_convexity(self) -> tuple[Array, Array]:
+        return self.base.weak_convexity
+
+    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
+        return self.base.weak_convexity_within(reach)
+
+    @property
+    def alpha_reach(self) -> tuple[float, float]:
+        return self.base.alpha_reach
+
+    @property
+    def penetrations(self) -> Interval:
+        return self.base.penetrations
+
+    @property
+    def penetration_knots(self) -> Array:
+        return self.base.penetration_knots
+
+    @property
+    def rubs(self) -> BoolArray:
+        return np.asarray(self.base.rubs | (self.bound > 0.0))
+
+    def at_normal_kink(self, r: Array) -> BoolArray:
+        return self.base.at_normal_kink(r)
+
+    def pulls(self, r: Array) -> BoolArray:
+        return self.base.pulls(r)
+
+    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+        return self.base.past_peak(r, pull, near, slack)
+
+    def debonding(self, r: Array) -> dict[str, Array]:
+        return self.base.debonding(r)
+
+    def resistance(self, r: Array, lam: Array) -> Array:
+        return np.asarray(self.base.resistance(r, lam) + self.bound)
+
+    # ---- where a pair lies ------------------------------------------------------------------------------
+
+    def snap_to_kinks(self, r: Array, near: float) -> Array:
+        out = self.base.snap_to_kinks(r, near)
+        close = lengths(self._way(r)) <= near
+        return np.where(close[:, None], self._at_start(out), out)
+
+    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
+        rest = self._at_start(r)
+        far = lengths(r[:, 1:] - rest[:, 1:]) / tau[:, 1]
+        resting = np.hypot(far, self.distance(rest, lam)) <= self.distance(r, lam)
+        out = np.where(resting[:, None], rest, r)
+        return self._stuck(self.base.fitted(out, lam - self._friction(out, lam), tau), self._held(out))
+
+    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
+        held, friction = self._held(r), self._friction(r, lam)
+        own = self.base.sides(r, lam - friction, active & ~self._tangents(held, r), tau, slack)
+        rest, column = np.nonzero((active & self._tangents(held, r))[:, 1:])
+        line, most = self.base.linearise(r), self._most(r)[rest]
+        bend, slope = line.hessian[rest, column + 1, column + 1], line.gradient[rest, column + 1]
+        axis = np.eye(r.shape[1])[1:][column]
+        return [*own, Sides(rest, axis, lam[rest, column + 1], slope - most, slope + most, bend, bend)]
+
+    @staticmethod
+    def _tangents(rows: BoolArray, r: Array) -> BoolArray:
+        """The tangential components of some points, (m, c)."""
+        chosen = np.zeros(r.shape, dtype=bool)
+        chosen[:, 1:] = rows[:, None]
+        return chosen
+
+
+@dataclass(frozen=True, eq=False)
+class _Rubbed:
+    """Local problems of points with friction."""
+
+    law: FrictionBeside
+    a: Array
+    b: Array
+
+    def left(self, m: Array) -> tuple[Array, BoolArray]:
+        """The pull (k, c - 1) that is left to the base if its secant is ``m (k,)``, and where friction sticks."""
+        start = self.law.start
+        size, heading = polar(self.b[:, 1:] - m[:, None] * start)
+        beyond = np.maximum(size - self.law.bound, 0.0)
+        return m[:, None] * start + beyond[:, None] * heading, np.asarray(beyond == 0.0)
+
+    def _excess(self, m: Array) -> Array:
+        """How much farther than the base goes under its pull the slip is, (k,), 0 by rounding; it falls with m."""
+        pull, b = self.left(m)[0], self.b.copy()
+        b[:, 1:] = pull
+        slip = lengths(pull) / m
+        found = slip - lengths(self.law.base.local_argmin(self.a, b)[:, 1:])
+        return np.where(np.abs(found) <= _ROUNDED * slip, 0.0, found)
+
+    def secant(self) -> Array:
+        """m, (k,): by the false position, in whose place every third step halves."""
+        low = self.a[:, 1].copy()
+        stiffness = np.abs(self.law.base.linearise(np.zeros(self.b.shape)).hessian[:, 1, 1])
+        high = low + np.maximum(stiffness, low)
+        above, below = self._excess(low), self._excess(high)
+        for _ in range(_DOUBLINGS):
+            if not (below > 0.0).any():
+                break
+            high = np.where(below > 0.0, 2.0 * high, high)
+            below = self._excess(high)
+        found = np.where(above == 0.0, low, high)
+        open_: BoolArray = (above != 0.0) & (below != 0.0)
+        for number in range(_STEPS):
+            if not open_.any():
+                break
+            m = high + (high - low) * below / np.where(open_, above - below, 1.0)
+            m = np.where((m > low) & (m < high) & (number % 3 < 2), m, np.sqrt(low * high))
+            now = self._excess(m)
+            found = np.where(open_, m, found)
+            open_ &= (now != 0.0) & (high - low > _ROUNDED * high)
+            low, above = np.where(now > 0.0, m, low), np.where(now > 0.0, now, above)
+            high, below = np.where(now > 0.0, high, m), np.where(now > 0.0, below, now)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _NearRubbing:
+    """The base on its pieces, and on the way of the slip."""
+
+    law: FrictionBeside
+    r: Array
+    base: Near
+
+    def clamp(self, end: Array) -> Array:
+        law, out = self.law, self.base.clamp(end)
+        back = np.einsum("mi,mi->m", law._way(self.r), law._way(end)) <= 0.0
+        return np.where(back[:, None], law._at_start(out), out)
+
+    def gradient(self, place: Array) -> Array:
+        out = self.base.gradient(place) + self.law.slide(place)
+        out[:, 1:] = np.where(self.law._held(self.r)[:, None], 0.0, out[:, 1:])
+        return out
+
+    def nearest_multiplier(self, lam: Array) -> Array:
+        friction = self.law._friction(self.r, lam)
+        return np.asarray(self.base.nearest_multiplier(lam - friction) + friction)
