@@ -249,8 +249,8 @@ def test_a_body_with_mass_and_viscosity_peels_in_adaptive_steps(scheme: Any) -> 
     event = hv.evolution.BondBroken(then="record")
     history = hv.march(evolution, 1.0, step=step, scheme=scheme, events=[event])
     assert history.ended == "finished"
-    assert history.events
-    assert 0.0 == state(history)[0].min() < state(history)[0].max()
+    assert history.events[0][1] == "bond broken"
+    assert state(history)[0].min() == 0.0
     assert np.abs(history["gap"]).max() <= 1e-6 * history["work"][-1]
 
 
@@ -261,10 +261,10 @@ cells = [16, 4]
 [material]
 young = 3000.0
 poisson = 0.3
-[supports.left]
-kind = "clamped"
-[loads.top]
-traction = ["120*t", "40*t"]
+[supports]
+left = "clamped"
+[loads]
+traction = { top = ["160*t", "32*t"] }
 [contact.bottom]
 normal = { law = "signorini" }
 [[contact.bottom.memory]]
@@ -281,13 +281,13 @@ def test_a_file_resumes_bit_for_bit(tmp_path: Path) -> None:
     file, kept = tmp_path / "peeled.toml", tmp_path / "march.ckpt"
     file.write_text(FILE)
     problem = hv.read_problem(file)
-    hv.write_problem(tmp_path / "again.toml", problem)
+    hv.write_problem(problem, tmp_path / "again.toml")
     evolution = hv.Evolution(hv.read_problem(tmp_path / "again.toml"))
     whole = hv.march(evolution, 1.0, step=0.1, save=hv.evolution.Save(every=0.5))
     assert whole.ended == "finished"
-    assert 0.0 == state(whole)[0].min() < state(whole)[0].max()
+    assert state(whole)[0].min() == 0.0
     assert state(whole)[1].any()
-    for cut in (0.3, 0.8):
+    for cut in (0.5, 0.9):
         hv.march(evolution, cut, step=0.1, checkpoint=hv.evolution.Checkpoint(kept, 0.0))
         again = hv.march(evolution, 1.0, step=0.1, checkpoint=hv.evolution.Checkpoint(kept, 0.0), resume=True)
         np.testing.assert_array_equal(again.moment.body.displacement, whole.moment.body.displacement)

@@ -139,7 +139,7 @@ class RateAndState(Memory):
 
     def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
         parts = self.parts_of(law)
-        if parts.friction.profile is not ABSOLUTE_VALUE:
+        if parts.friction.profile is not ABSOLUTE_VALUE or not law.splits:
             raise ProblemError(
                 f"rate-and-state friction makes its own profile, but the friction law is '{parts.friction.name}'; give "
                 f"Tresca(bound), whose bound is the normal pressure, or Tresca(CoulombBound(1.0))"
