@@ -80,8 +80,7 @@ class FrictionBeside(CoupledLaw):
 
     def _friction(self, r: Array, lam: Array) -> Array:
         """The part of a multiplier that is friction, (m, c)."""
-        left = lam - self.base.nearest_multiplier(r, lam)
-        size, heading = polar(left[:, 1:])
+        size, heading = polar(lam[:, 1:] - self.base.nearest_multiplier(r, lam)[:, 1:])
         out = self.slide(r)
         rest = np.minimum(size, self._most(r))[:, None] * heading
         out[:, 1:] = np.where(self._held(r)[:, None], rest, out[:, 1:])
@@ -219,7 +218,7 @@ class FrictionBeside(CoupledLaw):
     def pulls(self, r: Array) -> BoolArray:
         return self.base.pulls(r)
 
-    def past_peak(self, r: Array, pull: Array, near: float, slack: float) -> BoolArray:
+    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return self.base.past_peak(r, pull, near, slack)
 
     def debonding(self, r: Array) -> dict[str, Array]:

@@ -189,8 +189,8 @@ class _NearShifted:
 
     def gradient(self, place: Array) -> Array:
         law = self.law
-        return np.asarray(self.base.gradient(law.from_shift(place)) + (place - law.without_pull(place)))
+        return np.asarray(self.base.gradient(law.from_shift(place)) + law._whole(law.pull, place))
 
     def nearest_multiplier(self, lam: Array) -> Array:
         law = self.law
-        return np.asarray(self.base.nearest_multiplier(law.without_pull(lam)) + (lam - law.without_pull(lam)))
+        return np.asarray(self.base.nearest_multiplier(law.without_pull(lam)) + law._whole(law.pull, lam))
