@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.errors import MethodError
+from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.friction_law import Friction, SlipMeasure, friction_in_increments
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
@@ -94,6 +94,15 @@ class NormalAndFriction(VectorLaw):
     def spent_by(self, known: Mapping[str, Array]) -> Array:
         opening = known["opening"]
         return np.asarray(self.normal.value(-opening) - 0.5 * known["stiffness"] * opening**2)
+
+    def lost_by(self, known: Mapping[str, Array]) -> Array:
+        told = self.normal.debonding(-known["opening"])
+        if "damage" not in told or np.isnan(told["damage"]).any():
+            raise ProblemError(
+                f"law '{self.normal.name}' has no damage on which friction could act; take Adhesive(...) or "
+                "MixedMode(...)"
+            )
+        return told["damage"]
 
     def softened(self, known: Mapping[str, Array]) -> BoolArray:
         return self.normal.past_peak(-known["opening"])

@@ -223,6 +223,10 @@ class VectorLaw(PickleMixin, ABC):
         """Energy per area (m,) that glue has lost since it was intact."""
         raise NotImplementedError
 
+    def lost_by(self, known: Mapping[str, Array]) -> Array:
+        """Share (m,) of its first stiffness that glue which remembers has lost: 0 intact, 1 broken."""
+        raise NotImplementedError
+
     def softened(self, known: Mapping[str, Array]) -> BoolArray:
         """Whether glue that remembers is past its peak, (m,)."""
         raise NotImplementedError

@@ -194,9 +194,10 @@ class Contact(PickleMixin):
         if isinstance(self.normal, ContactLaw):
             raise ProblemError("a contact is given a ContactLaw; give its parts, Contact(normal, friction)")
         if self.friction.acts:
+            damaged = ", or in time let its damaged share rub, memory=(Secant(friction=0.5),)"
             raise ProblemError(
                 f"law '{self.normal.name}' couples opening and slip, and is the law of both components; leave "
-                f"the friction '{self.friction.name}' out"
+                f"the friction '{self.friction.name}' out{damaged if self.normal.remembers else ''}"
             )
         return self.normal
 

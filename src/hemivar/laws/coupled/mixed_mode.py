@@ -259,6 +259,9 @@ class MixedMode(CoupledLaw):
         rho = self.effective(r)
         return np.asarray(1.0 - self.curve_on(rho, self.piece_of(rho))[0] / self._half[1][:, 0])
 
+    def lost_by(self, known: Mapping[str, Array]) -> Array:
+        return np.where(known["opening"] > 0.0, 1.0 - known["stiffness"] / self._half[1][:, 0], 0.0)
+
     def spent(self, r: Array) -> Array:
         """Energy per area that an unloading with the secant stiffness would not give back, (m,)."""
         rho = self.effective(r)

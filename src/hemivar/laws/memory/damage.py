@@ -7,9 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array, BoolArray, Parameter
+from hemivar.errors import ProblemError
+from hemivar.laws.coupled.friction_beside import FrictionBeside
 from hemivar.laws.friction import Friction
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
+from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.transformed import slipped
 from hemivar.laws.transformed.exact_table import as_examined
 from hemivar.laws.vector_law import VectorLaw
@@ -19,20 +22,72 @@ __all__ = ["Secant", "SlipSum"]
 
 @dataclass(frozen=True, eq=False)
 class Secant(Memory):
-    """Irreversible glue: it remembers the largest opening D, and unloads along the secant to D.
+    """Irreversible glue: it remembers the largest opening, and unloads along the secant to it.
 
     The normal law of a step is :func:`hemivar.laws.secant` of the law.  Stored is the triangle beneath the secant; what
-    the law has taken up beyond it when D grows is lost.  The state is ``opening``, D, and ``stiffness``, g(D)/D.
+    the law has taken up beyond it when the largest opening grows is lost.  The state is that opening, ``opening``, and
+    the slope of the secant, ``stiffness``; of glue in which opening and slip act together the effective opening.
+
+    With ``friction`` the share D of the glue that is damaged rubs where it is pressed, after Alfano and Sacco (2006):
+    beside the traction of the glue acts Coulomb friction of at most ``friction`` D p, which sees the slip rate, with D
+    of the beginning of the step.  Intact glue does not rub; broken glue obeys Coulomb's law.
+
+    Parameters
+    ----------
+    friction : Parameter
+        Friction coefficient of the damaged share, >= 0.
     """
 
+    friction: Parameter = 0.0
     name: ClassVar[str] = "secant"
-    of_state = True
+    minimum: ClassVar[dict[str, float]] = {"friction": 0.0}
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction on the damaged share."""
+        return callable(self.friction) or bool(np.any(self.friction))
+
+    @property
+    def iterates(self) -> bool:  # type: ignore[override]
+        """Friction does: its bound is that of the pressure of the step."""
+        return self.rubs
+
+    @property
+    def of_state(self) -> bool:  # type: ignore[override]
+        """Friction depends on the pressure as well."""
+        return not self.rubs
 
     def start(self, law: VectorLaw, r: Array) -> MemoryState:
-        return kept(**law.damaged(None, r))
+        state = kept(**law.damaged(None, r))
+        if self.rubs:
+            self._refuse(law)
+            law.lost_by(state)
+        return state
+
+    def _refuse(self, law: VectorLaw) -> None:
+        if isinstance(law, NormalAndFriction) and law.friction.acts:
+            raise ProblemError(
+                f"the memory '{self.name}' has friction on the damaged share, and the friction '{law.friction.name}' "
+                "acts on the same boundary; leave one of both out"
+            )
+        if law.depends_on_whole_state:
+            raise ProblemError(
+                f"friction on the damaged share of '{law.name}' is not known, for its mode is that of the solution; "
+                "take MixedMode(...), or leave the friction out"
+            )
 
     def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
-        return law.unloading(state)
+        made = law.unloading(state)
+        if not self.rubs:
+            return made
+        bound = self._coefficient(law, state) * np.maximum(step.pressing, 0.0)
+        if isinstance(made, NormalAndFriction):
+            return made.with_parts(friction=Friction(bound))
+        return FrictionBeside(made, bound, step.before[:, 1:])
+
+    def _coefficient(self, law: VectorLaw, state: MemoryState) -> Array:
+        """Friction over pressure with the damage of a state, (m,)."""
+        return np.asarray(self.values()["friction"] * law.lost_by(state))
 
     def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         return kept(**law.damaged(state, r))
@@ -46,8 +101,13 @@ class Secant(Memory):
     def dissipated(
         self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
-        """What the law takes up between the old and the new D, less what the triangle beneath the secant grows."""
-        return law.spent_by(new) - law.spent_by(old)
+        """What the law takes up between the old and the new opening, less what the triangle beneath the secant grows;
+        and friction of the whole slip, which is not counted elsewhere."""
+        lost = law.spent_by(new) - law.spent_by(old)
+        if not self.rubs or not law.follows_slip:
+            return lost
+        rubbed = self._coefficient(law, old) * np.maximum(lam[:, 0], 0.0)
+        return np.asarray(lost + rubbed * slide(r[:, 1:] - step.before[:, 1:]))
 
 
 @dataclass(frozen=True, eq=False)
