@@ -167,7 +167,7 @@ class DiscreteEvolution(PickleMixin):
         found = np.zeros(self.problem.contact_points, dtype=bool)
         for name, index in self.blocks:
             contact = self.contacts[name]
-            found[index] = MemoryChain(contact.memory).couples or chosen(law_of(contact))
+            found[index] = MemoryChain(contact.remembers).couples or chosen(law_of(contact))
         return found
 
     def counted(self, local: Array, before: Array, index: IntArray | slice = slice(None)) -> Array:
