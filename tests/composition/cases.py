@@ -27,6 +27,7 @@ from hemivar.laws import (
     OrthotropicFriction,
     PenetrationBound,
     PenetrationMemory,
+    PlasticBond,
     SawTooth,
     Secant,
     SlipSum,
@@ -111,6 +112,8 @@ BESIDE: Mapping[str, Mapping[str, Any]] = {
     "penetration": {"memory": (PenetrationMemory(2.0, 0.3),)},
     "slip sum": {"memory": (SlipSum(),)},
     "secant": {"memory": (Secant(),)},
+    "rubbing": {"memory": (Secant(friction=0.2),)},
+    "bond": {"memory": (PlasticBond(20.0, 20.0, 1e-3, 0.1, 10.0),)},
     "damping": {"damping": hv.Compliance(0.4)},
 }
 TIMED = tuple(name for name in BESIDE if name != "none")

@@ -140,7 +140,7 @@ FILE = """
 rectangle = [2.0, 0.5]
 cells = [4, 1]
 [material]
-young = 50.0
+young = 500.0
 poisson = 0.3
 [supports]
 left = { x = 0.0 }
