@@ -51,6 +51,8 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("beside", "penetration"): "of the penetration",
     ("beside", "slip sum"): "sum of the slip",
     ("beside", "secant"): "largest opening",
+    ("beside", "rubbing"): "friction of damaged glue",
+    ("beside", "bond"): "bond with plastic slip",
 }
 
 _HEAD = """\

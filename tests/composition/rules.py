@@ -60,7 +60,7 @@ _NO_PATH = (
 )
 _NO_BOUND = "The distance to the exact solution is bounded for elastic bodies on supports, without bedding."
 _NO_BOUND_OF_LAW = "The distance to the exact solution is not bounded for Coulomb's law."
-_NOT_IN_TIME = "In time a normal law has no drop, opening and slip are apart, and friction has no direction."
+_NOT_IN_TIME = "In time a normal law has no drop."
 _BOND = "A bond with plastic slip resists slip by itself: no friction beside it."
 _RUBBING = "Friction on the damaged share is that of glue which tells its damage, without another one beside it."
 _UNDAMAGED = tuple(normal for normal in NORMALS if normal not in ("adhesive", *COUPLED))
@@ -84,9 +84,6 @@ RULES = (
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, _MARCHES, normal=("saw-tooth",)),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, normal=("saw-tooth",), beside=TIMED),
     Rule("snaps in series", _NOT_IN_TIME, normal=("saw-tooth",), beside=("wear", "creep")),
-    Rule("leave the friction out", _BOND, friction=_RUBS, beside=("bond",)),
-    Rule("no damage on which friction could act", _RUBBING, normal=_UNDAMAGED, beside=("rubbing",)),
-    Rule("leave one of both out", _RUBBING, friction=_RUBS, beside=("rubbing",)),
     Rule(
         "which a problem file cannot say",
         "A problem file says laws by name, by a table or by a formula; this one has no name there.",
@@ -99,6 +96,9 @@ RULES = (
         _AT_REST,
         beside=TIMED,
     ),
+    Rule("leave the friction out", _BOND, friction=_RUBS, beside=("bond",)),
+    Rule("no damage on which friction could act", _RUBBING, normal=_UNDAMAGED, beside=("rubbing",)),
+    Rule("leave one of both out", _RUBBING, friction=_RUBS, beside=("rubbing",)),
     Rule("beyond what its law allows", "A march begins where the law allows.", _MARCHES, ("membrane",), ("bilateral",)),
     Rule("the body is free to move", "Nothing holds the body.", (), ("resting",), ("none",)),
     Rule(
