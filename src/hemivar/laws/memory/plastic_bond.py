@@ -166,7 +166,7 @@ class PlasticBond(Memory):
         broke = (state["bond"] > 0.0) & ~held
         if broke.any():
             end[broke] = self._at_break(state, step.before, end)[broke]
-        return kept(bond=held, plastic_slip=self._plastic(state, end))
+        return kept(bond=held.astype(float), plastic_slip=self._plastic(state, end))
 
     def _at_break(self, state: MemoryState, start: Array, end: Array) -> Array:
         """Where on the way the energy of bonds reaches that of a break, (m, c)."""
