@@ -100,6 +100,16 @@ def test_the_energy_is_that_of_the_force_on_its_way() -> None:
     assert np.abs(history["gap"]).max() <= 1e-10 * history["friction"][-1]
 
 
+def test_friction_of_the_slip_is_the_static_law_and_stores() -> None:
+    friction = OrthotropicFriction(0.3, ratio=0.5, axis=(0.6, 0.8, 0.0), of="slip")
+    problem = dragged(friction, round_about, young=1e3)
+    history = hv.march(hv.Evolution(problem), 0.4, step=0.02, controls=TIGHT)
+    assert history.ended == "finished"
+    assert history["friction"][-1] == 0.0
+    at_rest = hv.solve(problem.at_time(0.4), controls=TIGHT)
+    np.testing.assert_allclose(history.moment.multiplier, at_rest.multiplier, atol=1e-9)
+
+
 def test_units_change_nothing() -> None:
     friction = OrthotropicFriction(CoulombBound(0.6), ratio=0.5, axis=(0.6, 0.8, 0.0))
     found = []

@@ -46,6 +46,7 @@ class OrthotropicFriction(Friction):
     axis: Sequence[float] = (1.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         axis = real_array(self.axis, "axis of the orthotropic friction", 1)
         if axis.shape != (3,) or not np.abs(axis).max() > 0.0:
             raise ProblemError(
