@@ -283,7 +283,7 @@ def test_of_a_law_with_several_points_the_first_is_looked_at() -> None:
 
     table = np.zeros((2, 1)), np.array([[0.0, 3.0], [0.0, 4.0]]), np.zeros((2, 1))
     ContactLaw(Bent(*table))
-    with pytest.raises(ProblemError, match="the curvature of law 'piecewise' is 6 "):
+    with pytest.raises(ProblemError, match="the curvature of law 'piecewise' is 6 between"):
         ContactLaw(type("Wrong", (Bent,), {"bend": 2.0, "__module__": __name__})(*table))
 
 

@@ -1,17 +1,26 @@
-"""Kits that try whether an object of a user is consistent with itself: the steps, and the report."""
+"""Kits that try whether an object of a user is consistent with itself: the steps, the report, and what all ask."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
-__all__ = ["ConformanceReport", "failures_of"]
+from hemivar.basics.types import Array
+from hemivar.errors import HemivarError
+
+__all__ = ["ConformanceError", "ConformanceReport", "Step", "change_and_integral", "failures_of"]
 
 #: What is checked, in words that complete "it is not: ...", and the check; it says what is wrong, or nothing.
 Step = tuple[str, Callable[[], str | None]]
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+
+
+class ConformanceError(HemivarError, AssertionError):
+    """An object contradicts itself; the message lists how."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +41,9 @@ class ConformanceReport:
     checks: tuple[str, ...]
     failures: tuple[str, ...] = ()
 
-    #: What was checked, in one word.
+    #: What was checked, in one word, and what is raised where something is wrong.
     subject: ClassVar[str] = "object"
+    error: ClassVar[type[ConformanceError]] = ConformanceError
 
     @property
     def passed(self) -> bool:
@@ -45,6 +55,12 @@ class ConformanceReport:
             return f"{self.subject} '{self.name}': {len(self.checks)} checks passed"
         listed = "".join(f"\n  - {failure}" for failure in self.failures)
         return f"{self.subject} '{self.name}' fails {len(self.failures)} of {len(self.checks)} checks:{listed}"
+
+    def or_raised(self, raises: bool) -> Self:
+        """The report, unless something is wrong and that is to be raised."""
+        if raises and self.failures:
+            raise self.error(str(self))
+        return self
 
 
 def failures_of(steps: Sequence[Step]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -62,3 +78,22 @@ def failures_of(steps: Sequence[Step]) -> tuple[tuple[str, ...], tuple[str, ...]
             if len(checks) == 1:
                 break
     return tuple(checks), tuple(failures)
+
+
+def change_and_integral(
+    of: Callable[[Array], Array], rate: Callable[[Array, Array], Array], start: Array, step: Array
+) -> tuple[Array, Array]:
+    """The change of an answer along steps ``(k, ...)``, and the integral of its rate, which has to be the same.
+
+    Parameters
+    ----------
+    of : function of places (k, ...)
+    rate : function of places and steps
+        The change of the answer for each whole step, as the derivative at the place says.
+    start, step : arrays (k, ...)
+    """
+    parts = [
+        0.5 * weight * rate(start + 0.5 * (1.0 + node) * step, step)
+        for node, weight in zip(_NODES, _WEIGHTS, strict=True)
+    ]
+    return np.asarray(of(start + step)) - of(start), np.sum(parts, axis=0)

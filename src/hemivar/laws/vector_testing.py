@@ -8,19 +8,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from hemivar.basics.conformance import ConformanceError, ConformanceReport, Step, failures_of
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
-from hemivar.laws.testing import LawError, LawReport
 from hemivar.laws.vector_law import VectorLaw, spread
 
-__all__ = ["check_graph", "check_vector_law"]
+__all__ = ["LawError", "LawReport", "Questions", "check_graph", "check_vector_law"]
 
 #: Places and local problems that are tried; lines and columns of the grid on which minimisers are looked for.
 _PLACES, _PROBLEMS, _GRID = 400, 60, 161
 #: Directions of slip in which a law is looked at far away; places around a minimiser.
 _TURNS, _AROUND = 361, 400
+
+
+class LawError(ConformanceError):
+    """A law contradicts itself; the message lists how."""
+
+
+@dataclass(frozen=True)
+class LawReport(ConformanceReport):
+    """What the kit tried and found about a law."""
+
+    subject: ClassVar[str] = "law"
+    error: ClassVar[type[ConformanceError]] = LawError
 
 
 def check_vector_law(
@@ -46,21 +60,15 @@ def check_vector_law(
     LawError
         With the list of failures.
     """
-    checker = _Checker(law, reach, components, np.random.default_rng(seed))
-    steps: _Steps = (
-        ("the value is zero at r = 0", checker.origin),
-        ("the gradient is that of the value", checker.gradient),
-        ("the hessian is that of the gradient", checker.hessian),
-        ("alpha makes the law convex", checker.convexity),
-        ("local_argmin is the global minimiser", checker.argmin),
-        ("local_argmin lies on the graph", checker.graph),
-        ("downhill leads to a stationary point that is not higher", checker.downhill),
-        ("prox_jacobian is the derivative of prox", checker.jacobian),
-        ("the nearest multiplier is an element", checker.nearest),
-        *_chart(law, reach, components, seed),
-        ("rates bound the growth", checker.growth),
+    asked = Questions(law, reach, components, np.random.default_rng(seed))
+    steps = (
+        ("the value is zero at r = 0", asked.origin),
+        ("the gradient is that of the value", asked.gradient),
+        ("the hessian is that of the gradient", asked.hessian),
+        ("alpha makes the law convex", asked.convexity),
+        *asked.minimisers(),
     )
-    return _reported(law, steps, raises)
+    return LawReport(law.name, *failures_of(steps)).or_raised(raises)
 
 
 def check_graph(law: VectorLaw, *, reach: float, components: int = 2, seed: int = 0, raises: bool = True) -> LawReport:
@@ -68,31 +76,15 @@ def check_graph(law: VectorLaw, *, reach: float, components: int = 2, seed: int 
 
     Parameters, errors: see :func:`check_vector_law`.
     """
-    return _reported(law, _chart(law, reach, components, seed), raises)
+    chart = _Chart.of(law, reach, components, _PLACES, np.random.default_rng(seed))
+    return LawReport(law.name, *failures_of(_graph_steps(lambda: chart))).or_raised(raises)
 
 
-_Steps = tuple[tuple[str, Callable[[], str | None]], ...]
-
-
-def _reported(law: VectorLaw, steps: _Steps, raises: bool) -> LawReport:
-    failures = []
-    for name, step in steps:
-        with np.errstate(all="ignore"):
-            wrong = step()
-        if wrong:
-            failures.append(f"{name}: it is not: {wrong}")
-    report = LawReport(law.name, tuple(name for name, _ in steps), tuple(failures))
-    if raises and failures:
-        raise LawError(str(report))
-    return report
-
-
-def _chart(law: VectorLaw, reach: float, components: int, seed: int) -> _Steps:
-    chart = _Chart.of(law, reach, components, np.random.default_rng(seed))
+def _graph_steps(chart: Callable[[], _Chart]) -> tuple[Step, ...]:
     return (
-        ("on_graph finds pairs of the law", chart.pairs),
-        ("on_graph is Lipschitz", chart.lipschitz),
-        ("the jacobian of on_graph is its derivative", chart.jacobian),
+        ("on_graph finds pairs of the law", lambda: chart().pairs()),
+        ("on_graph is Lipschitz", lambda: chart().lipschitz()),
+        ("the jacobian of on_graph is its derivative", lambda: chart().jacobian()),
     )
 
 
@@ -108,15 +100,15 @@ class _Chart:
     random: np.random.Generator
 
     @staticmethod
-    def of(law: VectorLaw, reach: float, components: int, random: np.random.Generator) -> _Chart:
+    def of(law: VectorLaw, reach: float, components: int, places: int, random: np.random.Generator) -> _Chart:
         alpha = np.array([float(np.max(part)) for part in law.weak_convexity_at(np.zeros((1, components)))])
         if law.depends_on_whole_state:
             alpha = alpha + float(np.max(law.lipschitz))
-        r = random.uniform(-reach, reach, (_PLACES, components))
+        r = random.uniform(-reach, reach, (places, components))
         inside = law.admissible(r)
         size = float(np.abs(law.frozen_at(inside).nearest_multiplier(inside, np.zeros_like(r))).max()) or 1.0
         finite = np.where(np.isfinite(alpha), alpha, 10.0 * size / reach)
-        a = finite + np.maximum(finite, size / reach) * 10.0 ** random.uniform(-1.0, 1.0, (_PLACES, 2))
+        a = finite + np.maximum(finite, size / reach) * 10.0 ** random.uniform(-1.0, 1.0, (places, 2))
         p = spread(a, components) * r + size * random.uniform(-1.5, 1.5, r.shape)
         return _Chart(law, p, a, alpha, size, random)
 
@@ -162,20 +154,53 @@ class _Chart:
         return None if wrong.mean() <= 0.03 else f"at p = {self.p[i]}, a = {self.a[i]}: {stated[i]}, not {found[i]}"
 
 
-class _Checker:
-    """Samples of a law and the questions about them."""
+class Questions:
+    """Samples of a law that is the same at all contact points, and the questions about them.
 
-    def __init__(self, law: VectorLaw, reach: float, components: int, random: np.random.Generator) -> None:
-        self.law, self.reach, self.random, self.c = law, reach, random, components
+    Parameters
+    ----------
+    law : VectorLaw
+    reach : float
+        Places up to this size are tried.
+    components : int
+    random : Generator
+    line : array (k,), optional
+        Penetrations among which minimisers are looked for, of a law of these alone: fine, with all of its knots.
+    """
+
+    def __init__(
+        self, law: VectorLaw, reach: float, components: int, random: np.random.Generator, line: Array | None = None
+    ) -> None:
+        self.law, self.reach, self.random, self.c, self.line = law, reach, random, components, line
         ends = law.penetrations
-        self.r = random.uniform(-reach, reach, (_PLACES, components))
+        self.r = random.uniform(-reach, reach, (_PLACES if line is None else _PROBLEMS, components))
         self.r[:, 0] = np.clip(self.r[:, 0], ends.lower, ends.upper)
         self.slope = float(np.abs(law.linearise(self.r).gradient).max()) or 1.0
-        softest = max(float(alpha.max()) for alpha in law.weak_convexity)
-        stiffness = np.maximum(softest, self.slope / reach)
-        self.a = stiffness * 10.0 ** random.uniform(-1.0, 1.5, (_PROBLEMS, 2))
+        if line is None:
+            softest = max(float(alpha.max()) for alpha in law.weak_convexity)
+            least, stiffness, most = 0.0, max(softest, self.slope / reach), 1.5
+        else:
+            least = -min(float(np.min(law.asymptotic_curvature(sign)[0])) for sign in (-1.0, 1.0))
+            stiffness, most = self.slope / reach, 2.0
+        self.a = max(least, 0.0) + stiffness * 10.0 ** random.uniform(0.5 - most, most, (_PROBLEMS, 2))
         self.b = spread(self.a, components) * self.r[:_PROBLEMS]
         self.b += self.slope * random.uniform(-1.0, 1.0, self.b.shape)
+
+    def minimisers(self) -> tuple[Step, ...]:
+        """The questions about minimisers and pairs, which a law answers by its value alone."""
+        return (
+            ("local_argmin is the global minimiser", self.argmin),
+            ("prox is the global minimiser", self.prox),
+            ("downhill leads to a stationary point that is not higher", self.downhill),
+            ("prox_jacobian is the derivative of prox", self.jacobian),
+            ("the nearest multiplier is an element", self.nearest),
+            *_graph_steps(lambda: self._chart),
+            ("the recession is the growth rate far away", self.recession),
+        )
+
+    @cached_property
+    def _chart(self) -> _Chart:
+        return _Chart.of(self.law, self.reach, self.c, len(self.r), self.random)
 
     def origin(self) -> str | None:
         value = float(self.law.value(np.zeros((1, self.c)))[0])
@@ -226,47 +251,71 @@ class _Checker:
         return np.asarray((0.5 * spread(self.a, self.c) * r**2 - self.b * r).sum(axis=1) + self.law.value(r))
 
     def argmin(self) -> str | None:
-        r = self.law.local_argmin(self.a, self.b)
+        return self._minimises(self.law.local_argmin(self.a, self.b))
+
+    def prox(self) -> str | None:
+        return self._minimises(self.law.prox(self.b / spread(self.a, self.c), 1.0 / self.a))
+
+    def _minimises(self, r: Array) -> str | None:
+        """Whether places (_PROBLEMS, c) are minimisers: none beside them or on a grid is lower, and on the graph."""
+        if np.shape(r) != self.b.shape:
+            return f"it has shape {np.shape(r)} for {self.b.shape}"
         found = self._energy(r)
-        ends = self.law.penetrations
-        for _ in range(_AROUND):
+        if not np.isfinite(found).all():
+            return "it is not finite"
+        for _ in range(_AROUND if self.line is None else 0):
             beside = r + self.random.normal(size=r.shape) * 10.0 ** self.random.uniform(-6.0, 0.0) * self.reach
-            beside[:, 0] = np.clip(beside[:, 0], ends.lower, ends.upper)
+            beside[:, 0] = np.clip(beside[:, 0], self.law.penetrations.lower, self.law.penetrations.upper)
             lower = found - self._energy(beside)
             if (lower > 1e-9 * self.slope * self.reach).any():
-                i = int(np.argmax(lower))
-                return f"for a = {self.a[i]}, b = {self.b[i]} r = {beside[i]} is lower"
-        pull = np.linalg.norm(self.b[:, 1:], axis=1)
-        heading = self.b[:, 1:] / pull[:, None]  # the slip of least energy lies along the force
+                return self._lower(int(np.argmax(lower)), r, beside)
         for i in range(_PROBLEMS):
-            far = 1.5 * np.maximum(self.reach, np.abs([self.b[i, 0], pull[i]]) / self.a[i])
-            normal = np.linspace(-far[0], far[0], 2 * _GRID - 1)
-            ends = self.law.penetrations
-            normal = normal[(normal >= ends.lower.min()) & (normal <= ends.upper.max())]
-            w, s = np.meshgrid(normal, np.linspace(0.0, far[1], _GRID), indexing="ij")
-            places = np.column_stack([w.ravel(), s.ravel()[:, None] * heading[i]])
-            energy = 0.5 * (self.a[i, 0] * w**2 + self.a[i, 1] * s**2).ravel() - places @ self.b[i]
-            energy += self.law.take(np.zeros(1, dtype=np.int64)).value(places)
+            places, energy = self._on_grid(i)
             best = int(np.argmin(energy))
-            if not found[i] <= energy[best] + 1e-9 * self.slope * self.reach:
-                return f"for a = {self.a[i]}, b = {self.b[i]} r = {places[best]} is lower"
-        return None
+            if not found[i] <= energy[best] + 1e-9 * (abs(energy[best]) + self.slope * self.reach):
+                return self._lower(i, r, np.broadcast_to(places[best], r.shape))
+        return self._off_graph(r)
 
-    def _off(self, r: Array) -> Array:
+    def _lower(self, i: int, r: Array, other: Array) -> str:
+        return f"for a = {self.a[i]}, b = {self.b[i]} it gives r = {r[i]}, but r = {other[i]} is lower"
+
+    def _on_grid(self, i: int) -> tuple[Array, Array]:
+        """Places (k, c), and the energies of a local problem there."""
+        if self.line is not None:
+            a, b = self.a[i, 0], self.b[i, 0]
+            return self.line[:, None], 0.5 * a * self.line**2 - b * self.line + self._on_line
+        pull = float(np.linalg.norm(self.b[i, 1:]))
+        heading = self.b[i, 1:] / pull  # the slip of least energy lies along the force
+        far = 1.5 * np.maximum(self.reach, np.abs([self.b[i, 0], pull]) / self.a[i])
+        normal, ends = np.linspace(-far[0], far[0], 2 * _GRID - 1), self.law.penetrations
+        normal = normal[(normal >= ends.lower.min()) & (normal <= ends.upper.max())]
+        w, s = np.meshgrid(normal, np.linspace(0.0, far[1], _GRID), indexing="ij")
+        places = np.column_stack([w.ravel(), s.ravel()[:, None] * heading])
+        energy = 0.5 * (self.a[i, 0] * w**2 + self.a[i, 1] * s**2).ravel() - places @ self.b[i]
+        return places, energy + self.law.take(np.zeros(1, dtype=np.int64)).value(places)
+
+    @cached_property
+    def _on_line(self) -> Array:
+        assert self.line is not None
+        return self.law.value(self.line[:, None])
+
+    def _off_graph(self, r: Array) -> str | None:
+        """Whether places are off the graph: of scalar laws each by its own size, for their forces differ much."""
         lam = self.b - spread(self.a, self.c) * r
-        return self.law.graph_distance(r, lam, 1.0 / self.a)
-
-    def graph(self) -> str | None:
-        off = self._off(self.law.local_argmin(self.a, self.b))
-        return None if (off <= 1e-7 * (np.abs(self.b).max() + self.slope)).all() else f"it is off by {off.max():.3g}"
+        off = self.law.graph_distance(r, lam, 1.0 / self.a)
+        size = 1e-7 * np.abs(self.b).max() if self.line is None else 1e-6 * np.abs(self.b).max(axis=1)
+        wrong = off > size + (1e-7 if self.line is None else 1e-6) * self.slope
+        if not wrong.any():
+            return None
+        i = int(np.argmax(np.where(wrong, off, 0.0)))
+        return f"for a = {self.a[i]}, b = {self.b[i]} it gives r = {r[i]}, which is {off[i]:.3g} off the graph"
 
     def downhill(self) -> str | None:
         start = self.r[:_PROBLEMS]
         end = self.law.downhill(self.a, self.b, start)
         if not (self._energy(end) <= self._energy(start) + 1e-12 * self.slope * self.reach).all():
             return "the energy rises"
-        off = self._off(end)
-        return None if (off <= 1e-7 * (np.abs(self.b).max() + self.slope)).all() else f"it is off by {off.max():.3g}"
+        return self._off_graph(end)
 
     def jacobian(self) -> str | None:
         tau, step = 1.0 / self.a, 1e-7 * self.reach
@@ -284,17 +333,25 @@ class _Checker:
         off = self.law.distance(self.r, self.law.nearest_multiplier(self.r, lam))
         return self._worst(off, 1e-12 * self.slope)
 
-    def growth(self) -> str | None:
-        far = 1e6 * self.reach
+    def recession(self) -> str | None:
+        far, exact = np.array([1e4, 1e6]) * self.reach, 1e-3 if self.line is None else 1e-2
         up, down, slip = (float(np.max(rate)) for rate in self.law.rates)
         for rate, way in ((up, 1.0), (down, -1.0), (slip, 0.0)):
+            if not way and self.c == 1:
+                continue
             turn = np.linspace(0.0, np.pi, _TURNS) if self.c == 3 and not way else np.zeros(1)
             ways = np.zeros((turn.size, self.c))
             ways[:, 0 if way else 1] = way or np.cos(turn)
             if turn.size > 1:
                 ways[:, 2] = np.sin(turn)
-            grown = self.law.take(np.zeros(turn.size, dtype=np.int64)).value(far * ways) / far
+            one = self.law.take(np.zeros(turn.size, dtype=np.int64))
+            near, grown = (one.value(size * ways) / size for size in far)
             most = int(np.argmax(grown))
-            if np.isfinite(rate) and abs(grown[most] - rate) > 1e-3 * self.slope:
+            if np.isfinite(rate):
+                wrong = not abs(grown[most] - rate) <= exact * self.slope + 1e-3 * abs(rate)
+            else:  # it grows ever faster, if it is finite
+                faster = np.isinf(grown[most]) or abs(grown[most]) > 1.5 * abs(near[most])
+                wrong = np.sign(grown[most]) != np.sign(rate) or not faster
+            if wrong:
                 return f"along {ways[most]} j grows by {grown[most]:.4g} per length, not {rate:.4g}"
         return None

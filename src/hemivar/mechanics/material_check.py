@@ -12,9 +12,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from hemivar.basics.conformance import ConformanceReport, failures_of
-from hemivar.basics.types import Array, BoolArray
-from hemivar.errors import HemivarError, ProblemError
+from hemivar.basics.conformance import ConformanceError, ConformanceReport, Step, change_and_integral, failures_of
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
 from hemivar.mechanics.composed_material import ByRegion
 from hemivar.mechanics.energy_bounds import once, strain_text, tried_strains
 from hemivar.mechanics.material import Material
@@ -22,7 +22,6 @@ from hemivar.mechanics.material_words import PlaneState
 
 __all__ = ["MaterialError", "MaterialReport", "check_material"]
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 #: Strains that are tried, the largest if the material names none, and the length of steps relative to them.
 _COUNT, _LARGEST, _STEP = 300, 1.0, 0.02
 #: What counts as equal: integrals along steps, and eigenvalues, relative to the stiffness.
@@ -31,7 +30,7 @@ _INTEGRAL, _EIGENVALUE = 1e-4, 1e-8
 _ROUNDING = 1e-15
 
 
-class MaterialError(HemivarError, AssertionError):
+class MaterialError(ConformanceError):
     """A material contradicts itself; the message lists how, with the strain at which it does."""
 
 
@@ -40,6 +39,7 @@ class MaterialReport(ConformanceReport):
     """What the kit tried and found about a material."""
 
     subject: ClassVar[str] = "material"
+    error: ClassVar[type[ConformanceError]] = MaterialError
 
 
 def check_material(
@@ -84,9 +84,7 @@ def check_material(
         found = [failures_of(_Checker(material, dim, size, seed).steps()) for dim in _dims(material)]
         checks, failures = (tuple(one for part in parts for one in part) for parts in zip(*found, strict=True))
         report = MaterialReport(getattr(material, "kind", type(material).__name__), checks, failures)
-    if raises and not report.passed:
-        raise MaterialError(str(report))
-    return report
+    return report.or_raised(raises)
 
 
 def _dims(material: Material) -> Sequence[int]:
@@ -125,7 +123,7 @@ class _Checker:
         sizes = np.linalg.norm(strain, axis=1) / np.linalg.norm(way, axis=1)
         self.strain, self.step = 0.98 * strain, _STEP * sizes[:, None] * way
 
-    def steps(self) -> list[tuple[str, Callable[[], str | None]]]:
+    def steps(self) -> list[Step]:
         where = "in the plane" if self.dim == 2 else "in space"
         return [
             (f"the material answers with finite numbers of the right shape {where}", self.shapes),
@@ -171,26 +169,19 @@ class _Checker:
             return f"the stress has the component {stress.ravel()[np.argmax(np.abs(stress))]:.6g}"
         return None
 
-    def _along(self, of: Callable[[Array, Array], Array], rate: Callable[[Array, Array, Array], Array]) -> str | None:
+    def _along(self, of: Callable[[Array], Array], rate: Callable[[Array, Array], Array]) -> str | None:
         """Whether the change of an answer along steps is the integral of its rate, but for single kinks."""
         upper = self.material.upper_tensor(self.points)
         expected = np.einsum("kij,kj->ki", upper, self.step)
 
-        def off(start: Array, step: Array) -> tuple[Array, Array, Array]:
-            change = of(self.points, start + step) - of(self.points, start)
-            parts = [
-                0.5 * weight * rate(self.points, start + 0.5 * (1.0 + node) * step, step)
-                for node, weight in zip(_NODES, _WEIGHTS, strict=True)
-            ]
-            return change, np.sum(parts, axis=0), start
-
         unit = np.abs(expected).max(axis=1)
         wrongs = []
         for part in range(4):
-            change, integral, start = off(self.strain + 0.25 * part * self.step, 0.25 * self.step)
+            start = self.strain + 0.25 * part * self.step
+            change, integral = change_and_integral(of, rate, start, 0.25 * self.step)
             size = unit * np.linalg.norm(self.strain, axis=1) if change.ndim == 1 else unit
             error = np.abs(change - integral).reshape(len(unit), -1).max(axis=1)
-            answer = np.abs(of(self.points, start)).reshape(len(unit), -1).max(axis=1)
+            answer = np.abs(of(start)).reshape(len(unit), -1).max(axis=1)
             bad = ~(error <= _INTEGRAL * size + 1e-13 * answer + _ROUNDING * answer.max())
             wrongs.append((bad, change.reshape(len(unit), -1), integral.reshape(len(unit), -1)))
         often = np.sum([bad for bad, *_ in wrongs], axis=0) >= 2  # a kink is in one part
@@ -204,17 +195,20 @@ class _Checker:
             f"{integral[row, column]:.6g}"
         )
 
-    def stress(self) -> str | None:
-        def rate(points: Array, strain: Array, step: Array) -> Array:
-            return np.asarray(np.einsum("ki,ki->k", self.material.stress(points, strain), step))
+    def _energy(self, strain: Array) -> Array:
+        return self.material.energy(self.points, strain)
 
-        return self._along(self.material.energy, rate)
+    def _stress(self, strain: Array) -> Array:
+        return self.material.stress(self.points, strain)
+
+    def stress(self) -> str | None:
+        return self._along(self._energy, lambda strain, step: np.einsum("ki,ki->k", self._stress(strain), step))
 
     def tangent(self) -> str | None:
-        def rate(points: Array, strain: Array, step: Array) -> Array:
-            return np.asarray(np.einsum("kij,kj->ki", self.material.tangent(points, strain), step))
+        def rate(strain: Array, step: Array) -> Array:
+            return np.asarray(np.einsum("kij,kj->ki", self.material.tangent(self.points, strain), step))
 
-        return self._along(self.material.stress, rate)
+        return self._along(self._stress, rate)
 
     def symmetric(self) -> str | None:
         tangent = self.material.tangent(self.points, self.strain)
@@ -235,50 +229,32 @@ class _Checker:
                 return f"{what} has the eigenvalue {least.min():.6g}"
         return None
 
-    def _between(self, low: Array, up: Array, what: str) -> str | None:
-        """Whether ``up - low`` is semidefinite: of matrices that depend on the strain."""
-        allowed = _EIGENVALUE * np.abs(self.material.upper_tensor(self.points)).max(axis=(1, 2))
-        least = self._lowest(up - low)
+    def _between(self, bound: Array, sign: float, what: str) -> str | None:
+        """Whether the tangent, and the differences of stresses far from each other, are beyond a bound or below it."""
+        upper = self.material.upper_tensor(self.points)
+        least = self._lowest(sign * (self.material.tangent(self.points, self.strain) - bound))
+        allowed = _EIGENVALUE * np.abs(upper).max(axis=(1, 2))
         row = int(np.argmin(least + allowed))
-        return f"{self._named(row)} {what} has the eigenvalue {least[row]:.6g}" if least[row] < -allowed[row] else None
-
-    def _pairs(self) -> tuple[Array, Array]:
-        """Differences of strains and of their stresses, far from each other."""
-        other = np.roll(self.strain, 1, axis=0)
-        stress = self.material.stress(self.points, self.strain) - self.material.stress(self.points, other)
-        return self.strain - other, stress
-
-    def _far(self, tensor: Array, sign: float) -> BoolArray:
-        strain, stress = self._pairs()
+        if least[row] < -allowed[row]:
+            return f"{self._named(row)} {what} has the eigenvalue {least[row]:.6g}"
+        strain, stress = self.strain, self._stress(self.strain)
+        strain, stress = strain - np.roll(strain, 1, axis=0), stress - np.roll(stress, 1, axis=0)
         work = np.einsum("ki,ki->k", stress, strain)
-        bound = np.einsum("ki,kij,kj->k", strain, tensor, strain)
-        upper = np.einsum("ki,kij,kj->k", strain, self.material.upper_tensor(self.points), strain)
-        return np.asarray(sign * (work - bound) < -1e-9 * upper)
+        own, most = (np.einsum("ki,kij,kj->k", strain, tensor, strain) for tensor in (bound, upper))
+        bad = sign * (work - own) < -1e-9 * most
+        if not bad.any():
+            return None
+        size = "little" if sign > 0.0 else "much"
+        return f"{self._named(int(np.argmax(bad)))} and another one the stresses differ by too {size}"
 
     def monotone(self) -> str | None:
-        low = self.material.lower_tensor(self.points)
-        tangent = self.material.tangent(self.points, self.strain)
-        if wrong := self._between(low, tangent, "the tangent less the lower tensor"):
-            return wrong
-        bad = self._far(low, 1.0)
-        return (
-            f"{self._named(int(np.argmax(bad)))} and another one the stresses differ by too little"
-            if bad.any()
-            else None
-        )
+        return self._between(self.material.lower_tensor(self.points), 1.0, "the tangent less the lower tensor")
 
     def growth(self) -> str | None:
-        up = self.material.upper_tensor(self.points)
-        tangent = self.material.tangent(self.points, self.strain)
-        if wrong := self._between(tangent, up, "the upper tensor less the tangent"):
-            return wrong
-        bad = self._far(up, -1.0)
-        return (
-            f"{self._named(int(np.argmax(bad)))} and another one the stresses differ by too much" if bad.any() else None
-        )
+        return self._between(self.material.upper_tensor(self.points), -1.0, "the upper tensor less the tangent")
 
     def together(self) -> str | None:
-        stress = self.material.stress(self.points, self.strain)
+        stress = self._stress(self.strain)
         for row in range(0, len(stress), max(1, len(stress) // 12)):
             alone = self.material.stress(self.points[row : row + 1], self.strain[row : row + 1])[0]
             if np.abs(alone - stress[row]).max() > 1e-9 * np.abs(stress[row]).max():
