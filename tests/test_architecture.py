@@ -324,7 +324,6 @@ WORKING = {
     "branches.follower": ("TrackPoint", "Track", "Follower"),
     "coercivity.recession": ("_Programme",),
     "evolution.jump_paths": ("_GradientFlow",),
-    "laws.testing": ("_Checker",),
     "solvers.active_set_newton": ("NewtonCache",),
     "systems.dense_newton": ("DenseFactor",),
 }

@@ -160,3 +160,23 @@ def test_wrong_growth_recession_and_shape_are_caught() -> None:
 def test_a_friction_law_that_is_not_even_is_caught() -> None:
     assert "the law is even: it is not" in failures(ThresholdCompliance(0.3, 2.0), friction=True)
     assert "the law is even" in failures(FormulaLaw("max(r, 0)"), friction=True)
+
+
+def test_a_law_is_asked_as_the_law_of_a_point_too() -> None:
+    """How fast prox moves, and the multiplier nearest to a force, which a scalar law has no other question about."""
+
+    def prox_slope(self: Any, x: Any, tau: Any) -> Any:
+        return 1.05 * PiecewiseQuadratic.prox_slope(self, x, tau)
+
+    found = failures(spoiled(prox_slope=prox_slope))
+    assert "prox_jacobian is the derivative of prox: it is not" in found
+    assert "the jacobian of on_graph is its derivative: it is not" in found
+    found = failures(spoiled(distance=lambda self, r, lam: 0.01 + PiecewiseQuadratic.distance(self, r, lam)))
+    assert "the nearest multiplier is an element: it is not" in found
+
+
+def test_a_value_that_is_not_finite_at_a_minimiser_is_no_minimum() -> None:
+    def local_argmin(self: Any, a: Any, b: Any) -> Any:
+        return np.nan * PiecewiseQuadratic.local_argmin(self, a, b)
+
+    assert "local_argmin is the global minimiser: it is not" in failures(spoiled(local_argmin=local_argmin))

@@ -269,15 +269,22 @@ class Questions:
             lower = found - self._energy(beside)
             if (lower > 1e-9 * self.slope * self.reach).any():
                 return self._lower(int(np.argmax(lower)), r, beside)
-        for i in range(_PROBLEMS):
-            places, energy = self._on_grid(i)
-            best = int(np.argmin(energy))
-            if not found[i] <= energy[best] + 1e-9 * (abs(energy[best]) + self.slope * self.reach):
-                return self._lower(i, r, np.broadcast_to(places[best], r.shape))
-        return self._off_graph(r)
+        places, least = self._best
+        wrong = ~(found <= least + 1e-9 * (np.abs(least) + self.slope * self.reach))
+        return self._lower(int(np.argmax(wrong)), r, places) if wrong.any() else self._off_graph(r)
 
     def _lower(self, i: int, r: Array, other: Array) -> str:
         return f"for a = {self.a[i]}, b = {self.b[i]} it gives r = {r[i]}, but r = {other[i]} is lower"
+
+    @cached_property
+    def _best(self) -> tuple[Array, Array]:
+        """The place (_PROBLEMS, c) of least energy on a grid for every local problem, and that energy."""
+        places, least = np.empty(self.b.shape), np.empty(_PROBLEMS)
+        for i in range(_PROBLEMS):
+            grid, energy = self._on_grid(i)
+            best = int(np.argmin(energy))
+            places[i], least[i] = grid[best], energy[best]
+        return places, least
 
     def _on_grid(self, i: int) -> tuple[Array, Array]:
         """Places (k, c), and the energies of a local problem there."""
