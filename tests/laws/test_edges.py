@@ -270,6 +270,14 @@ def test_a_small_jump_down_and_a_fall_on_the_negative_side_are_seen() -> None:
         ContactLaw(Falling(np.array([0.0, 0.2]), np.array([0.0, 3.0, 0.0]), np.array([0.0, -3e-3])))
 
 
+@pytest.mark.parametrize(("limit", "stiffness"), [(0.1, 2.0), (0.35, 1.0), (0.5, 7.0)])
+def test_a_law_that_is_constant_beyond_a_knot_has_a_finite_slope(limit: float, stiffness: float) -> None:
+    """Rounding of the value over ever shorter steps is no slope."""
+    table = Softening(stiffness, limit, 0.3 * stiffness).table
+    own = type("Own", (PiecewiseQuadratic,), {"__module__": __name__})
+    ContactLaw(own(table.breakpoints[0], table.slopes[0], table.jumps[0]))
+
+
 def test_of_a_law_with_several_points_the_first_is_looked_at() -> None:
     class Bent(PiecewiseQuadratic):
         bend = 1.0

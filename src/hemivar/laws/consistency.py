@@ -43,12 +43,12 @@ def check_own(law: Superpotential) -> None:
         one.value(np.zeros(1))
     except Exception:  # parameters that are not known yet, or a law that only the kit can describe
         return
-    check_consistency(one, reach, alpha=True)
+    check_consistency(one, reach, alpha=float(np.atleast_1d(one.weak_convexity)[0]))
     with contextlib.suppress(TypeError):
         _SEEN.add(law)
 
 
-def check_consistency(law: Superpotential, reach: float, alpha: bool = False, remedy: str = _REMEDY) -> None:
+def check_consistency(law: Superpotential, reach: float, alpha: float | None = None, remedy: str = _REMEDY) -> None:
     """Refuse a law of one contact point whose value, derivative and curvature do not belong to each other.
 
     Parameters
@@ -56,8 +56,8 @@ def check_consistency(law: Superpotential, reach: float, alpha: bool = False, re
     law : Superpotential
     reach : float
         Places between ``-reach`` and ``reach`` are tried.
-    alpha : bool
-        Whether the weak convexity is as the user states it, to be checked too.
+    alpha : float, optional
+        Weak convexity as the user states it, to be checked too.
     remedy : str
         What to do about a curvature that does not fit.
 
@@ -70,17 +70,16 @@ def check_consistency(law: Superpotential, reach: float, alpha: bool = False, re
     with np.errstate(all="ignore"):
         look = _QuickLook(law, reach, f" of law '{law.name}'")
         questions = (
-            look.slopes,
-            look.kinks,
-            look.derivative,
-            look.curvature,
-            look.zero,
-            *([look.alpha] if alpha else []),
+            (look.slopes, ""),
+            (look.kinks, ""),
+            (look.derivative, f"; {_REMEDY}"),
+            (look.curvature, f"; {remedy}"),
+            (look.zero, ""),
+            (lambda: None if alpha is None else look.falls_within(alpha), ""),
         )
-        for question in questions:
+        for question, todo in questions:
             if wrong := question():
-                todo = {look.derivative: _REMEDY, look.curvature: remedy}.get(question)
-                raise ProblemError(f"{wrong}; {todo}" if todo else wrong)
+                raise ProblemError(f"{wrong}{todo}")
 
 
 class _QuickLook(Samples):
@@ -103,8 +102,9 @@ class _QuickLook(Samples):
                 at = place + side * steps
                 if not self.ends[0] <= at[0] <= self.ends[1]:
                     continue
-                rate = np.abs((law.value(at) - law.value(np.full(steps.size, place))) / steps)
-                if np.all(rate[1:] > 1.3 * rate[:-1]):
+                value = law.value(np.full(steps.size, place))
+                rate = np.abs(law.value(at) - value) / steps
+                if np.all(rate[1:] > 1.3 * rate[:-1] + (8.0 * np.finfo(float).eps * np.abs(value) / steps)[1:]):
                     return (
                         f"the derivative{self.whose} grows without bound at r = {place:.6g}; a law needs a finite "
                         "slope everywhere (but at jumps of its derivative)"

@@ -139,9 +139,9 @@ class Samples:
         )
         return float(max(fall[i], 0.0)), told
 
-    def alpha(self) -> str | None:
-        """Whether alpha is large enough."""
-        alpha, (softest, told) = float(np.atleast_1d(self.law.weak_convexity)[0]), self.softest()
+    def falls_within(self, alpha: float) -> str | None:
+        """Whether a weak convexity is large enough."""
+        softest, told = self.softest()
         if softest <= alpha * (1.0 + self.falls[0]) + self.falls[1] * self.slope / self.reach:
             return None
         return f"alpha{self.whose} is {alpha:.6g}, but its derivative {told}"

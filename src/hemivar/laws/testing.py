@@ -72,7 +72,7 @@ def check_law(
         ("the derivative is that of the value", checker.derivative),
         ("the curvature is that of the derivative", checker.curvature),
         ("the subdifferential at knots reaches from one derivative to the other", checker.subdifferential),
-        ("alpha is large enough", checker.alpha),
+        ("alpha is large enough", checker.alpha_enough),
         ("alpha is not needlessly large", checker.alpha_needed),
         ("the growth constants bound the subdifferential", checker.growth),
         ("scaled, take and at agree with the law", checker.copies),
@@ -145,6 +145,9 @@ class _Checker(Samples):
         return (
             f"at r = {self.knots[i]:.6g} it is [{lower:.6g}, {upper:.6g}], not [{wanted[i, 0]:.6g}, {wanted[i, 1]:.6g}]"
         )
+
+    def alpha_enough(self) -> str | None:
+        return self.falls_within(float(self.law.weak_convexity[0]))
 
     def alpha_needed(self) -> str | None:
         alpha, (softest, _) = float(self.law.weak_convexity[0]), self.softest()
