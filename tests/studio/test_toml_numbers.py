@@ -107,6 +107,14 @@ def test_sliders_stay_in_the_ranges_of_their_laws_and_name_their_parameters() ->
     assert not any(one.key.startswith("solver") for one in sliders.values())
 
 
+def test_sliders_of_glue_are_those_of_its_parameters() -> None:
+    glue = 'law = "mixed-mode", strength = 30.0, energy = 0.5, stiffness = 1e4, ratio = 1.5'
+    text = f"[contact.bottom]\nnormal = {{ {glue} }}\n"
+    sliders = sliders_of(tomllib.loads(text), numbers_of(text))
+    assert sliders[0].meaning == "largest traction in opening (force/area)"
+    assert all(one.low >= 0.0 for one in sliders)
+
+
 @pytest.mark.parametrize(
     ("message", "key"),
     [

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from hemivar.basics.stated import Argument
-from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS
 from hemivar.studio.toml_numbers import TextNumber
 
 __all__ = ["Slider", "key_of_message", "sliders_of"]
@@ -109,7 +109,7 @@ def _parameter(data: Mapping[str, object], number: TextNumber) -> Argument | Non
     for step in path[:3]:
         law = law.get(str(step)) if isinstance(law, Mapping) else None
     name = law.get("law") if isinstance(law, Mapping) else None
-    entry = (NORMAL_LAWS if path[2] == "normal" else FRICTION_LAWS).get(str(name))
+    entry = ({**NORMAL_LAWS, **COUPLED_LAWS} if path[2] == "normal" else FRICTION_LAWS).get(str(name))
     return None if entry is None else next((p for p in entry.parameters if p.key == path[3]), None)
 
 
