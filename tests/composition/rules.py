@@ -59,7 +59,10 @@ _NO_PATH = (
     "on the solution."
 )
 _NO_BOUND = "The distance to the exact solution is bounded for elastic bodies on supports, without bedding."
-_NO_BOUND_OF_LAW = "The distance to the exact solution is not bounded for Coulomb's law."
+_NO_BOUND_OF_LAW = (
+    "The distance to the exact solution is not bounded for Coulomb's law; and for glue whose mode decides there is an "
+    "estimate only where its tractions change little with the mode."
+)
 _NOT_IN_TIME = "In time a normal law has no drop."
 _BOND = "A bond with plastic slip resists slip by itself: no friction beside it."
 _RUBBING = "Friction on the damaged share is that of glue which tells its damage, without another one beside it."
@@ -78,6 +81,7 @@ RULES = (
     Rule("and this is a scalar problem", _NO_BOUND, ("exact",), SCALAR),
     Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),
     Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, friction=("coulomb",)),
+    Rule("depend on the mode adds", _NO_BOUND_OF_LAW, _BOUNDS, normal=("mode-dependent",)),
     Rule("was made of arrays", _ARRAYS, ("exact", "output"), ("arrays",)),
     Rule("is a DiscreteProblem; give a ContactProblem", _ARRAYS, _OF_STATEMENTS, ("arrays",)),
     Rule("couples opening and slip", _NOT_IN_TIME, _MARCHES, normal=COUPLED),

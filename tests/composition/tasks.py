@@ -90,7 +90,7 @@ def _exact(row: Row, folder: Path) -> None:
     found = hv.certify(_solved(row), exact=True).exact
     assert found is not None
     if not np.isfinite(found.bound):
-        raise Refused(found.reasons[0])
+        raise Refused(found.why)
     first, last = hv.study(stated(row), 1, exact=True, controls=_TOLERANCE).levels  # type: ignore[arg-type]
     finer = hv.certify(last.solution, exact=True).exact
     assert finer is not None
@@ -203,7 +203,7 @@ def _jobs(row: Row, folder: Path) -> None:
 def _adaptive(row: Row, folder: Path) -> None:
     found = hv.adapt.solve_adaptive(stated(row), rtol=0.05, max_unknowns=60, controls=_TOLERANCE)  # type: ignore[arg-type]
     if not np.isfinite(found.distance.distance):
-        raise Refused(found.distance.reasons[0])
+        raise Refused("; ".join(found.distance.reasons))
     _same(_by_another_method(found.solution).unknowns, found.solution.unknowns)
 
 

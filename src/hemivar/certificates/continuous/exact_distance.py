@@ -523,8 +523,11 @@ def _cause(choice: _Choice, constants: TraceBounds, traces: ContactTraces | None
         return "nothing but contact holds the body"
     if not all(np.isfinite(part).all() for part in choice.alpha):
         return "the law falls at once, which no body bears (c = inf)"
+    coupling = _coupling(traces, constants)
+    if coupling >= 1.0:
+        return f"how {_what_depends(traces.stated)} adds {coupling:.3g} to c, which must stay below 1"
     softens = any(part.any() for part in choice.alpha)
-    shown = _coupling(traces, constants) + (SoftModes(traces).softest(*choice.alpha).theta if softens else 0.0)
+    shown = coupling + (SoftModes(traces).softest(*choice.alpha).theta if softens else 0.0)
     if not shown < 1.0:
         return f"the foundation softens too much for the body: c >= {shown:.3g} by a displacement of the mesh"
     return (
