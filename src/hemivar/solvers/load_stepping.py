@@ -23,6 +23,8 @@ __all__ = ["Climb", "LoadStepping", "Reached"]
 
 #: Part of the load that is rounding, the shortest step, and the residual of an equilibrium that rounding hides.
 _ROUNDED, _SHORTEST, _NEAR = 1e-9, 1e-5, 1e-8
+#: How many times its own limit of steps a method has at a load: below the largest one its steps win little.
+_PATIENCE = 4
 
 
 def _downhill() -> Solver:
@@ -235,7 +237,8 @@ class Climb:
         inner, system, budget = self.method.inner, self.system.for_problem(self.line.at(factor)), self.budget
         full = float(np.linalg.norm(self.system.problem.load))
         r = system.start(start.r)
-        controls = Controls(rtol=0.0, atol=self.method.rtol * full, max_time=budget.left)
+        most = _PATIENCE * inner.default_steps
+        controls = Controls(rtol=0.0, atol=self.method.rtol * full, max_time=budget.left, max_steps=most)
         found, status, _ = iterate(inner, system, State(r, system.multiplier(r)), controls, budget)
         inner.release(found)
         if status not in STOPPED and system.residual(found.r, found.lam).total <= _NEAR * full:
