@@ -30,7 +30,7 @@ from hemivar.fem.unknowns import nodal_conditions
 from hemivar.laws import ContactLaw, Friction, NoFriction, SlipMeasure, Superpotential, VectorLaw
 from hemivar.laws.memory import MemoryChain
 from hemivar.laws.normal_and_friction import with_friction
-from hemivar.laws.transformed.slipped import homogeneous
+from hemivar.laws.transformed.algebra import homogeneous
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.mechanics.scalar import ScalarContact
 from hemivar.mechanics.statement import Contact, ContactProblem

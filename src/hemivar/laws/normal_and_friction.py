@@ -16,7 +16,7 @@ from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.neighbourhood import lengths
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed import plus, secant
-from hemivar.laws.transformed.secants import secant_stiffness
+from hemivar.laws.transformed.algebra import secant_stiffness
 from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["NormalAndFriction", "with_friction"]

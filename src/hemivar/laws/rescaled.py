@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Self, TypeVar, cast
 
 import numpy as np
 
@@ -12,11 +13,50 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.superpotential import Interval, Superpotential
 
-__all__ = ["RescaledLaw", "moved_ends", "separated"]
+__all__ = ["RescaledLaw", "ResolvedLaw", "moved_ends", "row", "separated", "taken"]
+
+Part = TypeVar("Part")
+
+
+def row(values: Part, index: IntArray) -> Part:
+    """The numbers (1, ...) or (m, ...) at some of the contact points."""
+    known = cast(Array, values)
+    return values if len(known) == 1 else cast(Part, known[index])
+
+
+def taken(part: Part, index: IntArray) -> Part:
+    """What a law consists of, at some of the contact points: laws, numbers, and what holds such."""
+    if isinstance(part, Superpotential):
+        return cast(Part, part.take(index)) if part.rows > 1 else part
+    if isinstance(part, np.ndarray):
+        return row(part, index)
+    if isinstance(part, tuple):
+        return cast(Part, tuple(taken(one, index) for one in part))
+    return _each_taken(part, index) if is_dataclass(part) and not isinstance(part, type) else part
+
+
+def _each_taken(whole: Part, index: IntArray) -> Part:
+    named = ((one.name, getattr(whole, one.name)) for one in fields(whole) if one.init)  # type: ignore[arg-type]
+    return replace(whole, **{name: taken(part, index) for name, part in named})  # type: ignore[type-var]
+
+
+class ResolvedLaw(Superpotential):
+    """A dataclass of laws whose parameters are known, and of numbers (m,) for each contact point or for all."""
+
+    def at(self, points: Array | None) -> Self:
+        if points is not None and self.rows not in (1, len(points)):
+            raise ProblemError(f"law '{self.name}' is made for {self.rows} contact points, but there are {len(points)}")
+        return self
+
+    def scaled(self, factor: Array | float) -> Superpotential:
+        return RescaledLaw(self, np.asarray(factor))
+
+    def take(self, index: IntArray) -> Self:
+        return self if self.rows == 1 else _each_taken(self, index)
 
 
 @dataclass(frozen=True, eq=False)
-class RescaledLaw(Superpotential):
+class RescaledLaw(ResolvedLaw):
     """The law ``factor j(theta r + c)/theta``, whose derivative is ``factor j'(theta r + c)``, j that of ``base``.
 
     Many knots are not copied for each point: they are searched where the base has them.
@@ -198,10 +238,6 @@ class RescaledLaw(Superpotential):
 
     def scaled(self, factor: Array | float) -> RescaledLaw:
         return RescaledLaw(self.base, self.factor * np.atleast_1d(factor), self.theta, self.c)
-
-    def take(self, index: IntArray) -> RescaledLaw:
-        numbers = (x if x.size == 1 else x[index] for x in (self.factor, self.theta, self.c))
-        return RescaledLaw(self.base.take(index) if self.base.rows > 1 else self.base, *numbers)
 
 
 def _sides(factor: Array, slopes: Array) -> Array:

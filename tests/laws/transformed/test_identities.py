@@ -33,7 +33,7 @@ from hemivar.laws.memory import LocalStep, MemoryChain, ViscousFoundation, Wear
 from hemivar.laws.rescaled import RescaledLaw, separated
 from hemivar.laws.stacked import StackedLaw, stack
 from hemivar.laws.testing import check_law
-from hemivar.laws.transformed.exact_table import table_of
+from hemivar.laws.transformed.transformed_law import table_of
 from hemivar.laws.transformed.turns import steepest_fall
 
 #: Convex and not, as tables, smooth, with an end.

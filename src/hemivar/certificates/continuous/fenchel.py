@@ -193,7 +193,8 @@ def _control(traces: ContactTraces, rule: PartRule, r: Array, alpha: Array, y: A
 
     def raised(values: Array) -> Array:
         whole = values.reshape(-1, count)
-        return law.value(whole).reshape(values.shape[:2]) + 0.5 * (alpha[:, :, 2] * values**2).sum(axis=2)
+        bend = 0.5 * (alpha[:, :, 2] * values**2).sum(axis=2)
+        return np.asarray(law.value(whole).reshape(values.shape[:2]) + bend)
 
     means = 0.5 * (raised(ends[:, :, 0]) + raised(ends[:, :, 1]))
     return np.asarray((raised(snapped) - means - (y.mean(axis=2) * e).sum(axis=2)) / 3.0)

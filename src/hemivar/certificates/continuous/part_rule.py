@@ -27,7 +27,7 @@ class PartRule:
     @property
     def corners(self) -> int:
         """d."""
-        return self.points.shape[1]
+        return int(self.points.shape[1])
 
 
 _INNER = 0.5 * (1.0 - 1.0 / np.sqrt(5.0))  # of the rule of Lobatto with four points

@@ -185,9 +185,9 @@ class MixedMode(CoupledLaw):
     def tangential(self) -> PiecewiseQuadratic:
         """``Phi(ratio s)``, the even law of the length of the slip where nothing opens."""
         beta, table = self.beta[:, None], self._table
-        sides = [side * beta for side in table.knot_slopes()]
-        ends = (-np.inf, np.inf)
-        return PiecewiseQuadratic.with_sides(table.breakpoints / beta, table.slopes * beta**2, *sides, ends, self.name)
+        below, above = (side * beta for side in table.knot_slopes())
+        knots, slopes, ends = table.breakpoints / beta, table.slopes * beta**2, (-np.inf, np.inf)
+        return PiecewiseQuadratic.with_sides(knots, slopes, below, above, ends, self.name)
 
     @cached_property
     def _peak(self) -> Array:

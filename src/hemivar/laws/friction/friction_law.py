@@ -22,9 +22,8 @@ from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.transformed.affine import affine
-from hemivar.laws.transformed.exact_table import as_examined
-from hemivar.laws.transformed.slipped import homogeneous
+from hemivar.laws.transformed.algebra import affine, homogeneous
+from hemivar.laws.transformed.transformed_law import as_examined
 
 __all__ = ["Friction", "SlipMeasure", "friction_in_increments"]
 

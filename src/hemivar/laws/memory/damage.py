@@ -14,7 +14,7 @@ from hemivar.laws.friction import Friction
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.transformed import slipped
-from hemivar.laws.transformed.exact_table import as_examined
+from hemivar.laws.transformed.transformed_law import as_examined
 from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["Secant", "SlipSum"]

@@ -11,7 +11,7 @@ from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.friction import ABSOLUTE_VALUE, Friction
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState, kept, slide
-from hemivar.laws.transformed.transformed_law import TransformedLaw
+from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["RateAndState", "RateStateProfile"]
@@ -21,7 +21,7 @@ _MOST = 600.0
 
 
 @dataclass(frozen=True, eq=False)
-class RateStateProfile(TransformedLaw):
+class RateStateProfile(ResolvedLaw):
     """The profile ``direct asinh(V exp(exponent))``, V = rate |d|, of the slip increment d; smooth and convex."""
 
     direct: Array

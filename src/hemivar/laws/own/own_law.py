@@ -12,8 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.rescaled import RescaledLaw
-from hemivar.laws.superpotential import Superpotential
+from hemivar.laws.rescaled import ResolvedLaw
 
 __all__ = ["ArrayFunction", "LawPiece", "OwnLaw", "check_joined", "middle_of"]
 
@@ -33,7 +32,7 @@ class LawPiece(PickleMixin):
     error: ArrayFunction = np.zeros_like
 
 
-class OwnLaw(Superpotential):
+class OwnLaw(ResolvedLaw):
     """A law, the same at every contact point, that is given by a list of smooth pieces."""
 
     constants_sampled = True
@@ -198,15 +197,6 @@ class OwnLaw(Superpotential):
         down, up = self._rates
         with np.errstate(invalid="ignore"):
             return np.where(sign > 0.0, sign * up, np.where(sign < 0.0, -sign * down, 0.0))
-
-    def at(self, points: Array | None) -> OwnLaw:
-        return self
-
-    def take(self, index: IntArray) -> OwnLaw:
-        return self
-
-    def scaled(self, factor: Array | float) -> RescaledLaw:
-        return RescaledLaw(self, np.asarray(factor))
 
     # ---- for those who supply pieces -----------------------------------------------------------------------
 

@@ -5,13 +5,9 @@ answers every question, its weak convexity among them.  Of piecewise-quadratic l
 class is closed.
 """
 
-from hemivar.laws.transformed.affine import affine
+from hemivar.laws.transformed.algebra import affine, plus, pushing, secant, slipped
 from hemivar.laws.transformed.averages import averaged
 from hemivar.laws.transformed.bonds import bonded
 from hemivar.laws.transformed.envelopes import envelope
-from hemivar.laws.transformed.pushing import pushing
-from hemivar.laws.transformed.secants import secant
-from hemivar.laws.transformed.slipped import slipped
-from hemivar.laws.transformed.sums import plus
 
 __all__ = ["affine", "averaged", "bonded", "envelope", "plus", "pushing", "secant", "slipped"]

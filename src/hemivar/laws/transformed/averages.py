@@ -11,9 +11,10 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.normal import Compliance
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.rescaled import row
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.transformed.exact_table import count_knots, merged, pick, table_of
-from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, numbers, row
+from hemivar.laws.transformed.law_graph import Region
+from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, lines, merged, numbers, pick, table_of
 
 __all__ = ["AveragedLaw", "averaged"]
 
@@ -44,7 +45,7 @@ def averaged(law: Superpotential, before: Array | float) -> Superpotential:
     if stacked is not None:
         return stacked
     base = table_of(law) or _spring(law)
-    if base is None or not base.straight:
+    if base is None:
         raise ProblemError(
             f"law '{law.name}' is not piecewise quadratic, and only such laws are averaged to keep energy; give a "
             "table (table_law), or take a scheme that does not average"
@@ -57,7 +58,7 @@ def averaged(law: Superpotential, before: Array | float) -> Superpotential:
     return AveragedLaw(base, known)
 
 
-def _spring(law: Superpotential) -> Superpotential | None:
+def _spring(law: Superpotential) -> PiecewiseQuadratic | None:
     """A power law of exponent one as a table."""
     if not isinstance(law, Compliance) or np.any(np.asarray(law.exponent) != 1.0):
         return None
@@ -76,7 +77,7 @@ class AveragedLaw(LawOfOne):
     is there, and a is what the pieces between differ from it.
     """
 
-    base: Superpotential
+    base: PiecewiseQuadratic
     before: Array
 
     @cached_property
@@ -90,10 +91,7 @@ class AveragedLaw(LawOfOne):
         finite = np.isfinite(knots)
         place = np.argmax(knots == start[:, None], axis=-1)
         s = np.where(finite, knots - start[:, None], 0.0)
-        inner = count_knots(self.base.knots, np.where(finite, knots, 0.0), including=True)
-        inner = np.where(finite, inner, self.base.knots.shape[-1])
-        first = count_knots(self.base.knots, knots[:, :1], including=False)
-        piece = np.concatenate([np.broadcast_to(first, (rows, 1)), np.broadcast_to(inner, (rows, count))], axis=-1)
+        piece = Region(self.base).pieces(knots)
         zero = np.zeros((rows, 1))
         # A piece begins at its knot that is nearer to r_n: on the right of it the left one.
         behind = np.arange(count + 1) <= place[:, None]
@@ -101,10 +99,7 @@ class AveragedLaw(LawOfOne):
         near = np.where(behind, *edges)
         far = np.where(behind, *edges[::-1])
         used = np.concatenate([np.ones((rows, 1), dtype=bool), finite], axis=-1)
-        slope = np.stack(
-            [self.base.piece_derivative(piece[:, i], start + near[:, i]) for i in range(count + 1)], axis=-1
-        )
-        c = np.stack([self.base.piece_curvature(piece[:, i], start + near[:, i]) for i in range(count + 1)], axis=-1)
+        slope, c = lines(self.base, piece, start[:, None] + near)
         b = slope - c * near
         # What is stored on the way from r_n to where a piece begins, added up outwards.
         width = far - near

@@ -9,10 +9,10 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.transformed.exact_table import pick
-from hemivar.laws.transformed.sums import plus
-from hemivar.laws.transformed.transformed_law import TransformedLaw, numbers
+from hemivar.laws.transformed.algebra import plus
+from hemivar.laws.transformed.transformed_law import numbers, pick
 
 __all__ = ["BondLaw", "bonded"]
 
@@ -72,7 +72,7 @@ def bonded(
 
 
 @dataclass(frozen=True, eq=False)
-class BondLaw(TransformedLaw):
+class BondLaw(ResolvedLaw):
     """The bond alone; see :func:`bonded`. Pieces are of three kinds: sliding (0), intact (1), closed (2)."""
 
     stiffness: Array

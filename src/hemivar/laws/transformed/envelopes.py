@@ -10,9 +10,18 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.rescaled import row
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.transformed.exact_table import MANY, pick, table_of
-from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, check_law, falls_between, numbers, row
+from hemivar.laws.transformed.transformed_law import (
+    MANY,
+    LawOfOne,
+    by_parts,
+    check_law,
+    falls_between,
+    numbers,
+    pick,
+    table_of,
+)
 
 __all__ = ["EnvelopeLaw", "envelope"]
 

@@ -1,24 +1,28 @@
 """A law as data: its knots, which pieces of which laws act between them, and the derivative on both sides of a knot.
 
-Sums, secants, slipped profiles and dampers that cannot pull are such laws; of tables they are tables again.
+Sums of laws and laws spliced at places are such laws; of tables they are tables again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.transformed.exact_table import MANY, pick, table_of
-from hemivar.laws.transformed.transformed_law import TransformedLaw, falls_between, row, taken
+from hemivar.laws.transformed.transformed_law import MANY, count_knots, falls_between, lines, merged, pick, table_of
 from hemivar.laws.transformed.turns import steepest_fall
 
-__all__ = ["LawGraph", "Term", "beside", "law_graph"]
+#: What j' is below and above knots (m, K), given these and what rounding makes of it.
+Mended = Callable[[Array, Array, Array], tuple[Array, Array]]
+
+__all__ = ["LawGraph", "Region", "Term", "law_graph", "spliced"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,96 +34,115 @@ class Term:
     law : Superpotential
     piece : int array (m or 1, K + 1)
         Its piece that acts on each piece, -1 where none does.
-    origin, level : arrays (m or 1, 1 or K + 1)
-        An argument for each piece, and what its value counts as there.
-    sign : array (m or 1, K + 1), optional
-        Direction of the slip, if the argument is ``start + |r|``, start ``(m or 1,)``, and not r itself.
+    shift : array (m, K + 1), optional
+        Its argument is r + shift.
     """
 
     law: Superpotential
     piece: IntArray
-    origin: Array
-    level: Array | None = None
-    sign: Array | None = None
-    start: Array = field(default_factory=lambda: np.zeros(1))
+    shift: Array | None = None
 
     @cached_property
     def everywhere(self) -> bool:
         """Whether it acts on every piece."""
         return bool((self.piece >= 0).all())
 
-    @cached_property
-    def _reference(self) -> Array:
-        known = np.stack([self.law.value(column) for column in self.origin.T], axis=-1)
-        return known if self.level is None else known - self.level
-
-    def on(self, piece: IntArray, r: Array) -> tuple[IntArray, Array, Array | float]:
-        """Its own pieces (-1: none), arguments, and the directions of the slip."""
-        own = pick(self.piece, np.asarray(piece))
-        if self.sign is None:
-            return own, r, 1.0
-        sign = pick(self.sign, np.asarray(piece))
-        return own, self.start + np.maximum(sign * np.asarray(r), 0.0), sign
+    def on(self, piece: IntArray, r: Array) -> tuple[IntArray, Array]:
+        """Its own pieces (-1: none) and arguments."""
+        own, piece = pick(self.piece, np.asarray(piece)), np.asarray(piece)
+        return own, r if self.shift is None else r + pick(self.shift, piece)
 
     def acting(self, own: IntArray, values: Array) -> Array:
         """The values where it acts, else zero."""
         return values if self.everywhere else np.where(own >= 0, values, 0.0)
 
-    def value(self, piece: IntArray, r: Array) -> Array:
-        own, at, _ = self.on(piece, r)
-        known = self._reference
-        known = known[:, 0] if known.shape[-1] == 1 else pick(known, np.asarray(piece))
-        return self.acting(own, self.law.piece_value(np.maximum(own, 0), at) - known)
+    def ask(self, question: str, piece: IntArray, r: Array) -> Array:
+        """What ``piece_value``, ``piece_derivative`` or ``piece_curvature`` says of its pieces."""
+        own, at = self.on(piece, r)
+        return self.acting(own, getattr(self.law, question)(np.maximum(own, 0), at))
 
     def line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
-        own, at, sign = self.on(piece, r)
+        own, at = self.on(piece, r)
         slope, bend = self.law.piece_line(np.maximum(own, 0), at)
-        return self.acting(own, sign * slope), self.acting(own, bend)
-
-    def derivative(self, piece: IntArray, r: Array) -> Array:
-        own, at, sign = self.on(piece, r)
-        return self.acting(own, sign * self.law.piece_derivative(np.maximum(own, 0), at))
-
-    def curvature(self, piece: IntArray, r: Array) -> Array:
-        own, at, _ = self.on(piece, r)
-        return self.acting(own, self.law.piece_curvature(np.maximum(own, 0), at))
+        return self.acting(own, slope), self.acting(own, bend)
 
     def falls(self, i: int, low: Array, high: Array) -> Array:
         """A bound of what -j'' gains by it on part of piece i, where ``low < high``."""
         own = np.broadcast_to(self.piece[:, i], low.shape)
         if self.law.convex:
             return np.zeros(low.shape)
-        if self.sign is not None:
-            ahead = self.sign[:, i] > 0.0
-            low, high = self.start + np.where(ahead, low, -high), self.start + np.where(ahead, high, -low)
-        return np.where(own >= 0, falls_between(self.law, np.maximum(own, 0), low, high), 0.0)
-
-    def take(self, index: IntArray) -> Term:
-        """The term at some of the contact points."""
-        return replace(
-            self,
-            law=taken(self.law, index),
-            piece=row(self.piece, index),
-            origin=row(self.origin, index),
-            level=None if self.level is None else row(self.level, index),
-            sign=None if self.sign is None else row(self.sign, index),
-            start=row(self.start, index),
-        )
+        ends = (low, high) if self.shift is None else (low + self.shift[:, i], high + self.shift[:, i])
+        return np.where(own >= 0, falls_between(self.law, np.maximum(own, 0), *ends), 0.0)
 
 
-def beside(law: Superpotential, places: Array, before: IntArray, after: IntArray) -> tuple[Array, Array]:
-    """j' of a law below and above places (m, n) between its pieces; what it tells of its knots, where one is passed."""
-    here, last = after > before, law.knots.shape[-1] - 1
-    if isinstance(law, PiecewiseQuadratic):
-        left, right = law._left, law._right
-        anchor, slope = law._anchors
-        smooth = pick(slope, before) + pick(law.slopes, before) * (places - pick(anchor, before))
-    else:
-        left, right = law.knot_slopes()
-        columns = zip(np.broadcast_to(before, places.shape).T, places.T, strict=True)
-        smooth = np.stack([law.piece_derivative(piece, at) for piece, at in columns], axis=-1)
-    below = np.where(here, pick(left, np.minimum(before, last)), smooth)
-    return below, np.where(here, pick(right, np.maximum(after - 1, 0)), smooth)
+@dataclass(frozen=True, eq=False)
+class Region:
+    """What acts on a stretch of the line: a law at ``r + shift``, or a spring; shift and spring (m,)."""
+
+    law: Superpotential | None = None
+    shift: Array = field(default_factory=lambda: np.zeros(1))
+    spring: Array = field(default_factory=lambda: np.zeros(1))
+
+    @cached_property
+    def knots(self) -> Array:
+        """Where the knots of the law come to lie, (m or 1, K)."""
+        if self.law is None:
+            return np.full((1, 1), np.inf)
+        return self.law.knots - self.shift[:, None] if self.shift.any() else self.law.knots
+
+    def pieces(self, knots: Array) -> IntArray:
+        """Which piece of the law every piece between knots (m, K) is a part of, (m, K + 1)."""
+        first, inner = (count_knots(self.knots, at, including=at is knots) for at in (knots[:, :1], knots))
+        return np.concatenate([first, inner], axis=-1)
+
+    def sides(self, knots: Array, pieces: IntArray) -> tuple[Array, Array]:
+        """j' below and above the knots; what the law tells of a knot of its own."""
+        places = np.where(np.isfinite(knots), knots, 0.0)
+        if self.law is None:
+            return (self.spring[:, None] * places,) * 2
+        before, after = count_knots(self.knots, knots, including=False), pieces[:, 1:]
+        here, last, places = after > before, self.law.knots.shape[-1] - 1, places + self.shift[:, None]
+        if isinstance(self.law, PiecewiseQuadratic):
+            left, right = self.law._left, self.law._right
+            smooth, _ = lines(self.law, before, places)
+        else:
+            left, right = self.law.knot_slopes()
+            columns = zip(np.broadcast_to(before, places.shape).T, places.T, strict=True)
+            smooth = np.stack([self.law.piece_derivative(piece, at) for piece, at in columns], axis=-1)
+        below = np.where(here, pick(left, np.minimum(before, last)), smooth)
+        return below, np.where(here, pick(right, np.maximum(after - 1, 0)), smooth)
+
+
+def spliced(
+    regions: Sequence[Region], cuts: Sequence[Array], ends: Interval, name: str, mended: Mended | None = None
+) -> Superpotential:
+    """The law of regions one after the other, which end at ``cuts``, places (m,) that do not decrease."""
+    rows = max(*(len(one.knots) for one in regions), *(cut.size for cut in cuts))
+    cuts = [np.broadcast_to(cut, (rows,))[:, None] for cut in cuts]
+    stretches: Iterable[tuple[Array | float, Array | float]] = itertools.pairwise([-np.inf, *cuts, np.inf])
+    inner = [
+        np.where((one.knots > low) & (one.knots < high), one.knots, np.inf)
+        for one, (low, high) in zip(regions, stretches, strict=True)
+    ]
+    knots = merged(np.concatenate([*(np.broadcast_to(x, (rows, x.shape[-1])) for x in inner), *cuts], axis=-1))
+    number = sum(knots >= cut for cut in cuts)
+    number = np.concatenate([np.zeros((rows, 1), dtype=np.int64), number], axis=-1)
+    springs, shape = np.zeros(number.shape), number.shape
+    (below, above), terms = np.zeros((2, *knots.shape)), dict[int, tuple[Superpotential, IntArray, Array]]()
+    once = {id(one): one for one in regions}
+    known = {key: (pieces := one.pieces(knots), one.sides(knots, pieces)) for key, one in once.items()}
+    for i, one in enumerate(regions):
+        here, (pieces, sides) = number == i, known[id(one)]
+        below, above = np.where(here[:, :-1], sides[0], below), np.where(here[:, 1:], sides[1], above)
+        if one.law is None:
+            springs = np.where(here, one.spring[:, None], springs)
+            continue
+        law, piece, shift = terms.get(id(one.law), (one.law, np.full(shape, -1), np.zeros(shape)))
+        shift = np.where(here, one.shift[:, None], shift) if one.shift.any() else shift
+        terms[id(law)] = law, np.where(here, pieces, piece), shift
+    parts = [Term(law, piece, shift if shift.any() else None) for law, piece, shift in terms.values()]
+    sides = (below, above) if mended is None else mended(knots, below, above)
+    return law_graph(knots, parts, sides, ends, name, springs, np.concatenate(cuts, axis=-1))
 
 
 def law_graph(
@@ -129,6 +152,7 @@ def law_graph(
     ends: Interval,
     name: str,
     springs: Array | None = None,
+    cuts: Array | None = None,
 ) -> Superpotential:
     """The law of these terms; see :class:`LawGraph`.
 
@@ -137,7 +161,7 @@ def law_graph(
     tables = [found for term in terms if (found := table_of(term.law)) is not None]
     copied = any(len(one.knots) < len(knots) and one.knots.shape[-1] > MANY for one in tables)
     if len(tables) < len(terms) or copied:
-        return LawGraph(knots, tuple(terms), *sides, ends, name, springs)
+        return LawGraph(knots, tuple(terms), *sides, ends, name, springs, np.zeros((1, 0)) if cuts is None else cuts)
     slopes = np.zeros((len(knots), knots.shape[-1] + 1)) if springs is None else springs
     for term, one in zip(terms, tables, strict=True):
         slopes = slopes + term.acting(term.piece, pick(one.slopes, np.maximum(term.piece, 0)))
@@ -145,7 +169,7 @@ def law_graph(
 
 
 @dataclass(frozen=True, eq=False)
-class LawGraph(TransformedLaw):
+class LawGraph(ResolvedLaw):
     """A law whose derivative on every piece is the sum of derivatives of other laws.
 
     Attributes
@@ -159,6 +183,8 @@ class LawGraph(TransformedLaw):
         The domain.
     springs : array (m, K + 1), optional
         Stiffness of a spring beside them on each piece; the constants of growth of the laws are to hold there.
+    cuts : array (m or 1, n)
+        Where other laws begin to act, in increasing order.
     """
 
     places: Array
@@ -168,6 +194,7 @@ class LawGraph(TransformedLaw):
     ends: Interval
     name: str = "law"
     springs: Array | None = None
+    cuts: Array = field(default_factory=lambda: np.zeros((1, 0)))
 
     @property
     def made_of(self) -> tuple[Superpotential, ...]:
@@ -176,7 +203,7 @@ class LawGraph(TransformedLaw):
     @property
     def plain(self) -> bool:
         """Whether it is a sum: every law acts everywhere, at r itself."""
-        return all(term.everywhere and term.sign is None for term in self.terms)
+        return all(term.everywhere and term.shift is None for term in self.terms)
 
     @property
     def knots(self) -> Array:
@@ -186,14 +213,36 @@ class LawGraph(TransformedLaw):
     def domain(self) -> Interval:
         return self.ends
 
+    def _sum(self, question: str, piece: IntArray, r: Array) -> Array | float:
+        return sum(term.ask(question, piece, r) for term in self.terms)
+
+    def _raw(self, piece: IntArray, r: Array) -> Array:
+        return self._sprung(self._sum("piece_value", piece, r), piece, 0.5 * np.square(r))
+
+    @cached_property
+    def _level(self) -> Array:
+        """What is added to the value on each piece (m, K + 1), so that j is continuous, and zero at zero."""
+        rows = len(self.places)
+        totals, last = [np.zeros(rows)], np.full(rows, -np.inf)
+        for cut in np.broadcast_to(self.cuts, (rows, self.cuts.shape[-1])).T:
+            joined = np.isfinite(cut) & (cut > last)
+            at, last = np.where(joined, cut, 0.0), cut
+            left, right = (count_knots(self.places, at[:, None], including=side)[:, 0] for side in (False, True))
+            totals.append(totals[-1] + np.where(joined, self._raw(left, at) - self._raw(right, at), 0.0))
+        start = np.concatenate([np.full((rows, 1), -np.inf), self.places], axis=-1)
+        level = pick(np.stack(totals, axis=-1), np.sum(start[:, :, None] >= self.cuts[:, None, :], axis=-1))
+        origin = np.clip(np.zeros(rows), self.ends.lower, self.ends.upper)
+        piece = self.piece_of(origin)
+        return np.asarray(level - (self._raw(piece, origin) + pick(level, piece))[:, None])
+
     def piece_value(self, piece: IntArray, r: Array) -> Array:
-        return self._sprung(sum(term.value(piece, r) for term in self.terms), piece, 0.5 * np.square(r))
+        return np.asarray(self._raw(piece, r) + pick(self._level, np.asarray(piece)))
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
-        return self._sprung(sum(term.derivative(piece, r) for term in self.terms), piece, r)
+        return self._sprung(self._sum("piece_derivative", piece, r), piece, r)
 
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
-        return self._sprung(sum(term.curvature(piece, r) for term in self.terms), piece, np.ones(1))
+        return self._sprung(self._sum("piece_curvature", piece, r), piece, np.ones(1))
 
     def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
         slope, bend = (sum(found) for found in zip(*(term.line(piece, r) for term in self.terms), strict=True))
@@ -221,10 +270,7 @@ class LawGraph(TransformedLaw):
             text = term.law.piece_formula(own)
             if not text:
                 return ""
-            if term.sign is not None:
-                way, s = ("-", "-") if term.sign[0, piece] < 0.0 else ("", "+")
-                text = f"{way}({text}) at {float(term.start[0]):.6g} {s} r"
-            texts.append(text)
+            texts.append(text if term.shift is None else f"({text}) at r {float(term.shift[0, piece]):+.6g}")
         if self.springs is not None and self.springs[0, piece]:
             texts.append(f"{float(self.springs[0, piece]):.6g} r")
         if len(texts) == 1:
@@ -273,27 +319,23 @@ class LawGraph(TransformedLaw):
         """The largest constants of all pieces."""
         found = np.zeros((2, len(self.places), self.places.shape[-1] + 1))
         for term in self.terms:
-            c0, c1 = term.law.growth
-            if term.sign is not None:
+            c0, c1 = (constant[:, None] for constant in term.law.growth)
+            if term.shift is not None:
                 with np.errstate(invalid="ignore"):
-                    c0 = np.where(np.isfinite(c1), c0 + c1 * np.abs(term.start), np.inf)
-            found += [np.where(term.piece >= 0, constant[:, None], 0.0) for constant in (c0, c1)]
+                    c0 = np.where(np.isfinite(c1), c0 + c1 * np.abs(term.shift), np.inf)
+            found += [np.where(term.piece >= 0, constant, 0.0) for constant in (c0, c1)]
         c0, c1 = found.max(axis=-1)
         return c0, c1
 
-    def _outer(self, sign: float) -> list[tuple[Superpotential, BoolArray, Array]]:
-        """Laws, where they act on the last piece in a direction (m,), and the direction in which they go there."""
+    def _outer(self, sign: float) -> list[tuple[Superpotential, BoolArray]]:
+        """The laws, and where they act (m,) on the last piece in a direction."""
         last = np.isfinite(self.places).sum(axis=-1) if sign > 0.0 else np.zeros(len(self.places), dtype=np.int64)
-        found = []
-        for term in self.terms:
-            towards = np.full(last.shape, sign) if term.sign is None else sign * pick(term.sign, last)
-            found.append((term.law, pick(term.piece, last) >= 0, towards))
-        return found
+        return [(term.law, pick(term.piece, last) >= 0) for term in self.terms]
 
     def _rate(self, sign: float) -> Array:
+        way = np.full(len(self.places), sign)
         with np.errstate(invalid="ignore"):
-            rates = [np.where(acts, law.recession(towards), 0.0) for law, acts, towards in self._outer(sign)]
-            total = np.asarray(sum(rates))
+            total = np.asarray(sum(np.where(acts, law.recession(way), 0.0) for law, acts in self._outer(sign)))
             return np.where(np.isnan(total), np.copysign(np.inf, self.asymptotic_curvature(sign)), total)
 
     def recession(self, sign: Array) -> Array:
@@ -305,14 +347,7 @@ class LawGraph(TransformedLaw):
     def asymptotic_curvature(self, sign: float) -> Array:
         total: Array | float = 0.0
         with np.errstate(invalid="ignore"):
-            for law, acts, towards in self._outer(sign):
-                bent = np.where(towards > 0.0, law.asymptotic_curvature(1.0), law.asymptotic_curvature(-1.0))
-                total = total + np.where(acts, bent, 0.0)
+            for law, acts in self._outer(sign):
+                total = total + np.where(acts, law.asymptotic_curvature(sign), 0.0)
         ended = np.isfinite(self.ends.upper if sign > 0.0 else self.ends.lower)
         return np.where(ended | np.isnan(total), np.inf, total)
-
-    def take(self, index: IntArray) -> LawGraph:
-        places, below, above = (row(values, index) for values in (self.places, self.below, self.above))
-        ends = Interval(row(self.ends.lower, index), row(self.ends.upper, index))
-        springs = None if self.springs is None else row(self.springs, index)
-        return LawGraph(places, tuple(term.take(index) for term in self.terms), below, above, ends, self.name, springs)

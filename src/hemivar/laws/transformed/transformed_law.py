@@ -1,47 +1,47 @@
-"""What laws made of other laws have in common, and the checks of what they are given."""
+"""What laws made of other laws have in common: checks of what they are given, their tables, and columns of knots."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
-from typing import Self, TypeVar
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.minimisers import FAR
-from hemivar.laws.rescaled import RescaledLaw
+from hemivar.laws.parametrised import NamedLaw
+from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.rescaled import RescaledLaw, ResolvedLaw
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["LawOfOne", "TransformedLaw", "by_parts", "falls_between", "numbers", "row", "taken"]
+__all__ = [
+    "MANY",
+    "LawOfOne",
+    "as_examined",
+    "by_parts",
+    "check_law",
+    "count_knots",
+    "falls_between",
+    "lines",
+    "merged",
+    "numbers",
+    "pick",
+    "table_of",
+]
 
+#: The kind of number that columns hold.
 Entry = TypeVar("Entry", bound=np.generic)
 
-
-class TransformedLaw(Superpotential):
-    """A dataclass of laws whose parameters are known, and of numbers (m,) for each contact point or for all."""
-
-    def at(self, points: Array | None) -> Self:
-        if points is not None and self.rows not in (1, len(points)):
-            raise ProblemError(f"law '{self.name}' is made for {self.rows} contact points, but there are {len(points)}")
-        return self
-
-    def scaled(self, factor: Array | float) -> Superpotential:
-        return RescaledLaw(self, np.asarray(factor))
-
-    def take(self, index: IntArray) -> Self:
-        values = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
-        laws = {key: taken(value, index) for key, value in values.items() if isinstance(value, Superpotential)}
-        numbers = {key: row(value, index) for key, value in values.items() if isinstance(value, np.ndarray)}
-        return replace(self, **laws, **numbers)  # type: ignore[type-var]
+#: Knots from which on a table is not copied for each contact point.
+MANY = 40
 
 
-class LawOfOne(TransformedLaw):
+class LawOfOne(ResolvedLaw):
     """A law made of one other, ``base``, whose name it bears."""
 
     base: Superpotential
@@ -75,16 +75,6 @@ def numbers(value: Array | float, what: str, *, above: float = -np.inf, least: f
     return found
 
 
-def row(values: NDArray[Entry], index: IntArray) -> NDArray[Entry]:
-    """The numbers (1, ...) or (m, ...) at some of the contact points."""
-    return values if len(values) == 1 else values[index]
-
-
-def taken(law: Superpotential, index: IntArray) -> Superpotential:
-    """The law at some of the contact points, or the one law of all of them."""
-    return law.take(index) if law.rows > 1 else law
-
-
 def by_parts(
     law: Superpotential, make: Callable[[Superpotential, np.ndarray], Superpotential]
 ) -> Superpotential | None:
@@ -115,3 +105,63 @@ def falls_between(law: Superpotential, piece: IntArray, low: Array, high: Array)
             steeper = ~(far <= ends[0] + 1e-9 * (np.abs(far) + np.abs(ends[0])))
             bound = np.where(endless & steeper, law.weak_convexity, bound)
     return np.where(low < high, bound, -np.inf)
+
+
+def table_of(law: Superpotential) -> PiecewiseQuadratic | None:
+    """The piecewise-quadratic table that a law is, None if it is none (or one with many knots for many points)."""
+    if isinstance(law, PiecewiseQuadratic):
+        return law
+    if isinstance(law, NamedLaw) and type(law).__module__.startswith("hemivar."):
+        return law.table
+    if isinstance(law, RescaledLaw) and not law.moved and (base := table_of(law.base)) is not None:
+        if base.knots.shape[-1] > MANY and law.factor.size > 1:
+            return None
+        found = base.scaled(law.factor)
+        return found if isinstance(found, PiecewiseQuadratic) else None
+    return None
+
+
+def pick(columns: NDArray[Entry], index: IntArray) -> NDArray[Entry]:
+    """``columns (m or 1, K)`` at one index for each place (n,), or at several for each row (m, n)."""
+    if len(columns) == 1:
+        return cast("NDArray[Entry]", columns[0].take(index))
+    rows = np.arange(len(columns))
+    if index.ndim == 2:
+        return columns[rows[:, None], index]
+    return columns[rows, index]  # of one index for each row, or for all
+
+
+def lines(table: PiecewiseQuadratic, piece: IntArray, r: Array) -> tuple[Array, Array]:
+    """j' and j'' at places (m, n) by the formulas of pieces (m, n)."""
+    (anchor, slope), bend = table._anchors, pick(table.slopes, piece)
+    return pick(slope, piece) + bend * (r - pick(anchor, piece)), bend
+
+
+def merged(candidates: Array) -> Array:
+    """Each row (m, n) in increasing order and once; what is left over, and absent (+inf), stands at the end."""
+    knots = np.sort(candidates, axis=-1)
+    again = np.concatenate([np.zeros((len(knots), 1), dtype=bool), knots[:, 1:] == knots[:, :-1]], axis=-1)
+    if again.any():
+        knots = np.sort(np.where(again, np.inf, knots), axis=-1)
+    used: BoolArray = np.asarray(np.isfinite(knots).any(axis=0))
+    used[0] = True
+    return knots[:, used]
+
+
+def count_knots(knots: Array, places: Array, *, including: bool) -> IntArray:
+    """How many knots (m or 1, K) lie below each place (m, n); with ``including``, or at it."""
+    if knots.shape[0] == 1:
+        found = np.searchsorted(knots[0], places, side="right" if including else "left")
+        return np.asarray(found, dtype=np.int64)
+    rows = np.broadcast_shapes(knots.shape[:1], places.shape[:1])
+    count = np.zeros((*rows, places.shape[-1]), dtype=np.int64)
+    for k in range(knots.shape[-1]):
+        column = knots[:, k : k + 1]
+        count += (column <= places) if including else (column < places)
+    return count
+
+
+def as_examined(law: Superpotential) -> Superpotential:
+    """The law, which was made here of one that has been looked at, marked so that it is not looked at again."""
+    object.__setattr__(law, "examined", True)
+    return law
