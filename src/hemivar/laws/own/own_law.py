@@ -45,48 +45,36 @@ class OwnLaw(ResolvedLaw):
 
     @cached_property
     def _own(self) -> tuple[Array, tuple[LawPiece, ...]]:
+        """Knots and pieces of the whole line."""
         knots, pieces = self._pieces()
-        return (knots, pieces) if self.even or knots.size else (np.zeros(1), pieces * 2)
+        if not self.even:
+            return (knots, pieces) if knots.size else (np.zeros(1), pieces * 2)
+        mirrored = {id(piece): _mirrored(piece) for piece in pieces}
+        return np.concatenate([-knots[::-1], [0.0], knots]), (*(mirrored[id(one)] for one in pieces[::-1]), *pieces)
 
-    @cached_property
+    @property
     def _knots(self) -> Array:
-        knots = self._own[0]
-        return np.concatenate([-knots[::-1], [0.0], knots]) if self.even else knots
+        return self._own[0]
 
     @property
     def knots(self) -> Array:
         return self._knots[None, :]
 
-    def _mirrored(self, piece: int) -> tuple[LawPiece, float]:
-        """A piece of the whole line, and -1 if it is the mirror image of a piece for r > 0."""
-        pieces = self._own[1]
-        if not self.even:
-            return pieces[piece], 1.0
-        return (pieces[piece - len(pieces)], 1.0) if piece >= len(pieces) else (pieces[len(pieces) - 1 - piece], -1.0)
+    @cached_property
+    def _kinds(self) -> tuple[list[LawPiece], IntArray]:
+        """The pieces that differ, and the number of each piece among them."""
+        different = {id(piece): piece for piece in self._own[1]}
+        number = {key: kind for kind, key in enumerate(different)}
+        return list(different.values()), np.array([number[id(piece)] for piece in self._own[1]], dtype=np.int64)
 
     def _evaluate(self, piece: IntArray, r: Array, order: int) -> Array:
         piece, r = np.broadcast_arrays(np.asarray(piece), np.asarray(r, dtype=float))
-        out = np.empty(r.shape)
-        which = self._kinds[piece]
+        out, (different, kinds) = np.empty(r.shape), self._kinds
+        which = kinds[piece]
         for kind in np.unique(which):
-            here = which == kind
-            smooth, sign = self._different[kind]
-            part = (smooth.value, smooth.derivative, smooth.curvature, smooth.error)[order]
-            out[here] = (sign if order == 1 else 1.0) * part(sign * r[here])
+            here, smooth = which == kind, different[kind]
+            out[here] = (smooth.value, smooth.derivative, smooth.curvature, smooth.error)[order](r[here])
         return out
-
-    @cached_property
-    def _different(self) -> list[tuple[LawPiece, float]]:
-        """The pieces of the whole line, each once."""
-        all_ = [self._mirrored(i) for i in range(self._knots.size + 1)]
-        return list({(id(smooth), sign): (smooth, sign) for smooth, sign in all_}.values())
-
-    @cached_property
-    def _kinds(self) -> IntArray:
-        """Number of each piece among those that differ."""
-        number = {(id(smooth), sign): k for k, (smooth, sign) in enumerate(self._different)}
-        all_ = (self._mirrored(i) for i in range(self._knots.size + 1))
-        return np.array([number[id(smooth), sign] for smooth, sign in all_], dtype=np.int64)
 
     @cached_property
     def _at_zero(self) -> float:
@@ -103,10 +91,7 @@ class OwnLaw(ResolvedLaw):
         return self._evaluate(piece, r, 2)
 
     def piece_formula(self, piece: int) -> str:
-        smooth, sign = self._mirrored(piece)
-        if not smooth.text or sign > 0.0:
-            return smooth.text
-        return f"-({smooth.text}) at |r|"
+        return self._own[1][piece].text
 
     def _knot_sides(self) -> tuple[Array, Array]:
         left, right = super()._knot_sides()
@@ -208,6 +193,17 @@ class OwnLaw(ResolvedLaw):
         even = (np.arange(count) + 0.5) / count
         close = np.geomspace(1e-7, 0.3, count)
         return low + (high - low) * np.unique(np.concatenate([even, close, 1.0 - close]))
+
+
+def _mirrored(piece: LawPiece) -> LawPiece:
+    """The piece of an even law on the other side of zero."""
+    return LawPiece(
+        lambda r: piece.value(-r),
+        lambda r: -piece.derivative(-r),
+        lambda r: piece.curvature(-r),
+        piece.text and f"-({piece.text}) at |r|",
+        lambda r: piece.error(-r),
+    )
 
 
 def check_joined(where: str, knots: Array, pieces: Sequence[LawPiece], reach: float, step: float = 0.0) -> None:
