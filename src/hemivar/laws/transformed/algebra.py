@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.rescaled import RescaledLaw, moved_ends, row, separated
+from hemivar.laws.rescaled import RescaledLaw, moved_ends, row, separated, taken
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.envelopes import EnvelopeLaw
@@ -96,7 +96,9 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
     terms = [term for one in (law, *others) for term in _terms(one)]
     stacked = next((term for term in terms if isinstance(term, StackedLaw)), None)
     if stacked is not None:
-        made = by_parts(stacked, lambda part, index: plus(*(_of(one, stacked, part, index) for one in terms)))
+        made = by_parts(
+            stacked, lambda part, index: plus(*(part if one is stacked else taken(one, index) for one in terms))
+        )
         assert made is not None
         return made
     tables = [found for found in map(table_of, terms) if found is not None]
@@ -117,12 +119,6 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
 
 def _terms(law: Superpotential) -> tuple[Superpotential, ...]:
     return law.made_of if isinstance(law, LawGraph) and law.plain else (law,)
-
-
-def _of(term: Superpotential, own: StackedLaw, part: Superpotential, index: IntArray) -> Superpotential:
-    if term is own:
-        return part
-    return term.take(index) if term.knots.shape[0] > 1 or isinstance(term, StackedLaw) else term
 
 
 def _idle(law: PiecewiseQuadratic) -> bool:
@@ -305,12 +301,9 @@ def pushing(law: Superpotential, damping: Superpotential) -> Superpotential:
     ProblemError
         One of them is not convex, or the law does not allow r > 0: a rigid foundation has no damper.
     """
-    if isinstance(law, StackedLaw):
-        made = by_parts(
-            law, lambda part, index: pushing(part, damping.take(index) if len(damping.knots) > 1 else damping)
-        )
-        assert made is not None
-        return made
+    stacked = by_parts(law, lambda part, index: pushing(part, taken(damping, index)))
+    if stacked is not None:
+        return stacked
     for one in (law, damping):
         if not one.convex:
             raise ProblemError(

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.rescaled import taken
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.transformed_law import falls_between
 
@@ -88,7 +89,7 @@ def turns(terms: Sequence[Superpotential], knots: Array, maps: Sequence[IntArray
         mixed = np.flatnonzero(_opposed(terms, pieces, low, high))
         if not mixed.size:
             continue
-        some = [term.take(mixed) if term.knots.shape[0] > 1 else term for term in terms]
+        some = [taken(term, mixed) for term in terms]
         found = _turns_of(some, [piece[mixed] for piece in pieces], low[mixed], high[mixed])
         wide = np.full((rows, found.shape[-1]), np.inf)
         wide[mixed] = found
@@ -131,7 +132,7 @@ def steepest_fall(terms: Sequence[Superpotential], pieces: Sequence[IntArray], l
         return bound
     mixed = np.flatnonzero(_opposed(terms, pieces, low, high) & (bound > 0.0))
     if mixed.size:
-        some = [term.take(mixed) if term.knots.shape[0] > 1 else term for term in terms]
+        some = [taken(term, mixed) for term in terms]
         closer = _enclosed(some, [piece[mixed] for piece in pieces], low[mixed], high[mixed])
         bound[mixed] = np.minimum(bound[mixed], closer)
     return bound
