@@ -32,7 +32,9 @@ from hemivar.laws import (
 from hemivar.laws.memory import LocalStep, MemoryChain, ViscousFoundation, Wear
 from hemivar.laws.rescaled import RescaledLaw, separated
 from hemivar.laws.stacked import StackedLaw, stack
+from hemivar.laws.superpotential import Interval
 from hemivar.laws.testing import check_law
+from hemivar.laws.transformed.law_graph import LawGraph, Region, spliced
 from hemivar.laws.transformed.transformed_law import table_of
 from hemivar.laws.transformed.turns import steepest_fall
 
@@ -111,6 +113,20 @@ def test_a_worn_surface_on_a_foundation_that_creeps() -> None:
     assert pressure == pytest.approx(5.0 * (0.43 - c * pressure) ** 2.5, rel=1e-9)
     np.testing.assert_allclose(chain.seen(state, r), [[0.43, 0.2]], rtol=1e-15)
     np.testing.assert_allclose(chain.stored(law, state, r), [5.0 * 0.43**3.5 / 3.5], rtol=1e-12)
+
+
+def test_a_region_without_width_leaves_the_value_continuous() -> None:
+    """Two smooth laws, with a third between them at one of two points only: no energy jumps where they meet."""
+    first, last = FormulaLaw("r^2 + cos(r)"), FormulaLaw("3*exp(r)")
+    cuts = np.array([0.2, 0.2]), np.array([0.2, 0.5])
+    everywhere = Interval(np.array([-np.inf]), np.array([np.inf]))
+    made = spliced([Region(first), Region(), Region(last)], cuts, everywhere, "spliced")
+    assert isinstance(made, LawGraph)
+    for cut in cuts:
+        np.testing.assert_allclose(made.value(cut + 1e-9), made.value(cut - 1e-9), atol=1e-8)
+    np.testing.assert_allclose(made.value(np.zeros(2)), 0.0, atol=1e-15)
+    rise = [3.0 * (np.exp(0.9) - np.exp(cut)) for cut in (0.2, 0.5)]
+    np.testing.assert_allclose(made.value(np.full(2, 0.9)), 0.04 + np.cos(0.2) - 1.0 + np.array(rise), rtol=1e-12)
 
 
 STACKED = stack([(Softening(2.0, 0.1, 0.5), 2), (Compliance(3.0, 2.0), 2), (Softening(1.0, 0.3, 0.2), 1)])
