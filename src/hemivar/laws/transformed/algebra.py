@@ -16,7 +16,7 @@ from hemivar.laws.rescaled import RescaledLaw, moved_ends, row, separated, taken
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.envelopes import EnvelopeLaw
-from hemivar.laws.transformed.law_graph import LawGraph, Region, Term, law_graph, spliced
+from hemivar.laws.transformed.law_graph import LawGraph, Region, Term, between, law_graph, spliced
 from hemivar.laws.transformed.transformed_law import MANY, by_parts, check_law, count_knots, merged, numbers, table_of
 from hemivar.laws.transformed.turns import turns
 
@@ -156,21 +156,23 @@ def _summed(terms: Sequence[Superpotential]) -> Superpotential:
         return terms[0]
     ends, regions = Interval(*_ends(terms)), [Region(term) for term in terms]
     knots = _joined(terms)
-    maps = [one.pieces(knots) for one in regions]
-    extra = turns(terms, knots, maps, ends)
+    passed = [one.passed(knots) for one in regions]
+    extra = turns(terms, knots, [between(*counts) for counts in passed], ends)
     if extra is not None:
         knots = merged(np.concatenate([np.broadcast_to(knots, (len(extra), knots.shape[-1])), extra], axis=-1))
-        maps = [one.pieces(knots) for one in regions]
+        passed = [one.passed(knots) for one in regions]
     below, above, size = np.zeros((3, *knots.shape))
-    for one, pieces in zip(regions, maps, strict=True):
-        before, after = one.sides(knots, pieces)
+    for one, counts in zip(regions, passed, strict=True):
+        before, after = one.sides(knots, *counts)
         with np.errstate(invalid="ignore"):
             below, above = below + before, above + after
         size = np.maximum(size, np.maximum(np.abs(before), np.abs(after)))
     with np.errstate(invalid="ignore"):
         same = np.isfinite(size) & (np.abs(above - below) <= 4.0 * np.finfo(float).eps * size)
     sides, name = (below, np.where(same, below, above)), " + ".join(dict.fromkeys(one.name for one in terms))
-    return law_graph(knots, [Term(*one) for one in zip(terms, maps, strict=True)], sides, ends, name)
+    return law_graph(
+        knots, [Term(one, between(*counts)) for one, counts in zip(terms, passed, strict=True)], sides, ends, name
+    )
 
 
 def homogeneous(profile: Superpotential) -> bool:

@@ -13,7 +13,7 @@ from hemivar.laws.normal import Compliance
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import row
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.transformed.law_graph import Region
+from hemivar.laws.transformed.law_graph import Region, between
 from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, lines, merged, numbers, pick, table_of
 
 __all__ = ["AveragedLaw", "averaged"]
@@ -91,7 +91,7 @@ class AveragedLaw(LawOfOne):
         finite = np.isfinite(knots)
         place = np.argmax(knots == start[:, None], axis=-1)
         s = np.where(finite, knots - start[:, None], 0.0)
-        piece = Region(self.base).pieces(knots)
+        piece = between(*Region(self.base).passed(knots))
         zero = np.zeros((rows, 1))
         # A piece begins at its knot that is nearer to r_n: on the right of it the left one.
         behind = np.arange(count + 1) <= place[:, None]

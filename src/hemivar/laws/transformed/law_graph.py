@@ -22,7 +22,7 @@ from hemivar.laws.transformed.turns import steepest_fall
 #: What j' is below and above knots (m, K), given these and what rounding makes of it.
 Mended = Callable[[Array, Array, Array], tuple[Array, Array]]
 
-__all__ = ["LawGraph", "Region", "Term", "law_graph", "spliced"]
+__all__ = ["LawGraph", "Region", "Term", "between", "law_graph", "spliced"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,17 +90,15 @@ class Region:
             return np.full((1, 1), np.inf)
         return self.law.knots - self.shift[:, None] if self.shift.any() else self.law.knots
 
-    def pieces(self, knots: Array) -> IntArray:
-        """Which piece of the law every piece between knots (m, K) is a part of, (m, K + 1)."""
-        first, inner = (count_knots(self.knots, at, including=at is knots) for at in (knots[:, :1], knots))
-        return np.concatenate([first, inner], axis=-1)
+    def passed(self, knots: Array) -> tuple[IntArray, IntArray]:
+        """How many knots of the law lie below each of the knots (m, K), and how many up to it."""
+        return count_knots(self.knots, knots, including=False), count_knots(self.knots, knots, including=True)
 
-    def sides(self, knots: Array, pieces: IntArray) -> tuple[Array, Array]:
+    def sides(self, knots: Array, before: IntArray, after: IntArray) -> tuple[Array, Array]:
         """j' below and above the knots; what the law tells of a knot of its own."""
         places = np.where(np.isfinite(knots), knots, 0.0)
         if self.law is None:
             return (self.spring[:, None] * places,) * 2
-        before, after = count_knots(self.knots, knots, including=False), pieces[:, 1:]
         here, last, places = after > before, self.law.knots.shape[-1] - 1, places + self.shift[:, None]
         if isinstance(self.law, PiecewiseQuadratic):
             left, right = self.law._left, self.law._right
@@ -111,6 +109,11 @@ class Region:
             smooth = np.stack([self.law.piece_derivative(piece, at) for piece, at in columns], axis=-1)
         below = np.where(here, pick(left, np.minimum(before, last)), smooth)
         return below, np.where(here, pick(right, np.maximum(after - 1, 0)), smooth)
+
+
+def between(before: IntArray, after: IntArray) -> IntArray:
+    """Which piece of a law, of whose knots so many are passed, every piece between knots is a part of, (m, K + 1)."""
+    return np.concatenate([before[:, :1], after], axis=-1)
 
 
 def spliced(
@@ -130,16 +133,17 @@ def spliced(
     springs, shape = np.zeros(number.shape), number.shape
     (below, above), terms = np.zeros((2, *knots.shape)), dict[int, tuple[Superpotential, IntArray, Array]]()
     once = {id(one): one for one in regions}
-    known = {key: (pieces := one.pieces(knots), one.sides(knots, pieces)) for key, one in once.items()}
+    passed = {key: one.passed(knots) for key, one in once.items()}
+    known = {key: one.sides(knots, *passed[key]) for key, one in once.items()}
     for i, one in enumerate(regions):
-        here, (pieces, sides) = number == i, known[id(one)]
+        here, sides = number == i, known[id(one)]
         below, above = np.where(here[:, :-1], sides[0], below), np.where(here[:, 1:], sides[1], above)
         if one.law is None:
             springs = np.where(here, one.spring[:, None], springs)
             continue
         law, piece, shift = terms.get(id(one.law), (one.law, np.full(shape, -1), np.zeros(shape)))
         shift = np.where(here, one.shift[:, None], shift) if one.shift.any() else shift
-        terms[id(law)] = law, np.where(here, pieces, piece), shift
+        terms[id(law)] = law, np.where(here, between(*passed[id(one)]), piece), shift
     parts = [Term(law, piece, shift if shift.any() else None) for law, piece, shift in terms.values()]
     sides = (below, above) if mended is None else mended(knots, below, above)
     return law_graph(knots, parts, sides, ends, name, springs, np.concatenate(cuts, axis=-1))
