@@ -1,4 +1,4 @@
-"""A law in other units: times a factor, of an argument that is scaled and shifted."""
+"""Laws whose parameters are known; a law times a factor, of an argument that is scaled and shifted."""
 
 from __future__ import annotations
 
@@ -135,12 +135,9 @@ class RescaledLaw(ResolvedLaw):
             near = near - ((near > 0) & (self.place_of(np.maximum(near - 1, 0)) >= r))
         return near
 
-    @property
-    def knots(self) -> Array:
-        return self._knots
-
     @cached_property
-    def _knots(self) -> Array:
+    def knots(self) -> Array:  # type: ignore[override]
+        """Those of the base, where they come to lie."""
         knots = self.base.knots
         if self.moved:
             knots = (knots - self.c[:, None]) / self.theta[:, None]
@@ -153,7 +150,7 @@ class RescaledLaw(ResolvedLaw):
         ends = self.base.domain
         if self.moved and self.searched:
             return Interval((ends.lower - self.c) / self.theta, (ends.upper - self.c) / self.theta)
-        return moved_ends(self.base, self._knots) if self.moved else ends
+        return moved_ends(self.base, self.knots) if self.moved else ends
 
     # ---- on the pieces -----------------------------------------------------------------------------------
 

@@ -48,12 +48,9 @@ class StackedLaw(Superpotential):
         on, at = np.broadcast_to(piece, (self.rows,)), np.broadcast_to(r, (self.rows,))
         return self._gather(lambda law, i: getattr(law, name)(np.minimum(on[i], law.knots.shape[-1]), at[i]))
 
-    @property
-    def knots(self) -> Array:
-        return self._knots
-
     @cached_property
-    def _knots(self) -> Array:
+    def knots(self) -> Array:  # type: ignore[override]
+        """Those of each part, see there."""
         out = np.full((self.rows, max(law.knots.shape[-1] for law in self.parts)), np.inf)
         for part, index in zip(self.parts, self.indices, strict=True):
             out[index, : part.knots.shape[-1]] = part.knots

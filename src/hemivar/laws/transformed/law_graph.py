@@ -293,12 +293,9 @@ class LawGraph(ResolvedLaw):
     def weak_convexity_within(self, reach: float) -> Array:
         return self._alpha_within(reach) if reach <= self.alpha_reach else np.full(1, np.inf)
 
-    @property
-    def weak_convexity(self) -> Array:
-        return self._alpha
-
     @cached_property
-    def _alpha(self) -> Array:
+    def weak_convexity(self) -> Array:  # type: ignore[override]
+        """alpha, see there."""
         return self._alpha_within(self.alpha_reach or np.inf)
 
     def _alpha_within(self, reach: float) -> Array:
