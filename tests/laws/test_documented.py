@@ -83,6 +83,23 @@ def test_the_page_about_problem_files_lists_the_laws(title: str, entries: Mappin
         assert told == {parameter.key for parameter in entry.parameters} - {OF}, name
 
 
+@pytest.mark.parametrize(
+    ("title", "entries"), [("normal law", NORMAL_LAWS), ("law of both", COUPLED_LAWS), ("friction law", FRICTION_LAWS)]
+)
+def test_the_page_about_problem_files_gives_limits_and_defaults(title: str, entries: Mapping[str, LawEntry]) -> None:
+    """Written by hand, so that a limit that a law states wrongly, and keeps to, is noticed."""
+    found = rows(title)
+    for name, entry in entries.items():
+        cell = found[name].split("|")[-2]
+        for p in (p for p in entry.parameters if p.said.form is Form.QUANTITY):
+            tail = re.split(rf"`{p.key}`", cell)[1].split("`")[0]
+            limit, default = re.match(r" (>=?) (\d+)", tail), re.search(r"default ([\d.]+)", tail)
+            kind = ">" if p.said.above is not None else ">=" if p.said.least is not None else ""
+            assert (limit[1] if limit else "") == kind, (name, p.key)
+            assert limit is None or float(limit[2]) == p.said.lowest, (name, p.key)
+            assert (float(default[1]) if default else None) == p.default, (name, p.key)
+
+
 @pytest.mark.parametrize("name", [*NORMAL_LAWS, *FRICTION_LAWS, *COUPLED_LAWS])
 def test_what_the_registry_says_of_zero_is_what_the_law_does(name: str) -> None:
     """The table of ``hemivar laws`` says *at least 0* where zero is taken, and *positive* where it is refused."""
