@@ -89,9 +89,9 @@ def test_coulomb() -> None:
 
 
 def test_frozen_laws_are_ordinary() -> None:
-    law = ContactLaw(ThresholdCompliance(0.3, 2.0), Friction(PenetrationBound("8*s"), ExponentialWeakening())).at(
-        np.zeros((3, 2))
-    )
+    law = ContactLaw(
+        ThresholdCompliance(0.3, 2.0), Friction(PenetrationBound("8*s"), ExponentialWeakening(1.0, 0.7, 1.0))
+    ).at(np.zeros((3, 2)))
     r = np.array([[0.1, 0.3], [0.0, 0.2], [-0.1, 0.1]])
     lam = np.zeros((3, 2))
     assert law.state_dependent

@@ -13,6 +13,7 @@ from hemivar.laws import (
     Bilateral,
     Capped,
     Compliance,
+    ContactLaw,
     FormulaLaw,
     Friction,
     FunctionLaw,
@@ -180,3 +181,14 @@ def test_a_value_that_is_not_finite_at_a_minimiser_is_no_minimum() -> None:
         return np.nan * PiecewiseQuadratic.local_argmin(self, a, b)
 
     assert "local_argmin is the global minimiser: it is not" in failures(spoiled(local_argmin=local_argmin))
+
+
+def test_a_value_that_is_not_zero_at_zero_is_caught() -> None:
+    def piece_value(self: Any, piece: Any, r: Any) -> Any:
+        return PiecewiseQuadratic.piece_value(self, piece, r) + 0.1
+
+    assert "zero at r = 0: it is not: the value is 0.1 at r = 0; subtract it" in failures(
+        spoiled(piece_value=piece_value)
+    )
+    with pytest.raises(ProblemError, match=r"the value of law 'piecewise' is 0.1 at r = 0; subtract it"):
+        ContactLaw(spoiled(piece_value=piece_value))

@@ -80,9 +80,9 @@ class ExponentialWeakening(_EvenLaw):
     alpha = rate (static - kinetic). The survey's family 0.7 r - 0.3 exp(-r) has static 1, kinetic 0.7, rate 1.
     """
 
-    static: Parameter = field(default=1.0, metadata=parameter("factor of the bound at rest", "1", least=0.0))
-    kinetic: Parameter = field(default=0.7, metadata=parameter("factor of the bound after much slip", "1", least=0.0))
-    rate: Parameter = field(default=1.0, metadata=positive("how fast it falls", "1/length"))
+    static: Parameter = field(metadata=parameter("factor of the bound at rest", "1", least=0.0))
+    kinetic: Parameter = field(metadata=parameter("factor of the bound after much slip", "1", least=0.0))
+    rate: Parameter = field(metadata=positive("how fast it falls", "1/length"))
     name: ClassVar[str] = "slip-weakening"  # type: ignore[misc]
 
     @cached_property
@@ -127,7 +127,7 @@ class ExponentialWeakening(_EvenLaw):
 class LogarithmicWeakening(_EvenLaw):
     """j(r) = ln(1 + |r|/scale): friction 1/(scale + |r|) falls to nothing with the slip; alpha = 1/scale^2."""
 
-    scale: Parameter = field(default=1.0, metadata=positive("slip at which it has fallen to one half", LENGTH))
+    scale: Parameter = field(metadata=positive("slip at which it has fallen to one half", LENGTH))
     name: ClassVar[str] = "logarithmic"  # type: ignore[misc]
 
     @cached_property
@@ -169,8 +169,8 @@ class StaticKineticProfile(NamedLaw):
     """j'(r) = static for 0 < r < slip, kinetic beyond: friction drops at once; alpha is infinite if it drops."""
 
     slip: Parameter = field(metadata=positive("at which the friction drops", LENGTH, 0.1))
-    static: Parameter = field(default=1.0, metadata=parameter("factor of the bound up to this slip", "1", least=0.0))
-    kinetic: Parameter = field(default=0.7, metadata=parameter("factor of the bound beyond it", "1", least=0.0))
+    static: Parameter = field(metadata=parameter("factor of the bound up to this slip", "1", least=0.0))
+    kinetic: Parameter = field(metadata=parameter("factor of the bound beyond it", "1", least=0.0))
     name: ClassVar[str] = "static-kinetic"  # type: ignore[misc]
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
