@@ -25,7 +25,8 @@ def example(entry: LawEntry) -> Superpotential:
 
 def own(entry: LawEntry) -> bool:
     """Whether a law is read from a file or a formula of the user's."""
-    return any(one.said.form in (Form.FILE, Form.TEXT) for one in entry.parameters)
+    said = [one.said for one in entry.parameters]
+    return any(one.form is Form.FILE or (one.form is Form.TEXT and not one.choices) for one in said)
 
 
 if __name__ == "__main__":
