@@ -162,7 +162,7 @@ def _majorised(traces: ContactTraces, rule: PartRule, forces: Array, weight: flo
 def _proximal(law: VectorLaw, r: Array, xi: Array, alpha: Array, weight: float) -> tuple[Array, Array]:
     """Where the multiplier of a weight is one of the law, and what it is nearly, (m, c) each."""
     p = law.admissible(law.local_argmin(alpha[:, [0, -1]] + weight, xi + (alpha + weight) * r))
-    p = np.where(np.asarray(_within(law, p)).all(axis=1)[:, None], p, r)
+    p = np.where(np.all(_within(law, p), axis=1, keepdims=True), p, r)
     return p, xi + (alpha + weight) * (r - p)
 
 
