@@ -13,13 +13,13 @@ from hemivar.basics.types import Array
 from hemivar.laws import VectorLaw
 from hemivar.laws.coupled import BenzeggaghKenane, BilinearCohesion, MixedMode, ModeDependentGlue
 
-__all__ = ["BrokenGlue", "Glue", "few_points", "marched_by_hand"]
+__all__ = ["BrokenGlueError", "Glue", "few_points", "marched_by_hand"]
 
 #: Pieces of the curve of a point: along the secant, beyond it, broken; and whether it is shut.
 _PIECES = list(itertools.product(("back", "on", "off"), (False, True)))
 
 
-class BrokenGlue(Exception):
+class BrokenGlueError(Exception):
     """No piece, or more than one."""
 
 
@@ -58,7 +58,7 @@ class Glue:
         return (self.ratio * r[1] / max(self.rho(r), 1e-300)) ** 2 if self.shear_energy else 0.0
 
     def curve(self, mode: float) -> tuple[float, float]:
-        """rho of the first damage and of the break: (S^2 + (T^2 - S^2) B^eta)^(1/2) in units of rho, and 2 G/(K rho_0)."""
+        """rho of the first damage, whose squares mix, and of the break, ``2 G/(K rho_0)``."""
         share, first = mode**self.exponent, self.strength / self.stiffness
         if not self.shear_energy:
             return first, 2.0 * self.energy / self.strength
@@ -127,7 +127,7 @@ def _equilibrium(glue: Glue, now: hv.DiscreteProblem, K: Array, B: Array, points
         u = _newton(glue, now, K, B, points, start, dict(zip(free.tolist(), chosen, strict=True)))
         if u is not None:
             return u
-    raise BrokenGlue
+    raise BrokenGlueError
 
 
 def _traction(glue: Glue, point: _Point, r: Array, piece: str, shut: bool) -> Array:

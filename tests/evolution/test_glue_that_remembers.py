@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -77,15 +78,16 @@ def test_a_point_on_a_spring_unloads_to_the_origin_and_does_not_heal(law: hv.Sup
 
 @pytest.mark.parametrize("jump", ["local", "arc-length"])
 def test_steep_glue_breaks_in_one_jump(jump: str) -> None:
-    """With alpha = 36 above 12: at d = 0.3 from w = 0.1 to broken; 0.36 is stored before, and G = 0.2 of it is taken."""
+    """With alpha = 36 above 12: at d = 0.3 from w = 0.1 to broken; of 0.36 that is stored before, G = 0.2 is taken."""
     laws = [MixedMode(bilinear(36.0), 1.0, SHUT)] if jump == "local" else []
     for law in (*laws, hv.Adhesive(24.0, 2.4, 36.0, 72.0)):
-        history = pulled(law, [0.0, 0.29, 0.31, 0.1], 1.0 / 16.0, jump=jump)
+        history = pulled(law, [0.0, 0.29, 0.31, 0.1], 0.1, jump=jump, controls=hv.Controls())
         assert history.finished
         opened = [-frame.local[0, 0] for frame in history.frames]
-        np.testing.assert_allclose(opened, [0.0, 12.0 * 0.29 / 36.0, 0.31, 0.1], atol=1e-9)
+        np.testing.assert_allclose(opened, [0.0, 12.0 * 0.29 / 36.0, 0.31, 0.1], atol=1e-8)
         assert any("the body jumped at t = 1.5" in message or "at t = 1.6" in message for message in history.messages)
-        assert history["memory"][-1] == pytest.approx(0.2, rel=1e-9)
+        assert history["memory"][-1] == pytest.approx(0.2, rel=1e-8)
+        assert history["jumps"][-1] == pytest.approx(0.16, rel=1e-2)
 
 
 def test_a_step_from_rest_under_no_load_stays_where_steep_glue_would_let_it_jump() -> None:
@@ -164,15 +166,15 @@ CRITERIA = {
 
 
 @pytest.mark.parametrize("name", CRITERIA)
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", sampled(range(10), 5))
 def test_every_way_to_the_break_takes_the_energy_of_the_mode_of_onset(name: str, seed: int) -> None:
     """A random walk, ended far away: what is lost is G(mode of onset), and so is the work, for nothing is stored."""
     law, memory, random = CRITERIA[name].at(None), Secant(), np.random.default_rng(seed)
     components = 2 + seed % 2
-    corners = np.vstack([np.zeros(components), random.normal(scale=0.25, size=(12, components))])
+    corners = np.vstack([np.zeros(components), random.normal(scale=0.25, size=(8, components))])
     corners[-2:] = [[-2.0] + [0.5] * (components - 1), [-2.0] + [-1.0] * (components - 1)]
-    parts = np.linspace(0.0, 1.0, 400, endpoint=False)[:, None]
-    way = np.vstack([one + parts * (other - one) for one, other in zip(corners, corners[1:], strict=False)])
+    parts = np.linspace(0.0, 1.0, 60, endpoint=False)[:, None]
+    way = np.vstack([one + parts * (other - one) for one, other in itertools.pairwise(corners)])
     state, place = memory.start(law, way[:1]), way[:1]
     lam, lost, work, mode = np.zeros((1, components)), 0.0, 0.0, -1.0
     for r in way[1:, None]:
@@ -188,7 +190,7 @@ def test_every_way_to_the_break_takes_the_energy_of_the_mode_of_onset(name: str,
     energy = float(law.criterion.energy(np.array([mode]))[0][0])
     assert 0.6 <= energy <= law.criterion.values()[1][0]
     assert lost == pytest.approx(energy, rel=1e-12)
-    assert work == pytest.approx(energy, rel=2e-3)
+    assert work == pytest.approx(energy, rel=2e-2)
 
 
 def test_a_tiny_onset_in_opening_fixes_mode_one() -> None:
@@ -295,9 +297,8 @@ def test_elastic_glue_says_that_it_heals(name: str) -> None:
     np.testing.assert_allclose(history.frames[-1].local, 0.0, atol=1e-9)
     assert history.moment.ledger.memory == 0.0
     loaded = pulled(law, [0.0, 0.4], memory=())
-    assert not any(
-        message.startswith("the glue heals") for message in (*loaded.messages, *pulled(law, [0, 0.4, 0]).messages)
-    )
+    remembering = pulled(law, [0.0, 0.4, 0.0])
+    assert not any("heals" in message for message in (*loaded.messages, *remembering.messages))
 
 
 def test_what_remembers_in_a_file(tmp_path: Path) -> None:
