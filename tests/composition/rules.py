@@ -63,7 +63,10 @@ _NO_BOUND_OF_LAW = (
     "The distance to the exact solution is not bounded for Coulomb's law; and for glue whose mode decides there is an "
     "estimate only where its tractions change little with the mode."
 )
-_NOT_IN_TIME = "In time a normal law has no drop."
+_NOT_IN_TIME = "In time a law has no drop."
+_BESIDE_COUPLED = (
+    "Beside a law of opening and slip together stands the memory of glue alone, no damping and no other one."
+)
 _BOND = "A bond with plastic slip resists slip by itself: no friction beside it."
 _RUBBING = "Friction on the damaged share is that of glue which tells its damage, without another one beside it."
 _UNDAMAGED = tuple(normal for normal in NORMALS if normal not in ("adhesive", *COUPLED))
@@ -84,7 +87,6 @@ RULES = (
     Rule("depend on the mode adds", _NO_BOUND_OF_LAW, _BOUNDS, normal=("mode-dependent",)),
     Rule("was made of arrays", _ARRAYS, ("exact", "output"), ("arrays",)),
     Rule("is a DiscreteProblem; give a ContactProblem", _ARRAYS, _OF_STATEMENTS, ("arrays",)),
-    Rule("couples opening and slip", _NOT_IN_TIME, _MARCHES, normal=COUPLED),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, _MARCHES, normal=("saw-tooth",)),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, normal=("saw-tooth",), beside=TIMED),
     Rule("snaps in series", _NOT_IN_TIME, normal=("saw-tooth",), beside=("wear", "creep")),
@@ -113,7 +115,15 @@ RULES = (
         friction=("orthotropic",),
     ),
     Rule("friction", "A law of opening and slip together resists slip itself.", (), normal=COUPLED, friction=_RUBS),
-    Rule("memory", "A law of opening and slip together is one at rest.", (), normal=COUPLED, beside=TIMED),
+    Rule(
+        "needs a normal law with friction beside it",
+        _BESIDE_COUPLED,
+        (),
+        normal=COUPLED,
+        beside=("wear", "creep", "penetration", "slip sum"),
+    ),
+    Rule("damping of the normal rate is not known beside it", _BESIDE_COUPLED, (), normal=COUPLED, beside=("damping",)),
+    Rule("has no effective opening", _BESIDE_COUPLED, (), normal=COUPLED[2:], beside=("secant",)),
     Rule("the law of a scalar contact is", _SCALAR_LAW, (), ("membrane",), COUPLED),
     Rule("which a scalar problem does not have", _SCALAR_LAW, (), ("antiplane",), friction=("coulomb", "bound")),
     Rule("and a scalar problem none", _SCALAR_LAW, (), ("antiplane",), friction=("orthotropic",)),
