@@ -12,6 +12,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.laws import VectorLaw
 from hemivar.laws.coupled import BenzeggaghKenane, BilinearCohesion, MixedMode, ModeDependentGlue
+from tests.bodies import Pattern
 
 __all__ = ["BrokenGlueError", "Glue", "few_points", "marched_by_hand"]
 
@@ -83,7 +84,9 @@ class _Point:
     mode: float | None = None
 
 
-def few_points(glue: Glue, count: int, path: Sequence[Sequence[float]], young: float) -> hv.ContactProblem:
+def few_points(
+    glue: Glue, count: int, path: Sequence[Sequence[float]], young: float, pattern: Pattern = "right"
+) -> hv.ContactProblem:
     """A strip held at three sides, which move together; its free points are those in the middle of its bottom."""
     times, ways = np.arange(len(path)), np.asarray(path, dtype=float)
 
@@ -92,7 +95,7 @@ def few_points(glue: Glue, count: int, path: Sequence[Sequence[float]], young: f
 
     held = hv.Prescribed(move)
     return hv.ContactProblem(
-        hv.rectangle((1.0, 0.5), (count + 1, 1)),
+        hv.rectangle((1.0, 0.5), (count + 1, 1), pattern),
         hv.Material.young(young, 0.25),
         {"bottom": hv.Contact(glue.law)},
         {"top": held, "left": held, "right": held},
