@@ -43,7 +43,7 @@ def body(law: VectorLaw, moving: bool, dim: int = 2, size: float = 1.0, **more: 
 
     mesh = hv.rectangle((size, 0.5 * size), 6) if dim == 2 else hv.box((size, 0.5 * size, 0.5 * size), 3)
     top: Callable[[Array, float], Array] | Array = move if moving else move(np.zeros((1, dim)), 1.0)[0]
-    contact = {"bottom": hv.Contact(law)}
+    contact = {"bottom": hv.Contact(law, memory=())}
     return hv.ContactProblem(
         mesh,
         hv.Material.young(10.0, 0.3, **more),
