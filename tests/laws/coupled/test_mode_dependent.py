@@ -246,7 +246,6 @@ def test_laws_may_vary_over_the_boundary() -> None:
         (lambda: PowerCriterion(1.0, "much", 1.0), "shear of criterion 'power'"),  # type: ignore[arg-type]
         (lambda: peek().at_mode(1.5), "give a number between 0"),
         (lambda: hv.Contact(soft(), Tresca(0.3)), "leave the friction 'tresca' out"),
-        (lambda: hv.march(hv.Evolution(block(soft())), 1.0), "depends on the mode"),
         (lambda: join_laws([(soft(), 2), (ContactLaw(Signorini()).at(None), 2)]), "stands alone on a body"),
         (lambda: plot_mode_dependent(soft(), reach=0.0), "positive length"),
     ],
