@@ -163,6 +163,11 @@ class DiscreteEvolution(PickleMixin):
         """Contact points (m,) that store what slips there work against."""
         return self._whether(lambda law: law.stores_slip)
 
+    @cached_property
+    def breakable(self) -> int:
+        """How many bonds may break in a step, one after the other."""
+        return sum(index.size for name, index in self.blocks if MemoryChain(self.contacts[name].remembers).couples)
+
     def _whether(self, chosen: Callable[[VectorLaw], bool]) -> BoolArray:
         found = np.zeros(self.problem.contact_points, dtype=bool)
         for name, index in self.blocks:

@@ -32,6 +32,11 @@ __all__ = ["StepResult", "TimeStepper", "method_of"]
 #: Rounds of a law that depends on the solution of its own step, and when it stands.
 _ROUNDS = 60
 _STANDS = 1e-10
+#: What is said where they do not settle.
+_UNSETTLED = (
+    "what contact points remember and the solution of the step do not settle; near the largest load that the "
+    "foundation carries they do in no step: give the body mass or viscosity, or move a support in place of the load"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +210,16 @@ class TimeStepper:
     ) -> StepResult:
         state = end_of_step(self.discrete, before, solved, step, time, end, self.scheme.multistep)
         leaps = tuple(leap for one in solved for leap in one.leaps)
+        last = solved[-1]
+        open_ = last.solution.status is Status.NOT_CONTRACTING and last.stage.law.iterates
         return StepResult(
-            before, state, step, tuple(one.solution for one in solved), tuple(one.stage for one in solved), leaps
+            before,
+            state,
+            step,
+            tuple(one.solution for one in solved),
+            tuple(one.stage for one in solved),
+            leaps,
+            advice=_UNSETTLED if open_ else "",
         )
 
     def _balanced(self, taken: StepResult, solved: list[SolvedStage]) -> StepResult:
@@ -296,7 +309,7 @@ class TimeStepper:
         before = base.local.displacement
         guess, multiplier = discrete.counted(before, before), base.multiplier
         initial: Solution | None = None
-        for _ in range(_ROUNDS):
+        for _ in range(_ROUNDS + discrete.breakable):
             check_time()
             law = stage_law(discrete, at, base, rule, operator.step, guess, multiplier, operator.laws)
             stage = posed_stage(discrete, stages.bodies, base, operator, at, end, start, law)
