@@ -351,6 +351,8 @@ def solving_adaptive(
         ended = AdaptiveEnd.ESTIMATED
     if ended is AdaptiveEnd.ESTIMATED and levels[-1].goal is not None:
         note = _interval(levels[-1], rtol)
+    elif ended is AdaptiveEnd.ESTIMATED and levels[-1].distance.conditions:
+        note = f"it is at most that if {' and '.join(levels[-1].distance.conditions)}"
     return AdaptiveSolution(tuple(levels), rtol, ended, note)
 
 

@@ -162,7 +162,7 @@ def _majorised(traces: ContactTraces, rule: PartRule, forces: Array, weight: flo
 def _proximal(law: VectorLaw, r: Array, xi: Array, alpha: Array, weight: float) -> tuple[Array, Array]:
     """Where the multiplier of a weight is one of the law, and what it is nearly, (m, c) each."""
     p = law.admissible(law.local_argmin(alpha[:, [0, -1]] + weight, xi + (alpha + weight) * r))
-    p = np.where(np.all(_within(law, p), axis=1, keepdims=True), p, r)
+    p = np.where(_within(law, p).all(axis=1, keepdims=True), p, r)
     return p, xi + (alpha + weight) * (r - p)
 
 
@@ -193,8 +193,8 @@ def _control(traces: ContactTraces, rule: PartRule, r: Array, alpha: Array, y: A
 
     def raised(values: Array) -> Array:
         whole = values.reshape(-1, count)
-        bend = 0.5 * (alpha[:, :, 2] * values**2).sum(axis=2)
-        return np.asarray(law.value(whole).reshape(values.shape[:2]) + bend)
+        found = law.value(whole).reshape(values.shape[:2]) + 0.5 * (alpha[:, :, 2] * values**2).sum(axis=2)
+        return np.asarray(found)
 
     means = 0.5 * (raised(ends[:, :, 0]) + raised(ends[:, :, 1]))
     return np.asarray((raised(snapped) - means - (y.mean(axis=2) * e).sum(axis=2)) / 3.0)
