@@ -16,6 +16,7 @@ from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
 from hemivar.certificates.continuous.fenchel import exact_gap, fenchel_gap
+from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.gallery import survey
 from hemivar.laws import (
     BenzeggaghKenane,
@@ -211,6 +212,32 @@ def test_the_bound_is_that_of_its_parts(first: float) -> None:
         expected = (whole + np.sqrt(whole**2 + 4.0 * left * parts.gap)) / (2.0 * left)
         assert found.distance == pytest.approx(expected, rel=1e-12)
         assert parts.gap > 0.0
+
+
+def test_a_multiplier_of_the_law_pays_its_gap() -> None:
+    """With constants so large that a force that is off costs nothing, the gap is all that is added."""
+    problem = cube(OrthotropicFriction(0.05, ratio=2.0))
+    u = hv.solve(problem).displacement
+    free = TraceBounds(np.inf, np.inf, np.inf, 1.0, True, "for this test")
+    found = exact_distance(problem, u, free)
+    whole = found.parts.misfit + found.parts.algebraic
+    assert found.parts.gap > 1e-6 * whole**2
+    assert found.distance == pytest.approx(0.5 * (whole + np.sqrt(whole**2 + 4.0 * found.parts.gap)), rel=1e-12)
+
+
+def test_places_of_the_gap_are_within_the_reach() -> None:
+    """Beyond it nothing is known of the convexity: the multiplier is that of the law at the displacement."""
+    near = replace(FORMULA, reach=0.61)  # of a displacement of up to 0.6
+    forces = forces_on(traces_of(FORMULA), 5.0)
+    far, kept, own = (
+        fenchel_gap(traces_of(FORMULA), forces, 0.1), fenchel_gap(traces_of(near), forces, 0.1),
+        exact_gap(traces_of(near), forces),
+    )  # fmt: skip
+    assert (np.abs(far.multiplier - own.multiplier) > 0.1).any()
+    beyond = np.abs(far.multiplier - kept.multiplier).max(axis=2) > 1e-9
+    assert beyond.any()
+    corners = np.tile([True, True, False, False], beyond.shape[1] // 4)
+    assert np.abs(kept.multiplier - own.multiplier)[beyond & corners].max() < 0.1
 
 
 # ---- the constants ------------------------------------------------------------------------------------------------
