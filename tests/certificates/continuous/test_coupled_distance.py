@@ -24,6 +24,7 @@ from hemivar.laws import (
     Compliance,
     CoulombBound,
     CoupledFormulaLaw,
+    FormulaLaw,
     MixedMode,
     ModeDependentGlue,
     OrthotropicFriction,
@@ -392,3 +393,17 @@ def test_a_study_has_bounds() -> None:
     assert conditional.levels[0].conditions
     assert "conditional bound: if penetrations" in repr(conditional)
     assert (conditional.errors("energy")[:-1] <= conditional.bounds[:-1]).all()
+
+
+def test_scalar_laws_that_are_known_within_a_reach_have_conditions_too() -> None:
+    """``r^2 - exp(r)`` falls ever faster; a gap at places beyond the reach is none."""
+    law = FormulaLaw("r^2 - exp(r)", reach=1.0)
+    found = bound(square(law, load=(0.01, -0.05)))
+    assert found.conditions == ("penetrations of the exact solution are within the reach 1 of the law",)
+    assert np.isfinite(found.distance)
+    problem = square(law, 3)
+    traces = contact_traces(body_data(problem, bent(problem)))
+    assert traces is not None
+    for size, weight, within in ((0.01, 1e3, True), (50.0, 0.1, False)):
+        forces = np.full(traces.local.shape, size)
+        assert np.isfinite(fenchel_gap(traces, forces, weight).normal_gap).all() == within
