@@ -16,7 +16,15 @@ from typing import Any
 
 DOCS = Path(__file__).resolve().parent
 MESH = DOCS.parent / "examples" / "meshes" / "bracket.msh"
-PAGES = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer", "tutorial-failure", "nonlinear", "figures")
+PAGES = (
+    "tutorial-teacher",
+    "tutorial-mathematician",
+    "tutorial-engineer",
+    "tutorial-failure",
+    "glue",
+    "nonlinear",
+    "figures",
+)
 _PART = re.compile(
     r"^```python\n(?P<code>.*?)^```$|^!\[[^\]]*\]\(images/(?P<name>(?:tutorial|figure)-[\w-]+\.png)\)$", re.M | re.S
 )

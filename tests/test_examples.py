@@ -443,7 +443,8 @@ DOCS = sorted((EXAMPLES.parent / "docs").glob("*.md"))
 README, PAPER = EXAMPLES.parent / "README.md", EXAMPLES.parent / "paper" / "paper.md"
 #: Pages whose code runs for seconds.
 LONG_PAGES = (
-    "bounds.md", "figures.md", "identification.md", "nonlinear.md", "tutorial-failure.md", "tutorial-mathematician.md",
+    "bounds.md", "figures.md", "glue.md", "identification.md", "nonlinear.md", "tutorial-failure.md",
+    "tutorial-mathematician.md",
 )  # fmt: skip
 PAGES = [*DOCS, *(EXAMPLES.parent / name for name in ("CHANGELOG.md", "CONTRIBUTING.md", "README.md"))]
 
