@@ -28,6 +28,7 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("task", "exact"): "certify, `exact=True`",
     ("task", "all solutions"): "find_solutions",
     ("task", "path"): "follow_path",
+    ("task", "bracket"): "load_bracket",
     ("task", "mass"): "march with mass",
     ("task", "resume"): "checkpoint, resume",
     ("task", "output"): "JSON, VTU, plot",

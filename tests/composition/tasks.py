@@ -118,6 +118,13 @@ def _path(row: Row, folder: Path) -> None:
     _same(path.local[-1], _solved(row).local, 1e-5)
 
 
+def _bracket(row: Row, folder: Path) -> None:
+    """Bodies here carry their load: the equilibrium at its whole is the static solution."""
+    found = hv.branches.load_bracket(stated(row), 1.0)
+    assert found.carried == 1.0, str(found)
+    _same(found.solution.local, _solved(row).local, 1e-5)
+
+
 def _evolution(row: Row, inertia: bool) -> Evolution:
     return Evolution(stated(row), inertia=inertia)  # type: ignore[arg-type]
 
@@ -251,6 +258,7 @@ TASKS: Mapping[str, Callable[[Row, Path], None]] = {
     "exact": _exact,
     "all solutions": _all_solutions,
     "path": _path,
+    "bracket": _bracket,
     "march": _march,
     "mass": _with_mass,
     "resume": _resume,
