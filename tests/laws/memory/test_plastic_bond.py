@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 
 import hemivar as hv
 from hemivar.basics.types import Array
+from hemivar.evolution import stepper
 from hemivar.laws import (
     Compliance,
     ContactLaw,
@@ -295,6 +296,21 @@ def test_a_file_resumes_bit_for_bit(tmp_path: Path) -> None:
         for one, other in zip(state(again), state(whole), strict=True):
             np.testing.assert_array_equal(one, other)
     whole.write(tmp_path / "peeled.pvd")
+
+
+def test_a_step_has_rounds_for_every_bond(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the last step a front runs along the whole body, a few bonds in each round."""
+    monkeypatch.setattr(stepper, "_ROUNDS", 2)
+    history = hv.march(hv.Evolution(peeled((0.4, 1.0), 90.0)), 1.0, step=0.05)
+    assert history.ended == "finished"
+    assert state(history)[0].min() == 0.0
+
+
+def test_what_does_not_settle_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stepper, "_ROUNDS", -14)  # less than one round for each of the bonds
+    history = hv.march(hv.Evolution(peeled((0.4, 1.0), 90.0)), 1.0, step=0.05)
+    assert history.ended == "not_contracting"
+    assert any("do not settle" in one for one in history.messages)
 
 
 def test_bonds_stand_beside_other_boundaries_and_in_space() -> None:
