@@ -324,7 +324,7 @@ WORKING = {
     "branches.follower": ("TrackPoint", "Track", "Follower"),
     "coercivity.recession": ("_Programme",),
     "evolution.jump_paths": ("_GradientFlow",),
-    "solvers.active_set_newton": ("NewtonCache",),
+    "solvers.newton_on_graph": ("NewtonCache",),
     "systems.dense_newton": ("DenseFactor",),
 }
 

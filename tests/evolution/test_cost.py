@@ -26,7 +26,7 @@ from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.stage import extrapolated_multiplier, forces, out_of_balance_force, stage_state
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.linear import factorisation
-from hemivar.solvers.active_set_newton import ForceResidual, NewtonCache, active_set_newton
+from hemivar.solvers.newton_on_graph import ForceResidual, NewtonCache, active_set_newton
 from hemivar.systems import elimination
 from tests import bodies
 from tests.counting import at_most_calls

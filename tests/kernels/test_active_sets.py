@@ -15,10 +15,11 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.kernels import kernels
-from hemivar.laws.separate import SeparateLaw
-from hemivar.solvers.active_set_newton import NewtonCache, _compiled_pairs, _Pair, _pairs, _Start
+from hemivar.laws.contact_chart import ContactChart, GraphTables
+from hemivar.solvers.newton_on_graph import NewtonCache, _compiled_pairs, _Pair, _pairs, _Start
 from hemivar.systems.compiled_rounds import CompiledRounds
 from hemivar.systems.condensed import CondensedProblem, condense
+from hemivar.systems.dense_newton import DenseNewton
 from tests.samples import slow
 
 built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
@@ -63,9 +64,15 @@ def small(law: str, m: int, d: int, seed: int, size: float = 1.0) -> CondensedPr
 
 def start_of(system: CondensedProblem, r: Array, lam: Array, rounds: int = 12) -> tuple[_Start, NewtonCache]:
     cache = NewtonCache()
-    graphs = cache.graphs(system)
-    assert isinstance(graphs, SeparateLaw)
-    return _Start(system, graphs, r, lam, hv.Controls(rtol=1e-10), rounds), cache
+    equation = cache.equation(system)
+    assert equation is not None
+    return _Start(equation, r, lam, hv.Controls(rtol=1e-10), rounds), cache
+
+
+def tables(start: _Start) -> GraphTables:
+    chart = start.equation.chart
+    assert isinstance(chart, ContactChart)
+    return chart.tables
 
 
 def first(pairs: Iterator[_Pair]) -> _Pair | None:
@@ -75,9 +82,9 @@ def first(pairs: Iterator[_Pair]) -> _Pair | None:
 def both(system: CondensedProblem, r: Array, lam: Array, rounds: int = 12) -> tuple[_Pair | None, _Pair | None]:
     """What the rounds settle at in Python and in the kernels."""
     start, cache = start_of(system, r, lam, rounds)
-    compiled = cache.compiled(system, start.graphs)
+    compiled = cache.compiled(system, start.equation.chart)
     assert compiled is not None
-    return first(_pairs(start, cache.factor)), first(_compiled_pairs(start, compiled))
+    return first(_pairs(start)), first(_compiled_pairs(start, compiled))
 
 
 def agree(system: CondensedProblem, one: _Pair | None, other: _Pair | None) -> bool:
@@ -115,8 +122,7 @@ def test_pairs_on_the_corner_of_a_graph_are_sorted_as_in_python(law: str) -> Non
     """The ends of every kink, to the last bit, and the numbers beside them."""
     system = small(law, 7, 2, 3)
     start, _ = start_of(system, system.start(), np.zeros((7, 2)))
-    graphs = start.graphs
-    assert isinstance(graphs, SeparateLaw)
+    graphs = tables(start)
     for row in range(len(graphs.bounds)):
         knot = graphs.knots[row // 2]
         knot = np.where(np.isfinite(knot), knot, 0.0)
@@ -154,10 +160,11 @@ def test_what_is_not_finite_or_not_definite_is_given_up() -> None:
     soft = small("hills", 7, 1, 0)
     start, cache = start_of(soft, np.full((7, 1), 0.15), np.zeros((7, 1)))  # where the law falls
     loose = replace(soft, matrix=1e-6 * soft.matrix)
-    compiled = cache.compiled(loose, start.graphs)
+    compiled = cache.compiled(loose, start.equation.chart)
     assert compiled is not None
-    assert first(_compiled_pairs(replace(start, system=loose), compiled)) is None
-    assert first(_pairs(replace(start, system=loose), cache.factor)) is None
+    equation = replace(start.equation, system=loose, equation=DenseNewton(loose))
+    assert first(_compiled_pairs(replace(start, equation=equation), compiled)) is None
+    assert first(_pairs(replace(start, equation=equation))) is None
 
 
 @built
@@ -165,8 +172,7 @@ def test_what_is_not_finite_or_not_definite_is_given_up() -> None:
 def test_distances_to_the_graph_are_those_of_the_tables(law: str) -> None:
     system, rng = small(law, 30, 2, 5), np.random.default_rng(6)
     start, cache = start_of(system, system.start(), np.zeros((30, 2)))
-    graphs, compiled = start.graphs, cache.compiled(system, start.graphs)
-    assert isinstance(graphs, SeparateLaw)
+    graphs, compiled = tables(start), cache.compiled(system, start.equation.chart)
     assert compiled is not None
     knot = np.where(np.isfinite(graphs.knots[0]), graphs.knots[0], 0.0).reshape(30, 2)
     for r in (knot, rng.normal(scale=0.3, size=(30, 2)), np.where(rng.uniform(size=(30, 2)) < 0.5, knot, -0.1)):
@@ -214,8 +220,7 @@ def test_wrong_tables_and_pairs_are_refused_at_the_door() -> None:
     library, system = kernels(), small("convex", 7, 2, 0)
     assert library is not None
     start, _ = start_of(system, system.start(), np.zeros((7, 2)))
-    law, matrix, weights, compliance = start.graphs, system.matrix, system.weights, system.body.resilience
-    assert isinstance(law, SeparateLaw)
+    law, matrix, weights, compliance = tables(start), system.matrix, system.weights, system.body.resilience
     for name in ("stiffness", "bounds", "anchor", "base", "slope", "knots", "low", "high"):
         table = getattr(law, name)
         for wrong in (table[..., :-1], table[1:], np.concatenate([table, table[:1]])):

@@ -241,7 +241,6 @@ def test_a_knot_outside_the_domain_is_no_minimiser(beyond: int) -> None:
     law = PiecewiseQuadratic(knots, np.zeros(knots.size + 1), np.zeros(knots.size), lower=0.0, upper=1.0)
     a, b = np.ones(4), np.array([-5.0, 0.0, 0.4, 7.0])
     np.testing.assert_allclose(law.local_argmin(a, b), [0.0, 0.0, 0.4, 1.0], atol=1e-15)
-    np.testing.assert_allclose(law.place_on_piece(a, b, np.full(4, 0.4)), [0.0, 0.0, 0.4, 1.0], atol=1e-15)
 
 
 def test_recession_tells_how_far_a_law_holds() -> None:

@@ -47,7 +47,7 @@ def line_of(problem: DiscreteProblem, rng: np.random.Generator, search: Search) 
     system = Workspace().condensed(problem)
     r = system.start(0.2 * rng.normal(size=problem.contact.shape))
     at = LinearisedPoint.of(system, r, r, system.out_of_balance(r))
-    way = np.where(at.moving, at.force - system.weights[:, None] * at.line.gradient, 0.0)
+    way = np.where(at.moving, at.force - system.weights[:, None] * at.multiplier, 0.0)
     way *= rng.uniform(0.1, 2.0, way.shape)
     return SearchLine.of(system, at, way, system.multiply(way), search)
 

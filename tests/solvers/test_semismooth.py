@@ -28,8 +28,9 @@ from hemivar.laws import (
 )
 from hemivar.laws.friction.bounds import stack_bounds
 from hemivar.solvers import Controls, FixedPoint, LoadStepping, NonsmoothNewton, SemismoothNewton, Status, solve, suited
-from hemivar.solvers.active_set_newton import NewtonCache, active_set_newton
+from hemivar.solvers.newton_on_graph import NewtonCache, active_set_newton
 from hemivar.systems.condensed import CondensedProblem, condense
+from hemivar.systems.newton_equation import Accuracy
 from tests import bodies
 
 from .pieces_of_friction import points_of, random_points
@@ -174,13 +175,13 @@ def test_newtons_equation_is_the_derivative(dim: int, normal: Superpotential, bo
 
 def newton_step(system: CondensedProblem, r: Array) -> Array:
     """Where Newton's equation at r leads."""
-    pieces = NewtonCache()
-    graphs, lam = pieces.graphs(system), system.multiplier(r)
-    assert graphs is not None
-    on = graphs.onto(system.body.per_area * r + lam, r)
-    change = pieces.factor.direction(system, on, ~on.held, system.out_of_balance(on.place))
-    assert change is not None
-    return np.asarray(on.place + change)
+    equation = NewtonCache().equation(system)
+    assert equation is not None
+    point = equation.at(r)
+    assert point is not None
+    found = equation.step(point, Accuracy(0.0, 0.0, 1))
+    assert found is not None
+    return found[0]
 
 
 @pytest.mark.parametrize("dim", [2, 3])

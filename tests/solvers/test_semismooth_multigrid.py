@@ -10,14 +10,13 @@ from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, CoulombBound, PenetrationBound, Signorini, SlipWeakening, Superpotential, Tresca
 from hemivar.laws.friction import Friction
-from hemivar.laws.state_dependent import DependentLaw
 from hemivar.laws.vector_law import spread
 from hemivar.linear.krylov import minimal_residuals
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, SemismoothNewton, Solution, Status, solve
 from hemivar.systems import condense
 from hemivar.systems.body_on_levels import set_up
 from hemivar.systems.dense_newton import DenseNewton
-from hemivar.systems.newton_equation import Accuracy, GraphPoint
+from hemivar.systems.newton_equation import Accuracy, LinearisedPoint
 from hemivar.systems.workspace import Workspace
 from tests.samples import slow
 
@@ -130,24 +129,23 @@ def test_the_equation_of_all_unknowns_is_that_of_the_condensed_body(
     bound = CoulombBound(0.3)
     problem = block(dim, 4, normal, SlipWeakening(bound, 1.0, 0.8, 5.0) if weakens else Tresca(bound))
     system, body = condense(problem), set_up(problem, Workspace())
-    graphs = DependentLaw.of(problem.law, 1.0 / system.compliance, dim)
-    assert graphs is not None
+    chart, stiffness = problem.law.chart(1.0 / system.compliance, dim), spread(1.0 / system.compliance, dim)
+    assert chart is not None
     random = np.random.default_rng(1)
     r = solve(problem).local + 2e-3 * random.normal(size=system.shape)
     r = np.where(system.active, r, system.fixed)
-    on = graphs.onto(spread(1.0 / system.compliance, dim) * r + system.multiplier(r), r)
-    free, place = system.active & ~on.held, np.where(system.active, on.place, system.fixed)
-    assert on.pushed is not None
-    assert on.pushed.any() or (on.curvature.ndim == 3 and on.curvature[:, 1:, 0].any())  # it is not symmetric
-    dense = DenseNewton(system).generalised(
-        GraphPoint(place, system.out_of_balance(place), on, free), Accuracy(0.0, 0.0, 1)
-    )
-    assert dense is not None
+    on = chart.at(stiffness * r + system.multiplier(r), r)
+    place = np.where(system.active, on.r, system.fixed)
+    at = LinearisedPoint.on_graph(system, place, system.out_of_balance(place), on, stiffness)
+    assert at.pushed is not None
+    assert at.pushed.any() or at.blocks[:, 1:, 0].any()  # it is not symmetric
+    dense = DenseNewton(system).solve(at, Accuracy(0.0, 0.0, 1)).step
     x = system.unknowns(place)
     equation = body.newton_equation()
-    step, _ = equation.generalised(GraphPoint(x, body.out_of_balance(x), on, free), Accuracy(1e-13, 0.0, 40))
+    there = LinearisedPoint.on_graph(body, x, body.out_of_balance(x), on, stiffness)
+    step = equation.solve(there, Accuracy(1e-13, 0.0, 40)).step
     equation.release()
-    np.testing.assert_allclose(body.at_contact(step), dense[0], atol=1e-9 * np.abs(dense[0]).max())
+    np.testing.assert_allclose(body.at_contact(step), dense, atol=1e-9 * np.abs(dense).max())
     left = body.less_contact(body.out_of_balance(x + step), body.at_contact(body.out_of_balance(x + step)))
     assert np.abs(left).max() <= 1e-10 * np.abs(problem.load).max()
 

@@ -14,7 +14,7 @@ __all__ = ["predicted_contact"]
 def predicted_contact(stage: Stage, body: Body) -> Array | None:
     """Unknowns (n,) of a stage with its contact points where they will be if the body keeps its acceleration.
 
-    There they settle on the pieces and at the kinks of their laws, each by itself; all other unknowns stay at the
+    There they settle on the graphs of their laws, each by itself; all other unknowns stay at the
     prediction of the stage, where nothing accelerates.  None where the acceleration tells nothing: in the first step,
     with laws of impact, and in schemes whose accelerations swing, which are all but those of backward differences.
 
@@ -33,7 +33,7 @@ def predicted_contact(stage: Stage, body: Body) -> Array | None:
     weights, stiffness, r = body.weights[:, None], body.diagonal, body.local(way)
     force = body.spread(body.load[body.unknown] - body.pull(way))
     pair = stiffness[:, [0, min(1, r.shape[1] - 1)]] / weights
-    place = body.law.place_on_piece(pair, (stiffness * r + force) / weights, r)
+    place = body.law.on_graph((stiffness * r + force) / weights, pair).r
     if not np.isfinite(place).all():
         return None
     return body.moved(np.zeros(way.shape), np.where(body.active, place, body.fixed))

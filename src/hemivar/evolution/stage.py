@@ -19,7 +19,7 @@ from hemivar.evolution.step_laws import StepLaw
 from hemivar.evolution.step_operator import StepOperator
 from hemivar.fem.lift import linear_response
 from hemivar.solvers import Solution
-from hemivar.solvers.active_set_newton import ForceResidual
+from hemivar.solvers.newton_on_graph import ForceResidual
 
 __all__ = [
     "Force",

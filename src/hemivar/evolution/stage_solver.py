@@ -31,7 +31,7 @@ from hemivar.solvers import (
     Status,
     solve,
 )
-from hemivar.solvers.active_set_newton import ForceResidual, active_set_newton
+from hemivar.solvers.newton_on_graph import ForceResidual, active_set_newton
 from hemivar.systems.body_on_levels import set_up
 from hemivar.systems.workspace import Workspace
 

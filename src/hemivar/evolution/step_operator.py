@@ -11,7 +11,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
 from hemivar.evolution.schemes import RateFormula, Scheme, StageRule
 from hemivar.evolution.step_laws import StageLaws
-from hemivar.solvers.active_set_newton import NewtonCache
+from hemivar.solvers.newton_on_graph import NewtonCache
 
 __all__ = ["StepOperator", "StepOperators", "body_factors", "decay", "gain", "step_operator"]
 

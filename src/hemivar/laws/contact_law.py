@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.consistency import check_own
+from hemivar.laws.contact_chart import ContactChart, GraphTables, following
 from hemivar.laws.crossings import Crossings, crossings, length_places, level_places
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
@@ -20,7 +21,7 @@ from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.scalar_graph import downhill, is_continuous, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.vector_law import Linearisation, OnGraph, Sides, VectorLaw
+from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw
 
 __all__ = ["ContactLaw", "separable"]
 
@@ -183,29 +184,29 @@ class ContactLaw(NormalAndFriction):
         if not isinstance(bound, StateBound):
             return super().on_graph(p, a)
         normal = ContactLaw(self.normal).on_graph(p[:, :1], a)
-        penetration, pressure, yields = normal.r[:, 0], normal.multiplier[:, 0], normal.jacobian[:, 0, 0]
+        penetration, pressure = normal.r[:, 0], normal.multiplier[:, 0]
         at_bound = ContactLaw(self.normal, self.friction.frozen(penetration, pressure)).on_graph(p, a)
         if p.shape[1] == 1 or not self.follows_state:
             return at_bound
-        # a slip of constant p falls by the slope of the profile for each unit of the bound
-        size = bound.value(penetration, pressure)
-        place, force = bound.slopes(penetration, pressure)
-        rate = (place * yields + force * (1.0 - a[:, 0] * yields)) / np.where(size > 0.0, size, np.inf)
-        jacobian = at_bound.jacobian.copy()
-        pulled = np.einsum("mij,mj->mi", jacobian[:, 1:, 1:], at_bound.multiplier[:, 1:])
-        jacobian[:, 1:, 0] = -rate[:, None] * pulled
-        return replace(at_bound, jacobian=jacobian)
+        size, slopes = bound.value(penetration, pressure), bound.slopes(penetration, pressure)
+        return following(at_bound, size, slopes, a[:, 0], normal.jacobian[:, 0, 0])
 
-    def place_on_piece(self, a: Array, b: Array, r: Array) -> Array:
-        out = np.empty(b.shape)
-        out[:, 0] = self.normal.place_on_piece(a[:, 0], b[:, 0], r[:, 0])
-        if b.shape[1] > 1:
-            pull, towards = polar(b[:, 1:])
-            size, direction = polar(r[:, 1:])
-            length = np.abs(self.tangential.place_on_piece(a[:, 1], pull, size))
-            heading = np.where((length == size)[:, None] & (size > 0.0)[:, None], direction, towards)
-            out[:, 1:] = length[:, None] * np.where(pull[:, None] > 0.0, heading, _first_axis(towards))
-        return out
+    def is_curve(self, a: Array, components: int) -> bool:
+        """Whatever the bound, where it depends on the state."""
+        if not self.state_dependent:
+            return super().is_curve(a, components)
+        return bool((a[:, 0] > self.normal.weak_convexity).all())
+
+    def chart(self, a: Array, components: int) -> Chart | None:
+        """As of every law, by tables; where a law is no curve these follow the piece that p lies on."""
+        if self.state_dependent and not self.follows_state:
+            return None
+        apart = self.state_dependent and components > 1
+        tables = GraphTables.of((self.normal,) if apart else self.scalar_laws(components), a)
+        slip = GraphTables.of((self.friction.profile,), a[:, 1:]) if apart else None
+        if tables is None or (apart and slip is None):
+            return super().chart(a, components)
+        return ContactChart(self, a, tables, slip)
 
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         m, d = x.shape

@@ -21,8 +21,6 @@ __all__ = [
     "knot_forces",
     "local_argmin",
     "local_minimisers",
-    "place_inside",
-    "place_on_piece",
     "stationary_point",
 ]
 
@@ -268,41 +266,6 @@ def _classified(law: Superpotential, a: Array, b: Array) -> tuple[IntArray, Bool
     below, above = knot_forces(law, a)
     passed = np.sum(b[..., None] > above, axis=-1)
     return passed, passed < np.sum(b[..., None] >= below, axis=-1)
-
-
-def place_on_piece(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
-    """The minimiser of ``a/2 r^2 - b r + j(r)`` where it is a knot; where it lies inside a piece, r itself if r does.
-
-    Else the minimiser with the law as straight as it begins at the end of the piece.  That costs much less than the
-    minimiser, and is as good a place to linearise the law at.  Asks for ``a > alpha``.
-    """
-    if law.searched:
-        return law.local_argmin(a, b)
-    piece, held = _classified(law, a, b)
-    lower, upper = law.piece_bounds(piece)
-    there = held | ((r > lower) & (r < upper))
-    out = np.where(held, upper, r) if held.any() else r
-    if there.all():
-        return out
-    end = np.where(np.isfinite(lower), lower, upper)
-    with np.errstate(invalid="ignore", over="ignore"):
-        line = law.piece_line(piece, end)
-    return np.where(there, out, place_inside(a, b, r, (lower, upper), end, line))
-
-
-def place_inside(
-    a: Array, b: Array, r: Array, bounds: tuple[Array, Array], end: Array, line: tuple[Array, Array]
-) -> Array:
-    """The minimiser on pieces that go on as they begin at an end, with that slope and curvature, if it lies inside.
-
-    Else the middle of the piece, or r where it has none.
-    """
-    (lower, upper), (slope, bend) = bounds, line
-    with np.errstate(invalid="ignore", over="ignore"):
-        place = end + (b - a * end - slope) / (a + bend)
-        middle = 0.5 * (lower + upper)
-    inside = (place > lower) & (place < upper)
-    return np.where(inside, place, np.where(np.isfinite(middle), middle, r))
 
 
 def stationary_point(

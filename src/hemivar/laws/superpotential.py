@@ -477,10 +477,6 @@ class Superpotential(PickleMixin, ABC):
         """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
         return minimisers.local_argmin(self, a, b)
 
-    def place_on_piece(self, a: Array, b: Array, r: Array) -> Array:
-        """The minimiser where it is a knot, else a place on its piece, ``r`` if it lies there; for ``a > alpha``."""
-        return minimisers.place_on_piece(self, a, b, r)
-
     def coercive_against(self, a: Array | float) -> BoolArray:
         """Whether ``a/2 r^2 - b r + j(r)`` is bounded below for every b, given the curvature ``a >= 0`` (m,).
 

@@ -15,7 +15,7 @@ from hemivar.errors import MethodError
 from hemivar.laws.crossings import Crossings, level_places
 from hemivar.laws.superpotential import Interval, Superpotential
 
-__all__ = ["Linearisation", "Near", "OnGraph", "Sides", "VectorLaw", "spread"]
+__all__ = ["Chart", "Linearisation", "Near", "OnGraph", "Sides", "VectorLaw", "spread"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +98,39 @@ class Near(Protocol):
     def nearest_multiplier(self, lam: Array) -> Array:
         """The element of dj(r) nearest to ``lam``, (m, c); outside its domain r counts as at the end of it."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """:meth:`VectorLaw.on_graph` with one stiffness.
+
+    Attributes
+    ----------
+    law : VectorLaw
+    stiffness : array (m, 2)
+        a.
+    """
+
+    law: VectorLaw
+    stiffness: Array
+
+    def at(self, p: Array, near: Array | None = None) -> OnGraph:
+        """The pair at ``p (m, c)``; ``near (m, c)`` is where it is looked for first."""
+        return self.law.on_graph(p, self.stiffness)
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        """As :meth:`VectorLaw.graph_distance`, (m, 1) or of each component; ``tau (m, c)``."""
+        pair = tau[:, [0, min(1, tau.shape[1] - 1)]]
+        return self.law.frozen(r, lam).graph_distance(r, lam, pair)[:, None]
+
+    def bounded(self, part: float) -> Chart | None:
+        """The chart with a part of a bound that depends on the state; None where there is none."""
+        return None
+
+    def least_multiplier(self, r: Array) -> Array:
+        """The element (m, c) of the subdifferential at r (m, c), in the domain, that is nearest to zero."""
+        zero = np.zeros_like(r)
+        return self.law.frozen(r, zero).nearest_multiplier(r, zero)
 
 
 class VectorLaw(PickleMixin, ABC):
@@ -332,19 +365,6 @@ class VectorLaw(PickleMixin, ABC):
     def local_argmin(self, a: Array, b: Array) -> Array:
         """Minimiser of ``a_n/2 r_n^2 + a_t/2 |r_t|^2 - b.r + j(r)``; ``a (m, 2)``, ``b (m, c)`` -> ``(m, c)``."""
 
-    def place_on_piece(self, a: Array, b: Array, r: Array) -> Array:
-        """Where to linearise the law next: the minimiser of :meth:`local_argmin` where it is at a kink, elsewhere a
-        place on its piece.
-
-        Parameters
-        ----------
-        a : array (m, 2)
-            Larger than the weak convexity of the law.
-        b, r : arrays (m, c)
-            ``r`` is taken where it lies on that piece.
-        """
-        return self.local_argmin(a, b)
-
     @abstractmethod
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         """Generalised derivative of :meth:`prox`, one ``(c, c)`` block for each point."""
@@ -553,6 +573,23 @@ class VectorLaw(PickleMixin, ABC):
         each = spread(a, p.shape[1])
         r = self.local_argmin(a, p)
         return OnGraph(r, p - each * r, self.prox_jacobian(p / each, 1.0 / a) / each[:, None, :])
+
+    def is_curve(self, a: Array, components: int) -> bool:
+        """Whether :meth:`on_graph` has one answer: ``a (m, 2)`` is above :attr:`weak_convexity`.
+
+        For laws of the whole state their Lipschitz constant counts too.
+        """
+        more = self.lipschitz if self.depends_on_whole_state else 0.0
+        alphas = self.weak_convexity[: min(components, 2)]
+        return all(bool((a[:, k] > alpha + more).all()) for k, alpha in enumerate(alphas))
+
+    def chart(self, a: Array, components: int) -> Chart | None:
+        """:meth:`on_graph` with one stiffness, for many questions; None where it tells nothing.
+
+        So it is where the law is no curve (:meth:`is_curve`), or a bound that depends on the state has no derivative.
+        """
+        known = self.follows_state or not self.state_dependent
+        return Chart(self, a) if known and self.is_curve(a, components) else None
 
     def prox(self, x: Array, tau: Array) -> Array:
         """Proximal map of j with step ``tau (m, 2)`` for the normal and the tangential part."""

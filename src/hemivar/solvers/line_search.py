@@ -181,7 +181,7 @@ class SearchLine:
     @cached_property
     def _promised(self) -> float:
         """What the quadratic pieces on which the line begins let a whole step of Newton's equation gain."""
-        law = float(self.system.weights @ np.einsum("mi,mi->m", self.at.line.gradient, self.along))
+        law = float(self.system.weights @ np.einsum("mi,mi->m", self.at.multiplier, self.along))
         return 0.5 * max(self.slope - float(self.system.vectors.total(law)[0]), 0.0)
 
     def _best(self, ends: list[tuple[float, float, Array]]) -> LineEnd:

@@ -10,12 +10,12 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.solvers.active_set_newton import FEW_ROUNDS, NewtonCache, active_set_newton, small_and_convex
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.line_search import SearchLine
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.newton_on_graph import FEW_ROUNDS, NewtonCache, active_set_newton, small_and_convex
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body

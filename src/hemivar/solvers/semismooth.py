@@ -1,10 +1,7 @@
-"""Newton's equation of a law whose friction bound depends on the solution, the bound being a part of it.
+"""Newton's method on the graphs of the laws, from any start: steps are halved until |F| falls, with fall backs.
 
-With the pressure and friction ``lam = W^-1 (g - A r)`` in equilibrium with r and ``p = a r + lam``, a pair solves the
-problem where it is the one of the graphs of the laws at which p is what it is: ``F(r) = a (r - prox(p)) = 0``, the
-bound h in the prox being that of the very penetration and pressure (:mod:`hemivar.laws.state_dependent`).  F is
-piecewise smooth; its generalised derivative is not symmetric, and there is no energy, so that steps are halved until
-|F| falls.
+The equation is that of :mod:`hemivar.solvers.newton_on_graph`.  Where the law depends on the state there is no energy,
+and |F| is what falls.
 """
 
 from __future__ import annotations
@@ -15,24 +12,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hemivar.basics.arguments import check_numbers, expect
-from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws import separable
-from hemivar.laws.separate import GraphPosition
-from hemivar.laws.state_dependent import DependentLaw
-from hemivar.laws.vector_law import spread
-from hemivar.solvers.active_set_newton import SEMISMOOTH
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.multigrid import NonsmoothMultigrid, nested_guess
+from hemivar.solvers.newton_on_graph import SEMISMOOTH, GraphEquation, GraphPoint
 from hemivar.solvers.status import Status
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body
 from hemivar.systems.contact_system import ContactSystem
-from hemivar.systems.newton_equation import Accuracy, GraphPoint, NewtonEquation
+from hemivar.systems.newton_equation import Accuracy
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["SemismoothNewton"]
@@ -143,11 +135,12 @@ class SemismoothNewton(Solver):
         return super().first_guess(system, budget)
 
     def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:
-        equation = _Equation.of(system, self._accuracy)
+        equation = GraphEquation.of(system)
         point = None if equation is None else equation.at(start.r)
         if equation is None or point is None:
             return self._fixed(system, start, start, budget)
-        return self._at(system, point, _Way(start, equation, point), State(start.r, start.lam, 1))
+        way = _Way(start, _Search(equation, self._accuracy), point)
+        return self._at(system, point, way, State(start.r, start.lam, 1))
 
     @property
     def _accuracy(self) -> Accuracy:
@@ -155,7 +148,7 @@ class SemismoothNewton(Solver):
         inner = self.fallback.inner
         return inner.accuracy if isinstance(inner, TruncatedNewton) else Accuracy(0.0, 0.0, 1)
 
-    def _at(self, system: ContactSystem, point: _Point, way: _Way, state: State) -> State:
+    def _at(self, system: ContactSystem, point: GraphPoint, way: _Way, state: State) -> State:
         """The state at a point."""
         found = system.residual(point.x, point.lam, point.force)
         energy = system.energy(point.x, point.lam, point.force)
@@ -167,23 +160,23 @@ class SemismoothNewton(Solver):
         way: _Way = state.memory
         if way.outer is not None:
             return self._followed(system, way, state, budget)
-        equation, point = way.equation, way.point
-        assert equation is not None
+        search, point = way.search, way.point
+        assert search is not None
         assert point is not None
-        if point.off <= equation.rounding(point):
+        if point.off <= search.rounding(point):
             return replace(state, ended=Status.STALLED)
         fallbacks, new = state.fallbacks, None
         if way.rounds < self.rounds and not _creeps(way.past):
-            new = equation.lower(point, self.halvings, budget)
+            new = search.lower(point, self.halvings, budget)
         if new is None and not way.frozen:
             return self._frozen(system, way, state, budget)
         if new is None:
             fallbacks += 1
-            new = self._raised(equation, way.start.r, budget) if way.rounds >= 0 else None
+            new = self._raised(search, way.start.r, budget) if way.rounds >= 0 else None
             way = replace(way, rounds=-self.rounds, past=())
         state = replace(state, evaluations=state.evaluations + (1 if new is None else new.cycles), fallbacks=fallbacks)
         if new is None:
-            equation.equation.release()
+            search.release()
             fixed = self._fixed(system, way.start, state, budget)
             return self._followed(system, fixed.memory, fixed, budget)
         return self._at(system, new, way.after(new), state)
@@ -201,16 +194,16 @@ class SemismoothNewton(Solver):
             inner.release(begun)
         if lower is None:
             return None
-        if way.equation is not None:
-            way.equation.equation.release()
+        if way.search is not None:
+            way.search.release()
         return self._fixed(system, State(lower.r, lower.lam), state, budget)
 
     def release(self, state: State) -> None:
         way = state.memory
         if isinstance(way, _Way) and way.outer is not None:
             self.fallback.release(way.outer)
-        elif isinstance(way, _Way) and way.equation is not None:
-            way.equation.equation.release()
+        elif isinstance(way, _Way) and way.search is not None:
+            way.search.release()
 
     def _fixed(self, system: ContactSystem, start: State, state: State, budget: Budget) -> State:
         """The fixed point from a start, from now on."""
@@ -221,16 +214,16 @@ class SemismoothNewton(Solver):
 
     def _frozen(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
         """A step of the fixed point, whose energy falls from any start; Newton's equation goes on from there."""
-        assert way.equation is not None
+        assert way.search is not None
         begun = self.fallback.begin(system, way.start, budget)
         found = self.fallback.step(system, begun, budget)
         self.fallback.release(found)
         found = replace(found, evaluations=state.evaluations + found.evaluations, fallbacks=state.fallbacks + 1)
-        point = None if found.ended is not None else way.equation.at(found.r)
+        point = None if found.ended is not None else way.search.equation.at(found.r)
         if point is None:
-            way.equation.equation.release()
+            way.search.release()
             return found if found.ended is not None else self._fixed(system, found, found, budget)
-        return self._at(system, point, _Way(State(found.r, found.lam), way.equation, point, frozen=True), found)
+        return self._at(system, point, _Way(State(found.r, found.lam), way.search, point, frozen=True), found)
 
     def _followed(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
         """A step of the fixed point."""
@@ -238,13 +231,16 @@ class SemismoothNewton(Solver):
         outer = self.fallback.step(system, way.outer, budget)
         return replace(outer, memory=replace(way, outer=outer), fallbacks=state.fallbacks)
 
-    def _raised(self, equation: _Equation, start: Array, budget: Budget) -> _Point | None:
+    def _raised(self, search: _Search, start: Array, budget: Budget) -> GraphPoint | None:
         """The solution to which the one without friction leads while the bound is raised to what it is."""
-        point = self._solved(equation.times(0.0), start, budget)
+        first = search.times(0.0)
+        point = None if first is None else self._solved(first, start, budget)
         done, part = 0.0, _RAISED
         while point is not None and done < 1.0:
             here = min(done + part, 1.0)
-            new = self._solved(equation.times(here), point.x, budget)
+            raised = search.times(here)
+            assert raised is not None
+            new = self._solved(raised, point.x, budget)
             if new is not None:
                 point, done, part = new, here, 2.0 * part
             elif part <= _LEAST:
@@ -253,131 +249,66 @@ class SemismoothNewton(Solver):
                 part *= 0.5
         return point
 
-    def _solved(self, equation: _Equation, x: Array, budget: Budget) -> _Point | None:
+    def _solved(self, search: _Search, x: Array, budget: Budget) -> GraphPoint | None:
         """The solution that Newton's equation leads to from a point."""
-        point, cycles, past = equation.at(x), 0, list[float]()
+        point, cycles, past = search.equation.at(x), 0, list[float]()
         for _ in range(self.rounds):
-            if point is None or point.off <= equation.rounding(point):
+            if point is None or point.off <= search.rounding(point):
                 return None if point is None else replace(point, cycles=cycles)
             past.append(point.off)
             if _creeps(past):
                 return None
             budget.check()
-            point = equation.lower(point, self.halvings, budget)
+            point = search.lower(point, self.halvings, budget)
             cycles += 0 if point is None else point.cycles
         return None
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
-    """A point, what is in equilibrium with its contact points, and how far it is off the law and its own equilibrium.
+class _Search:
+    """Steps of Newton's equation that lower |F|.
 
     Attributes
     ----------
-    x, force : arrays of the shape of a point
-        The point, and load minus elastic force there.
-    r, lam : arrays (m, d)
-    on : GraphPosition
-        Where the law is linearised.
-    off : float
-        |F|, as a force.
-    same : bool
-        Whether the pieces of the laws are those of the point before.
-    cycles : int
-        What it cost to come there from the point before.
-    """
-
-    x: Array
-    force: Array
-    r: Array
-    lam: Array
-    on: GraphPosition
-    off: float
-    same: bool = False
-    cycles: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class _Equation:
-    """``F(x) = 0``.
-
-    Attributes
-    ----------
-    system : ContactSystem
-    graphs : DependentLaw
-    stiffness : array (m, d)
-        What sorts points onto the pieces of their laws, per area.
-    equation : NewtonEquation
+    equation : GraphEquation
     accuracy : Accuracy
     """
 
-    system: ContactSystem
-    graphs: DependentLaw
-    stiffness: Array
-    equation: NewtonEquation
+    equation: GraphEquation
     accuracy: Accuracy
 
-    @staticmethod
-    def of(system: ContactSystem, accuracy: Accuracy) -> _Equation | None:
-        """The equation of a problem; None where p does not sort its points, or its law has no derivatives."""
-        law = separable(system.law, "a bound that depends on the state")
-        pair, d = 1.0 / system.compliance, system.active.shape[1]
-        graphs = DependentLaw.of(law, pair, d)
-        soft = bool((law.normal.weak_convexity >= pair[:, 0]).any())
-        if graphs is None or system.vectors.largest(float(soft))[0]:
-            return None
-        return _Equation(system, graphs, spread(pair, d), system.newton_equation(), accuracy)
+    def times(self, part: float) -> _Search | None:
+        """The search with a part of the bound; None where the law has none."""
+        chart = self.equation.chart.bounded(part)
+        return None if chart is None else replace(self, equation=replace(self.equation, chart=chart))
 
-    def times(self, factor: float) -> _Equation:
-        """The equation with a part of the bound."""
-        return replace(self, graphs=replace(self.graphs, factor=factor))
+    def release(self) -> None:
+        """Give the memory of Newton's equation back."""
+        self.equation.equation.release()
 
-    def rounding(self, point: _Point) -> float:
+    def rounding(self, point: GraphPoint) -> float:
         """What rounding leaves in F."""
-        system = self.system
+        system = self.equation.system
         own = system.vectors.norms(system.rounding_sizes(point.x), system.weights[:, None] * point.lam)
         return _ROUNDING * float(own.sum())
 
-    def tells(self, point: _Point) -> bool:
+    def tells(self, point: GraphPoint) -> bool:
         """Whether |F| shows anything: it shows nothing so far away that rounding is a part of the load."""
-        size = float(self.system.vectors.norms(self.system.weights[:, None] * point.lam)[0])
-        return self.rounding(point) <= _HIDDEN * self.system.load_scale.of(size)
+        system = self.equation.system
+        size = float(system.vectors.norms(system.weights[:, None] * point.lam)[0])
+        return self.rounding(point) <= _HIDDEN * system.load_scale.of(size)
 
-    def at(self, x: Array, before: _Point | None = None, cycles: int = 0) -> _Point | None:
-        """F at a point; None where the bound has no value."""
-        system, stiffness, r = self.system, self.stiffness, self.system.local(x)
-        force = system.out_of_balance(x)
-        try:
-            lam = system.multiplier(x, force)
-            on = self.graphs.onto(stiffness * r + lam, r)
-        except ProblemError:
-            return None
-        off = np.abs(on.multiplier - lam)
-        if on.moved:
-            off += stiffness * np.abs(on.place - r)
-        weights = system.weights[:, None]
-        missed = system.vectors.norms(
-            weights * np.where(system.active, off, 0.0), system.less_contact(force, weights * lam)
-        )
-        total = norm(missed)
-        same = before is not None and np.array_equal(before.on.held, on.held)
-        return _Point(x, force, r, lam, on, total, same, cycles) if np.isfinite(total) else None
-
-    def lower(self, point: _Point, halvings: int, budget: Budget) -> _Point | None:
+    def lower(self, point: GraphPoint, halvings: int, budget: Budget) -> GraphPoint | None:
         """The point after a step that lowers |F|; None where there is none."""
-        system, on = self.system, point.on
-        first = system.moved(point.x, np.where(system.active, on.place, system.fixed))
-        force = point.force - system.multiply_contact(first - point.x)
         enough = (_SETTLED if point.same else _FIRST) * point.off
         accuracy = replace(self.accuracy, absolute=self.accuracy.absolute + enough, due=budget.due)
-        found = self.equation.generalised(GraphPoint(first, force, on, system.active & ~on.held), accuracy)
+        found = self.equation.step(point, accuracy)
         budget.check()
-        if found is None or not np.isfinite(found[0]).all():
+        if found is None:
             return None
-        change, cycles = found
-        way, length = first + change - point.x, 1.0
+        way, length = found[0] - point.x, 1.0
         for _ in range(halvings):
-            new = self.at(point.x + length * way, point, cycles)
+            new = self.equation.at(point.x + length * way, point, found[1])
             if new is not None and new.off < (1.0 - _FALLS * length) * point.off and self.tells(new):
                 return new
             length *= 0.5
@@ -392,7 +323,7 @@ class _Way:
     ----------
     start : State
         Where it began.
-    equation, point : _Equation and _Point, or None
+    search, point : _Search and GraphPoint, or None
     rounds : int
         Newton's equations that were solved; counted from below zero once the bound was raised in parts.
     frozen : bool
@@ -404,14 +335,14 @@ class _Way:
     """
 
     start: State
-    equation: _Equation | None = None
-    point: _Point | None = None
+    search: _Search | None = None
+    point: GraphPoint | None = None
     rounds: int = 0
     frozen: bool = False
     outer: State | None = None
     past: tuple[float, ...] = ()
 
-    def after(self, point: _Point) -> _Way:
+    def after(self, point: GraphPoint) -> _Way:
         """One round further."""
         return replace(self, point=point, rounds=self.rounds + 1, past=(*self.past, point.off))
 

@@ -23,7 +23,6 @@ from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
-from hemivar.solvers.active_set_newton import FEW_ROUNDS, NewtonCache, active_set_newton, small_and_convex
 from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
@@ -34,6 +33,7 @@ from hemivar.solvers.loop import finish, steps
 from hemivar.solvers.methods import as_method
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.newton import NonsmoothNewton, Search
+from hemivar.solvers.newton_on_graph import FEW_ROUNDS, NewtonCache, active_set_newton, small_and_convex
 from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution

@@ -242,7 +242,7 @@ def _goes_down(system: ContactSystem, here: LinearisedPoint, new: Array, near: A
     far, size, kinks = system.vectors.largest(np.abs(way).max(initial=0.0), np.abs(here.r).max(initial=0.0), max(still))
     if far > _TINY * size or kinks > 0.0:
         return False
-    push = [system.less_contact(at.force, system.weights[:, None] * at.line.gradient) for at in (here, end)]
+    push = [system.less_contact(at.force, system.weights[:, None] * at.multiplier) for at in (here, end)]
     return float(system.vectors.total(float((push[0] + push[1]) @ (new - here.x).ravel()))[0]) >= 0.0
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.kernels import Kernels, kernels
-from hemivar.laws.separate import SeparateLaw
+from hemivar.laws.contact_chart import GraphTables
 
 __all__ = ["CompiledRounds", "Rounds", "compiled_rounds"]
 
@@ -50,7 +50,7 @@ class CompiledRounds:
     Parameters
     ----------
     kernels : Kernels
-    law : SeparateLaw
+    law : GraphTables
         Straight on its pieces.
     matrix : array (m d, m d)
         Stiffness between the local components, all of which are free to move; symmetric.
@@ -64,7 +64,7 @@ class CompiledRounds:
         An array is not what it should be.
     """
 
-    def __init__(self, kernels: Kernels, law: SeparateLaw, matrix: Array, weights: Array, compliance: Array) -> None:
+    def __init__(self, kernels: Kernels, law: GraphTables, matrix: Array, weights: Array, compliance: Array) -> None:
         self.shape, self._call = law.shape, kernels.call
         n, states, kinks = law.stiffness.size, len(law.anchor), len(law.knots)
         if law.curved:
@@ -115,7 +115,7 @@ class CompiledRounds:
 
     def distance(self, r: Array, lam: Array) -> float:
         """Norm of the weighted distances of pairs (m, d) to the graphs of their laws, as of
-        :meth:`SeparateLaw.graph_distance`."""
+        :meth:`GraphTables.graph_distance`."""
         self._fill(r, r, lam)
         return float(self._call.hv_active_sets_distance(self._pointer, *self._at[1:3]))
 
@@ -136,6 +136,6 @@ def _table(numbers: Array, shape: tuple[int, ...]) -> Array:
 def compiled_rounds(law: object, matrix: Array, weights: Array, compliance: Array) -> CompiledRounds | None:
     """What makes rounds in one call; None where the kernels are not there, or not for such a law or body."""
     library = kernels()
-    if library is None or not isinstance(law, SeparateLaw) or law.curved or not 0 < law.stiffness.size <= _MOST:
+    if library is None or not isinstance(law, GraphTables) or law.curved or not 0 < law.stiffness.size <= _MOST:
         return None
     return CompiledRounds(library, law, matrix, weights, compliance)

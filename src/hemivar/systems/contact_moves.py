@@ -244,9 +244,9 @@ def smooth_components(line: Linearisation, active: BoolArray) -> BoolArray:
     return np.asarray(active & smooth)
 
 
-def moving_curvature(body: ContactBody, line: Linearisation, moving: BoolArray) -> Array:
+def moving_curvature(body: ContactBody, curvature: Array, moving: BoolArray) -> Array:
     """Second derivatives (m, d, d) of the laws between components that move, weights included."""
-    return np.asarray(body.weights[:, None, None] * line.hessian * (moving[:, :, None] & moving[:, None, :]))
+    return np.asarray(body.weights[:, None, None] * curvature * (moving[:, :, None] & moving[:, None, :]))
 
 
 def snap_to_kinks(body: ContactBody, r: Array) -> Array:

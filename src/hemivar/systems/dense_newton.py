@@ -9,10 +9,9 @@ import numpy as np
 import scipy.linalg as la
 from scipy.linalg import blas, lapack
 
-from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws.separate import GraphPosition
+from hemivar.basics.types import Array, IntArray
 from hemivar.systems.contact_moves import ContactBody
-from hemivar.systems.newton_equation import Accuracy, Correction, GraphPoint, LinearisedPoint
+from hemivar.systems.newton_equation import Accuracy, Correction, LinearisedPoint
 
 __all__ = ["DenseBody", "DenseFactor", "DenseNewton", "descent_direction", "newton_matrix"]
 
@@ -45,7 +44,7 @@ class DenseFactor:
     ) -> Array | None:
         """``H^-1 right`` (k,) on the components ``index``, with second derivatives of the laws (m, d) or (m, d, d).
 
-        None where H is not positive definite.  With ``pushed (m, d)`` of :class:`GraphPosition` the matrix is not
+        None where H is not positive definite.  With ``pushed (m, d)`` of :class:`LinearisedPoint` the matrix is not
         symmetric; then None where it is singular.
         """
         key = index.tobytes() + curvature.tobytes() + (b"" if pushed is None else pushed.tobytes())
@@ -71,28 +70,16 @@ class DenseFactor:
         half = blas.dtrsv(factor, right, lower=1)  # half of what a solve for many takes
         return np.asarray(blas.dtrsv(factor, half, lower=1, trans=1, overwrite_x=1))
 
-    def direction(self, body: DenseBody, on: GraphPosition, free: BoolArray, balance: Array) -> Array | None:
-        """The change (m, d) from ``on.place`` that solves Newton's equation there; None where it has no solution.
-
-        Parameters
-        ----------
-        body : DenseBody
-        on : GraphPosition
-            The law there.
-        free : bool array (m, d)
-            Components that move.
-        balance : array (m, d)
-            Elastic force there.
-        """
-        index, pushed = np.flatnonzero(free), on.pushed
-        change = np.zeros(free.shape)
+    def step(self, body: DenseBody, at: LinearisedPoint) -> Array | None:
+        """The change (m, d) of a point that solves Newton's equation there; None where it has no solution."""
+        index, pushed = np.flatnonzero(at.moving), at.pushed
+        change = np.zeros(at.moving.shape)
         if not index.size:
             return change
-        right = balance - body.weights[:, None] * on.multiplier
+        right = at.force - body.weights[:, None] * at.multiplier
         if pushed is not None:
-            pushed = pushed * body.active[:, :1]
             right -= pushed * right[:, :1]
-        step = self.solve(body, index, on.curvature, right.ravel()[index], pushed)
+        step = self.solve(body, index, at.curvature, right.ravel()[index], pushed)
         if step is None:
             return None
         change.ravel()[index] = step
@@ -125,29 +112,25 @@ class DenseNewton:
 
     def solve(self, at: LinearisedPoint, accuracy: Accuracy) -> Correction:
         """The correction; where the matrix is indefinite, a direction of descent of the same length scale."""
-        step, index = np.zeros(at.r.shape), np.flatnonzero(at.moving.ravel())
-        if not index.size:
-            return Correction(step, step, 0)
-        right = (at.force - self.body.weights[:, None] * at.line.gradient).ravel()[index]
-        found = self.factor.solve(self.body, index, at.line.hessian, right)
-        convex = found is not None
-        if found is None:
-            found = descent_direction(newton_matrix(self.body, index, at.line.hessian), right)
-        step.ravel()[index] = found
-        return Correction(step, self.body.couple(step), 1, convex)
-
-    def generalised(self, at: GraphPoint, accuracy: Accuracy) -> tuple[Array, int] | None:
-        """The change by LU factors where the derivative is not symmetric."""
-        step = self.factor.direction(self.body, at.on, at.free, at.force)
-        return None if step is None else (step, 1)
+        if not at.moving.any():
+            return Correction(np.zeros(at.moving.shape), np.zeros(at.moving.shape), 0)
+        step = self.factor.step(self.body, at)
+        if step is not None:
+            return Correction(step, self.body.couple(step), 1)
+        if at.pushed is not None:
+            return Correction(np.full(at.moving.shape, np.nan), at.force, 1)
+        index, step = np.flatnonzero(at.moving), np.zeros(at.moving.shape)
+        right = (at.force - self.body.weights[:, None] * at.multiplier).ravel()[index]
+        step.ravel()[index] = descent_direction(newton_matrix(self.body, index, at.curvature), right)
+        return Correction(step, self.body.couple(step), 1, convex=False)
 
     def negative_curvature(self, at: LinearisedPoint) -> Array | None:
         """The eigenvector of the lowest eigenvalue, if that is negative."""
         index = np.flatnonzero(at.moving.ravel())
         if not index.size:
             return None
-        H = newton_matrix(self.body, index, at.line.hessian)
-        if self.factor.solve(self.body, index, at.line.hessian, np.zeros(index.size)) is not None:
+        H = newton_matrix(self.body, index, at.curvature)
+        if self.factor.solve(self.body, index, at.curvature, np.zeros(index.size)) is not None:
             return None
         values, vectors = la.eigh(H, subset_by_index=[0, 0], check_finite=False)
         if values[0] >= -1e-12 * float(np.abs(H).max()):

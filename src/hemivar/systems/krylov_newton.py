@@ -12,7 +12,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.residual import LoadScale
 from hemivar.linear.krylov import conjugate_gradients, minimal_residuals
 from hemivar.systems.contact_moves import ContactBody, moving_curvature
-from hemivar.systems.newton_equation import Accuracy, Correction, GraphPoint, LinearisedPoint
+from hemivar.systems.newton_equation import Accuracy, Correction, LinearisedPoint
 
 __all__ = ["KrylovNewton", "SparseBody", "Truncation"]
 
@@ -74,6 +74,7 @@ class SparseBody(ContactBody, Protocol):
     def load_scale(self) -> LoadScale: ...
     def pull(self, x: Array) -> Array: ...
     def spread(self, values: Array) -> Array: ...
+    def multiply(self, change: Array) -> Array: ...
     def gather(self, values: Array) -> Array: ...
     def refuse_direction(self, direction: Array) -> None: ...
 
@@ -100,10 +101,12 @@ class KrylovNewton:
         ProblemError
             A direction without curvature shows that the stiffness is indefinite.
         """
+        if at.pushed is not None:
+            return self._generalised(at, at.pushed, accuracy)
         body, held = self.body, ~at.moving[self.body.active]
-        self.matrix.change(at.x, held, moving_curvature(body, at.line, at.moving))
+        self.matrix.change(at.x, held, moving_curvature(body, at.blocks, at.moving))
         right = at.force.copy()
-        right[body.unknown] -= body.gather(body.weights[:, None] * at.line.gradient)
+        right[body.unknown] -= body.gather(body.weights[:, None] * at.multiplier)
         right[body.unknown[held]] = 0.0
         scale = body.load_scale.of(float(body.vectors.norms(at.force[body.unknown])[0]))
         flexible, cycle = self.matrix.preconditioner()
@@ -118,17 +121,15 @@ class KrylovNewton:
             body.refuse_direction(found.negative)
         return Correction(found.solution, bent, found.iterations, negative=found.negative)
 
-    def generalised(self, at: GraphPoint, accuracy: Accuracy) -> tuple[Array, int]:
+    def _generalised(self, at: LinearisedPoint, pushed: Array, accuracy: Accuracy) -> Correction:
         """The change by minimal residuals, with the cycle of the law whose bound is frozen, which is symmetric."""
-        body, on, free = self.body, at.on, at.free
-        d, weights, held = free.shape[1], self.body.weights[:, None], ~free[self.body.active]
-        curvature = on.curvature if on.curvature.ndim == 3 else on.curvature[:, :, None] * np.eye(d)
-        curvature = weights[:, :, None] * curvature * (free[:, :, None] & free[:, None, :])
+        body, moving = self.body, at.moving
+        weights, held = self.body.weights[:, None], ~moving[self.body.active]
+        curvature = moving_curvature(body, at.blocks, moving)
         coupling = curvature[:, :, :1].copy()
         coupling[:, 0] = 0.0
         curvature[:, 1:, 0] = 0.0
         self.matrix.change(at.x, held, curvature)
-        pushed = np.zeros(free.shape) if on.pushed is None else np.where(free & body.active[:, :1], on.pushed, 0.0)
         pushes = bool(body.vectors.largest(float(pushed.any()))[0])
 
         def product(v: Array) -> Array:
@@ -140,14 +141,17 @@ class KrylovNewton:
             out[body.unknown[held]] = 0.0
             return out
 
-        rest = body.spread(at.force[body.unknown]) - weights * on.multiplier
+        rest = body.spread(at.force[body.unknown]) - weights * at.multiplier
         rest -= pushed * rest[:, :1]
         right = at.force.copy()
         right[body.unknown] = body.gather(rest)
         right[body.unknown[held]] = 0.0
         scale = body.load_scale.of(float(body.vectors.norms(at.force[body.unknown])[0]))
         tolerance, limit = accuracy.absolute + accuracy.tolerance * scale, min(accuracy.iterations, _VECTORS)
-        return minimal_residuals(product, right, self.matrix.cycle, tolerance, limit, accuracy.due, body.vectors)
+        step, cycles = minimal_residuals(
+            product, right, self.matrix.cycle, tolerance, limit, accuracy.due, body.vectors
+        )
+        return Correction(step, body.multiply(step), cycles)
 
     def negative_curvature(self, at: LinearisedPoint) -> Array | None:
         """It would cost an eigenvalue problem; directions that conjugate gradients meet are followed."""
@@ -177,7 +181,7 @@ class _Enough:
         beyond = np.where(at.moving, at.r + way - aim, 0.0)
         lam = body.spread(at.force[body.unknown] - pulled) / weights
         off = np.where(body.active, lam - at.near.nearest_multiplier(lam), 0.0)
-        bend = at.near.gradient(aim) - at.line.gradient - np.einsum("mij,mj->mi", at.line.hessian, way)
+        bend = at.near.gradient(aim) - at.multiplier - np.einsum("mij,mj->mi", at.blocks, way)
         bend[np.abs(beyond) > _CUT * np.abs(way)] = 0.0  # at the end of its piece a law has no gradient
         missed = np.hypot(body.stiffness * beyond, weights * np.where(at.moving, bend, off))
         return np.asarray(_PATIENCE * self.share * missed).ravel()

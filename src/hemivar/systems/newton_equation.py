@@ -6,13 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
-from hemivar.laws.separate import GraphPosition
-from hemivar.laws.vector_law import Linearisation, Near
+from hemivar.laws.vector_law import Near, OnGraph
 from hemivar.systems.contact_moves import ContactBody, smooth_components
 
-__all__ = ["Accuracy", "Correction", "GraphPoint", "LinearisedPoint", "NewtonEquation"]
+__all__ = ["Accuracy", "Correction", "LinearisedPoint", "NewtonEquation"]
+
+
+#: Part of ``a`` below which a compliance, or a second derivative, is rounding; and what is none beside others.
+_NONE, _SINGULAR = 4.0 * float(np.finfo(float).eps), 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,31 +32,89 @@ class LinearisedPoint:
         Load minus elastic force at x.
     r : array (m, d)
         Its local displacements.
-    near : Near
-        The law on the pieces on which r lies.
-    line : Linearisation
-        Derivatives of the laws at r.
+    multiplier : array (m, d)
+        Derivative of the laws at r.
+    curvature : array (m, d) or (m, d, d)
+        Second derivatives, at the components that move.
     moving : bool array (m, d)
         Components that are free and off the kinks.
+    body : ContactBody
+    pushed : array or None
+        What a force along the normal adds to the multiplier of each tangential component of its point, (m, d), where
+        the normal component is held and a bound follows its force; None where the derivative is symmetric.
     """
 
     x: Array
     force: Array
     r: Array
-    line: Linearisation
+    multiplier: Array
+    curvature: Array
     moving: BoolArray
-    _body: ContactBody
+    body: ContactBody
+    pushed: Array | None = None
 
     @staticmethod
     def of(body: ContactBody, x: Array, r: Array, force: Array) -> LinearisedPoint:
         """The point ``x`` with local displacements ``r``, where the body leaves ``force`` of its load."""
         line = body.law.linearise(r)
-        return LinearisedPoint(x, force, r, line, smooth_components(line, body.active), body)
+        return LinearisedPoint(x, force, r, line.gradient, line.hessian, smooth_components(line, body.active), body)
+
+    @staticmethod
+    def on_graph(body: ContactBody, x: Array, force: Array, on: OnGraph, stiffness: Array) -> LinearisedPoint:
+        """The point whose contact points are on the graphs of their laws, ``stiffness (m, d)`` being that of the chart.
+
+        A component whose place p does not change is held there.  Between the others ``dlam = (D^-1 - a) dr``.
+        """
+        held, curvature, pushed = _slopes(on.jacobian, stiffness)
+        moving = body.active & ~held
+        if not body.law.state_dependent:
+            return LinearisedPoint(x, force, on.r, on.multiplier, curvature, moving, body)
+        pushed = np.where(moving & body.active[:, :1], pushed, 0.0)
+        return LinearisedPoint(x, force, on.r, on.multiplier, curvature, moving, body, pushed)
 
     @cached_property
     def near(self) -> Near:
         """The law on the pieces on which r lies."""
-        return self._body.law.near(self.r)
+        return self.body.law.near(self.r)
+
+    @property
+    def blocks(self) -> Array:
+        """The second derivatives as a matrix (m, d, d) for each point."""
+        return self.curvature if self.curvature.ndim == 3 else self.curvature[:, :, None] * np.eye(self.r.shape[1])
+
+
+def _slopes(jacobian: Array, stiffness: Array) -> tuple[BoolArray, Array, Array]:
+    """Which components are held, second derivatives, and what forces along held normals push; see
+    :class:`LinearisedPoint`."""
+    m, d = stiffness.shape
+    diagonal = jacobian.reshape(m, d * d)[:, :: d + 1]
+    if np.count_nonzero(jacobian) == np.count_nonzero(diagonal):
+        held = np.abs(diagonal) * stiffness <= _NONE
+        curvature = 1.0 / np.where(held, 1.0, diagonal) - stiffness
+        curvature[held | (np.abs(curvature) <= _NONE * stiffness)] = 0.0
+        return held, curvature, np.zeros((m, d))
+    held = (np.abs(jacobian) * stiffness[:, None, :]).max(axis=2) <= _NONE
+    free, unit = ~held[:, :, None] & ~held[:, None, :], np.eye(d)
+    inverse = np.where(free, _inverse(np.where(free, jacobian, unit)), 0.0)
+    normal = np.where(held[:, :1], jacobian[:, :, 0], 0.0)
+    pushed = -np.einsum("mij,mj->mi", inverse, normal)
+    curvature = inverse - np.where(free, stiffness[:, :, None] * unit, 0.0)
+    curvature[np.abs(curvature) <= _NONE * stiffness[:, :, None]] = 0.0
+    return held, curvature, pushed
+
+
+def _inverse(blocks: Array) -> Array:
+    """Inverses of matrices (m, d, d); where one is singular, of a matrix nearby.
+
+    So it is where a point is held along an oblique direction, which is very stiff then.
+    """
+    d = blocks.shape[1]
+    scale = 1.0 / np.sqrt(np.abs(np.einsum("mii->mi", blocks)))
+    scales = scale[:, :, None] * scale[:, None, :]
+    scaled = blocks * scales
+    singular = np.abs(np.linalg.det(scaled)) <= _SINGULAR
+    scaled += np.where(singular, _SINGULAR, 0.0)[:, None, None] * np.eye(d)
+    return np.asarray(np.linalg.inv(scaled) * scales)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,38 +168,11 @@ class Correction:
     negative: Array | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class GraphPoint:
-    """A point whose contact points lie on the graphs of their laws, which may follow from the state.
-
-    Attributes
-    ----------
-    x : array (m, d) or (n,)
-        The point of the system.
-    force : array of the shape of x
-        Load minus elastic force at x.
-    on : GraphPosition
-        The law there.
-    free : bool array (m, d)
-        Components that move.
-    """
-
-    x: Array
-    force: Array
-    on: GraphPosition
-    free: BoolArray
-
-
 class NewtonEquation(Protocol):
     """Newton's equation of one system; it belongs to one solve."""
 
-    def generalised(self, at: GraphPoint, accuracy: Accuracy) -> tuple[Array, int] | None:
-        """The change of a point by the generalised derivative of the laws, which need not be symmetric, and the cycles;
-        None where it is singular."""
-        ...
-
     def solve(self, at: LinearisedPoint, accuracy: Accuracy) -> Correction:
-        """The correction of a point."""
+        """The correction of a point; not finite where a derivative that is not symmetric is singular."""
         ...
 
     def negative_curvature(self, at: LinearisedPoint) -> Array | None:

@@ -93,7 +93,7 @@ class Multigrid:
         if built_at is not None:
             line = body.law.linearise(body.local(built_at))
             moving = smooth_components(line, body.active)
-            self.change(built_at, ~moving[body.active], moving_curvature(body, line, moving))
+            self.change(built_at, ~moving[body.active], moving_curvature(body, line.hessian, moving))
 
     def _set_levels(self) -> None:
         self.masked = self.prolongations[-1].copy()

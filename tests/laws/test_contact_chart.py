@@ -8,9 +8,9 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.laws import ContactLaw
+from hemivar.laws.contact_chart import ContactChart
 from hemivar.laws.friction import Friction
 from hemivar.laws.friction.profiles import ExponentialWeakening, LogarithmicWeakening
-from hemivar.laws.separate import RadialLaw, SeparateLaw
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed import affine, bonded
@@ -30,9 +30,9 @@ LAWS = {
 STIFF = np.column_stack([np.full(M, 4.0), np.full(M, 3.0)])
 
 
-def tables(law: ContactLaw, c: int) -> SeparateLaw | RadialLaw:
-    found = RadialLaw.of(law, STIFF) if c == 3 else SeparateLaw.of(law, STIFF, c)
-    assert found is not None
+def chart(law: ContactLaw, c: int, stiffness: Array = STIFF) -> ContactChart:
+    found = law.chart(stiffness, c)
+    assert isinstance(found, ContactChart)
     return found
 
 
@@ -53,34 +53,48 @@ def test_slope_and_curvature_are_the_same_asked_together(law: Superpotential) ->
             np.testing.assert_array_equal(bend, made.piece_curvature(on, r))
 
 
+@pytest.mark.parametrize("near", [False, True])
 @pytest.mark.parametrize("c", [1, 2, 3])
 @pytest.mark.parametrize("name", sorted(LAWS))
-def test_pairs_on_the_graph_stay_where_they_are(name: str, c: int) -> None:
+def test_pairs_are_those_of_the_law(name: str, c: int, near: bool) -> None:
+    """Where the law is a curve beside the stiffness, from wherever places are looked for."""
     law = LAWS[name].at(np.zeros((M, 2)))
-    p = np.random.default_rng(1).normal(scale=2.0, size=(M, c))
-    place = law.prox(p / all_of(STIFF, c), 1.0 / STIFF)
-    lam = p - all_of(STIFF, c) * place
-    on, line = tables(law, c).onto(p, place), law.linearise(place)
-    np.testing.assert_allclose(on.place, place, atol=1e-9)
-    np.testing.assert_allclose(on.multiplier, lam, atol=1e-8)
-    held = ~np.repeat(line.smooth, [1, c - 1], axis=1)
-    np.testing.assert_array_equal(on.held, held)
+    stiffness = 1.2 * np.column_stack([np.maximum(STIFF[:, i], law.weak_convexity[i]) for i in (0, 1)])
+    assert law.is_curve(stiffness, c)
+    random = np.random.default_rng(1)
+    p = random.normal(scale=2.0, size=(M, c))
+    p[:20] = 0.0
+    expected = law.on_graph(p, stiffness)
+    on = chart(law, c, stiffness).at(p, random.normal(scale=2.0, size=(M, c)) if near else None)
+    np.testing.assert_allclose(on.r, expected.r, atol=1e-9)
+    np.testing.assert_allclose(on.multiplier, expected.multiplier, atol=1e-8)
+    np.testing.assert_allclose(on.jacobian, expected.jacobian, atol=1e-7)
+    held = np.abs(on.jacobian).max(axis=2) == 0.0
     assert held[:, 0].any() or name in ("spring", "bent", "glue")
-    curvature = on.curvature if c == 3 else on.curvature[:, :, None] * np.eye(c)
-    np.testing.assert_allclose(curvature, line.hessian, atol=1e-7 * max(1.0, float(np.abs(line.hessian).max())))
+    again = chart(law, c, stiffness).at(p, on.r)
+    np.testing.assert_allclose(again.r, on.r, rtol=1e-14, atol=1e-15)
 
 
-@pytest.mark.parametrize("name", ["rigid", "bent"])
-def test_points_that_are_off_their_pieces_go_where_the_law_puts_them(name: str) -> None:
-    law, random = LAWS[name].at(np.zeros((M, 2))), np.random.default_rng(4)
-    p, r = random.normal(scale=2.0, size=(2, M, 2))
-    on = tables(law, 2).onto(p, r)
-    assert on.moved
-    for column, one in enumerate(law.scalar_laws(2)):
-        if not one.straight:
-            place = one.place_on_piece(STIFF[:, column], p[:, column], r[:, column])
-            assert np.count_nonzero(place != r[:, column]) > M // 4
-            np.testing.assert_allclose(on.place[:, column], place, rtol=1e-14)
+@pytest.mark.parametrize("c", [1, 2, 3])
+@pytest.mark.parametrize("name", ["rigid", "kinks", "bent", "two"])
+def test_pairs_of_laws_of_the_state_are_those_of_the_law(name: str, c: int) -> None:
+    stated = LAWS[name]
+    law = ContactLaw(stated.normal, Friction(hv.laws.CoulombBound(0.4), stated.friction.profile)).at(np.zeros((M, 2)))
+    stiffness = 3.0 * STIFF
+    p = np.random.default_rng(3).normal(scale=2.0, size=(M, c))
+    expected, on = law.on_graph(p, stiffness), chart(law, c, stiffness).at(p)
+    for found, exact in ((on.r, expected.r), (on.multiplier, expected.multiplier), (on.jacobian, expected.jacobian)):
+        np.testing.assert_allclose(found, exact, atol=1e-8)
+    assert c == 1 or np.count_nonzero(on.jacobian[:, 1:, 0]) > M // 10
+
+
+def test_a_place_that_p_cannot_tell_from_another_stays() -> None:
+    """Far away ``p = a r + lam`` has fewer digits than r; the multiplier is that of the place itself."""
+    far = chart(LAWS["spring"].at(np.zeros((M, 2))), 1)
+    r = 1e9 + np.linspace(0.0, 1.0, M)[:, None]
+    on = far.at(STIFF[:, :1] * r + 3.0 * r, r)
+    np.testing.assert_array_equal(on.r, r)
+    np.testing.assert_array_equal(on.multiplier, 3.0 * r)
 
 
 @pytest.mark.parametrize("c", [1, 2, 3])
@@ -91,15 +105,16 @@ def test_distances_and_rest_are_those_of_the_law(name: str, c: int) -> None:
     r[:30] = 0.0
     r[30:60, 0] = 0.5
     tau = np.full((M, 2), 0.3)
-    found = tables(law, c).graph_distance(r, lam, all_of(tau, c))
+    found = chart(law, c).graph_distance(r, lam, all_of(tau, c))
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), law.graph_distance(r, lam, tau), rtol=1e-12)
     inside = law.admissible(r)
     least = law.nearest_multiplier(inside, np.zeros_like(r))
-    np.testing.assert_allclose(tables(law, c).least_multiplier(inside), least, atol=1e-14)
+    np.testing.assert_allclose(chart(law, c).least_multiplier(inside), least, atol=1e-14)
 
 
 def test_laws_with_many_knots_have_no_tables() -> None:
     knots = np.linspace(0.0, 1.0, 60)
     many = ContactLaw(hv.laws.PiecewiseQuadratic(knots, np.linspace(0.0, 1.0, 61), np.zeros(60)))
-    assert SeparateLaw.of(many, STIFF, 2) is None
-    assert RadialLaw.of(many, STIFF) is None
+    found = many.chart(STIFF, 2)
+    assert found is not None
+    assert not isinstance(found, ContactChart)
