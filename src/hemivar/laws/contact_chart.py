@@ -32,8 +32,6 @@ __all__ = ["ContactChart", "GraphTables"]
 
 #: Steps towards a place on a piece that is not straight, and the part of it up to which the last one is exact.
 _STEPS, _EXACT = 100, 1e-10
-#: Part of p up to which places are the same for it.
-_SAME = 2.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +65,9 @@ class ContactChart(Chart):
         bound, slopes = self._bound.value(place, pressure), self._bound.slopes(place, pressure)
         slip = self.slip.times(self.part * bound).at(pull[:, 1:], second)
         both = [np.concatenate(pair, axis=1) for pair in zip(normal, slip, strict=True)]
-        return following(self._placed(p, pull, *both), bound, slopes, self.stiffness[:, 0], moves)
+        on = self._placed(p, pull, *both)
+        follow(on.jacobian, on.multiplier, bound, slopes, self.stiffness[:, 0], moves)
+        return on
 
     @staticmethod
     def _placed(p: Array, pull: Array, r: Array, lam: Array, yields: Array) -> OnGraph:
@@ -127,17 +127,16 @@ class ContactChart(Chart):
         return least if r.shape[1] < 3 else _along(least, _directions(r, size[:, 1]))
 
 
-def following(on: OnGraph, bound: Array, slopes: tuple[Array, Array], a: Array, yields: Array) -> OnGraph:
-    """Pairs whose friction goes with a ``bound (m,)`` that depends on the state, their derivative being of a fixed one.
+def follow(jacobian: Array, lam: Array, bound: Array, slopes: tuple[Array, Array], a: Array, yields: Array) -> None:
+    """Fill in how friction follows the normal part of p, where its ``bound (m,)`` depends on the state.
 
     Penetrations grow by ``yields`` with the normal part of p, and the bound by its ``slopes``.  A slip of constant p
     falls by the slope of the profile for each unit of the bound.
     """
     in_place, in_force = slopes
-    rate = (in_place * yields + in_force * (1.0 - a * yields)) / np.where(bound > 0.0, bound, np.inf)
-    jacobian = on.jacobian.copy()
-    jacobian[:, 1:, 0] = -rate[:, None] * np.einsum("mij,mj->mi", jacobian[:, 1:, 1:], on.multiplier[:, 1:])
-    return replace(on, jacobian=jacobian)
+    rate = in_place * yields + in_force * (1.0 - a * yields)
+    profile = lam[:, 1:] / np.where(bound > 0.0, bound, np.inf)[:, None]  # exact where it is 1
+    jacobian[:, 1:, 0] = -rate[:, None] * np.einsum("mij,mj->mi", jacobian[:, 1:, 1:], profile)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +220,8 @@ class GraphTables:
         The lines ``base + slope (r - anchor)`` of straight pieces; the anchor of a kink is the kink.
     domain : arrays (N,)
         Ends of the domains.
+    falls : bool
+        Whether p does not grow along some straight piece.
     """
 
     shape: tuple[int, int]
@@ -234,6 +235,7 @@ class GraphTables:
     slope: Array
     domain: tuple[Array, Array]
     curved: tuple[_Curved, ...]
+    falls: bool
     _number: IntArray = field(repr=False)
 
     @classmethod
@@ -292,6 +294,7 @@ class GraphTables:
             slope.reshape(-1, n),
             (lower.ravel(), upper.ravel()),
             tuple(curved),
+            bool((stiffness[:, :components] + slope <= 0.0).any()),
             np.arange(n),
         )
 
@@ -327,9 +330,8 @@ class GraphTables:
         with np.errstate(divide="ignore"):
             yields = 1.0 / room
         off = (pull - base) * yields
-        if near is not None:  # where p tells no other place, be it rounding, or that p falls along the piece
-            other = near.ravel() - anchor
-            off = np.where((np.abs(off - other) * a <= _SAME * np.abs(flat)) | (room <= 0.0), other, off)
+        if near is not None and self.falls:  # along such a piece p tells no place
+            off = np.where(room <= 0.0, near.ravel() - anchor, off)
         yields[held] = off[held] = 0.0
         r, lam = anchor + off, np.where(held, pull, base + slope * off)
         for one in self.curved:

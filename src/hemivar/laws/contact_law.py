@@ -12,7 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.consistency import check_own
-from hemivar.laws.contact_chart import ContactChart, GraphTables, following
+from hemivar.laws.contact_chart import ContactChart, GraphTables, follow
 from hemivar.laws.crossings import Crossings, crossings, length_places, level_places
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
@@ -189,7 +189,8 @@ class ContactLaw(NormalAndFriction):
         if p.shape[1] == 1 or not self.follows_state:
             return at_bound
         size, slopes = bound.value(penetration, pressure), bound.slopes(penetration, pressure)
-        return following(at_bound, size, slopes, a[:, 0], normal.jacobian[:, 0, 0])
+        follow(at_bound.jacobian, at_bound.multiplier, size, slopes, a[:, 0], normal.jacobian[:, 0, 0])
+        return at_bound
 
     def is_curve(self, a: Array, components: int) -> bool:
         """Whatever the bound, where it depends on the state."""

@@ -87,34 +87,45 @@ def _slopes(jacobian: Array, stiffness: Array) -> tuple[BoolArray, Array, Array]
     """Which components are held, second derivatives, and what forces along held normals push; see
     :class:`LinearisedPoint`."""
     m, d = stiffness.shape
+    pushed = np.zeros((m, d))
+    if d > 2 or (d == 2 and jacobian[:, 0, 1].any()):
+        held, inverse = _inverse(jacobian, stiffness)
+        pushed -= np.einsum("mij,mj->mi", inverse, np.where(held[:, :1], jacobian[:, :, 0], 0.0))
+        return held, _less(inverse, np.where(held, 0.0, stiffness)[:, :, None] * np.eye(d)), pushed
     diagonal = jacobian.reshape(m, d * d)[:, :: d + 1]
-    if np.count_nonzero(jacobian) == np.count_nonzero(diagonal):
-        held = np.abs(diagonal) * stiffness <= _NONE
-        curvature = 1.0 / np.where(held, 1.0, diagonal) - stiffness
-        curvature[held | (np.abs(curvature) <= _NONE * stiffness)] = 0.0
-        return held, curvature, np.zeros((m, d))
-    held = (np.abs(jacobian) * stiffness[:, None, :]).max(axis=2) <= _NONE
-    free, unit = ~held[:, :, None] & ~held[:, None, :], np.eye(d)
-    inverse = np.where(free, _inverse(np.where(free, jacobian, unit)), 0.0)
-    normal = np.where(held[:, :1], jacobian[:, :, 0], 0.0)
-    pushed = -np.einsum("mij,mj->mi", inverse, normal)
-    curvature = inverse - np.where(free, stiffness[:, :, None] * unit, 0.0)
-    curvature[np.abs(curvature) <= _NONE * stiffness[:, :, None]] = 0.0
-    return held, curvature, pushed
+    held = np.abs(diagonal) * stiffness <= _NONE
+    inverse = 1.0 / np.where(held, np.inf, diagonal)
+    curvature = _less(inverse, np.where(held, 0.0, stiffness))
+    if d == 1 or not (follows := jacobian[:, 1, 0]).any():
+        return held, curvature, pushed
+    column = -inverse[:, 1] * follows
+    pushed[:, 1] = np.where(held[:, 0], column, 0.0)
+    blocks = np.zeros((m, 4))
+    blocks[:, ::3], blocks[:, 2] = curvature, column * inverse[:, 0]
+    return held, blocks.reshape(m, 2, 2), pushed
 
 
-def _inverse(blocks: Array) -> Array:
-    """Inverses of matrices (m, d, d); where one is singular, of a matrix nearby.
+def _less(inverse: Array, a: Array) -> Array:
+    """The difference, rounding left out."""
+    found = inverse - a
+    found[np.abs(found) <= _NONE * a] = 0.0
+    return found
 
-    So it is where a point is held along an oblique direction, which is very stiff then.
+
+def _inverse(blocks: Array, stiffness: Array) -> tuple[BoolArray, Array]:
+    """Which components (m, d) do not move with p, and the inverses (m, d, d) of derivatives between the others.
+
+    Where one is singular it is that of a matrix nearby: a point that is held along an oblique direction is very stiff
+    there.
     """
-    d = blocks.shape[1]
+    held = (np.abs(blocks) * stiffness[:, None, :]).max(axis=2) <= _NONE
+    free, unit = ~held[:, :, None] & ~held[:, None, :], np.eye(held.shape[1])
+    blocks = np.where(free, blocks, unit)
     scale = 1.0 / np.sqrt(np.abs(np.einsum("mii->mi", blocks)))
     scales = scale[:, :, None] * scale[:, None, :]
     scaled = blocks * scales
-    singular = np.abs(np.linalg.det(scaled)) <= _SINGULAR
-    scaled += np.where(singular, _SINGULAR, 0.0)[:, None, None] * np.eye(d)
-    return np.asarray(np.linalg.inv(scaled) * scales)
+    scaled += np.where(np.abs(np.linalg.det(scaled)) <= _SINGULAR, _SINGULAR, 0.0)[:, None, None] * unit
+    return held, np.where(free, np.linalg.inv(scaled) * scales, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
