@@ -53,26 +53,41 @@ def test_slope_and_curvature_are_the_same_asked_together(law: Superpotential) ->
             np.testing.assert_array_equal(bend, made.piece_curvature(on, r))
 
 
-@pytest.mark.parametrize("near", [False, True])
+def stiff(law: ContactLaw) -> Array:
+    """A stiffness beside which the law is a curve."""
+    return 1.2 * np.column_stack([np.maximum(STIFF[:, i], law.weak_convexity[i]) for i in (0, 1)])
+
+
 @pytest.mark.parametrize("c", [1, 2, 3])
 @pytest.mark.parametrize("name", sorted(LAWS))
-def test_pairs_are_those_of_the_law(name: str, c: int, near: bool) -> None:
-    """Where the law is a curve beside the stiffness, from wherever places are looked for."""
+def test_pairs_are_those_of_the_law(name: str, c: int) -> None:
     law = LAWS[name].at(np.zeros((M, 2)))
-    stiffness = 1.2 * np.column_stack([np.maximum(STIFF[:, i], law.weak_convexity[i]) for i in (0, 1)])
+    stiffness = stiff(law)
     assert law.is_curve(stiffness, c)
-    random = np.random.default_rng(1)
-    p = random.normal(scale=2.0, size=(M, c))
+    p = np.random.default_rng(1).normal(scale=2.0, size=(M, c))
     p[:20] = 0.0
-    expected = law.on_graph(p, stiffness)
-    on = chart(law, c, stiffness).at(p, random.normal(scale=2.0, size=(M, c)) if near else None)
+    expected, on = law.on_graph(p, stiffness), chart(law, c, stiffness).at(p)
     np.testing.assert_allclose(on.r, expected.r, atol=1e-9)
     np.testing.assert_allclose(on.multiplier, expected.multiplier, atol=1e-8)
     np.testing.assert_allclose(on.jacobian, expected.jacobian, atol=1e-7)
     held = np.abs(on.jacobian).max(axis=2) == 0.0
     assert held[:, 0].any() or name in ("spring", "bent", "glue")
-    again = chart(law, c, stiffness).at(p, on.r)
-    np.testing.assert_allclose(again.r, on.r, rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("c", [1, 2, 3])
+@pytest.mark.parametrize("name", sorted(LAWS))
+def test_near_a_pair_what_is_missed_is_of_second_order(name: str, c: int) -> None:
+    law, random = LAWS[name].at(np.zeros((M, 2))), np.random.default_rng(1)
+    stiffness = stiff(law)
+    p = random.normal(scale=2.0, size=(M, c))
+    exact, quick = law.on_graph(p, stiffness), chart(law, c, stiffness)
+    off = random.normal(size=(M, c))
+    missed = [np.abs(quick.at(p, exact.r + size * off).r - exact.r) for size in (0.0, 1e-5, 1e-3)]
+    assert missed[0].max() <= 1e-9
+    assert np.quantile(missed[1], 0.9) <= 1e-9  # some lie beside the end of a piece
+    assert np.quantile(missed[2], 0.9) <= 1e-4
+    away = quick.at(p, off)
+    np.testing.assert_allclose(all_of(stiffness, c) * away.r + away.multiplier, p, atol=1e-12)
 
 
 @pytest.mark.parametrize("c", [1, 2, 3])

@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 
 __all__ = ["ContactChart", "GraphTables"]
 
-#: Steps towards a place on a piece that is not straight, and the part of it up to which the last one is exact.
-_STEPS, _EXACT = 100, 1e-10
+#: Steps towards a place on a piece that is not straight, and the part of it up to which the last one is exact: what it
+#: misses is of second order.
+_STEPS, _EXACT = 100, 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,27 +169,25 @@ class _Curved:
     ) -> tuple[Array, Array, Array]:
         """Place, derivative and second derivative (m,) where ``a r + j'(r) = p`` on the pieces of points not ``still``.
 
-        Newton's method inside of a bracket, from ``near`` where the piece holds that.
+        With ``near`` on pieces as straight as they are there, where they hold that.
         """
         row = np.minimum(piece, len(self.lower) - 1) * piece.size + np.arange(piece.size)
         low, high = self.lower.take(row), self.upper.take(row)
-        if near is None:
-            at = self._begin(row, a, p, low, high)
-        elif (inside := still | ((near > low) & (near < high))).all():
-            at = near
-        else:
-            at = np.where(inside, near, self._begin(row, a, p, low, high))
-        for _ in range(_STEPS):
+        at, steps = near, 1
+        if near is None or not (inside := still | ((near > low) & (near < high))).all():
+            begin = self._begin(row, a, p, low, high)
+            at, steps = (begin, _STEPS) if near is None else (np.where(inside, near, begin), 1)
+        for _ in range(steps):
             slope, bend = self.law.piece_line(piece, at)
-            miss = p - a * at - slope
-            low, high = np.where(miss > 0.0, at, low), np.where(miss < 0.0, at, high)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                new = at + miss / (a + bend)
-                new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
-                step, at = new - at, new
-            if (still | (np.abs(step) <= _EXACT * np.abs(at))).all():
+                step = (p - a * at - slope) / (a + bend)
+                new, force = at + step, slope + bend * step
+            if steps == 1 or (still | (np.abs(step) <= _EXACT * np.abs(at))).all():
                 break
-        return at, slope + bend * step, bend
+            rises = step * (a + bend) > 0.0
+            low, high = np.where(rises, at, low), np.where(rises, high, at)
+            at = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
+        return new, force, bend
 
     def _begin(self, row: IntArray, a: Array, p: Array, low: Array, high: Array) -> Array:
         """Where pieces that go on as they begin at an end would hold p; else their middle, or a place inside."""
@@ -319,7 +318,8 @@ class GraphTables:
     def at(self, p: Array, near: Array | None = None) -> tuple[Array, Array, Array]:
         """Places, multipliers and the derivatives of the places by p, (m, c) each, where ``a r + lam = p (m, c)``.
 
-        ``near (m, c)`` is where places are looked for first.
+        With ``near (m, c)``, r itself, pieces that are not straight are taken as straight as they are there: what is
+        missed is of second order, and nothing where ``near`` is the place.
         """
         flat, a = p.ravel(), self.stiffness
         state = np.add.reduce(flat > self.bounds, axis=0)

@@ -115,7 +115,11 @@ class Chart:
     stiffness: Array
 
     def at(self, p: Array, near: Array | None = None) -> OnGraph:
-        """The pair at ``p (m, c)``; ``near (m, c)`` is where it is looked for first."""
+        """The pair at ``p (m, c)``.
+
+        With ``near (m, c)``, the displacement in p, it may be that of the tangent to the graph there: the same pair
+        where ``near`` is on the graph, and else one that costs less.
+        """
         return self.law.on_graph(p, self.stiffness)
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
