@@ -94,12 +94,6 @@ class GraphPoint:
         The pairs of the laws.
     force : array of the shape of a point, or None
         Load minus elastic force there, where it is known.
-    missed, left : float
-        |F|, and what is left of the load elsewhere, as forces.
-    same : bool
-        Whether the components that move are those of the point before.
-    cycles : int
-        What it cost to come there from the point before.
     """
 
     x: Array
@@ -107,15 +101,6 @@ class GraphPoint:
     lam: Array
     on: OnGraph
     force: Array | None = None
-    missed: float = math.inf
-    left: float = 0.0
-    same: bool = False
-    cycles: int = 0
-
-    @property
-    def off(self) -> float:
-        """How far it is off the laws and its own equilibrium, as a force."""
-        return math.hypot(self.missed, self.left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,36 +136,40 @@ class GraphEquation:
         p = self.stiffness * r + lam
         return GraphPoint(r, r, lam, self.chart.at(p, r)) if math.isfinite(float(p.sum())) else None
 
-    def at(self, x: Array, before: GraphPoint | None = None, cycles: int = 0) -> GraphPoint | None:
-        """F at a point; None where the bound has no value."""
-        system, r = self.system, self.system.local(x)
-        force = system.out_of_balance(x)
+    def at(self, x: Array, force: Array | None = None) -> GraphPoint | None:
+        """A point in equilibrium, ``force`` being what is out of balance there; None where the bound has no value."""
+        system = self.system
+        r, force = system.local(x), system.out_of_balance(x) if force is None else force
         try:
             lam = system.multiplier(x, force)
             on = self.chart.at(self.stiffness * r + lam, r)
         except ProblemError:
             return None
-        weights = system.weights[:, None]
-        missed, left = system.vectors.norms(
-            weights * np.where(system.active, on.multiplier - lam, 0.0), system.less_contact(force, weights * lam)
-        ).tolist()
-        if not math.isfinite(missed + left):
-            return None
-        same = before is not None and np.array_equal(before.on.jacobian != 0.0, on.jacobian != 0.0)
-        return GraphPoint(x, r, lam, on, force, missed, left, same, cycles)
+        return GraphPoint(x, r, lam, on, force)
 
-    def step(self, point: GraphPoint, accuracy: Accuracy) -> tuple[Array, int] | None:
-        """Where Newton's equation leads, linearised at the pairs of the laws, and the cycles; None where nowhere."""
-        system, on = self.system, point.on
-        first = system.moved(point.x, np.where(system.active, on.r, system.fixed))
+    def missed(self, point: GraphPoint) -> Array:
+        """F at a point in equilibrium, (m, d), as forces."""
+        system, off = self.system, point.on.multiplier - point.lam
+        return np.asarray(system.weights[:, None] * (off if system.active.all() else np.where(system.active, off, 0.0)))
+
+    def step(self, point: GraphPoint, accuracy: Accuracy) -> tuple[Array, Array, int] | None:
+        """Where Newton's equation leads, linearised at the pairs of the laws; None where nowhere.
+
+        The point, what is out of balance there, and the cycles.
+        """
+        system, place = self.system, point.on.r
+        if not system.active.all():
+            place = np.where(system.active, place, system.fixed)
+        first = system.moved(point.x, place)
         if point.force is None:
             force = system.out_of_balance(first)
         else:
             force = point.force - system.multiply_contact(first - point.x)
-        found = self.equation.solve(LinearisedPoint.on_graph(system, first, force, on, self.stiffness), accuracy)
-        if not found.convex or found.negative is not None or not np.isfinite(found.step).all():
+        at = LinearisedPoint.on_graph(system, first, force, point.on, self.stiffness)
+        found = self.equation.solve(at, accuracy)
+        if not found.convex or found.negative is not None or not math.isfinite(float(found.step.sum())):
             return None
-        return first + found.step, found.cycles
+        return first + found.step, force - found.bent, found.cycles
 
 
 @dataclass(eq=False)
@@ -333,15 +322,20 @@ def _compiled_pairs(start: _Start, compiled: CompiledRounds) -> Iterator[_Pair]:
 def _pairs(start: _Start) -> Iterator[_Pair]:
     """The pairs at which rounds have settled: whoever asks for another was not content with the last."""
     equation, system = start.equation, start.system
-    r = start.r if system.body.everywhere else np.where(system.active, start.r, system.fixed)
+    whole = system.body.everywhere
+    r = start.r if whole else np.where(system.active, start.r, system.fixed)
     point = equation.begin(r, start.lam)
     for number in range(1, start.rounds + 1):
         found = None if point is None else equation.step(point, _DIRECT)
-        point = None if found is None else equation.at(found[0])
+        point = None if found is None else equation.at(*found[:2])
         if point is None:
             return
-        of_law = np.where(system.active, point.on.multiplier, point.lam)
-        if start.close(point.missed, norm(system.weights[:, None] * of_law)):
+        missed, of_law = norm(equation.missed(point)), point.on.multiplier
+        if not whole:
+            of_law = np.where(system.active, of_law, point.lam)
+        if not math.isfinite(missed):
+            return
+        if start.close(missed, norm(system.weights[:, None] * of_law)):
             yield number, point.x, of_law
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hemivar.basics.arguments import check_numbers, expect
+from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -136,10 +137,11 @@ class SemismoothNewton(Solver):
 
     def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:
         equation = GraphEquation.of(system)
-        point = None if equation is None else equation.at(start.r)
-        if equation is None or point is None:
+        search = None if equation is None else _Search(equation, self._accuracy)
+        point = None if search is None else search.at(start.r)
+        if search is None or point is None:
             return self._fixed(system, start, start, budget)
-        way = _Way(start, _Search(equation, self._accuracy), point)
+        way = _Way(start, search, point)
         return self._at(system, point, way, State(start.r, start.lam, 1))
 
     @property
@@ -148,7 +150,7 @@ class SemismoothNewton(Solver):
         inner = self.fallback.inner
         return inner.accuracy if isinstance(inner, TruncatedNewton) else Accuracy(0.0, 0.0, 1)
 
-    def _at(self, system: ContactSystem, point: GraphPoint, way: _Way, state: State) -> State:
+    def _at(self, system: ContactSystem, point: _Place, way: _Way, state: State) -> State:
         """The state at a point."""
         found = system.residual(point.x, point.lam, point.force)
         energy = system.energy(point.x, point.lam, point.force)
@@ -219,7 +221,7 @@ class SemismoothNewton(Solver):
         found = self.fallback.step(system, begun, budget)
         self.fallback.release(found)
         found = replace(found, evaluations=state.evaluations + found.evaluations, fallbacks=state.fallbacks + 1)
-        point = None if found.ended is not None else way.search.equation.at(found.r)
+        point = None if found.ended is not None else way.search.at(found.r)
         if point is None:
             way.search.release()
             return found if found.ended is not None else self._fixed(system, found, found, budget)
@@ -231,7 +233,7 @@ class SemismoothNewton(Solver):
         outer = self.fallback.step(system, way.outer, budget)
         return replace(outer, memory=replace(way, outer=outer), fallbacks=state.fallbacks)
 
-    def _raised(self, search: _Search, start: Array, budget: Budget) -> GraphPoint | None:
+    def _raised(self, search: _Search, start: Array, budget: Budget) -> _Place | None:
         """The solution to which the one without friction leads while the bound is raised to what it is."""
         first = search.times(0.0)
         point = None if first is None else self._solved(first, start, budget)
@@ -249,9 +251,9 @@ class SemismoothNewton(Solver):
                 part *= 0.5
         return point
 
-    def _solved(self, search: _Search, x: Array, budget: Budget) -> GraphPoint | None:
+    def _solved(self, search: _Search, x: Array, budget: Budget) -> _Place | None:
         """The solution that Newton's equation leads to from a point."""
-        point, cycles, past = search.equation.at(x), 0, list[float]()
+        point, cycles, past = search.at(x), 0, list[float]()
         for _ in range(self.rounds):
             if point is None or point.off <= search.rounding(point):
                 return None if point is None else replace(point, cycles=cycles)
@@ -262,6 +264,25 @@ class SemismoothNewton(Solver):
             point = search.lower(point, self.halvings, budget)
             cycles += 0 if point is None else point.cycles
         return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Place(GraphPoint):
+    """A point, and how far it is off the laws and its own equilibrium.
+
+    Attributes
+    ----------
+    off : float
+        |F|, as a force.
+    same : bool
+        Whether the components that move are those of the point before.
+    cycles : int
+        What it cost to come there from the point before.
+    """
+
+    off: float = np.inf
+    same: bool = False
+    cycles: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,18 +319,29 @@ class _Search:
         size = float(system.vectors.norms(system.weights[:, None] * point.lam)[0])
         return self.rounding(point) <= _HIDDEN * system.load_scale.of(size)
 
-    def lower(self, point: GraphPoint, halvings: int, budget: Budget) -> GraphPoint | None:
-        """The point after a step that lowers |F|; None where there is none."""
-        enough = (_SETTLED if point.same else _FIRST) * point.off
+    def at(self, x: Array, before: GraphPoint | None = None, cycles: int = 0) -> _Place | None:
+        """A point with |F|; None where that is not known."""
+        point, system = self.equation.at(x), self.equation.system
+        if point is None or point.force is None:
+            return None
+        rest = system.less_contact(point.force, system.weights[:, None] * point.lam)
+        off = norm(system.vectors.norms(self.equation.missed(point), rest))
+        same = before is not None and np.array_equal(before.on.jacobian != 0.0, point.on.jacobian != 0.0)
+        return _Place(**vars(point), off=off, same=same, cycles=cycles) if np.isfinite(off) else None
+
+    def lower(self, place: _Place, halvings: int, budget: Budget) -> _Place | None:
+        """The place after a step that lowers |F|; None where there is none."""
+        enough = (_SETTLED if place.same else _FIRST) * place.off
         accuracy = replace(self.accuracy, absolute=self.accuracy.absolute + enough, due=budget.due)
-        found = self.equation.step(point, accuracy)
+        found = self.equation.step(place, accuracy)
         budget.check()
         if found is None:
             return None
-        way, length = found[0] - point.x, 1.0
+        (end, _, cycles), length = found, 1.0
+        way = end - place.x
         for _ in range(halvings):
-            new = self.equation.at(point.x + length * way, point, found[1])
-            if new is not None and new.off < (1.0 - _FALLS * length) * point.off and self.tells(new):
+            new = self.at(place.x + length * way, place, cycles)
+            if new is not None and new.off < (1.0 - _FALLS * length) * place.off and self.tells(new):
                 return new
             length *= 0.5
         return None
@@ -323,7 +355,7 @@ class _Way:
     ----------
     start : State
         Where it began.
-    search, point : _Search and GraphPoint, or None
+    search, point : _Search and _Place, or None
     rounds : int
         Newton's equations that were solved; counted from below zero once the bound was raised in parts.
     frozen : bool
@@ -336,13 +368,13 @@ class _Way:
 
     start: State
     search: _Search | None = None
-    point: GraphPoint | None = None
+    point: _Place | None = None
     rounds: int = 0
     frozen: bool = False
     outer: State | None = None
     past: tuple[float, ...] = ()
 
-    def after(self, point: GraphPoint) -> _Way:
+    def after(self, point: _Place) -> _Way:
         """One round further."""
         return replace(self, point=point, rounds=self.rounds + 1, past=(*self.past, point.off))
 
