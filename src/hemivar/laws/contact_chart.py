@@ -151,6 +151,7 @@ class _Curved:
     start: Array  # its finite end, where points that come to it begin (K + 1, m), nan where it has none
     tangent: Array  # slope and curvature there
     bend: Array
+    number: IntArray  # (m,)
 
     @classmethod
     def of(cls, law: Superpotential, column: int, lower: Array, upper: Array) -> Self:
@@ -158,7 +159,7 @@ class _Curved:
         with np.errstate(invalid="ignore", over="ignore"):
             lines = [law.piece_line(np.full(len(end), i), end) for i, end in enumerate(start)]
         tangent, bend = (np.array([np.broadcast_to(line[k], start.shape[1:]) for line in lines]) for k in range(2))
-        return cls(law, column, lower, upper, start, tangent, bend)
+        return cls(law, column, lower, upper, start, tangent, bend, np.arange(start.shape[1]))
 
     def times(self, factor: Array) -> Self:
         """The law times a factor (m,)."""
@@ -167,11 +168,11 @@ class _Curved:
     def at(
         self, piece: IntArray, still: BoolArray, a: Array, p: Array, near: Array | None
     ) -> tuple[Array, Array, Array]:
-        """Place, derivative and second derivative (m,) where ``a r + j'(r) = p`` on the pieces of points not ``still``.
+        """Place, multiplier and derivative by p (m,) where ``a r + j'(r) = p`` on the pieces of points not ``still``.
 
         With ``near`` on pieces as straight as they are there, where they hold that.
         """
-        row = np.minimum(piece, len(self.lower) - 1) * piece.size + np.arange(piece.size)
+        row = np.minimum(piece, len(self.lower) - 1) * piece.size + self.number
         low, high = self.lower.take(row), self.upper.take(row)
         at, steps = near, 1
         if near is None or not (inside := still | ((near > low) & (near < high))).all():
@@ -179,22 +180,21 @@ class _Curved:
             at, steps = (begin, _STEPS) if near is None else (np.where(inside, near, begin), 1)
         for _ in range(steps):
             slope, bend = self.law.piece_line(piece, at)
-            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                step = (p - a * at - slope) / (a + bend)
-                new, force = at + step, slope + bend * step
+            room = a + bend
+            step = (p - a * at - slope) / room
+            new = at + step
             if steps == 1 or (still | (np.abs(step) <= _EXACT * np.abs(at))).all():
                 break
-            rises = step * (a + bend) > 0.0
+            rises = step * room > 0.0
             low, high = np.where(rises, at, low), np.where(rises, high, at)
             at = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
-        return new, force, bend
+        return new, slope + bend * step, 1.0 / room
 
     def _begin(self, row: IntArray, a: Array, p: Array, low: Array, high: Array) -> Array:
         """Where pieces that go on as they begin at an end would hold p; else their middle, or a place inside."""
         end, slope, bend = self.start.take(row), self.tangent.take(row), self.bend.take(row)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            miss = p - a * end - slope
-            place, middle, inside = end + miss / (a + bend), 0.5 * (low + high), end + miss / a
+        miss = p - a * end - slope
+        place, middle, inside = end + miss / (a + bend), 0.5 * (low + high), end + miss / a
         place = np.where((place > low) & (place < high), place, np.where(np.isfinite(middle), middle, inside))
         return np.where(np.isfinite(place), place, p / a)
 
@@ -327,20 +327,22 @@ class GraphTables:
         anchor, slope = self.anchor.take(index), self.slope.take(index)
         pull, base, room = flat - a * anchor, self.base.take(index), a + slope
         held = (state & 1).astype(bool)
-        with np.errstate(divide="ignore"):
+        with np.errstate(all="ignore"):
             yields = 1.0 / room
-        off = (pull - base) * yields
-        if near is not None and self.falls:  # along such a piece p tells no place
-            off = np.where(room <= 0.0, near.ravel() - anchor, off)
-        yields[held] = off[held] = 0.0
-        r, lam = anchor + off, np.where(held, pull, base + slope * off)
-        for one in self.curved:
-            own = slice(one.column, None, self.shape[1])
-            still = held[own]
-            where = None if near is None else near[:, one.column]
-            place, force, bend = one.at(state[own] >> 1, still, a[own], flat[own], where)
-            r[own], lam[own] = np.where(still, r[own], place), np.where(still, lam[own], force)
-            yields[own] = np.where(still, 0.0, 1.0 / (a[own] + bend))
+            off = (pull - base) * yields
+            if near is not None and self.falls:  # along such a piece p tells no place
+                off = np.where(room <= 0.0, near.ravel() - anchor, off)
+            yields[held] = off[held] = 0.0
+            r, lam = anchor + off, np.where(held, pull, base + slope * off)
+            for one in self.curved:
+                own = slice(one.column, None, self.shape[1])
+                still = held[own]
+                where = None if near is None else near[:, one.column]
+                found = one.at(state[own] >> 1, still, a[own], flat[own], where)
+                if still.any():
+                    known = r[own], lam[own], yields[own]
+                    found = tuple(np.where(still, *pair) for pair in zip(known, found, strict=True))
+                r[own], lam[own], yields[own] = found
         return r.reshape(self.shape), lam.reshape(self.shape), yields.reshape(self.shape)
 
     def _derivative(self, r: Array) -> Array:
