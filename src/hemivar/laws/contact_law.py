@@ -21,7 +21,7 @@ from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.scalar_graph import downhill, is_continuous, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw
+from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw, spread
 
 __all__ = ["ContactLaw", "separable"]
 
@@ -182,7 +182,9 @@ class ContactLaw(NormalAndFriction):
     def on_graph(self, p: Array, a: Array) -> OnGraph:
         bound = self.friction.bound
         if not isinstance(bound, StateBound):
-            return super().on_graph(p, a)
+            each = spread(a, p.shape[1])
+            r = self.local_argmin(a, p)
+            return OnGraph(r, p - each * r, self.prox_jacobian(p / each, 1.0 / a) / each[:, None, :])
         normal = ContactLaw(self.normal).on_graph(p[:, :1], a)
         penetration, pressure = normal.r[:, 0], normal.multiplier[:, 0]
         at_bound = ContactLaw(self.normal, self.friction.frozen(penetration, pressure)).on_graph(p, a)

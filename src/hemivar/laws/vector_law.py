@@ -369,9 +369,10 @@ class VectorLaw(PickleMixin, ABC):
     def local_argmin(self, a: Array, b: Array) -> Array:
         """Minimiser of ``a_n/2 r_n^2 + a_t/2 |r_t|^2 - b.r + j(r)``; ``a (m, 2)``, ``b (m, c)`` -> ``(m, c)``."""
 
-    @abstractmethod
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         """Generalised derivative of :meth:`prox`, one ``(c, c)`` block for each point."""
+        each = 1.0 / spread(tau, x.shape[1])
+        return self.on_graph(each * x, 1.0 / tau).jacobian * each[:, None, :]
 
     @abstractmethod
     def linearise(self, r: Array) -> Linearisation:
@@ -576,7 +577,10 @@ class VectorLaw(PickleMixin, ABC):
         """
         each = spread(a, p.shape[1])
         r = self.local_argmin(a, p)
-        return OnGraph(r, p - each * r, self.prox_jacobian(p / each, 1.0 / a) / each[:, None, :])
+        line = self.linearise(r)
+        free = np.repeat(line.smooth, [1, p.shape[1] - 1], axis=1)
+        stiff = line.hessian + np.where(free, each, 1.0)[:, :, None] * np.eye(p.shape[1])
+        return OnGraph(r, p - each * r, np.linalg.inv(stiff) * (free[:, :, None] & free[:, None, :]))
 
     def is_curve(self, a: Array, components: int) -> bool:
         """Whether :meth:`on_graph` has one answer: ``a (m, 2)`` is above :attr:`weak_convexity`.

@@ -61,6 +61,8 @@ _ROUNDS = 6
 FEW_ROUNDS, _SMALL = 12, 600
 #: Part of the tolerance by which the multiplier may miss the law before the other unknowns are looked for.
 _PART = 0.5
+#: How far the stiffness of a chart is above the least one, of laws of the whole state.
+_ABOVE = 1.5
 #: Dense factors need no tolerance.
 _DIRECT = Accuracy(0.0, 0.0, 1)
 
@@ -124,8 +126,14 @@ class GraphEquation:
 
     @classmethod
     def of(cls, system: ContactSystem) -> Self | None:
-        """The equation of a problem; None where its law is no curve beside the body, or has no derivatives."""
+        """The equation of a problem; None where its law is no curve beside the body, or has no derivatives.
+
+        The zeros of F are the same whatever the stiffness: that of the body, or for a law of the whole state more.
+        """
         law, pair, d = system.law, 1.0 / system.compliance, system.active.shape[1]
+        if law.depends_on_whole_state:
+            least = [np.broadcast_to(alpha + law.lipschitz, pair[:, 0].shape) for alpha in law.weak_convexity]
+            pair = np.maximum(pair, _ABOVE * np.stack(least, axis=1))
         chart = law.chart(pair, d) if law.is_curve(pair, d) else None
         if system.vectors.largest(float(chart is None))[0] or chart is None:
             return None

@@ -17,13 +17,15 @@ from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.solvers.base import Solver, State
-from hemivar.solvers.controls import Budget
+from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.fixed_point import FixedPoint
+from hemivar.solvers.loop import iterate
 from hemivar.solvers.multigrid import NonsmoothMultigrid, nested_guess
 from hemivar.solvers.newton_on_graph import SEMISMOOTH, GraphEquation, GraphPoint
 from hemivar.solvers.status import Status
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body
+from hemivar.systems.contact_moves import Search
 from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.newton_equation import Accuracy
 from hemivar.systems.workspace import Workspace
@@ -40,6 +42,8 @@ _HIDDEN = 1e-6
 _FALLS = 1e-4
 #: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
 _FIRST, _SETTLED = 0.1, 1e-3
+#: Part of the energy norm up to which states are the same.
+_SAME = 1e-6
 #: Rounds, and the part of |F| that has to be gone after as many: else another way is thought better.
 _PATIENCE, _GAINED = 5, 0.1
 #: Part of the bound by which it is raised first, and the least one.
@@ -194,11 +198,22 @@ class SemismoothNewton(Solver):
             lower = inner.settle(frozen, begun, budget)
         finally:
             inner.release(begun)
-        if lower is None:
+        if lower is None and self._leads_there(frozen, way.start, state, budget):
             return None
         if way.search is not None:
             way.search.release()
-        return self._fixed(system, State(lower.r, lower.lam), state, budget)
+        start = way.start if lower is None else State(lower.r, lower.lam)
+        return self._fixed(system, start, state, budget)
+
+    def _leads_there(self, frozen: ContactSystem, start: State, state: State, budget: Budget) -> bool:
+        """Whether the method inside, where it crosses no barrier, leads to a state from the start, all being frozen."""
+        inner = self.fallback.inner
+        if not isinstance(inner, TruncatedNewton) or inner.search is Search.GLOBAL:
+            return True
+        begun = State(start.r, frozen.multiplier(start.r))
+        found, _, _ = iterate(inner, frozen, begun, Controls(rtol=self.fallback.inner_rtol), budget)
+        inner.release(found)
+        return frozen.stretch(found.r - state.r) <= _SAME * frozen.stretch(state.r)
 
     def release(self, state: State) -> None:
         way = state.memory

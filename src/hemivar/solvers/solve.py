@@ -179,7 +179,11 @@ def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
         chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, condensed already"
     logging.getLogger("hemivar").info("%s", reason)
     solver = _for_body(suited(chosen, problem), problem)
-    return solver.downhill() if problem.limit is not None or _breaks(problem) else solver
+    if problem.limit is None and not _breaks(problem):
+        return solver
+    careful, law = solver.downhill(), problem.law
+    follows = isinstance(careful, FixedPoint) and law.depends_on_whole_state and law.follows_state
+    return SemismoothNewton(careful) if follows and isinstance(careful, FixedPoint) else careful
 
 
 def _breaks(problem: DiscreteProblem) -> bool:

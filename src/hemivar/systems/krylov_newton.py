@@ -126,15 +126,15 @@ class KrylovNewton:
         body, moving = self.body, at.moving
         weights, held = self.body.weights[:, None], ~moving[self.body.active]
         curvature = moving_curvature(body, at.blocks, moving)
-        coupling = curvature[:, :, :1].copy()
-        coupling[:, 0] = 0.0
-        curvature[:, 1:, 0] = 0.0
-        self.matrix.change(at.x, held, curvature)
+        symmetric = 0.5 * (curvature + np.swapaxes(curvature, 1, 2))
+        symmetric[:, 1:, 0] = symmetric[:, 0, 1:] = curvature[:, 0, 1:]  # without what follows the normal part
+        coupling = curvature - symmetric
+        self.matrix.change(at.x, held, symmetric)
         pushes = bool(body.vectors.largest(float(pushed.any()))[0])
 
         def product(v: Array) -> Array:
             out = np.array(self.matrix @ v)
-            rows = coupling[:, :, 0] * body.spread(v[body.unknown])[:, :1]
+            rows = np.einsum("mij,mj->mi", coupling, body.spread(v[body.unknown]))
             if pushes:
                 rows -= pushed * body.spread(body.pull(v))[:, :1]
             out[body.unknown] += body.gather(rows)

@@ -27,6 +27,8 @@ from hemivar.laws import (
     join_laws,
 )
 from hemivar.report.mixed_mode_figure import plot_mode_dependent
+from hemivar.solvers.newton_on_graph import GraphEquation, GraphPoint
+from hemivar.systems.newton_equation import Accuracy
 
 #: AS4/PEEK: N, mm, MPa.
 PEEK = BenzeggaghKenane(0.969, 1.719, 2.284)
@@ -177,16 +179,66 @@ def block(law: ModeDependentGlue, load: tuple[float, float] = (60.0, 60.0), cell
     )
 
 
-def test_a_body_is_solved_by_the_fixed_point() -> None:
+def test_a_body_is_solved_by_newtons_method() -> None:
     found = hv.solve(block(soft()))
     again = hv.solve(block(soft()), hv.solvers.FixedPoint(hv.solvers.NonsmoothMultigrid(), relaxation=0.8))
     assert found.status.name == again.status.name == "CONVERGED"
-    assert found.method == "fixed-point(newton)"
+    assert found.method == "semismooth-newton"
     assert again.local == pytest.approx(found.local, abs=1e-8 * np.abs(found.local).max())
     law = soft()
     assert np.abs(law.traction(found.local) - found.multiplier).max() <= 1e-8 * np.abs(found.multiplier).max()
     assert found.debonding["damage"].max() > 0.0
     assert "softening" in found.states.names[0] or "debonded" in found.states.names[0]
+    assert not found.problem.law.convex
+
+
+@pytest.mark.parametrize(("load", "damage"), [((25.0, 25.0), 0.0), ((40.0, 40.0), 0.5), ((50.0, 50.0), 0.8)])
+def test_newtons_equation_contains_the_mode(load: tuple[float, float], damage: float) -> None:
+    """In a few rounds it is where the fixed point is after ten times as many looks, condensed or on all unknowns."""
+    problem = hv.discretize(block(soft(), load))
+    fixed = hv.solve(problem, hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton().downhill()))
+    for method in (None, "newton", "multigrid"):
+        found = hv.solve(problem, method)
+        assert found.status.name == "CONVERGED"
+        assert found.fallbacks == 0
+        assert found.local == pytest.approx(fixed.local, abs=1e-7 * np.abs(fixed.local).max())
+        assert found.steps <= 10
+    assert float(fixed.debonding["damage"].max()) >= damage
+
+
+def test_in_space_newtons_method_is_the_fixed_point() -> None:
+    stated = hv.ContactProblem(
+        hv.box((1.0, 0.5, 0.5), (4, 2, 2)),
+        hv.Material.young(3000.0, 0.3),
+        {"bottom": hv.Contact(soft())},
+        {"left": hv.Clamped()},
+        tractions={"top": (20.0, 10.0, 25.0)},
+    )
+    problem = hv.discretize(stated)
+    found, fixed = hv.solve(problem), hv.solve(problem, hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton().downhill()))
+    assert found.method == "semismooth-newton"
+    assert found.fallbacks == 0
+    assert found.debonding["damage"].max() > 0.1
+    assert found.local == pytest.approx(fixed.local, abs=1e-7 * np.abs(fixed.local).max())
+
+
+def test_a_step_of_newtons_method_across_a_barrier_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Glue that holds from rest is not found broken, though the broken state is an equilibrium too."""
+    problem, step = point(500.0, (20.0, 1.0), soft()), GraphEquation.step
+
+    def leap(self: GraphEquation, at: GraphPoint, accuracy: Accuracy) -> tuple[Array, Array, int] | None:
+        far = np.array([[-0.04, 0.002]])
+        if np.abs(at.r).max() > 0.01:
+            return step(self, at, accuracy)
+        return far, self.system.out_of_balance(far), 1
+
+    monkeypatch.setattr(GraphEquation, "step", leap)
+    found = hv.solve(problem)
+    assert found.status.name == "CONVERGED"
+    assert found.fallbacks == 1
+    assert found.local[0, 0] == pytest.approx(-20.0 / 10500.0, rel=1e-6)
+    broken = hv.solve(problem, initial=np.array([-0.04, 0.002]))
+    assert broken.local[0, 0] == pytest.approx(-20.0 / 500.0, rel=1e-6)
 
 
 def test_a_stiff_body_has_a_margin_with_the_lipschitz_constant_in_it() -> None:

@@ -123,9 +123,6 @@ class JoinedLaw(CoupledLaw):
     def downhill(self, a: Array, b: Array, r: Array) -> Array:
         return self._gather(lambda law, i: law.downhill(a[i], b[i], r[i]))
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
-        return self._gather(lambda law, i: law.prox_jacobian(x[i], tau[i]))
-
     def linearise(self, r: Array) -> Linearisation:
         lines = [law.linearise(r[i]) for law, i in zip(self.parts, self.indices, strict=True)]
         smooth, m, d = np.empty((len(r), 2), dtype=bool), *r.shape

@@ -364,14 +364,6 @@ class MixedMode(CoupledLaw):
         hessian[~smooth[:, 0], 0, :] = hessian[~smooth[:, 0], :, 0] = 0.0
         return Linearisation(smooth, near.gradient(r), hessian)
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
-        d = x.shape[1]
-        r = self.prox(x, tau)
-        line, stiffness = self.linearise(r), 1.0 / tau[:, [0, *[1] * (d - 1)]]
-        free = line.smooth[:, [0, *[1] * (d - 1)]]
-        matrix = line.hessian + np.where(free, stiffness, 1.0)[:, :, None] * np.eye(d)
-        return np.asarray(np.linalg.inv(matrix) * np.where(free, stiffness, 0.0)[:, None, :] * free[:, :, None])
-
     def admissible(self, r: Array) -> Array:
         out, ends = np.array(r, dtype=float), self.compression.domain
         out[:, 0] = np.clip(out[:, 0], ends.lower, ends.upper)

@@ -216,6 +216,11 @@ class ModeDependentGlue(VectorLaw):
     def depends_on_whole_state(self) -> bool:
         return True
 
+    @property
+    def follows_state(self) -> bool:
+        """Where the Lipschitz constant is finite: then a scalar equation tells the mode."""
+        return bool(np.isfinite(self.lipschitz).all())
+
     def frozen(self, r: Array, lam: Array) -> MixedMode:
         return self._frozen(self.mode(r))
 

@@ -214,14 +214,6 @@ class OrthotropicLaw(NormalAndFriction):
         hessian[:, 1:, 1:] = np.where((size > 0.0)[:, None, None], bend, 0.0)
         return Linearisation(np.stack([line.smooth[:, 0], moves], axis=1), gradient, hessian)
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
-        jacobian = np.zeros((*x.shape, 3))
-        jacobian[:, 0, 0] = self.normal.prox_slope(x[:, 0], tau[:, 0])
-        r = self.prox(x, tau)
-        bend = self.linearise(r).hessian[:, 1:, 1:] * tau[:, 1, None, None] + np.eye(2)
-        jacobian[:, 1:, 1:] = np.where(np.asarray(r[:, 1:].any(axis=1))[:, None, None], np.linalg.inv(bend), 0.0)
-        return jacobian
-
     def local_argmin(self, a: Array, b: Array) -> Array:
         out = np.empty(b.shape)
         out[:, 0] = self.normal.local_argmin(a[:, 0], b[:, 0])

@@ -256,13 +256,6 @@ class OwnCoupledLaw(CoupledLaw):
     def _at_rest(self, r: Array) -> BoolArray:
         return np.asarray(~r[:, 1:].any(axis=1) & self.resting)
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
-        c = x.shape[1]
-        line, stiffness = self.linearise(self.prox(x, tau)), 1.0 / tau[:, [0, *[1] * (c - 1)]]
-        free = line.smooth[:, [0, *[1] * (c - 1)]]
-        matrix = line.hessian + np.where(free, stiffness, 1.0)[:, :, None] * np.eye(c)
-        return np.asarray(np.linalg.inv(matrix) * np.where(free, stiffness, 0.0)[:, None, :] * free[:, :, None])
-
     def admissible(self, r: Array) -> Array:
         out = np.array(r, dtype=float)
         if self.rigid:

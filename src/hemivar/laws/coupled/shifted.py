@@ -99,10 +99,6 @@ class ShiftedLaw(CoupledLaw):
     def _back(self, r: Array) -> Array:
         return np.asarray(r + self._whole(self.shift, r))
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
-        moved = self.from_shift(x) - spread(tau, x.shape[1]) * self._whole(self.pull, x)
-        return self.base.prox_jacobian(moved, tau)
-
     def admissible(self, r: Array) -> Array:
         return self._back(self.base.admissible(self.from_shift(r)))
 
