@@ -127,6 +127,21 @@ def test_distances_and_rest_are_those_of_the_law(name: str, c: int) -> None:
     np.testing.assert_allclose(chart(law, c).least_multiplier(inside), least, atol=1e-14)
 
 
+@pytest.mark.parametrize("c", [1, 2, 3])
+@pytest.mark.parametrize("name", ["rigid", "kinks", "bent"])
+def test_distances_of_laws_of_the_state_are_those_under_their_bounds(name: str, c: int) -> None:
+    stated, random = LAWS[name], np.random.default_rng(5)
+    law = ContactLaw(stated.normal, Friction(hv.laws.CoulombBound(0.4), stated.friction.profile)).at(np.zeros((M, 2)))
+    r, lam = random.normal(scale=0.6, size=(2, M, c))
+    r[:100, 1:], r[:30, 0] = 0.0, 0.0
+    tau = np.full((M, 2), 0.3)
+    found = np.linalg.norm(chart(law, c).graph_distance(r, lam, all_of(tau, c)), axis=1)
+    np.testing.assert_allclose(found, law.frozen(r, lam).graph_distance(r, lam, tau), rtol=1e-12)
+    inside = law.admissible(r)
+    least = law.frozen(inside, np.zeros_like(r)).nearest_multiplier(inside, np.zeros_like(r))
+    np.testing.assert_allclose(chart(law, c).least_multiplier(inside), least, atol=1e-14)
+
+
 def test_laws_with_many_knots_have_no_tables() -> None:
     knots = np.linspace(0.0, 1.0, 60)
     many = ContactLaw(hv.laws.PiecewiseQuadratic(knots, np.linspace(0.0, 1.0, 61), np.zeros(60)))

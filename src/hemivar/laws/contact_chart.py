@@ -174,10 +174,13 @@ class _Curved:
         """
         row = np.minimum(piece, len(self.lower) - 1) * piece.size + self.number
         low, high = self.lower.take(row), self.upper.take(row)
-        at, steps = near, 1
-        if near is None or not (inside := still | ((near > low) & (near < high))).all():
-            begin = self._begin(row, a, p, low, high)
-            at, steps = (begin, _STEPS) if near is None else (np.where(inside, near, begin), 1)
+        steps = _STEPS if near is None else 1
+        if near is None:
+            at = self._begin(row, a, p, low, high)
+        elif (inside := still | ((near > low) & (near < high))).all():
+            at = near
+        else:
+            at = np.where(inside, near, self._begin(row, a, p, low, high))
         for _ in range(steps):
             slope, bend = self.law.piece_line(piece, at)
             room = a + bend
@@ -339,10 +342,8 @@ class GraphTables:
                 still = held[own]
                 where = None if near is None else near[:, one.column]
                 found = one.at(state[own] >> 1, still, a[own], flat[own], where)
-                if still.any():
-                    known = r[own], lam[own], yields[own]
-                    found = tuple(np.where(still, *pair) for pair in zip(known, found, strict=True))
-                r[own], lam[own], yields[own] = found
+                for out, values in zip((r, lam, yields), found, strict=True):
+                    out[own] = np.where(still, out[own], values)
         return r.reshape(self.shape), lam.reshape(self.shape), yields.reshape(self.shape)
 
     def _derivative(self, r: Array) -> Array:

@@ -580,7 +580,8 @@ class VectorLaw(PickleMixin, ABC):
         line = self.linearise(r)
         free = np.repeat(line.smooth, [1, p.shape[1] - 1], axis=1)
         stiff = line.hessian + np.where(free, each, 1.0)[:, :, None] * np.eye(p.shape[1])
-        return OnGraph(r, p - each * r, np.linalg.inv(stiff) * (free[:, :, None] & free[:, None, :]))
+        jacobian = np.where(free[:, :, None] & free[:, None, :], np.linalg.inv(stiff), 0.0)
+        return OnGraph(r, p - each * r, jacobian)
 
     def is_curve(self, a: Array, components: int) -> bool:
         """Whether :meth:`on_graph` has one answer: ``a (m, 2)`` is above :attr:`weak_convexity`.

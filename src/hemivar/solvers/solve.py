@@ -327,7 +327,7 @@ def _hidden(system: CondensedProblem, solver: Solver, start: State, controls: Co
 def _by_active_sets(
     system: CondensedProblem, solver: Solver, start: State, first: Residual, controls: Controls
 ) -> Solution | None:
-    """What a few rounds of the primal-dual active set method find for a small body on a convex foundation in the plane.
+    """What a few rounds of the primal-dual active set method find for a small body on a convex foundation.
 
     They cost a fifth of the steps of :class:`NonsmoothNewton`.  Who counts, watches or changes those gets them.
     """
