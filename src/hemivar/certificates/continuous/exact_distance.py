@@ -421,7 +421,7 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
         found.append(f"a constant of the law is {law.alpha_doubt}")
     if traces.stated.lipschitz_sampled:
         found.append(f"how {_what_depends(traces.stated)} is known from samples only")
-    elif traces.rule is not None and traces.stated.state_dependent:
+    elif traces.rule is not None and traces.stated.state_dependent and coupling < np.inf:
         found.append(f"how {_what_depends(traces.stated)} is seen at the points of a rule of integration only")
     return found
 
