@@ -291,7 +291,6 @@ UNTYPED = {
     "report.film_pictures": (1, "axes in the plane or in space"),
     "report.march_figures": (2, "keywords of matplotlib"),
     "report.frames": (4, "tables of values of any kind"),
-    "report.scene": (2, "a plotter of pyvista"),
     "report.style": (3, "parameters and keywords of matplotlib"),
     "solvers.base": (6, "each method has its own system and memory"),
     "solvers.fixed_point": (1, "the memory of the method inside"),

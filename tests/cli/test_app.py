@@ -411,8 +411,7 @@ BAD_COMMANDS: dict[str, tuple[list[str], list[str]]] = {
     "VTU suffix": (["solve", "part.toml", "--vtu", "a.vtk"], ["--vtu a.vtk", ".vtu"]),
     "CSV suffix": (["compare", "part.toml", "--csv", "a.xls"], ["--csv a.xls", ".csv"]),
     "odd cells for a warm start": (["solve", "odd.toml", "--warm-start"], ["odd.toml", "--warm-start", "even"]),
-    "rendering in the plane": (["solve", "part.toml", "--render", "a.png"], ["--render", "bodies in 3D", "--plot"]),
-    "rendering suffix": (["solve", "part.toml", "--render", "a.svg"], ["--render a.svg", ".png"]),
+    "an option that was removed": (["solve", "part.toml", "--render", "a.png"], ["--render was removed", "--plot"]),
     "contact figure without contact": (
         ["solve", "free.toml", "--plot-contact", "a.png"],
         ["free.toml: --plot-contact", "there is none", "--plot"],
@@ -825,7 +824,7 @@ def test_interrupt_exits_with_130(tmp_path: Path) -> None:
     ("options", "message"),
     [
         (["--colour", "stres", "--plot", "a.png"], "--colour stres: it is not known; did you mean 'stress'?"),
-        (["--colour", "stress"], "--colour goes with --plot or --render"),
+        (["--colour", "stress"], "--colour goes with --plot"),
     ],
 )
 def test_colours_are_checked_before_the_work(

@@ -114,7 +114,7 @@ def test_a_static_file_says_what_it_needs(folder: Path, capsys: pytest.CaptureFi
         (["--resume"], "--resume needs a checkpoint; name it by --checkpoint"),
         (["--minutes", "1"], "--minutes goes with a checkpoint"),
         (["--minutes", "-1", "--checkpoint", "a.ckpt"], "--minutes is -1"),
-        (["--fields", "a.vtk"], "the name must end in .pvd or .xdmf"),
+        (["--fields", "a.vtk"], "the name must end in .pvd"),
         (["--table", "a.txt"], "the name must end in .csv or .parquet"),
         (["--animation", "a.avi"], "the name must end in .gif or .mp4"),
         (["--checkpoint", "run.csv"], "run.csv: this is --table already"),

@@ -81,32 +81,6 @@ def contact_rate(history: History, frame: object) -> np.ndarray:
     return np.hstack([velocity, np.zeros((len(velocity), 1))])
 
 
-def test_paraview_reads_the_pvd_and_the_xdmf(history: History, tmp_path: Path) -> None:
-    pyvista = pytest.importorskip("pyvista")
-    for name in ("run.pvd", "run.xdmf"):
-        reader = pyvista.get_reader(history.write(tmp_path / name)[0])
-        assert list(reader.time_values) == [frame.time for frame in history.frames]
-        for frame in (history.frames[3], history.frames[-1]):
-            reader.set_active_time_value(frame.time)
-            blocks = reader.read()
-            body = next(b for b in blocks if b is not None and b.n_points == len(frame.displacement))
-            assert np.array_equal(body["displacement"][:, :2], frame.displacement)
-
-
-def test_xdmf_is_read_by_meshio(history: History, tmp_path: Path) -> None:
-    (path,) = history.write(tmp_path / "run.xdmf")
-    assert [file.name for file in tmp_path.iterdir()] == ["run.xdmf"]
-    with meshio.xdmf.TimeSeriesReader(path) as reader:
-        points, _ = reader.read_points_cells()
-        assert np.array_equal(points[:, :2], history.discrete.field.nodes)
-        assert reader.num_steps == len(history.frames)
-        for k, frame in enumerate(history.frames):
-            time, data, _ = reader.read_data(k)
-            assert time == frame.time
-            assert np.array_equal(data["displacement"][:, :2], frame.displacement)
-            assert np.array_equal(data["velocity"][:, :2], frame.velocity)
-
-
 def test_frames_are_listed_in_the_order_of_time(history: History, tmp_path: Path) -> None:
     """Also those that come later for earlier steps."""
     series = Series(tmp_path / "run.pvd", history.discrete)

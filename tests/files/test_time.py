@@ -175,7 +175,7 @@ def test_everything_comes_back(tmp_path: Path) -> None:
         {"time": "until = 1\nscheme = { name = 'midpoint', conserving = true }"},
         {"time": "until = 1\nscheme = { name = 'midpoint' }\nstep = { rtol = 1e-3 }\njump = 'global'"},
         {"time": "until = 1\ninitial = { displacement = ['x', 0.1] }", "output": "probes = { 'a b' = [1, 0.5] }"},
-        {"time": "until = 1", "output": "checkpoint = 'run.ckpt'\nfields = 'a.xdmf'\nanimation = 'a.gif'"},
+        {"time": "until = 1", "output": "checkpoint = 'run.ckpt'\nfields = 'a.pvd'\nanimation = 'a.gif'"},
         {"contact__bottom": 'normal = "signorini"\ndamping = "signorini"'},
         {"contact__bottom": 'normal = "signorini"\nmemory = [{ kind = "secant" }, { kind = "slip-sum" }]'},
         {"contact__bottom": 'normal = "signorini"\ndamping = { law = "formula", potential = "r^2" }'},

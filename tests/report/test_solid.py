@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +9,12 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.gallery import survey_cube
 from hemivar.laws import Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import Contact, Prescribed, Sphere
 from hemivar.mesh import box
-from hemivar.report import plot_contact, plot_solution, render_solution, save
+from hemivar.report import plot_contact, plot_solution, save
 from hemivar.report.solid_body import sharp_edges, viewing_direction
 from hemivar.solvers import Solution, TangentialState, solve
 
@@ -177,43 +174,3 @@ def test_no_friction_has_a_scale_without_numbers() -> None:
     figure.draw_without_rendering()
     assert [label.get_text() for label in bar.get_yticklabels()] == ["0 everywhere"]
     assert bar.get_ylim()[0] == 0.0
-
-
-def test_rendering_with_pyvista(cube: Solution, tmp_path: Path) -> None:
-    """In its own process: a graphics library that cannot draw without a display may end it."""
-    pytest.importorskip("pyvista")
-    path = tmp_path / "new" / "cube.png"
-    program = (
-        "import sys\nimport hemivar as hv\nfrom hemivar.gallery import survey_cube\n"
-        "from hemivar.report import render_solution\n"
-        "solution = hv.solve(hv.discretize(survey_cube('5.1', 4)))\n"
-        "render_solution(solution, sys.argv[1], scale='auto', title='a cube', size=(400, 300))"
-    )
-    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, timeout=120, check=False)
-    if done.returncode < 0:
-        pytest.skip("pyvista cannot draw off screen here")
-    assert done.returncode == 0, done.stderr.decode()
-    from matplotlib.image import imread
-
-    picture = imread(path)
-    assert picture.shape[:2] == (300, 400)
-    assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 50  # not blank
-    left, low, high = 8, 24, 264  # where the body is drawn: title above, legend and line below, colours beside
-    drawn = picture[low:high, left:336, :3].min(axis=2) < 0.97
-    for part, whole in zip(np.nonzero(drawn), drawn.shape, strict=True):
-        assert part.min() + part.max() == pytest.approx(whole, abs=0.04 * whole)
-    assert max(np.ptp(part) / whole for part, whole in zip(np.nonzero(drawn), drawn.shape, strict=True)) > 0.85
-    for edge in (picture[:2], picture[-2:], picture[:, :2].swapaxes(0, 1), picture[:, -2:].swapaxes(0, 1)):
-        assert edge[..., :3].min() > 0.97  # nothing touches an edge
-
-
-def test_rendering_says_what_it_cannot_do(
-    cube: Solution, plane: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with pytest.raises(ProblemError, match=r"bodies in 3D.*plot_solution"):
-        render_solution(plane, tmp_path / "plane.png")
-    with pytest.raises(ProblemError, match=r"\.png"):
-        render_solution(cube, tmp_path / "cube.svg")
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(ProblemError, match=r"hemivar\[3d\]"):
-        render_solution(cube, tmp_path / "cube.png")

@@ -348,7 +348,7 @@ class _Maker:
                 ["--max-steps", number],
                 ["--method", rng.choice([strange_name(rng), *METHODS])], ["--json", "b.json", "--vtu", "b.json"],
                 ["--engine", strange_name(rng)],
-                ["--warm-start"], ["--render", "r.png"], ["--plot-contact", file], ["--checkpoint", file],
+                ["--warm-start"], ["--plot-contact", file], ["--checkpoint", file],
                 ["--checkpoint", file, "--resume"], ["--rtol"],
                 [strange_name(rng)], ["--unknown"], ["--json", "a.json", "--json", "b.json"], ["--vtu", "a.vtu",
                 "--plot", "a_contact.vtu"],

@@ -85,7 +85,7 @@ class AdaptRun:
             path, outputs, asked["rtol"], asked["max_time"], asked["max_steps"], given=asked.get("given")
         )
         stated = session.stated
-        check_drawable(stated, outputs["--plot-contact"], outputs["--render"])
+        check_drawable(stated, outputs["--plot-contact"])
         from hemivar.mechanics import ContactProblem
         from hemivar.workflows import AdaptOptions
 

@@ -91,6 +91,9 @@ def _guarded(arguments: list[str] | None, out: Stream) -> int:
     except OSError as error:
         return _complain(f"{error.filename or 'a file'}: {error.strerror or error}; check path and disk")
     except Exception as error:
+        gone = _REMOVED.get(str(getattr(error, "option_name", "")))
+        if gone is not None:
+            return _complain(gone)
         if hasattr(error, "format_message"):
             usage = error.format_message()
             usage = usage.rstrip(".") + (" " if usage.endswith("?") else "; ")
@@ -122,6 +125,9 @@ def _print_version(wanted: bool) -> None:
         print(f"hemivar {__version__}")
         raise typer.Exit
 
+
+#: Options that there were, and what to use.
+_REMOVED = {"--render": "--render was removed; draw a body in 3D by --plot, or write --vtu for ParaView"}
 
 _FIRST = """hemivar {version}: contact problems of elastic bodies, solved and certified.
 

@@ -61,7 +61,7 @@ def solutions(
     """
     check_colour(colour, {"--plot": plot})
     session = Session(problem, {"--json": json, "--plot": plot}, rtol=rtol, max_time=max_time, given=given)
-    check_drawable(session.stated, None, None, colour)
+    check_drawable(session.stated, None, colour)
     discrete = session.discrete()
     print_head(session.stated, discrete)
     from hemivar.files import solution_record

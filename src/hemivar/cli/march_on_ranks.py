@@ -54,7 +54,7 @@ def march_file_on_ranks(
     bell = Alarm()
     with all_or_none(ranks), bell.listening():
         ranks.agree(begin)
-        ranks.agree(lambda: _check(given, path, "leave it out"))
+        ranks.agree(lambda: _check(given, path))
         with noting_files_read() as read:
             stated, pieces = stated_on_ranks(path, ranks, options.given or ())
         inputs = [path, *read]
@@ -180,17 +180,15 @@ def _planned(stated: ProblemFile, options: MarchOptions, outputs: Mapping[str, P
 
 def _checked(outputs: dict[str, Path | None], path: Path, inputs: list[Path]) -> dict[str, Path | None]:
     """The files to write, those that the problem file names among them."""
-    _check(outputs, path, "mend the table [output], or leave --engine out")
+    _check(outputs, path)
     keep_off(files_of(outputs), inputs)
     return outputs
 
 
-def _check(outputs: Mapping[str, Path | None], path: Path, remedy: str) -> None:
-    """Refuse files that could not be written, and those that this engine does not write."""
+def _check(outputs: Mapping[str, Path | None], path: Path) -> None:
+    """Refuse files that could not be written."""
     fields = outputs["--fields"]
     if outputs["--animation"] is not None and fields is None:
         raise ProblemError("--animation: the engine 'petsc' makes a film of its frames; write --fields run.pvd as well")
-    if fields is not None and fields.suffix.lower() == ".xdmf":
-        raise ProblemError(f"--fields {fields}: the engine 'petsc' writes its frames as .pvd; {remedy}")
     check_outputs(outputs, path)
     check_tools(outputs)

@@ -31,7 +31,7 @@ def march(
         Path | None,
         typer.Option("--output", "-o", metavar="DIR/NAME", help="Write NAME.pvd, NAME.csv and NAME.ckpt in a folder."),
     ] = None,
-    fields: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the frames (.pvd or .xdmf).")] = None,
+    fields: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the frames (.pvd), for ParaView.")] = None,
     table: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the table (.csv or .parquet).")] = None,
     json: Json = None,
     plot: Annotated[

@@ -38,7 +38,7 @@ _SUFFIXES = {
     "--json": (".json",),
     "--csv": (".csv",),
     "--latex": (".tex",),
-    "--fields": (".pvd", ".xdmf"),
+    "--fields": (".pvd",),
     "--table": (".csv", ".parquet"),
     "--animation": (".gif", ".mp4"),
     "--output": (".gif", ".mp4"),
@@ -47,7 +47,6 @@ _SUFFIXES = {
     "--plot-contact": FIGURES,
     "--plot-error": FIGURES,
     "--plot-meshes": FIGURES,
-    "--render": (".png",),
 }
 
 

@@ -57,9 +57,6 @@ def solve(
     plot_contact: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw pressure, friction and slip on the contact boundary.")
     ] = None,
-    render: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw a body in 3D shaded, by PyVista.")
-    ] = None,
     colour: Colour = None,
     rtol: Rtol = None,
     max_time: MaxTime = None,
@@ -99,9 +96,9 @@ def solve(
 ) -> int:
     """Solve a contact problem."""
     limits = rtol, max_time, max_steps
-    pictures = {"--plot": plot, "--plot-contact": plot_contact, "--render": render}
+    pictures = {"--plot": plot, "--plot-contact": plot_contact}
     check_engine(engine)
-    check_colour(colour, {"--plot": plot, "--render": render})
+    check_colour(colour, {"--plot": plot})
     check_load_factors(*(() if load_factor is None else (load_factor,)))
     own = {"--csv": csv, "--plot-error": plot_error, "--plot-meshes": plot_meshes}
     if adaptive is not None:
@@ -140,7 +137,7 @@ def solve(
     named = None if method is None else method_named(method)
     session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits, given=given)
     stated, writer = session.stated, session.writer
-    check_drawable(stated, plot_contact, render, colour)
+    check_drawable(stated, plot_contact, colour)
     controls = session.controls
     meshes = stated.coarser_meshes() if warm_start else []
     if warm_start and not meshes:
@@ -179,9 +176,7 @@ def _refuse(options: Mapping[str, object], engine: str) -> None:
             raise ProblemError(f"{option} goes with --engine {engine}; leave one of the two out")
 
 
-def check_drawable(
-    stated: ProblemFile, plot_contact: Path | None, render: Path | None, colour: str | None = None
-) -> None:
+def check_drawable(stated: ProblemFile, plot_contact: Path | None, colour: str | None = None) -> None:
     """Refuse pictures that this problem has not."""
     if plot_contact is not None and not (stated.problem.contact or getattr(stated.problem, "areas", {})):
         raise ProblemError(f"{stated.name}: --plot-contact draws contact boundaries, and there is none; take --plot")
@@ -194,15 +189,6 @@ def check_drawable(
         raise ProblemError(
             f"{stated.name}: --colour is of elastic bodies, and a scalar problem has its own; leave it out"
         )
-    if scalar and render is not None:
-        raise ProblemError(f"{stated.name}: --render draws deformed bodies, and this is a scalar problem; take --plot")
-    if render is not None:
-        from hemivar.report.scene import check_rendering
-
-        try:
-            check_rendering(stated.problem.mesh.dim)
-        except ProblemError as error:
-            raise ProblemError(f"--render: {error}") from None
 
 
 def _write(session: Session, solution: Solution, certificate: Certificate | None, colour: str | None) -> None:
@@ -219,9 +205,9 @@ def _write(session: Session, solution: Solution, certificate: Certificate | None
 def draw(session: Session, solution: Solution, certificate: Certificate | None, colour: str | None) -> None:
     """Draw the pictures of a solution that were asked for, with a line each that tells what was certified."""
     writer, outputs, title = session.writer, session.outputs, session.title
-    if not any(outputs[option] for option in ("--plot", "--plot-contact", "--render")):
+    if not any(outputs[option] for option in ("--plot", "--plot-contact")):
         return
-    from hemivar.report import BodyColour, plot_contact, plot_solution, render_solution, save
+    from hemivar.report import BodyColour, plot_contact, plot_solution, save
 
     shade, units = None if colour is None else BodyColour(colour), session.stated.units
 
@@ -241,16 +227,6 @@ def draw(session: Session, solution: Solution, certificate: Certificate | None, 
         "--plot-contact": lambda path: save(
             plot_contact(solution, title=title, certificate=certificate, unit=units.length, stress_unit=units.stress),
             path,
-        ),
-        "--render": lambda path: render_solution(
-            solution,
-            path,
-            scale="auto",
-            title=title,
-            colour=shade,
-            certificate=certificate,
-            unit=units.length,
-            stress_unit=units.stress,
         ),
     }
     for option, task in pictures.items():

@@ -22,7 +22,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.history import History
 from hemivar.files.record import plain, prepared, version
-from hemivar.files.series import write_pvd, write_xdmf
+from hemivar.files.series import write_pvd
 from hemivar.mesh.vtu_grid import BUDGET
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ __all__ = [
 ]
 
 #: Suffixes that :func:`write_history` knows.
-HISTORY_FILES = (".pvd", ".xdmf", ".csv", ".parquet", ".json")
+HISTORY_FILES = (".pvd", ".csv", ".parquet", ".json")
 #: Columns of the energy balance.
 _ENERGIES = {one.name for one in fields(EnergyBalance)} - {"start"}
 _WHOLE = ("solver_steps", "jumped", "fallbacks")
@@ -61,8 +61,8 @@ def history_columns(history: History) -> dict[str, Array]:
 def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
     """Write an evolution, by the suffix of the name.
 
-    ``.pvd`` the frames for ParaView, with a folder of VTU files beside it; ``.xdmf`` displacement and velocity of the
-    frames in one file; ``.csv`` and ``.parquet`` the table; ``.json`` the record of :func:`history_record`.
+    ``.pvd`` the frames for ParaView, with a folder of VTU files beside it; ``.csv`` and ``.parquet`` the table;
+    ``.json`` the record of :func:`history_record`.
 
     Parameters
     ----------
@@ -84,8 +84,6 @@ def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
     suffix = path_of(path).suffix.lower()
     if suffix == ".pvd":
         return write_pvd(history, path)
-    if suffix == ".xdmf":
-        return (write_xdmf(history, path),)
     if suffix == ".json":
         return (write_history_json(history, path),)
     if suffix in (".csv", ".parquet"):

@@ -10,17 +10,15 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, remove_file, try_output, whole_file, write_text
-from hemivar.basics.first_use import IMPORTS
-from hemivar.basics.types import Array
-from hemivar.errors import FileError, ProblemError
+from hemivar.basics.disk import make_folder, remove_file, try_output, write_text
+from hemivar.errors import FileError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame, History
 from hemivar.files.record import prepared
 from hemivar.files.snapshot import snapshot
-from hemivar.files.vtu import CELL_TYPES, three_components, write_vtu
+from hemivar.files.vtu import write_vtu
 
-__all__ = ["Series", "numbered", "write_pvd", "write_xdmf"]
+__all__ = ["Series", "numbered", "write_pvd"]
 
 
 class Series:
@@ -129,36 +127,3 @@ def write_pvd(history: History, path: str | Path) -> tuple[Path, ...]:
         The name does not end in ``.pvd``; a file cannot be written.
     """
     return Series(path, history.discrete).finish(numbered(history))
-
-
-def write_xdmf(history: History, path: str | Path) -> Path:
-    """Write displacement and velocity of all frames as one XDMF file, numbers as text within it.
-
-    Raises
-    ------
-    ProblemError, FileError
-        The name does not end in ``.xdmf``, or nothing was saved; the file cannot be written.
-    """
-    with IMPORTS:
-        import meshio
-
-    path = prepared(path, ".xdmf")
-    if not history.frames:
-        raise ProblemError("no frames were saved; march(..., save=Save(every=...)) saves them")
-    field = history.discrete.field
-    cells = [(CELL_TYPES[field.mesh.dim, field.order], field.mesh.cell_nodes(field.order))]
-    with whole_file(path) as name, meshio.xdmf.TimeSeriesWriter(name, data_format="XML") as writer:
-        writer.write_points_cells(three_components(field.nodes), cells)
-        for frame in history.frames:
-            data: dict[str, Array]
-            if field.components == 1:
-                data = {field.name: frame.displacement[:, 0], "velocity": frame.velocity[:, 0]}
-            else:
-                data = {
-                    "displacement": three_components(frame.displacement),
-                    "velocity": three_components(frame.velocity),
-                }
-            if frame.temperature is not None:
-                data["temperature"] = frame.temperature
-            writer.write_data(frame.time, point_data=data)
-    return path

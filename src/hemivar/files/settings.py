@@ -97,9 +97,7 @@ class OutputSettings:
 
     fields: str | None = field(
         default=None,
-        metadata=stated(
-            Form.FILE, "a file of the displacements over time: `.pvd` or `.xdmf`", endings=(".pvd", ".xdmf")
-        ),
+        metadata=stated(Form.FILE, "the displacements over time for ParaView: `.pvd`", endings=(".pvd",)),
     )
     animation: str | None = field(
         default=None, metadata=stated(Form.FILE, "`.gif` or `.mp4`", endings=(".gif", ".mp4"))

@@ -22,7 +22,6 @@ from .paper import paper as paper
 from .path_diagrams import plot_path as plot_path
 from .plane_body import Arrows as Arrows
 from .saving import save as save
-from .scene import render_solution as render_solution
 from .solution_pictures import plot_solutions as plot_solutions
 from .statement_figure import plot_problem as plot_problem
 from .study_figures import plot_study as plot_study

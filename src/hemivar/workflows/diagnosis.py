@@ -36,7 +36,6 @@ _REQUIRED = (
 _OPTIONAL = (
     ("python-mumps", "mumps", "a faster factorisation, half the memory", "pip install 'hemivar[mumps]'"),
     ("gmsh", "gmsh", "generating meshes (reading them needs nothing)", "pip install 'hemivar[gmsh]'"),
-    ("pyvista", "pyvista", "shaded pictures of bodies in space", "pip install 'hemivar[3d]'"),
     ("starlette", "starlette", "hemivar studio (with uvicorn and websockets)", "pip install 'hemivar[studio]'"),
     ("anywidget", "anywidget", "the studio in a notebook", "pip install 'hemivar[notebook]'"),
     ("pandas", "pandas", "tables as DataFrames", "pip install pandas"),
