@@ -32,9 +32,9 @@ def loop(jump: str, step: float) -> hv.evolution.History:
 
 def main() -> None:
     with drawing():
-        figure = new_figure((6.6, 4.6), layout="constrained")
-        panels = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
-        for panel, jump in zip(panels, ("local", "viscous", "arc-length", "dynamic", "global"), strict=False):
+        figure = new_figure((6.6, 4.9), layout="constrained")
+        panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+        for panel, jump in zip(panels, ("local", "viscous", "arc-length", "global"), strict=False):
             history = loop(jump, 0.04)
             pushed, force = np.minimum(history.times, 0.8 - history.times), history["normal_force"]
             # All equilibria: kappa (r0 - r) = j'(r).
@@ -44,13 +44,11 @@ def main() -> None:
             panel.plot(pushed[half - 1 :], force[half - 1 :], ".-", color=RED, label="drawn back")
             panel.set_title(f"{jump}, lost in jumps {history.ledger['jumps']:.4f}", fontsize=8.5)
             panel.spines[["top", "right"]].set_visible(False)
-        for panel in panels[2:5]:
+        for panel in panels[2:]:
             panel.set_xlabel("push of the top")
-            panel.tick_params(labelbottom=True)
-        for panel in panels[::3]:
+        for panel in panels[::2]:
             panel.set_ylabel("force")
-        panels[5].set_axis_off()
-        panels[5].legend(*panels[0].get_legend_handles_labels(), loc="center")
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     save(figure, Path(__file__).parent / "images" / "jumps.png", dpi=120)
 
 

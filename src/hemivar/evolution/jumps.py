@@ -21,9 +21,6 @@ class SelectionRule(StrEnum):
     ARC_LENGTH = "arc-length"
     """Along the path of equilibria, by its arc length and not by the load; where the path turns back the load waits,
     and the body goes downhill to the next equilibrium.  Neither the load of a jump nor its loss depend on the step."""
-    DYNAMIC = "dynamic"
-    """Along the path of equilibria; where it turns back the body moves by its inertia, under the load that it has
-    there, until it rests.  Needs a density."""
     GLOBAL = "global"
     """The lowest energy that can be found, wherever it is (energetic solutions)."""
     STOP = "stop"
@@ -32,7 +29,7 @@ class SelectionRule(StrEnum):
     @property
     def follows(self) -> bool:
         """Whether the path of equilibria is followed within a step."""
-        return self in (SelectionRule.ARC_LENGTH, SelectionRule.DYNAMIC)
+        return self is SelectionRule.ARC_LENGTH
 
 
 @dataclass(frozen=True)

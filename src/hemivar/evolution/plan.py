@@ -126,7 +126,8 @@ class March:
         try:
             object.__setattr__(self, "jump", SelectionRule(self.jump))
         except ValueError:
-            raise ProblemError(f"jump = {self.jump!r}; choose one of {', '.join(SelectionRule)}") from None
+            gone = " was removed: march with inertia" if self.jump == "dynamic" else ""
+            raise ProblemError(f"jump = {self.jump!r}{gone}; choose one of {', '.join(SelectionRule)}") from None
         as_method(self.method)
         expect(self.controls, Controls, "controls", "pass Controls(rtol=...)")
         if not number(self.max_time, "max_time", "give seconds") >= 0.0:
@@ -196,7 +197,7 @@ def _refuse_nonlinear(plan: March) -> None:
             "conserving = true is for linear bodies; leave it out: the midpoint rule remains of second order, and its "
             "energy error is reported as 'numerical'"
         )
-    if SelectionRule(plan.jump) in (SelectionRule.ARC_LENGTH, SelectionRule.DYNAMIC, SelectionRule.GLOBAL):
+    if SelectionRule(plan.jump) in (SelectionRule.ARC_LENGTH, SelectionRule.GLOBAL):
         raise ProblemError(
             f"jump = '{plan.jump}' is made for linear bodies, and the material is not linear; take jump = 'local' or "
             "'viscous'"
@@ -206,16 +207,10 @@ def _refuse_nonlinear(plan: March) -> None:
 def _refuse_path(stated: Evolution, plan: March) -> None:
     """Refuse to follow paths of equilibria where there are none."""
     problem = stated.problem
-    resists, inert = problem.material.viscous or problem.capacity is not None, problem.material.inert
-    if resists or stated.inertia:
+    if problem.material.viscous or problem.capacity is not None or stated.inertia:
         return
     if not plan.scheme.ends_at_equilibrium:
         raise ProblemError(
             f"jump = '{plan.jump}' follows equilibria at the ends of steps, which the scheme {plan.scheme.name} does "
             f"not have; take {ImplicitEuler.name}"
-        )
-    if plan.jump is SelectionRule.DYNAMIC and not inert:
-        raise ProblemError(
-            "jump = 'dynamic' lets the body move by its inertia, but it has no density; give one, such as "
-            "Material.lame(..., density=rho), or take jump = 'arc-length'"
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -94,8 +94,6 @@ class StageSolver:
     solver: Solver | None
     controls: Controls
     workspace: Workspace
-    #: For the bodies of transients, which come and go.
-    _transient: Workspace = field(default_factory=lambda: Workspace(4), repr=False)
 
     @property
     def resists(self) -> bool:
@@ -167,7 +165,7 @@ class StageSolver:
         if jump.follows and not self.resists and (convexity_defect := self.convexity_defect(stage)) >= 0.0:
             _refuse_without_energy(stage.problem, jump)
             self._condense(stage.problem)
-            paths = JumpPaths(self.discrete, self.bodies, self.workspace, self._transient)
+            paths = JumpPaths(self.bodies, self.workspace)
             followed = paths.follow(stage, convexity_defect, jump, self.solver, controls)
             return StageSolution(followed.solution, leaps=followed.leaps)
         found = self._sought(stage, initial, jump, controls)
