@@ -273,7 +273,7 @@ def bracket(
     check_colour(colour, {"--plot": plot})
     outputs = {"--json": json, "--plot": plot, "--plot-contact": None, "--render": None}
     session = Session(problem, outputs, max_time=max_time, given=given)
-    check_drawable(session.stated, None, None, colour)
+    check_drawable(session.stated, None, colour)
     options = BracketOptions(upto, session.controls.max_time)
     with StageView(console()) as view:
         found = result_of(work(session.stated.problem, options), view)
