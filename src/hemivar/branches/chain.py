@@ -18,7 +18,8 @@ from typing import TypeVar
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.branches.curves import ROUNDING, Curves, negative_eigenvalues
 from hemivar.branches.segments import Segments, graph_segments, joined_rows
 from hemivar.errors import MethodError
 from hemivar.laws import ContactLaw, separable
@@ -28,15 +29,12 @@ __all__ = ["Chain", "chain_of", "segments_at_most"]
 
 _Kind = TypeVar("_Kind", bound="Chain")
 
-#: Relative rounding that a zero of F may carry; more for one where the Jacobian is nearly singular, up to _SAME.
-ROUNDING = 64.0 * float(np.finfo(float).eps)
+#: Relative rounding of a zero of F where the Jacobian is nearly singular, at most.
 _SAME = 1e-8
-#: Part of the displacements by which Newton's method may still move a point whose balance is exact but for rounding.
-CORRECTION = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Chain(Segments):
+class Chain(Segments, Curves):
     """The curves of all free components, cut into segments: pieces of the law, and its kinks.
 
     Arrays have one row for each free component (n) and one column for each segment (S), padded.
@@ -187,11 +185,6 @@ class Chain(Segments):
         lam = self.factors(r, lam) * lam
         return np.asarray(np.abs(force) + np.abs(self.matrix) @ np.abs(r) + self.weights * np.abs(lam))
 
-    def rounds(self, F: Array, theta: Array, segment: IntArray, force: Array) -> bool:
-        """Whether rounding explains all of F, as it is left by a solver: measured by the largest force."""
-        largest = self.forces(theta, segment, force).max(initial=0.0)
-        return bool(np.abs(F).max(initial=0.0) <= ROUNDING * largest)
-
     def at(self, r: Array, lam: Array, segment: IntArray) -> Array:
         """theta of points ``(r, lam)`` of the given segments, (n,) each."""
         kink = self.pick(self.kink, segment)
@@ -222,40 +215,27 @@ class Chain(Segments):
         H[np.diag_indices(len(H))] += (self.weights * curvature)[moving]
         return H
 
-    def falls(self, segment: IntArray) -> bool:
-        """Whether some component is at a downward jump."""
-        return bool((self.pick(self.kink, segment) & (self.pick(self.direction, segment) < 0.0)).any())
+    def falls(self, segment: IntArray) -> BoolArray:
+        """Which components are at a downward jump, (n,)."""
+        return np.asarray(self.pick(self.kink, segment) & (self.pick(self.direction, segment) < 0.0))
 
     def stable(self, theta: Array, segment: IntArray) -> bool:
         """Whether the point is a local minimiser of the energy (to second order)."""
-        if self.falls(segment):
-            return False
-        try:
-            np.linalg.cholesky(self.reduced_hessian(theta, segment))
-        except np.linalg.LinAlgError:
-            return False
-        return True
+        return self.negative(theta, segment) == 0
 
-    def correct(self, theta: Array, segment: IntArray, force: Array) -> Array | None:
-        """Newton's method for F = 0 with the segments given; None where it fails.
+    def negative(self, theta: Array, segment: IntArray) -> int:
+        """Number of directions in which the energy falls (to second order), one for each component that jumps down."""
+        return negative_eigenvalues(self.reduced_hessian(theta, segment)) + int(self.falls(segment).sum())
 
-        Where steps do not become smaller than rounding forces must: slender bodies beside gaps are known no better.
-        """
-        for _ in range(30):
-            F, J = self.balance(theta, segment, force)
-            try:
-                step = np.linalg.solve(J, -F)
-            except np.linalg.LinAlgError:
-                return None
-            exact = self.rounds(F, theta, segment, force)
-            theta = theta + step
-            if not np.isfinite(theta).all():
-                return None
-            size = np.abs(step).max(initial=0.0) / max(float(np.abs(theta).max(initial=0.0)), self.length)
-            if size <= (CORRECTION if exact else 1e-14):
-                return theta
-        F = self.out_of_balance(theta, segment, force)
-        return theta if self.rounds(F, theta, segment, force) else None
+    def falls_beside(self, theta: Array, segment: IntArray) -> Array:
+        """By how much the law of each component falls, over the stiffness of the body with all others held, (n,)."""
+        kink = self.pick(self.kink, segment)
+        fall = np.where(kink, 0.0, -self.evaluate(theta, segment)[3])
+        return np.where(self.falls(segment), np.inf, fall) / np.diagonal(self.matrix)
+
+    def load_of(self, system: CondensedProblem) -> Array:
+        """g of the body under some load, (n,)."""
+        return np.asarray(system.load[system.free])
 
 
 def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # type: ignore[assignment]

@@ -13,7 +13,10 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, BoolArray
 from hemivar.branches.chain import Chain, chain_of
+from hemivar.branches.curves import Curves
 from hemivar.branches.follower import Follower, PathProgress, Track
+from hemivar.branches.graph_chart import GraphChart, chart_of
+from hemivar.branches.graph_follower import GraphFollower
 from hemivar.branches.path import Fold, Path, PathEnd, PathJump
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.problem import DiscreteProblem
@@ -21,7 +24,7 @@ from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine, deformation
 from hemivar.fem.posed import Posable, posed
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
+from hemivar.solvers import Controls, LoadStepping, Solution, Solver, Status, solve
 from hemivar.systems import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
@@ -161,23 +164,10 @@ def following(
         raise ProblemError(
             "a path needs contact points; solve once, for without contact the solution is proportional to the load"
         )
-    if not problem.law.splits:
-        raise MethodError(
-            f"path following takes a normal law with friction beside it, and {problem.law.not_separable}; solve it, "
-            "hemivar.solve(problem): under too large a load `carried` brackets what the glue carries. Glue whose "
-            "opening and slip do not act together, Adhesive with a SlipTable, has a path, and carries more"
-        )
-    if problem.law.state_dependent:
-        raise MethodError(
-            "path following needs a friction bound that does not depend on the solution; take one that is a number, or "
-            "raise the load in steps instead: "
-            "hemivar.solve(problem, hemivar.solvers.FixedPoint(hemivar.solvers.LoadStepping()))"
-        )
     budget = Budget(options.max_time)
     line = LoadLine(problem, unloaded)
     system = kept.condensed(problem)
-    chain: Chain = chain_of(system)
-    if chain.size == 0:
+    if not system.active.any():
         raise ProblemError("the supports hold every contact point, so that no path starts; free some of them")
     # A little above the lower end all components are on definite sides of their kinks, which they may not be at rest.
     first = low + 1e-4 * (high - low)
@@ -185,19 +175,21 @@ def following(
     guess = start.unknowns if isinstance(start, Solution) else start
     begun = solve(
         at_start,
-        LoadStepping(steps=10 if low > 0.0 else 1) if guess is None else LoadStepping(steps=1).inner,
+        _starting(problem, low, guess is not None),
         Controls(rtol=1e-11, max_time=budget.left),
         initial=guess,
         workspace=kept,
     )
     if begun.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
-    force0 = _chain_force(system, chain, line, 0.0)
-    force1 = _chain_force(system, chain, line, 1.0) - force0
+    chain = _curves(system, begun)
+    follows = Follower if isinstance(chain, Chain) else GraphFollower
+    force0 = chain.load_of(system.for_problem(line.at(0.0)))
+    force1 = chain.load_of(system.for_problem(line.at(1.0))) - force0
     theta, segment = chain.nearest(begun.local, begun.multiplier)
     perturbation = np.zeros(chain.size)
     for attempt in range(2):
-        follower = Follower(
+        follower = follows(
             chain, force0 + perturbation, force1, low, high, options.max_points, options.largest_step, budget
         )
         corrected = chain.correct(theta, segment, follower.force(first))
@@ -219,13 +211,23 @@ def following(
             f"the time limit of {options.max_time:g} s was reached before the path left its first point; give more time"
         )
     if perturbation.any():
-        _unperturb(track, Follower(chain, force0, force1, low, high, options.max_points, options.largest_step))
+        _unperturb(track, follows(chain, force0, force1, low, high, options.max_points, options.largest_step))
     return _assemble(line, chain, track, bool(perturbation.any()))
 
 
-def _chain_force(system: CondensedProblem, chain: Chain, line: LoadLine, factor: float) -> Array:
-    """g on the free components at a load factor."""
-    return np.asarray(system.for_problem(line.at(factor)).load[system.free])
+def _starting(problem: DiscreteProblem, low: float, near: bool) -> Solver | None:
+    """The method for the first point of a path, ``near`` a guess or not; None for that of the problem."""
+    if problem.law.state_dependent:
+        return None
+    return LoadStepping(steps=1).inner if near else LoadStepping(steps=10 if low > 0.0 else 1)
+
+
+def _curves(system: CondensedProblem, begun: Solution) -> Chain | GraphChart:
+    """The graphs of the laws: scalar curves, exact to rounding and with falls, where opening and slip are apart."""
+    law = system.law
+    if law.splits and not law.state_dependent and system.shape[1] <= 2:
+        return chain_of(system)
+    return chart_of(system, begun.local, begun.multiplier)
 
 
 def _unperturb(track: Track, follower: Follower) -> None:
@@ -234,13 +236,13 @@ def _unperturb(track: Track, follower: Follower) -> None:
         event = point.event
         if event is None:
             continue
-        goal = point.t if event.component is None else float(point.theta[event.component])
-        found = follower.solve(point.theta, event.segment, point.t, event.component, goal)
+        goal = point.t if event.of_load else float(event.border[:-1] @ point.theta)
+        found = follower.solve(point.theta, event.segment, point.t, event.border, goal)
         if found is not None and np.abs(found[0] - point.theta).max() <= 1e-6 * follower.chain.length:
             point.theta, point.t = found
 
 
-def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Path:
+def _assemble(line: LoadLine, chain: Chain | GraphChart, track: Track, perturbed: bool) -> Path:
     system = chain.system
     if not track.stretches:
         raise ProblemError(f"the path ends where it begins ({track.ended}); give another start or range")
@@ -259,9 +261,9 @@ def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Pa
         local[i][held] = fixed[held]
         x = local[i].ravel()
         force = (1.0 - factor) * systems[0].load + factor * systems[2].load
-        answer = float(system.weights @ system.law.value(local[i]))
+        answer = np.nan if system.law.state_dependent else float(system.weights @ system.law.value(local[i]))
         energy[i] = 0.5 * x @ (system.matrix @ x) - force @ x + answer + np.polyval(curve, factor)
-    force0, force1 = systems[0].load[system.free], systems[2].load[system.free]
+    force0, force1 = chain.load_of(systems[0]), chain.load_of(systems[2])
     snaps, snap_size = _snaps(chain, track)
     folds = tuple(Fold(float(t[i]), i, bool(snaps[i])) for i in range(1, t.size - 1) if track.points[i].fold)
     return Path(
@@ -284,29 +286,21 @@ def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Pa
     )
 
 
-def _snaps(chain: Chain, track: Track) -> tuple[BoolArray, float | None]:
+def _snaps(chain: Curves, track: Track) -> tuple[BoolArray, float | None]:
     """Points (k,) of a path beside which one contact point lets go alone; and the size of facets at which none does.
 
     A component lets go alone where its law falls by more than the stiffness of the body with all others held: on an
     unstable stretch on which the Hessian has a negative diagonal entry, or a law jumps down.
     """
-    stiffness = np.diagonal(chain.matrix)
-    alone, steepest = np.zeros(len(track.stretches), dtype=bool), np.zeros(chain.size)
+    alone, steepest = np.zeros(len(track.stretches), dtype=bool), 0.0
     for i, stretch in enumerate(track.stretches):
         if stretch.stable:
             continue
-        kink = chain.pick(chain.kink, stretch.segment)
-        middle = 0.5 * (track.points[i].theta + track.points[i + 1].theta)
-        fall = np.where(kink, 0.0, -chain.evaluate(middle, stretch.segment)[3])
-        fall = np.where(kink & (chain.pick(chain.direction, stretch.segment) < 0.0), np.inf, fall)
-        one = chain.weights * fall > stiffness
-        alone[i] = one.any()
-        steepest = np.maximum(steepest, np.where(one, fall, 0.0))
+        fall = chain.falls_beside(0.5 * (track.points[i].theta + track.points[i + 1].theta), stretch.segment)
+        alone[i] = (chain.weights * fall > 1.0).any()
+        steepest = max(steepest, float(fall[chain.weights * fall > 1.0].max(initial=0.0)))
     beside = np.concatenate([[False], alone]) | np.concatenate([alone, [False]])
-    if not alone.any():
-        return beside, None
-    found = steepest > 0.0
-    return beside, float((stiffness[found] / steepest[found]).min())
+    return beside, 1.0 / steepest if alone.any() else None
 
 
 def _strained(system: CondensedProblem, line: LoadLine, t: Array, local: Array, multiplier: Array) -> tuple[str, ...]:
@@ -328,7 +322,7 @@ def _strained(system: CondensedProblem, line: LoadLine, t: Array, local: Array, 
     return (told,) if told else ()
 
 
-def _jumps(chain: Chain, track: Track, force0: Array, force1: Array, local: Array) -> tuple[PathJump, ...]:
+def _jumps(chain: Curves, track: Track, force0: Array, force1: Array, local: Array) -> tuple[PathJump, ...]:
     """Where stability is lost while the load goes up, or down, and where the next stable stretch at that load is."""
     t = track.load_factors
     stable = [stretch.stable for stretch in track.stretches]
@@ -357,13 +351,11 @@ def _jumps(chain: Chain, track: Track, force0: Array, force1: Array, local: Arra
     return tuple(jumps)
 
 
-def _landing(chain: Chain, track: Track, k: int, part: float, force: Array, between: Array) -> tuple[Array, bool]:
+def _landing(chain: Curves, track: Track, k: int, part: float, force: Array, between: Array) -> tuple[Array, bool]:
     """The solution (m, d) on a curved stretch, and False; if none is found the point ``between`` its ends, and True."""
     segment = track.stretches[k].segment
     first, last = track.points[k].theta, track.points[k + 1].theta
     theta = chain.correct(first + part * (last - first), segment, force)
     if theta is None or not chain.inside(theta, segment, 1e-7 * chain.length).all():
         return between, True
-    found = between.copy()
-    found[chain.point, chain.column] = chain.evaluate(theta, segment)[0]
-    return found, False
+    return np.where(chain.system.active, chain.local(theta, segment)[0], between), False

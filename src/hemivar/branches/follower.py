@@ -12,8 +12,9 @@ import numpy as np
 from hemivar.basics.deadline import Budget, OutOfTime, check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
-from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.branches.chain import CORRECTION, ROUNDING, Chain
+from hemivar.basics.types import AnyArray, Array, BoolArray
+from hemivar.branches.chain import Chain
+from hemivar.branches.curves import CORRECTION, ROUNDING
 from hemivar.branches.path import PathEnd
 
 __all__ = ["Follower", "Following", "PathEvent", "PathProgress", "Track", "trace"]
@@ -21,10 +22,15 @@ __all__ = ["Follower", "Following", "PathEvent", "PathProgress", "Track", "trace
 
 @dataclass(frozen=True, eq=False)
 class PathEvent:
-    """What fixes a point of the path: a component at the end of its segment, or the load (None)."""
+    """What fixes a point of the path: ``border`` times (theta, t) has its value there, of the load or of a corner."""
 
-    component: int | None
-    segment: IntArray
+    border: Array  # (n + 1,)
+    segment: AnyArray
+
+    @property
+    def of_load(self) -> bool:
+        """Whether the load has its value there."""
+        return bool(self.border[-1] != 0.0)
 
 
 @dataclass(frozen=True)
@@ -54,11 +60,16 @@ class TrackPoint:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """What lies between a point and the next."""
+    """What lies between a point and the next; ``negative`` counts the directions in which the energy falls."""
 
-    segment: IntArray
-    stable: bool
+    segment: AnyArray
+    negative: int
     curved: bool
+
+    @property
+    def stable(self) -> bool:
+        """Whether its points are local minimisers."""
+        return self.negative == 0
 
 
 @dataclass(eq=False)
@@ -83,8 +94,11 @@ class Track:
         return Track(self.points + other.points[1:], self.stretches + other.stretches, other.ended)
 
 
+#: Part of a distance by which two changes may differ and be one; changes of stability that a step is searched for.
+_SAME, _CHANGES = 1e-6, 8
+
 #: A number that tells by its sign on which side of a change a point of a segment lies; it also takes the border.
-Measure: TypeAlias = Callable[[Array, IntArray, Array], float]
+Measure: TypeAlias = Callable[[Array, AnyArray, Array], float]
 
 #: A path at work.
 Following: TypeAlias = Generator[PathProgress, bool | None, Track]
@@ -116,7 +130,7 @@ class Follower:
         """Length that stands for a load factor of 1 in the arc length."""
         return self.chain.length / (self.high - self.low)
 
-    def running(self, theta: Array, segment: IntArray, t: float, sign: float) -> Following:
+    def running(self, theta: Array, segment: AnyArray, t: float, sign: float) -> Following:
         """From an equilibrium, first in the direction in which t has this sign; an interruption leaves the points."""
         track = Track([TrackPoint(t, theta)], [])
         try:
@@ -132,7 +146,7 @@ class Follower:
         return track
 
     def extend(
-        self, track: Track, theta: Array, segment: IntArray, t: float, sign: float
+        self, track: Track, theta: Array, segment: AnyArray, t: float, sign: float
     ) -> Generator[PathProgress, bool | None, None]:
         """Append points to a track that holds the first one."""
         chain = self.chain
@@ -147,40 +161,38 @@ class Follower:
             if tangent is None:
                 track.ended = PathEnd.NOT_UNIQUE
                 break
-            curved = not bool(chain.pick(chain.affine, segment).all())
             if tangent[-1] * turn < 0.0:
                 track.points[-1].fold = True
             turn = float(np.sign(tangent[-1])) or turn
-            if curved:
-                new = self.curved_step(theta, segment, t, tangent, step)
-            else:
-                new = self.straight_step(theta, segment, t, tangent)
+            new, curved = self.advance(theta, segment, t, tangent, step)
             if isinstance(new, PathEnd):
                 track.ended = new
                 break
             cuts = self.cuts(theta, segment, t, tangent, new) if curved else self.whole(theta, segment, new)
             for cut in cuts:
-                track.stretches.append(Stretch(segment, cut.stable, curved))
+                track.stretches.append(Stretch(segment, cut.negative, curved))
                 track.points.append(cut.point)
                 turn = -turn if cut.point.fold else turn
             theta, t = new.theta, new.t
             if (yield PathProgress(len(track.points), t)):
                 raise KeyboardInterrupt
-            if new.component is None and new.limit:
+            if new.event is not None and new.event.of_load:
                 track.ended = PathEnd.UPPER_END if t >= self.high else PathEnd.LOWER_END
                 break
-            border = np.zeros(chain.size + 1)
-            if new.component is not None:
-                move = 1 if new.forward else -1
-                segment = segment.copy()
-                segment[new.component] += move
-                border[new.component] = move
-            else:
-                border[:] = new.tangent
+            if new.event is None:
                 step = min(self.largest_step * chain.length, 1.5 * new.length if new.easy else new.length)
-            tangent = self.tangent(theta, segment, border)
+            segment = new.segment
+            tangent = self.tangent(theta, segment, new.border)
 
-    def tangent(self, theta: Array, segment: IntArray, border: Array) -> Array | None:
+    def advance(
+        self, theta: Array, segment: AnyArray, t: float, v: Array, length: float
+    ) -> tuple[FollowedPoint | PathEnd, bool]:
+        """The next point along a tangent, and whether the path to it is curved."""
+        if self.chain.pick(self.chain.affine, segment).all():
+            return self.straight_step(theta, segment, t, v), False
+        return self.curved_step(theta, segment, t, v, length), True
+
+    def tangent(self, theta: Array, segment: AnyArray, border: Array) -> Array | None:
         """Unit tangent (dtheta, dt) on which ``border`` is positive."""
         n = self.chain.size
         _, J = self.chain.balance(theta, segment, self.force0)
@@ -211,7 +223,7 @@ class Follower:
             v[-1] = 0.0
         return np.asarray(v)
 
-    def room(self, theta: Array, segment: IntArray, t: float, v: Array) -> tuple[Array, float]:
+    def room(self, theta: Array, segment: AnyArray, t: float, v: Array) -> tuple[Array, float]:
         """How far each component can go along ``v`` on its segment, and the load in its range."""
         chain = self.chain
         low, high = chain.pick(chain.start, segment), chain.pick(chain.end, segment)
@@ -223,25 +235,46 @@ class Follower:
         load = max((bound - t) / v[-1], 0.0) if v[-1] != 0.0 else np.inf
         return far, float(load)
 
-    def straight_step(self, theta: Array, segment: IntArray, t: float, v: Array) -> _Point | PathEnd:
+    def straight_step(self, theta: Array, segment: AnyArray, t: float, v: Array) -> FollowedPoint | PathEnd:
         """To the end of a straight stretch, or why there is no such point."""
         chain = self.chain
         far, load = self.room(theta, segment, t, v)
         i = int(np.argmin(far))
         if load <= far[i] * (1.0 + 1e-12) and np.isfinite(load):
             goal = self.high if v[-1] > 0.0 else self.low
-            found = self.solve(theta + load * v[:-1], segment, goal, None, goal)
-            return PathEnd.NOT_CORRECTED if found is None else _Point(*found, None, False, limit=True)
+            found = self.solve(theta + load * v[:-1], segment, goal, self.load_border, goal)
+            return PathEnd.NOT_CORRECTED if found is None else self.at_load(*found, segment)
         if not np.isfinite(far[i]):
             return PathEnd.UNBOUNDED
         if np.count_nonzero(far <= far[i] + 1e-9 * chain.length) > 1:
             self.ties = True
         forward = bool(v[i] > 0.0)
         goal = float((chain.end if forward else chain.start)[i, segment[i]])
-        found = self.solve(theta + far[i] * v[:-1], segment, t + far[i] * v[-1], i, goal)
-        return PathEnd.NOT_CORRECTED if found is None else _Point(*found, i, forward)
+        found = self.solve(theta + far[i] * v[:-1], segment, t + far[i] * v[-1], self.component_border(i), goal)
+        return PathEnd.NOT_CORRECTED if found is None else self.at_end(*found, segment, i, forward)
 
-    def curved_step(self, theta: Array, segment: IntArray, t: float, v: Array, length: float) -> _Point | PathEnd:
+    @cached_property
+    def load_border(self) -> Array:
+        """The normal (n + 1,) of points at one load."""
+        return self.component_border(-1)
+
+    def component_border(self, i: int) -> Array:
+        """The normal (n + 1,) of points at which a component has one value."""
+        border = np.zeros(self.chain.size + 1)
+        border[i] = 1.0
+        return border
+
+    def at_load(self, theta: Array, t: float, segment: AnyArray) -> FollowedPoint:
+        """A point at an end of the load factors."""
+        return FollowedPoint(theta, t, segment, self.load_border, PathEvent(self.load_border, segment))
+
+    def at_end(self, theta: Array, t: float, segment: AnyArray, i: int, forward: bool) -> FollowedPoint:
+        """A point at which a component leaves its segment."""
+        beyond, border = segment.copy(), self.component_border(i)
+        beyond[i] += 1 if forward else -1
+        return FollowedPoint(theta, t, beyond, border if forward else -border, PathEvent(border, segment))
+
+    def curved_step(self, theta: Array, segment: AnyArray, t: float, v: Array, length: float) -> FollowedPoint | PathEnd:
         """A step of at most ``length`` in the arc length, to an event if there is one on the way."""
         chain = self.chain
         for _ in range(40):
@@ -270,7 +303,7 @@ class Follower:
                 if unit @ old < 0.95 and reach > 1e-9 * chain.length:
                     length = 0.5 * reach
                     continue
-                return _Point(new, new_t, None, False, tangent=unit, length=reach, easy=steps <= 4)
+                return FollowedPoint(new, new_t, segment, unit, length=reach, easy=steps <= 4)
             event = self.event(theta, t, new, new_t, segment, low, high, outside, over)
             if event is not None:
                 return event
@@ -283,12 +316,12 @@ class Follower:
         t: float,
         new: Array,
         new_t: float,
-        segment: IntArray,
+        segment: AnyArray,
         low: Array,
         high: Array,
         outside: BoolArray,
         over: bool,
-    ) -> _Point | None:
+    ) -> FollowedPoint | None:
         """The first end of a segment, or of the load factors, between two points."""
         best: tuple[float, int | None, float] = (np.inf, None, 0.0)
         for i in np.flatnonzero(outside):
@@ -300,46 +333,36 @@ class Follower:
             part = (goal - t) / (new_t - t) if new_t != t else 0.0
             best = min(best, (part, None, goal), key=lambda item: item[0])
         part, component, goal = best
-        found = self.solve(theta + part * (new - theta), segment, t + part * (new_t - t), component, goal)
+        border = self.load_border if component is None else self.component_border(component)
+        found = self.solve(theta + part * (new - theta), segment, t + part * (new_t - t), border, goal)
         if found is None:
             return None
         tolerance = 1e-9 * self.chain.length
         if not self.chain.inside(found[0], segment, tolerance).all():
             return None
         if component is None:
-            return _Point(*found, None, False, limit=True)
+            return self.at_load(*found, segment)
         if not self.low - 1e-12 <= found[1] <= self.high + 1e-12:
             return None
-        return _Point(*found, component, bool(new[component] > theta[component]))
+        return self.at_end(*found, segment, component, bool(new[component] > theta[component]))
 
     def arc(
-        self, theta: Array, segment: IntArray, t: float, v: Array, length: float
+        self, theta: Array, segment: AnyArray, t: float, v: Array, length: float
     ) -> tuple[Array, float, int] | None:
         """The point of the path at this distance along the tangent, and the steps to it."""
         unit = np.append(v[:-1], v[-1] * self.load_unit)
         unit /= np.linalg.norm(unit)
-        return self.newton(theta + length * v[:-1], segment, t + length * v[-1], unit, steps=11)
+        return self.newton(theta + length * v[:-1], t + length * v[-1], unit, segment, steps=11)
 
     def solve(
-        self, theta: Array, segment: IntArray, t: float, component: int | None, goal: float
+        self, theta: Array, segment: AnyArray, t: float, border: Array, goal: float
     ) -> tuple[Array, float] | None:
-        """The point of the path where a component (or the load, if None) has the value ``goal``."""
-        border = np.zeros(self.chain.size + 1)
-        border[-1 if component is None else component] = 1.0
-        start = theta.copy()
-        if component is not None:
-            start[component] = goal
-        found = self.newton(start, segment, goal if component is None else t, border, steps=30)
-        if found is None:
-            return None
-        theta, t, _ = found
-        if component is None:
-            return theta, goal
-        theta[component] = goal
-        return theta, t
+        """The point of the path where ``border`` times (theta, t) is ``goal``, a unit vector of theta or of the load."""
+        found = self.newton(*_onto(theta, t, border, goal), border, segment, steps=30)
+        return None if found is None else _onto(found[0], found[1], border, goal)
 
     def newton(
-        self, theta: Array, segment: IntArray, t: float, border: Array, steps: int
+        self, theta: Array, t: float, border: Array, segment: AnyArray, steps: int
     ) -> tuple[Array, float, int] | None:
         """Newton's method on the plane through a point that is normal to ``border``; and the number of its steps."""
         last = np.inf
@@ -370,39 +393,57 @@ class Follower:
         except np.linalg.LinAlgError:
             return None
 
-    def whole(self, theta: Array, segment: IntArray, new: _Point) -> list[_Cut]:
+    def whole(self, theta: Array, segment: AnyArray, new: FollowedPoint) -> list[_Cut]:
         """A straight step: the Hessian is the same all along."""
-        return [_Cut(np.inf, new.on_track(segment), self.chain.stable(0.5 * (theta + new.theta), segment))]
+        return [_Cut(np.inf, new.on_track, self.chain.negative(0.5 * (theta + new.theta), segment))]
 
-    def cuts(self, theta: Array, segment: IntArray, t: float, v: Array, new: _Point) -> list[_Cut]:
-        """A curved step, cut where the load turns and where stability changes."""
+    def cuts(self, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint) -> list[_Cut]:
+        """A curved step, cut where the load turns and where directions in which the energy falls come or go."""
         fold = self.change(theta, segment, t, v, new, self.rising)
-        found = self.change(theta, segment, t, v, new, self.steady)
-        before, after = (self.chain.stable(point, segment) for point in _within(theta, new.theta))
+        count, after = (self.chain.negative(point, segment) for point in _within(theta, new.theta))
         inner = [] if fold is None else [_Cut(fold[0], TrackPoint(fold[2], fold[1], fold=True))]
-        if found is not None and (fold is None or abs(found[0] - fold[0]) > 1e-6 * max(found[0], fold[0])):
-            inner.append(_Cut(found[0], TrackPoint(found[2], found[1])))
-        where, after = (inner[-1].length, after) if inner else (0.0, before and after)
-        steps = [*sorted(inner, key=lambda cut: cut.length), _Cut(np.inf, new.on_track(segment))]
-        return [replace(cut, stable=before if cut.length <= where else after) for cut in steps]
+        counts = [(0.0, count)]
+        while counts[-1][1] != after and len(counts) <= _CHANGES:
+            place = self.change(theta, segment, t, v, new, self.same_count(counts[-1][1]), counts[-1][0])
+            beyond = None if place is None else self.arc(theta, segment, t, v, place[0] * (1.0 + _SAME))
+            if place is None or beyond is None:
+                break
+            counts.append((place[0], self.chain.negative(beyond[0], segment)))
+            if fold is None or abs(place[0] - fold[0]) > _SAME * max(place[0], fold[0]):
+                inner.append(_Cut(place[0], TrackPoint(place[2], place[1])))
+        last = after if inner else max(count, after)
+        steps = sorted(inner, key=lambda cut: cut.length)
+        known = [replace(cut, negative=_count_before(counts, cut.length)) for cut in steps]
+        return [*known, _Cut(np.inf, new.on_track, last)]
 
-    def rising(self, theta: Array, segment: IntArray, border: Array) -> float:
+    def rising(self, theta: Array, segment: AnyArray, border: Array) -> float:
         """The rate of the load along the path, nan where it has no tangent."""
         tangent = self.tangent(theta, segment, border)
         return np.nan if tangent is None else float(tangent[-1])
 
-    def steady(self, theta: Array, segment: IntArray, border: Array) -> float:
-        """1 where the point is stable, else -1."""
-        return 1.0 if self.chain.stable(theta, segment) else -1.0
+    def same_count(self, count: int) -> Measure:
+        """1 where the energy falls in so many directions, else -1."""
+        return lambda theta, segment, border: 1.0 if self.chain.negative(theta, segment) == count else -1.0
 
     def change(
-        self, theta: Array, segment: IntArray, t: float, v: Array, new: _Point, measure: Measure
+        self,
+        theta: Array,
+        segment: AnyArray,
+        t: float,
+        v: Array,
+        new: FollowedPoint,
+        measure: Measure,
+        begin: float = 0.0,
     ) -> tuple[float, Array, float] | None:
-        """Where a measure changes its sign between two points of a curved path: distance, point, load."""
+        """Where a measure changes its sign between two points of a curved path: distance, point, load.
+
+        Beyond the distance ``begin`` it is positive, if that is not 0.
+        """
         border = np.append(v[:-1], v[-1] * self.load_unit)
         far = float(np.append(new.theta - theta, (new.t - t) * self.load_unit) @ border / np.linalg.norm(border))
-        a, b = 0.0, far
-        fa, fb = (measure(point, segment, border) for point in _within(theta, new.theta))
+        a, b = begin, far
+        first, last = _within(theta, new.theta)
+        fa, fb = 1.0 if begin else measure(first, segment, border), measure(last, segment, border)
         if not fa * fb < 0.0:
             return None
         place: tuple[float, Array, float] | None = None
@@ -423,29 +464,51 @@ class Follower:
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
+class FollowedPoint:
+    """The end of a step: the segments on which the path goes on, and the direction in which it does.
+
+    ``event`` says what fixes the point, if not the length of the step; ``easy`` that the step may grow.
+    """
+
     theta: Array
     t: float
-    component: int | None
-    forward: bool
-    limit: bool = False
-    tangent: Array = field(default_factory=lambda: np.zeros(0))
+    segment: AnyArray
+    border: Array  # (n + 1,)
+    event: PathEvent | None = None
     length: float = np.inf
     easy: bool = True
 
-    def on_track(self, segment: IntArray) -> TrackPoint:
+    @property
+    def on_track(self) -> TrackPoint:
         """It as a point of the path."""
-        fixed = self.component is not None or self.limit
-        return TrackPoint(self.t, self.theta, PathEvent(self.component, segment) if fixed else None)
+        return TrackPoint(self.t, self.theta, self.event)
 
 
 @dataclass(frozen=True, eq=False)
 class _Cut:
-    """A point of the path, its distance from the last corrected one, and whether all before it is stable."""
+    """A point of the path, its distance from the last corrected one, and the falling directions of all before it."""
 
     length: float
     point: TrackPoint
-    stable: bool = False
+    negative: int = 0
+
+
+def _count_before(counts: list[tuple[float, int]], length: float) -> int:
+    """The count that holds up to a distance, where counts hold from distances on."""
+    return next(count for begin, count in reversed(counts) if begin < length * (1.0 - 2.0 * _SAME) or begin == 0.0)
+
+
+def _onto(theta: Array, t: float, border: Array, goal: float) -> tuple[Array, float]:
+    """The nearest point with ``border`` times (theta, t) equal to ``goal``, exactly for one component or the load."""
+    theta = theta.copy()
+    part = np.flatnonzero(border[:-1])
+    if border[-1] != 0.0:
+        return theta, goal / float(border[-1])
+    if part.size == 1:
+        theta[part] = goal / border[part]
+    else:
+        theta += border[:-1] * ((goal - float(border[:-1] @ theta)) / float(border[:-1] @ border[:-1]))
+    return theta, t
 
 
 def _within(first: Array, last: Array) -> tuple[Array, Array]:
@@ -455,13 +518,13 @@ def _within(first: Array, last: Array) -> tuple[Array, Array]:
 
 
 def trace(
-    chain: Chain, force: Array, rate: Array, theta: Array, segment: IntArray, low: float, high: float, points: int = 200
-) -> list[tuple[Array, IntArray]]:
+    chain: Chain, force: Array, rate: Array, theta: Array, segment: AnyArray, low: float, high: float, points: int = 200
+) -> list[tuple[Array, AnyArray]]:
     """Equilibria at the load ``force`` that lie on the path through one of them, with loads ``force + t rate``.
 
     The path is followed from ``t = 0`` in both directions until t leaves ``[low, high]``.
     """
-    found: list[tuple[Array, IntArray]] = []
+    found: list[tuple[Array, AnyArray]] = []
     for sign in (1.0, -1.0):
         follower = Follower(chain, force, rate, low, high, points, 0.05)
         track = result_of(follower.running(theta, segment, 0.0, sign))

@@ -1,0 +1,387 @@
+"""The graphs of contact laws in Minty's chart: any law, in the plane and in space, coupled or not.
+
+With a stiffness a above the weak convexity of the law, ``theta = r + lambda/a`` tells the pair of a contact point: the
+graph is a Lipschitz map ``theta -> r, lambda``, and equilibrium is
+
+    F(theta, t) = A r(theta) + W lambda(theta) - g(t) = 0,
+
+smooth but for corners, where theta passes from one piece of a law to the next.  Nothing is known of the pieces but what
+the law says of pairs: at a corner the derivative jumps by ``b n'``, where n is the normal of the corner in theta.
+Components that a support holds are a part of it: a stiff spring pulls their r to where it is held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as la
+
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.branches.curves import Curves, negative_eigenvalues
+from hemivar.errors import MethodError
+from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import spread
+from hemivar.systems.condensed import CondensedProblem
+
+__all__ = ["BESIDE", "STRAIGHT", "Corner", "GraphChart", "chart_of"]
+
+#: Differences of derivatives that are none, on straight pieces.
+STRAIGHT = 1e-8
+
+#: How much stiffer than the body the spring is that stands for a support.
+_STIFF = 1e12
+#: Rounds in which the first corner of a way is found.
+_ROUNDS = 60
+#: Distance from a corner at which its sides are told, as a part of the length.
+BESIDE = 1e-7
+#: How near a corner of a way is found, distance from there at which it is told from a bend, and what is rounding.
+_NEAR, _TELL, _ROUNDED = 2e-9, 5e-9, 1e-13
+#: A jump of the derivative that counts, in units of what r moves with theta.
+_JUMP = 1e-4
+#: Pairs that are remembered.
+_KEPT = 8
+#: Second singular value of a jump, relative to the first one, above which it has no normal.
+_NO_NORMAL = 1e-3
+#: How far a is above the weak convexity, and at least should be.
+_ABOVE, _ENOUGH = 2.0, 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """Where contact points pass from one piece of their law to the next, along a straight way in theta."""
+
+    part: float  # of the way
+    point: IntArray  # (k,)
+    normal: Array  # (k, c), unit vectors in theta, along the way
+
+    @property
+    def bends(self) -> bool:
+        """Whether no derivative jumps there: the law is curved."""
+        return self.point.size == 0
+
+
+@dataclass(frozen=True, eq=False)
+class GraphChart(Curves):
+    """The graphs of all contact points, in one chart; a ``segment`` is a small vector (n,) into the piece that is meant.
+
+    Attributes
+    ----------
+    system : CondensedProblem
+    a : array (m, 2)
+        Stiffness (force per area and length) of the chart, for the normal and the tangential part.
+    """
+
+    system: CondensedProblem
+    a: Array
+
+    @property
+    def law(self) -> VectorLaw:
+        """The contact law."""
+        return self.system.law
+
+    @property
+    def size(self) -> int:
+        return self.system.active.size
+
+    @property
+    def length(self) -> float:
+        return self.system.length_scale
+
+    @property
+    def weights(self) -> Array:
+        """Weight of each contact point, (m,)."""
+        return self.system.weights
+
+    @cached_property
+    def here(self) -> Array:
+        """No side is meant."""
+        return np.zeros(self.size)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """a for each component, (m, c)."""
+        return spread(self.a, self.system.shape[1])
+
+    @cached_property
+    def matrix(self) -> Array:
+        """A, with the springs of held components, which are one of the weighed law beside the other rows, (n, n)."""
+        held = ~self.system.active.ravel()
+        return np.asarray(self.system.matrix + np.diag(np.where(held, self._weighed, 0.0)))
+
+    @cached_property
+    def _weighed(self) -> Array:
+        return (self.system.weights[:, None] * self.stiffness).ravel()
+
+    @cached_property
+    def _weight(self) -> Array:
+        """Of each component, (m, c); that of held ones is next to nothing beside their springs."""
+        weight = np.repeat(self.system.weights[:, None], self.system.shape[1], axis=1)
+        return np.where(self.system.active, weight, weight / _STIFF)
+
+    def load_of(self, system: CondensedProblem) -> Array:
+        held = ~self.system.active.ravel()
+        return np.where(held, self._weighed * system.fixed.ravel(), system.load)
+
+    # ---- pairs ------------------------------------------------------------------------------------------
+
+    def pairs(self, theta: Array) -> tuple[Array, Array, Array]:
+        """r, lambda (m, c) and dr/dtheta (m, c, c)."""
+        key = theta.tobytes()
+        if key not in self._known:
+            on = self.law.on_graph(self.stiffness * theta.reshape(self.system.shape), self.a)
+            self._known[key] = on.r, on.multiplier, on.jacobian * self.stiffness[:, None, :]
+            if len(self._known) > _KEPT:
+                del self._known[next(iter(self._known))]
+        return self._known[key]
+
+    @cached_property
+    def _known(self) -> dict[bytes, tuple[Array, Array, Array]]:
+        return {}
+
+    def slopes(self, theta: Array, side: Array) -> Array:
+        """dr/dtheta (m, c, c) on a side."""
+        return self.pairs(theta + side)[2]
+
+    def pair_of(self, j: int, theta: Array) -> Array:
+        """dr/dtheta (k, c, c) of one contact point at places theta (k, c)."""
+        index = np.full(len(theta), j)
+        stiffness = self.stiffness[index]
+        return self.law.take(index).on_graph(stiffness * theta, self.a[index]).jacobian * stiffness[:, None, :]
+
+    def nearest(self, r: Array, lam: Array) -> tuple[Array, Array]:
+        return (r + lam / self.stiffness).ravel(), self.here
+
+    def local(self, theta: Array, side: Array) -> tuple[Array, Array]:
+        r, lam, _ = self.pairs(theta)
+        return r, lam
+
+    def inside(self, theta: Array, side: Array, tolerance: float) -> BoolArray:
+        return np.ones(theta.size, dtype=bool)
+
+    # ---- balance ----------------------------------------------------------------------------------------
+
+    def balance(self, theta: Array, side: Array, force: Array) -> tuple[Array, Array]:
+        r, lam, slope = self.pairs(theta)
+        if side.any():
+            slope = self.slopes(theta, side)
+        F = self.matrix @ r.ravel() + self._weight.ravel() * lam.ravel() - force
+        return F, self._jacobian(slope)
+
+    def _jacobian(self, slope: Array) -> Array:
+        """dF/dtheta for dr/dtheta (m, c, c)."""
+        m, c = self.system.shape
+        pulled = self._weight * self.stiffness
+        J = np.matmul(self.matrix.reshape(-1, m, 1, c), slope[None]).reshape(self.size, self.size)
+        own = pulled[:, :, None] * (np.eye(c) - slope)
+        blocks = J.reshape(m, c, m, c)
+        every = np.arange(m)
+        blocks[every, :, every, :] += own
+        return J
+
+    def forces(self, theta: Array, side: Array, force: Array) -> Array:
+        r, lam, _ = self.pairs(theta)
+        weighed = np.abs(self._weight * lam).ravel()
+        return np.asarray(np.abs(force) + np.abs(self.matrix) @ np.abs(r).ravel() + weighed)
+
+    # ---- stability --------------------------------------------------------------------------------------
+
+    def negative(self, theta: Array, side: Array) -> int:
+        slope = self.slopes(theta, side)
+        if self.law.state_dependent:
+            return self._falling_modes(slope)
+        return negative_eigenvalues(self._hessian(slope))
+
+    def _falling_modes(self, slope: Array) -> int:
+        """Eigenvalues with a negative real part of the tangent, which is not symmetric."""
+        m, c = self.system.shape
+        weighed = np.zeros((m, c, m, c))
+        every = np.arange(m)
+        weighed[every, :, every, :] = self._weight[:, :, None] * slope
+        try:
+            flexible = np.linalg.eigvals(np.linalg.solve(self._jacobian(slope), weighed.reshape(self.size, -1)))
+        except np.linalg.LinAlgError:
+            return 1
+        return int((flexible.real < -1e-10 * np.abs(flexible).max(initial=0.0)).sum())
+
+    def _moving(self, slope: Array) -> tuple[Array, Array]:
+        """Flexibilities d (m, c) of each law with its chart, held components apart, and their axes (m, c, c)."""
+        flexible = slope / self.stiffness[:, None, :]
+        held = ~self.system.active
+        if held.any():
+            masked = flexible * (held[:, :, None] & held[:, None, :])
+            flexible = flexible - flexible @ np.linalg.pinv(masked, rcond=1e-12, hermitian=True) @ flexible
+            flexible = np.where(held[:, :, None] | held[:, None, :], 0.0, flexible)
+        d, axes = np.linalg.eigh(0.5 * (flexible + flexible.transpose(0, 2, 1)))
+        return d, axes
+
+    def _hessian(self, slope: Array) -> Array:
+        """Second derivative of the energy in the directions in which the contact points move."""
+        m, c = self.system.shape
+        d, axes = self._moving(slope)
+        moving = (d * self.stiffness.max(axis=1, keepdims=True) > 1e-11).ravel()
+        whole = self.system.matrix - np.diag(self._weighed)
+        half = np.matmul(axes.transpose(0, 2, 1), whole.reshape(m, c, -1)).reshape(self.size, m, 1, c)
+        H = np.matmul(half, axes[None]).reshape(self.size, self.size)[np.ix_(moving, moving)]
+        weights = np.repeat(self.system.weights, c)[moving]
+        H[np.diag_indices(len(H))] += weights / d.ravel()[moving]
+        return H
+
+    def falls_beside(self, theta: Array, side: Array) -> Array:
+        d, axes = self._moving(self.slopes(theta, side))
+        least = 1e-9 / self.stiffness.max(axis=1, keepdims=True)
+        law = np.matmul(axes / np.maximum(d, least)[:, None, :], axes.transpose(0, 2, 1))
+        law = law - self.stiffness[:, :, None] * np.eye(self.system.shape[1])
+        body = self.system.blocks + np.where(self.system.active, 0.0, self.stiffness)[:, :, None] * np.eye(len(law[0]))
+        inverse = np.linalg.inv(np.linalg.cholesky(body))
+        return np.asarray(-np.linalg.eigvalsh(inverse @ law @ inverse.transpose(0, 2, 1))[:, 0])
+
+    # ---- corners ----------------------------------------------------------------------------------------
+
+    def straight(self, theta: Array, side: Array, way: Array) -> bool:
+        """Whether no law is curved between ``theta`` and ``theta + way``, nor has a corner there."""
+        return not _Start.of(self, theta, side, way, STRAIGHT).left(1.0).any()
+
+    def leaves(self, theta: Array, side: Array, way: Array, slack: float, parts: int = 1) -> Corner | None:
+        """The first corner between ``theta`` and ``theta + way``, or where derivatives differ by more than the slack.
+
+        It is looked for at the end, and at so many halves of the way.
+        """
+        start = _Start.of(self, theta, side, way, slack)
+        far = [part for part in 0.5 ** np.arange(parts + 1) if start.left(part).any()]
+        if not far:
+            return None
+        high = float(far[-1])
+        low = 0.5 * high if high > 0.5**parts else 0.0
+        near = _NEAR * self.length / max(float(np.abs(way).max()), _NEAR * self.length)
+        for k in range(_ROUNDS):
+            if high - low <= 2.0 * near + 1e-15 * high:
+                break
+            guess = start.guess(high)
+            for part in (guess + 0.5 * near, guess - 0.5 * near) if k % 3 < 2 else (0.5 * (low + high),):
+                if low < part < high:
+                    low, high = (low, part) if start.left(part).any() else (part, high)
+        return self._corner(start.theta + high * way, way, high, _TELL)
+
+    def _corner(self, place: Array, way: Array, part: float, near: float) -> Corner:
+        """What jumps at a place of a way, or near it."""
+        m, c = self.system.shape
+        beside = near * self.length * way / float(np.abs(way).max())
+        jump = self.pairs(place + beside)[2] - self.pairs(place - beside)[2]
+        size = np.abs(jump).max(axis=(1, 2), initial=0.0)
+        point = np.flatnonzero(size > _JUMP)
+        return Corner(part, point, _normals(jump[point], way.reshape(m, c)[point]))
+
+    def crossing(self, j: int, place: Array, normal: Array, reach: float) -> float | None:
+        """How far along its normal a contact point at ``place (c,)`` is from a corner; None if none is in reach."""
+        ends = self.pair_of(j, place + np.array([-reach, reach])[:, None] * normal)
+        if np.abs(ends[1] - ends[0]).max() <= _JUMP:
+            return None
+        low, high = -reach, reach
+        while high - low > 1e-2 * _ROUNDED * self.length + 4e-16 * float(np.abs(place).max()):
+            tried = np.linspace(low, high, 18)[1:-1]
+            slopes = self.pair_of(j, place + tried[:, None] * normal)
+            over = np.abs(slopes - ends[0]).max(axis=(1, 2)) > np.abs(slopes - ends[1]).max(axis=(1, 2))
+            first = int(np.argmax(over)) if over.any() else tried.size
+            before, after = tried[first - 1] if first else low, tried[first] if first < tried.size else high
+            if (before, after) == (low, high):
+                break
+            low, high = float(before), float(after)
+        return 0.5 * (low + high)
+
+    def passing(self, place: Array, way: Array) -> Corner:
+        """All points that are at a corner of a place of the path, and pass it along the way."""
+        return self._corner(place, way, 1.0, BESIDE)
+
+    def side_of(self, corner: Corner, chosen: BoolArray) -> Array:
+        """A small vector into the pieces beyond a corner for the chosen of its points, else before it."""
+        side = np.zeros(self.system.shape)
+        side[corner.point] = BESIDE * self.length * np.where(chosen, 1.0, -1.0)[:, None] * corner.normal
+        return side.ravel()
+
+    def normals_of(self, corner: Corner) -> Array:
+        """The normals of a corner in all of theta, (k, n)."""
+        rows = np.zeros((corner.point.size, *self.system.shape))
+        rows[np.arange(corner.point.size), corner.point] = corner.normal
+        return rows.reshape(corner.point.size, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """A place, a way from it, and what the pairs would be if no piece were left and none were curved."""
+
+    chart: GraphChart
+    theta: Array
+    way: Array
+    r: Array
+    slope: Array
+    rate: Array
+    slack: float
+
+    @staticmethod
+    def of(chart: GraphChart, theta: Array, side: Array, way: Array, slack: float) -> _Start:
+        theta = theta + side
+        r, _, slope = chart.pairs(theta)
+        rate = np.matmul(slope, way.reshape(chart.system.shape)[:, :, None])[:, :, 0]
+        return _Start(chart, theta, way, r, slope, rate, slack)
+
+    def _off(self, part: float) -> tuple[Array, Array, Array]:
+        """By how much r (m, c) and the derivative (m, c, c) miss it at a part of the way; and the jump's rate."""
+        r, _, slope = self.chart.pairs(self.theta + part * self.way)
+        way = self.way.reshape(r.shape)
+        jump = slope - self.slope
+        return r - self.r - part * self.rate, jump, np.matmul(jump, way[:, :, None])[:, :, 0]
+
+    def left(self, part: float) -> BoolArray:
+        """Which points (m,) are no longer where they would be."""
+        off, jump, _ = self._off(part)
+        moved = part * np.abs(self.way.reshape(off.shape)).max(axis=1)
+        bent = np.abs(off).max(axis=1) > self.slack * moved + 1e-12 * self.chart.length
+        return np.asarray(bent | (np.abs(jump).max(axis=(1, 2)) > self.slack))
+
+    def guess(self, part: float) -> float:
+        """Where the first of them has left, if all pieces are straight."""
+        off, _, rate = self._off(part)
+        size = np.einsum("mc,mc->m", rate, rate)
+        back = np.einsum("mc,mc->m", off, rate) / np.where(size > 0.0, size, np.inf)
+        return part - float(back.max(initial=0.0))
+
+
+def _normals(jump: Array, way: Array) -> Array:
+    """Unit normals (k, c) of jumps ``b n'`` (k, c, c), along the way; the way itself where a jump has none."""
+    if not len(jump):
+        return way
+    _, values, rows = np.linalg.svd(jump)
+    along = np.einsum("kc,kc->k", rows[:, 0], way)
+    size = np.linalg.norm(way, axis=1)
+    sloped = np.abs(along) > 1e-9 * size
+    plain = sloped if values.shape[1] == 1 else sloped & (values[:, 1] <= _NO_NORMAL * values[:, 0])
+    heading = way / np.where(size > 0.0, size, 1.0)[:, None]
+    return np.where(plain[:, None], rows[:, 0] * np.where(along < 0.0, -1.0, 1.0)[:, None], heading)
+
+
+def chart_of(system: CondensedProblem, r: Array, lam: Array, stiffer: float = 1.0) -> GraphChart:
+    """The chart of a condensed problem near a state ``r, lam (m, c)``, ``stiffer`` times more than it would be.
+
+    Raises
+    ------
+    MethodError
+        A law falls at once, so that it has no chart.
+    """
+    alpha = _least(system.law, r, lam)
+    if not np.isfinite(alpha).all():
+        raise MethodError(
+            f"law '{system.law.name}' falls at once: its load path needs a body in the plane, opening and slip apart, and "
+            "a friction bound that does not depend on the solution; give the fall a slope"
+        )
+    return GraphChart(system, stiffer * np.maximum(_ABOVE * alpha, 1.0 / system.compliance))
+
+
+def _least(law: VectorLaw, r: Array, lam: Array) -> Array:
+    """What a must be above, (m, 2)."""
+    parts = law.weak_convexity if law.depends_on_whole_state else law.frozen(r, lam).weak_convexity
+    alpha = np.stack([np.broadcast_to(part, len(r)) for part in parts], axis=1)
+    if law.depends_on_whole_state:
+        alpha = np.repeat(alpha.max(axis=1, keepdims=True), 2, axis=1) + np.reshape(law.lipschitz, (-1, 1))
+    return alpha

@@ -1,0 +1,181 @@
+"""A path in Minty's chart: straight from corner to corner where all laws are, else by arc length; through corners."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray
+from hemivar.branches.curves import ROUNDING
+from hemivar.branches.follower import FollowedPoint, Follower, PathEvent
+from hemivar.branches.graph_chart import BESIDE, STRAIGHT, Corner, GraphChart
+from hemivar.branches.path import PathEnd
+
+__all__ = ["GraphFollower"]
+
+#: Differences of derivatives in a curved step, at most at first.
+_CURVED = 0.2
+#: Halves of a long way at which corners are looked for.
+_HALVES = 8
+#: Part of the length on which it is seen whether the path is straight.
+_PROBE = 1e-3
+#: Rounds in which a curved corner is located, and distance from it that is none.
+_ROUNDS, _ON = 12, 1e-11
+#: Ways on that are tried where several points meet a corner together.
+_WAYS = 300
+
+
+@dataclass(eq=False)
+class GraphFollower(Follower):
+    """Follows ``F(theta, t) = 0`` in Minty's chart, see :class:`Follower`."""
+
+    chain: GraphChart
+
+    def advance(
+        self, theta: Array, segment: Array, t: float, v: Array, length: float
+    ) -> tuple[FollowedPoint | PathEnd, bool]:
+        found = self.straight(theta, segment, t, v)
+        return (self.curved_step(theta, segment, t, v, length), True) if found is None else (found, False)
+
+    def load_room(self, t: float, v: Array) -> float:
+        """How far the load is in its range along ``v``."""
+        bound = self.high if v[-1] > 0.0 else self.low
+        return max((bound - t) / float(v[-1]), 0.0) if v[-1] != 0.0 else np.inf
+
+    def straight(self, theta: Array, side: Array, t: float, v: Array) -> FollowedPoint | PathEnd | None:
+        """To the end of a straight stretch; None where it is curved."""
+        chain, load = self.chain, self.load_room(t, v)
+        probe = _PROBE * chain.length / max(float(np.abs(v[:-1]).max()), 1e-300)
+        if not chain.straight(theta, side, min(probe, load) * v[:-1]):
+            return None
+        reach = load if np.isfinite(load) else probe / _PROBE * 1e6
+        corner = chain.leaves(theta, side, reach * v[:-1], STRAIGHT, _HALVES)
+        if corner is None and not np.isfinite(load):
+            return PathEnd.UNBOUNDED
+        if corner is None or corner.part * reach >= load * (1.0 - 1e-12):
+            goal = self.high if v[-1] > 0.0 else self.low
+            found = self.solve(theta + load * v[:-1], chain.here, goal, self.load_border, goal)
+            return PathEnd.NOT_CORRECTED if found is None else self.at_load(*found, side)
+        return None if corner.bends else self.corner(theta, side, t, reach * v, corner)
+
+    def curved_step(self, theta: Array, segment: Array, t: float, v: Array, length: float) -> FollowedPoint | PathEnd:
+        chain, slack = self.chain, _CURVED
+        for _ in range(60):
+            load = self.load_room(t, v)
+            reach = min(length, 1.05 * load) if load > 1e-12 * chain.length else length
+            corner = chain.leaves(theta, segment, reach * v[:-1], slack)
+            if corner is not None and not corner.bends and corner.part * reach <= load * (1.0 - 1e-12):
+                found = self.corner(theta, segment, t, reach * v, corner)
+            else:
+                reach = reach if corner is None or not corner.bends else corner.part * reach
+                found = self.smooth(theta, segment, t, v, reach, slack)
+            if found is not None:
+                return found
+            length, slack = 0.5 * reach, 0.5 * slack
+        return PathEnd.NOT_CORRECTED
+
+    def smooth(
+        self, theta: Array, side: Array, t: float, v: Array, reach: float, slack: float
+    ) -> FollowedPoint | None:
+        """A step to a point on the same pieces, to the end of the load, or to a corner that was met on the way."""
+        chain = self.chain
+        arrived = self.arc(theta, chain.here, t, v, reach)
+        if arrived is None:
+            return None
+        new, new_t, steps = arrived
+        met = chain.leaves(theta, side, new - theta, 2.0 * slack)
+        over = not self.low < new_t < self.high
+        goal = self.high if new_t >= self.high else self.low
+        part = (goal - t) / (new_t - t) if over and new_t != t else np.inf
+        if met is not None:
+            found = None
+            if not met.bends and met.part < part:
+                found = self.corner(theta, side, t, np.append(new - theta, new_t - t), met)
+            return found
+        if over:
+            ended = self.solve(theta + part * (new - theta), chain.here, goal, self.load_border, goal)
+            return None if ended is None else self.at_load(*ended, side)
+        old = np.append(v[:-1], v[-1] * self.load_unit)
+        tangent = self.tangent(new, chain.here, old)
+        if tangent is None:
+            return None
+        unit = np.append(tangent[:-1], tangent[-1] * self.load_unit)
+        if unit @ old < 0.95 * np.linalg.norm(old) * np.linalg.norm(unit) and reach > 1e-9 * chain.length:
+            return None
+        return FollowedPoint(new, new_t, chain.here, unit, length=reach, easy=steps <= 4)
+
+    # ---- corners ----------------------------------------------------------------------------------------
+
+    def corner(self, theta: Array, side: Array, t: float, way: Array, met: Corner) -> FollowedPoint | None:
+        """The point of the path at a corner that a straight way meets; None where the path does not go there."""
+        chain, j = self.chain, int(met.point[0])
+        normal = met.normal[0]
+        border = np.append(chain.normals_of(met)[0], 0.0)
+        start = theta + met.part * way[:-1]
+        goal, reach, place, load = float(border[:-1] @ start), 1e-6 * chain.length, start, t + met.part * float(way[-1])
+        for _ in range(_ROUNDS):
+            found = self.solve(place, chain.here, load, border, goal)
+            if found is None:
+                return None
+            moved = float(np.abs(found[0] - place).max())
+            place, load = found
+            reach = max(reach, min(10.0 * moved, 0.1 * chain.length))
+            own = place.reshape(chain.system.shape)[j]
+            off = chain.crossing(j, own, normal, reach)
+            if off is None:
+                return None
+            if abs(off) <= _ON * chain.length:
+                break
+            goal += off
+        else:
+            return None
+        if not self.low - 1e-12 <= load <= self.high + 1e-12:
+            return None
+        passed = place - theta
+        size = float(np.abs(passed).max())
+        if size > 1e3 * BESIDE * chain.length:
+            earlier = chain.leaves(theta, side, (1.0 - 1e2 * BESIDE * chain.length / size) * passed, 2.0 * _CURVED)
+            if earlier is not None and not earlier.bends and earlier.point[0] != j:
+                return self.corner(theta, side, t, np.append(passed, load - t), earlier)
+        return self.beyond(place, side, load, way, border, met)
+
+    def beyond(
+        self, place: Array, side: Array, t: float, way: Array, border: Array, met: Corner
+    ) -> FollowedPoint | None:
+        """A corner with the pieces on which the path goes on."""
+        chain = self.chain
+        together = chain.passing(place, way[:-1])
+        if not np.isin(met.point[0], together.point):
+            together = met
+        event = PathEvent(border, side)
+        normals = chain.normals_of(together)
+        every = np.ones(together.point.size, dtype=bool)
+        if every.size == 1:
+            return FollowedPoint(place, t, chain.side_of(together, every), np.append(normals[0], 0.0), event)
+        for chosen in _choices(every.size):
+            beyond = chain.side_of(together, chosen)
+            border = np.append(normals.sum(axis=0), 0.0)
+            v = self.tangent(place, beyond, border)
+            if v is None:
+                continue
+            rates = np.where(chosen, 1.0, -1.0) * (normals @ v[:-1])
+            slack = ROUNDING * float(np.abs(v[:-1]).max())
+            for sign in (1.0, -1.0):
+                if (sign * rates >= -slack).all():
+                    heading = sign * np.append(v[:-1], v[-1] * self.load_unit)
+                    return FollowedPoint(place, t, beyond, heading, event)
+        self.ties = True
+        return None
+
+
+def _choices(size: int) -> Iterator[BoolArray]:
+    """Which of several points pass a corner: all, one alone, all but one, then two and so on; at least one."""
+    counts = dict.fromkeys(count for k in range(size) for count in (size - k, 1 + k))
+    subsets = (chosen for count in counts for chosen in itertools.combinations(range(size), count))
+    for chosen in itertools.islice(subsets, _WAYS):
+        passing = np.zeros(size, dtype=bool)
+        passing[list(chosen)] = True
+        yield passing
