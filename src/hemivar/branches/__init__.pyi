@@ -11,6 +11,7 @@ from .follow import PathOptions as PathOptions
 from .follow import follow_path as follow_path
 from .follow import following as following
 from .follower import PathProgress as PathProgress
+from .path import Bifurcation as Bifurcation
 from .path import Fold as Fold
 from .path import Path as Path
 from .path import PathEnd as PathEnd

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass, replace
 
@@ -17,10 +18,10 @@ from hemivar.branches.curves import Curves
 from hemivar.branches.follower import Follower, PathProgress, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
 from hemivar.branches.graph_follower import GraphFollower
-from hemivar.branches.path import Fold, Path, PathEnd, PathJump
+from hemivar.branches.path import Bifurcation, Fold, Path, PathEnd, PathJump
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.errors import MethodError, ProblemError
+from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, deformation
 from hemivar.fem.posed import Posable, posed
 from hemivar.mechanics.statement import ContactProblem
@@ -29,6 +30,10 @@ from hemivar.systems import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["PathOptions", "follow_path", "following"]
+
+
+#: Part of the range of loads by which it may change and stand still.
+_STILL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -279,11 +284,25 @@ def _assemble(line: LoadLine, chain: Chain | GraphChart, track: Track, perturbed
             replace(jump, snaps=bool(snaps[jump.index]))
             for jump in _jumps(chain, track, force0, force1 - force0, local)
         ),
+        bifurcations=_bifurcations(track),
         ended=track.ended,
         perturbed=perturbed,
         snap_size=snap_size,
         warnings=(*line.loaded.notes, *_strained(system, line, t, local, multiplier)),
     )
+
+
+def _bifurcations(track: Track) -> tuple[Bifurcation, ...]:
+    """Where falling directions come or go by another number than that of the folds there."""
+    t = track.load_factors
+    moves = np.flatnonzero(np.abs(np.diff(t)) > _STILL * np.ptp(t))
+    found = []
+    for before, after in itertools.pairwise(moves):
+        came = abs(track.stretches[after].negative - track.stretches[before].negative)
+        turned = (t[before + 1] - t[before]) * (t[after + 1] - t[after]) < 0.0
+        if came > int(turned):
+            found.append(Bifurcation(float(t[after]), int(after)))
+    return tuple(found)
 
 
 def _snaps(chain: Curves, track: Track) -> tuple[BoolArray, float | None]:

@@ -274,7 +274,9 @@ class Follower:
         beyond[i] += 1 if forward else -1
         return FollowedPoint(theta, t, beyond, border if forward else -border, PathEvent(border, segment))
 
-    def curved_step(self, theta: Array, segment: AnyArray, t: float, v: Array, length: float) -> FollowedPoint | PathEnd:
+    def curved_step(
+        self, theta: Array, segment: AnyArray, t: float, v: Array, length: float
+    ) -> FollowedPoint | PathEnd:
         """A step of at most ``length`` in the arc length, to an event if there is one on the way."""
         chain = self.chain
         for _ in range(40):

@@ -12,10 +12,9 @@ Components that a support holds are a part of it: a stiff spring pulls their r t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -37,7 +36,7 @@ _ROUNDS = 60
 #: Distance from a corner at which its sides are told, as a part of the length.
 BESIDE = 1e-7
 #: How near a corner of a way is found, distance from there at which it is told from a bend, and what is rounding.
-_NEAR, _TELL, _ROUNDED = 2e-9, 5e-9, 1e-13
+_NEAR, _TELL, _ROUNDED = 2e-9, 5e-9, 1e-12
 #: A jump of the derivative that counts, in units of what r moves with theta.
 _JUMP = 1e-4
 #: Pairs that are remembered.
@@ -279,7 +278,7 @@ class GraphChart(Curves):
         if np.abs(ends[1] - ends[0]).max() <= _JUMP:
             return None
         low, high = -reach, reach
-        while high - low > 1e-2 * _ROUNDED * self.length + 4e-16 * float(np.abs(place).max()):
+        while high - low > _ROUNDED * self.length + 4e-16 * float(np.abs(place).max()):
             tried = np.linspace(low, high, 18)[1:-1]
             slopes = self.pair_of(j, place + tried[:, None] * normal)
             over = np.abs(slopes - ends[0]).max(axis=(1, 2)) > np.abs(slopes - ends[1]).max(axis=(1, 2))

@@ -77,9 +77,7 @@ class GraphFollower(Follower):
             length, slack = 0.5 * reach, 0.5 * slack
         return PathEnd.NOT_CORRECTED
 
-    def smooth(
-        self, theta: Array, side: Array, t: float, v: Array, reach: float, slack: float
-    ) -> FollowedPoint | None:
+    def smooth(self, theta: Array, side: Array, t: float, v: Array, reach: float, slack: float) -> FollowedPoint | None:
         """A step to a point on the same pieces, to the end of the load, or to a corner that was met on the way."""
         chain = self.chain
         arrived = self.arc(theta, chain.here, t, v, reach)

@@ -15,7 +15,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import LoadLine
 from hemivar.solvers.boundary_result import friction_of
 
-__all__ = ["Fold", "Path", "PathEnd", "PathJump"]
+__all__ = ["Bifurcation", "Fold", "Path", "PathEnd", "PathJump"]
 
 
 #: Part of the limit load by which the first instability may miss it and be the same.
@@ -56,6 +56,21 @@ class Fold:
     load_factor: float
     index: int
     snaps: bool = False
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """A point where other equilibria branch off: a direction in which the energy falls comes or goes, without a fold.
+
+    Attributes
+    ----------
+    load_factor : float
+    index : int
+        Number of the point on the path.
+    """
+
+    load_factor: float
+    index: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +119,9 @@ class Path(PickleMixin, ReprMixin):
         Whether the path between them is curved; otherwise r is exactly linear there.
     folds : tuple of Fold
     jumps : tuple of PathJump
+    bifurcations : tuple of Bifurcation
+        Where the number of negative eigenvalues of the tangent changes though the load does not turn, or by more than
+        the fold explains.  The branch that is followed goes on; others are not.
     ended : PathEnd
         Why the path ends where it does, in a sentence.
     perturbed : bool
@@ -128,6 +146,7 @@ class Path(PickleMixin, ReprMixin):
     folds: tuple[Fold, ...]
     jumps: tuple[PathJump, ...]
     ended: PathEnd
+    bifurcations: tuple[Bifurcation, ...] = ()
     perturbed: bool = False
     snap_size: float | None = None
     warnings: tuple[str, ...] = ()
@@ -162,6 +181,7 @@ class Path(PickleMixin, ReprMixin):
     def __repr__(self) -> str:
         t, folds, jumps = self.load_factor, len(self.folds), len(self.jumps)
         size = f"{len(self)} points from load factor {t[0]:.6g} to {t[-1]:.6g}, {folds} folds, {jumps} jumps"
+        size += f", {len(self.bifurcations)} bifurcations" if self.bifurcations else ""
         return f"Path({self.failure}; {size}; {self.ended})"
 
     @cached_property

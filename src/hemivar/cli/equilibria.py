@@ -271,7 +271,7 @@ def bracket(
     from hemivar.workflows import bracket as work
 
     check_colour(colour, {"--plot": plot})
-    outputs = {"--json": json, "--plot": plot, "--plot-contact": None, "--render": None}
+    outputs = {"--json": json, "--plot": plot, "--plot-contact": None}
     session = Session(problem, outputs, max_time=max_time, given=given)
     check_drawable(session.stated, None, colour)
     options = BracketOptions(upto, session.controls.max_time)
