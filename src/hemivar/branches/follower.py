@@ -359,7 +359,7 @@ class Follower:
     def solve(
         self, theta: Array, segment: AnyArray, t: float, border: Array, goal: float
     ) -> tuple[Array, float] | None:
-        """The point of the path where ``border`` times (theta, t) is ``goal``, a unit vector of theta or of the load."""
+        """The point of the path where ``border`` times (theta, t) is ``goal``: of theta alone, or of the load."""
         found = self.newton(*_onto(theta, t, border, goal), border, segment, steps=30)
         return None if found is None else _onto(found[0], found[1], border, goal)
 

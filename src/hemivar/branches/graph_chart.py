@@ -63,7 +63,7 @@ class Corner:
 
 @dataclass(frozen=True, eq=False)
 class GraphChart(Curves):
-    """The graphs of all contact points, in one chart; a ``segment`` is a small vector (n,) into the piece that is meant.
+    """The graphs of all contact points, in one chart; a ``segment`` is a small vector (n,) into a piece.
 
     Attributes
     ----------
@@ -242,10 +242,10 @@ class GraphChart(Curves):
         """Whether no law is curved between ``theta`` and ``theta + way``, nor has a corner there."""
         return not _Start.of(self, theta, side, way, STRAIGHT).left(1.0).any()
 
-    def leaves(self, theta: Array, side: Array, way: Array, slack: float, parts: int = 1) -> Corner | None:
+    def leaves(self, theta: Array, side: Array, way: Array, slack: float, parts: int = 0) -> Corner | None:
         """The first corner between ``theta`` and ``theta + way``, or where derivatives differ by more than the slack.
 
-        It is looked for at the end, and at so many halves of the way.
+        It is looked for at the end, and at so many halves of the way from there.
         """
         start = _Start.of(self, theta, side, way, slack)
         far = [part for part in 0.5 ** np.arange(parts + 1) if start.left(part).any()]
@@ -371,8 +371,8 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, stiffer: float = 1.
     alpha = _least(system.law, r, lam)
     if not np.isfinite(alpha).all():
         raise MethodError(
-            f"law '{system.law.name}' falls at once: its load path needs a body in the plane, opening and slip apart, and "
-            "a friction bound that does not depend on the solution; give the fall a slope"
+            f"law '{system.law.name}' falls at once: its load path needs a body in the plane, opening and slip apart, "
+            "and a friction bound that does not depend on the solution; give the fall a slope"
         )
     return GraphChart(system, stiffer * np.maximum(_ABOVE * alpha, 1.0 / system.compliance))
 

@@ -1,0 +1,173 @@
+"""Paths in Minty's chart: coupled laws, bodies in space, Coulomb's law; bifurcations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import hemivar as hv
+from hemivar.branches import follow, follow_path
+from hemivar.branches.graph_chart import chart_of
+from hemivar.laws import ContactLaw, VectorLaw
+from tests.samples import sampled
+
+from .test_peel import load_where, pair
+
+L = hv.laws
+
+
+def arrays(stiffness: np.ndarray, load: np.ndarray, law: VectorLaw, components: int) -> hv.DiscreteProblem:
+    """Points whose local displacements are all unknowns."""
+    n = len(stiffness)
+    return hv.DiscreteProblem.of_arrays(
+        stiffness=sp.csr_array(stiffness),
+        load=load,
+        trace=sp.csr_array(np.eye(n)),
+        weights=np.ones(n // components),
+        gap=np.zeros(n // components),
+        law=law.at(None),
+    )
+
+
+def glue(alpha: float, strength: float = 2.4, stiffness: float = 24.0, ratio: float = 1.0) -> VectorLaw:
+    """Mixed-mode glue on a line that falls by alpha."""
+    onset = strength / stiffness
+    energy = 0.5 * strength * (onset + strength / alpha)
+    return L.MixedMode(L.BilinearCohesion(strength=strength, energy=energy, stiffness=stiffness), ratio=ratio)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+@pytest.mark.parametrize("angle", [0.0, 0.7, np.pi / 2])
+@pytest.mark.parametrize("components", [2, 3])
+def test_a_point_of_glue_on_a_spring_turns_where_the_closed_form_does(
+    unit: float, angle: float, components: int
+) -> None:
+    """Spring 12, glue 24 up to .1, falling by 36: at rho = .1 the far end is at .3, at the break 1/6 at 1/6."""
+    way = np.zeros(components)
+    way[:2] = -np.cos(angle), np.sin(angle)
+    law = glue(36.0 / unit, stiffness=24.0 / unit)
+    problem = arrays(np.eye(components) * 12.0 / unit, 12.0 * way, law, components)
+    path = follow_path(problem, (0.0, 0.5))
+    np.testing.assert_allclose([fold.load_factor for fold in path.folds], [0.3, 1.0 / 6.0], rtol=1e-9)
+    np.testing.assert_allclose(path.local[[f.index for f in path.folds], 0] @ way, [0.1 * unit, unit / 6.0], rtol=1e-8)
+    assert path.reached_end
+    assert path.first_instability == pytest.approx(0.3, rel=1e-9)
+    assert not path.bifurcations
+    np.testing.assert_allclose(path.local[-1, 0] @ way, 0.5 * unit, rtol=1e-9)
+    up, down = path.jumps
+    assert up.local is not None
+    assert down.local is not None
+    np.testing.assert_allclose(up.local[0] @ way, 0.3 * unit, rtol=1e-8)
+    np.testing.assert_allclose(down.local[0] @ way, unit * 12.0 / 36.0 / 6.0, rtol=1e-8)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_two_points_branch_at_the_corner_where_the_other_mode_loses_its_stiffness(unit: float) -> None:
+    """A body that turns more easily than it is pulled, [[k, c], [c, k]], and glue that falls by alpha.
+
+    As ``k - c < alpha < k + c``, the load goes on to grow while both points soften, from onset to break together.
+    """
+    stiffness = np.kron([[12.0, 6.0], [6.0, 12.0]], np.eye(2)) / unit
+    law = glue(10.0 / unit, stiffness=24.0 / unit)
+    path = follow_path(arrays(stiffness, np.array([-1.0, 0.0, -1.0, 0.0]), law, 2), (0.0, 10.0))
+    assert not path.perturbed
+    assert not path.folds
+    onset, broken = 18.0 * 0.1 + 2.4, 18.0 * 0.34
+    assert path.first_instability == pytest.approx(onset, rel=1e-8)
+    np.testing.assert_allclose([b.load_factor for b in path.bifurcations], [onset, broken], rtol=1e-8)
+    assert "2 bifurcations" in repr(path)
+
+
+@pytest.mark.parametrize("curves", ["scalar", "chart"])
+@pytest.mark.parametrize("largest_step", [0.02, 0.2])
+def test_two_points_branch_on_a_curve_where_the_other_mode_loses_its_stiffness(
+    largest_step: float, curves: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if curves == "chart":
+        monkeypatch.setattr(follow, "_curves", lambda system, begun: chart_of(system, begun.local, begun.multiplier))
+    path = follow_path(pair(6.0, 4.5), (0.0, 20.0), largest_step=largest_step)
+    loads = [load_where(-1.5, 10.5), load_where(-1.5, 10.5, again=True)]
+    assert not path.folds
+    np.testing.assert_allclose([b.load_factor for b in path.bifurcations], loads, rtol=1e-6)
+    assert path.first_instability == pytest.approx(loads[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", sampled(range(60), 20))
+def test_the_chart_finds_the_path_of_the_scalar_curves(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two followers that share neither the numbers along the graph nor the way to find corners."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(1, 5))
+    spread = random.normal(size=(n, n))
+    law = L.Softening(stiffness=60.0, limit=0.02, softening=float(random.uniform(2.0, 40.0)))
+    stiffness = spread @ spread.T / n * 10.0 + 4.0 * np.eye(n)
+    problem = arrays(stiffness, random.uniform(0.1, 1.0, n), ContactLaw(law), 1)
+    one = follow_path(problem, (0.0, 2.0))
+    monkeypatch.setattr(follow, "_curves", lambda system, begun: chart_of(system, begun.local, begun.multiplier))
+    other = follow_path(problem, (0.0, 2.0))
+    folds = [[fold.load_factor for fold in path.folds] for path in (one, other)]
+    np.testing.assert_allclose(folds[1], folds[0], rtol=1e-8)
+    assert one.ended is other.ended
+    for path in (one, other):
+        assert not path.bifurcations  # nothing is alike
+    np.testing.assert_allclose(other.local[-1], one.local[-1], rtol=1e-9)
+    crossings = [path.at(1.0) for path in (one, other)]
+    assert [stable for _, stable in crossings[0]] == [stable for _, stable in crossings[1]]
+    for (r, _), (s, _) in zip(*crossings, strict=True):
+        np.testing.assert_allclose(r, s, atol=1e-9)
+
+
+FRICTIONS = {
+    "none": None,
+    "tresca": L.Tresca(0.05),
+    "coulomb": L.Tresca(L.CoulombBound(0.3)),
+    "penetration": L.Tresca(L.PenetrationBound(([0.0, 1.0], [0.0, 0.5]))),
+}
+NORMALS = [L.Signorini(), L.Compliance(20.0), L.Softening(stiffness=60.0, limit=0.02, softening=1.0)]
+
+
+@pytest.mark.parametrize("friction", FRICTIONS)
+@pytest.mark.parametrize("normal", range(3))
+def test_the_end_of_a_path_in_space_is_the_solution(normal: int, friction: str) -> None:
+    rubs = FRICTIONS[friction]
+    contact = hv.Contact(NORMALS[normal]) if rubs is None else hv.Contact(NORMALS[normal], rubs)
+    problem = hv.ContactProblem(
+        mesh=hv.box((1.0, 1.0, 1.0), 2),
+        material=hv.Material.lame(4.0, 4.0),
+        contact={"bottom": contact},
+        supports={"top": hv.Prescribed((0.03, 0.01, -0.08))},
+    )
+    path = follow_path(problem)
+    solved = hv.solve(problem, controls=hv.Controls(rtol=1e-12))
+    assert path.load_factor[-1] == 1.0
+    assert path.stable.all()
+    assert not path.folds
+    np.testing.assert_allclose(path.local[-1], solved.local, atol=1e-7 * np.abs(solved.local).max())
+
+
+def equilibrium_error(path: hv.branches.Path, stiffness: np.ndarray, load: np.ndarray) -> float:
+    """What is out of balance at the points of a path of :func:`arrays`, and what is off the graph of the law."""
+    law, off = path.problem.law, 0.0
+    for t, r, lam in zip(path.load_factor, path.local, path.multiplier, strict=True):
+        here = law.frozen(r, lam)
+        off = max(off, float(np.abs(stiffness @ r.ravel() + lam.ravel() - t * load).max()))
+        off = max(off, float(here.graph_distance(r, lam, np.full((len(r), 2), 1.0 / 12.0)).max()))
+    return off
+
+
+@pytest.mark.parametrize("seed", sampled(range(100), (20, 50, 90)))
+def test_random_paths_of_coupled_glue_are_equilibria_and_end_at_solutions(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    points, components = int(random.integers(1, 4)), int(random.integers(2, 4))
+    n = points * components
+    spread = random.normal(size=(n, n))
+    stiffness = spread @ spread.T / n * 8.0 + 4.0 * np.eye(n)
+    load = random.normal(size=n) * 3.0
+    load[::components] = -np.abs(load[::components])
+    law = glue(float(random.uniform(4.0, 60.0)), ratio=float(random.uniform(0.5, 2.0)))
+    path = follow_path(arrays(stiffness, load, law, components), (0.0, 4.0), max_points=3000)
+    assert path.reached_end, path.ended
+    assert equilibrium_error(path, stiffness, load) <= 1e-8
+    t = path.load_factor
+    turns = [i for i in range(1, t.size - 1) if (t[i] - t[i - 1]) * (t[i + 1] - t[i]) < 0.0]
+    assert turns == [fold.index for fold in path.folds]
