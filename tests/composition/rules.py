@@ -67,7 +67,7 @@ _NOT_IN_TIME = "In time a law has no drop."
 _BESIDE_COUPLED = (
     "Beside a law of opening and slip together stands the memory of glue alone, no damping and no other one."
 )
-_BOND = "A bond with plastic slip resists slip by itself: no friction beside it."
+_BOND = "A bond with plastic slip resists slip by itself: no friction, and no other law of the slip, beside it."
 _RUBBING = "Friction on the damaged share is that of glue which tells its damage, without another one beside it."
 _UNDAMAGED = tuple(normal for normal in NORMALS if normal not in ("adhesive", *COUPLED))
 _SCALAR_LAW = "A scalar body has one component: no pressure beside the slip, and no direction of it."
@@ -105,6 +105,9 @@ RULES = (
     Rule("leave the friction out", _BOND, friction=_RUBS, beside=("bond",)),
     Rule("no damage on which friction could act", _RUBBING, normal=_UNDAMAGED, beside=("rubbing",)),
     Rule("leave one of both out", _RUBBING, friction=_RUBS, beside=("rubbing",)),
+    Rule("needs a normal law with friction beside it", _BOND, normal=COUPLED, beside=("bond",)),
+    Rule("friction on the damaged share of", _RUBBING, normal=("mode-dependent",), beside=("rubbing",)),
+    Rule("has no effective opening", _RUBBING, normal=COUPLED[2:], beside=("rubbing",)),
     Rule("beyond what its law allows", "A march begins where the law allows.", _MARCHES, ("membrane",), ("bilateral",)),
     Rule("the body is free to move", "Nothing holds the body.", (), ("resting",), ("none",)),
     Rule(
