@@ -141,7 +141,9 @@ def test_random_marches_are_those_by_hand(seed: int) -> None:
         random.uniform(1.0, 3.0),
     )  # fmt: skip
     path = np.vstack([[0.0, 0.0], random.uniform([-0.5, -0.1], [0.5, 0.6], (4, 2))])
-    problem = few_points(glue, count, path.tolist(), random.uniform(50.0, 120.0) if two else random.uniform(10.0, 40.0))
+    problem = few_points(
+        glue, count, path.tolist(), random.uniform(100.0, 200.0) if two else random.uniform(10.0, 40.0)
+    )
     history = hv.march(hv.Evolution(problem), 4.0, step=0.25, controls=TIGHT)
     assert history.finished
     assert np.nanmin(history["margin"]) > 0.0
