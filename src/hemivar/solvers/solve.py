@@ -182,8 +182,8 @@ def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
     if problem.limit is None and not _breaks(problem):
         return solver
     careful, law = solver.downhill(), problem.law
-    follows = isinstance(careful, FixedPoint) and law.depends_on_whole_state and law.follows_state
-    return SemismoothNewton(careful) if follows and isinstance(careful, FixedPoint) else careful
+    follows = problem.limit is None and law.depends_on_whole_state and law.follows_state
+    return _for_body(SemismoothNewton(careful), problem) if follows and isinstance(careful, FixedPoint) else careful
 
 
 def _breaks(problem: DiscreteProblem) -> bool:

@@ -222,6 +222,19 @@ def test_in_space_newtons_method_is_the_fixed_point() -> None:
     assert found.local == pytest.approx(fixed.local, abs=1e-7 * np.abs(fixed.local).max())
 
 
+def test_a_body_that_is_not_linear_keeps_the_fixed_point() -> None:
+    stated = hv.ContactProblem(
+        hv.rectangle((1.0, 0.5), (4, 2)),
+        hv.Material.ramberg_osgood(3000.0, 0.3, 60.0, 4.0),
+        {"bottom": hv.Contact(soft())},
+        {"left": hv.Clamped()},
+        tractions={"top": (20.0, 20.0)},
+    )
+    found = hv.solve(stated)
+    assert found.status.name == "CONVERGED"
+    assert found.method.startswith("fixed-point(")
+
+
 def test_a_step_of_newtons_method_across_a_barrier_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """Glue that holds from rest is not found broken, though the broken state is an equilibrium too."""
     problem, step = point(500.0, (20.0, 1.0), soft()), GraphEquation.step
