@@ -155,6 +155,19 @@ def test_prescribed_displacements_grow_with_the_load() -> None:
     np.testing.assert_allclose(top, np.tile([0.0, 0.2], (len(top), 1)), atol=1e-12)
 
 
+def test_every_load_on_the_way_has_its_part_of_the_prescribed_displacements() -> None:
+    def held(up: float) -> hv.ContactProblem:
+        contact = {"bottom": hv.Contact(hv.Adhesive(24.0, 20.0, 6.0, 72.0), hv.Tresca(0.1))}
+        sides = {"left": hv.Fixed(x=0.02 * up)}
+        return hv.ContactProblem(PLANE, hv.Material.lame(4.0, 4.0), contact, sides, tractions={"top": (0.0, -0.2 * up)})
+
+    seen: list[Reached] = []
+    result_of(bracketing(held(1.0), BracketOptions(2.0)), lambda reached: bool(seen.append(reached)))
+    for reached in seen[:3]:
+        expected = hv.solve(held(reached.carried)).raise_for_status()
+        np.testing.assert_allclose(reached.at.r, expected.local, atol=1e-7)
+
+
 # ---- another method, other units, other steps ----------------------------------------------------------------------
 
 
