@@ -10,7 +10,7 @@ import hemivar as hv
 from hemivar.branches import follow, follow_path
 from hemivar.branches.graph_chart import chart_of
 from hemivar.laws import ContactLaw, VectorLaw
-from tests.samples import sampled
+from tests.samples import sampled, slow
 
 from .test_peel import load_where, pair
 
@@ -79,8 +79,9 @@ def test_two_points_branch_at_the_corner_where_the_other_mode_loses_its_stiffnes
     assert "2 bifurcations" in repr(path)
 
 
-@pytest.mark.parametrize("curves", ["scalar", "chart"])
-@pytest.mark.parametrize("largest_step", [0.02, 0.2])
+@pytest.mark.parametrize(
+    ("largest_step", "curves"), [(0.02, "scalar"), (0.2, "scalar"), (0.2, "chart"), slow(0.02, "chart")]
+)
 def test_two_points_branch_on_a_curve_where_the_other_mode_loses_its_stiffness(
     largest_step: float, curves: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

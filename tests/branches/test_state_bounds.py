@@ -9,7 +9,6 @@ from scipy.optimize import brentq
 from hemivar.branches import find_solutions, follow_path
 from hemivar.certificates import certify, smallness
 from hemivar.discrete import DiscreteProblem
-from hemivar.errors import MethodError
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, Tresca
 from hemivar.solvers import FixedPoint, LoadStepping, Status, solve
 
@@ -100,12 +99,19 @@ def test_coulomb_friction_has_its_solutions_on_the_curve_as_well() -> None:
     np.testing.assert_allclose(found[0].local, [[2.0 / 3.0, 0.4]], atol=1e-9)
 
 
-def test_a_path_is_refused_with_a_remedy_that_works() -> None:
+def test_a_path_ends_where_a_solve_does() -> None:
     problem = column(Friction(PenetrationBound(([0.0, 1.0], [0.0, 0.15]))))
-    with pytest.raises(
-        MethodError, match=r"solve\(problem, hemivar.solvers.FixedPoint\(hemivar.solvers.LoadStepping\(\)\)\)"
-    ):
-        follow_path(problem)
+    path = follow_path(problem)
+    np.testing.assert_allclose(path.local[-1, 0], [2.0 / 3.0, 0.12 - 0.1], atol=1e-12)  # slips against a bound of 0.1
     found = solve(problem, FixedPoint(LoadStepping()))
     assert found.status is Status.CONVERGED
-    np.testing.assert_allclose(found.local[0], [2.0 / 3.0, 0.12 - 0.1], atol=1e-8)  # slips against a bound of 0.1
+    np.testing.assert_allclose(found.local, path.local[-1], atol=1e-8)
+
+
+def test_a_path_goes_through_the_three_solutions() -> None:
+    """Of the closed form, at load 1; without an energy no stretch is called by it."""
+    path = follow_path(weakening(), (0.0, 2.0), largest_step=0.005)
+    assert len(path.folds) == 2
+    found = sorted(float(r[0, 1]) for r, _ in path.at(1.0))
+    np.testing.assert_allclose(found, slips(), atol=2e-4)
+    assert np.isnan(path.energy).all()

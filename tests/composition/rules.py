@@ -55,8 +55,8 @@ class Rule:
 
 
 _NO_PATH = (
-    "A load path needs a linear body in the plane, a law with opening and slip apart, and a bound that does not depend "
-    "on the solution."
+    "A load path needs a linear body; and, where a law falls at once, one in the plane, with opening and slip "
+    "apart and a bound that does not depend on the solution."
 )
 _NO_BOUND = "The distance to the exact solution is bounded for elastic bodies on supports, without bedding."
 _NO_BOUND_OF_LAW = (
@@ -75,10 +75,8 @@ _ARRAYS = "A problem made of arrays has no statement and, by default, no mesh."
 
 RULES = (
     Rule("follow_path needs a linear body", _NO_PATH, ("path",), ("nonlinear",)),
-    Rule("a curve only in one and two dimensions", _NO_PATH, ("path",), ("space",)),
-    Rule("couples opening and slip", _NO_PATH, ("path",), normal=COUPLED),
-    Rule("does not depend on the solution", _NO_PATH, ("path",), friction=("coulomb", "bound")),
-    Rule("depends on the mode", _NO_PATH, ("path",), normal=("mode-dependent",)),
+    Rule("falls at once", _NO_PATH, ("path",), ("space",), ("saw-tooth",)),
+    Rule("falls at once", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
     Rule("constants of the body are from the discrete problem", _NO_BOUND, _BOUNDS, ("resting",)),
     Rule("and this is a scalar problem", _NO_BOUND, ("exact",), SCALAR),

@@ -17,11 +17,11 @@ from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.curves import Curves
 from hemivar.branches.follower import Follower, PathProgress, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
-from hemivar.branches.graph_follower import GraphFollower
+from hemivar.branches.graph_follower import GraphFollower, OutOfChartError
 from hemivar.branches.path import Bifurcation, Fold, Path, PathEnd, PathJump
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.errors import ProblemError
+from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine, deformation
 from hemivar.fem.posed import Posable, posed
 from hemivar.mechanics.statement import ContactProblem
@@ -32,8 +32,10 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["PathOptions", "follow_path", "following"]
 
 
-#: Part of the range of loads by which it may change and stand still.
-_STILL = 1e-9
+#: Part of the range of loads by which it may change and stand still; and at which a path begins.
+_STILL, _FIRST = 1e-9, 1e-4
+#: Charts that are tried, each stiffer than the last.
+_CHARTS = 8
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,7 @@ def following(
     if not system.active.any():
         raise ProblemError("the supports hold every contact point, so that no path starts; free some of them")
     # A little above the lower end all components are on definite sides of their kinks, which they may not be at rest.
-    first = low + 1e-4 * (high - low)
+    first = low + _FIRST * (high - low)
     at_start = line.at(first)
     guess = start.unknowns if isinstance(start, Solution) else start
     begun = solve(
@@ -188,6 +190,21 @@ def following(
     if begun.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     chain = _curves(system, begun)
+    for _ in range(_CHARTS):
+        try:
+            return (yield from _followed(line, chain, begun, options, budget))
+        except OutOfChartError as left:
+            assert isinstance(chain, GraphChart)
+            chain = chart_of(system, *left.pair, chain)
+    raise MethodError("friction falls with the slip faster and faster under the growing pressure; take a shorter range")
+
+
+def _followed(
+    line: LoadLine, chain: Chain | GraphChart, begun: Solution, options: PathOptions, budget: Budget
+) -> Generator[PathProgress, bool | None, Path]:
+    """The path on some curves, from the first solution."""
+    system, (low, high) = chain.system, options.load_factor
+    first = low + _FIRST * (high - low)
     follows = Follower if isinstance(chain, Chain) else GraphFollower
     force0 = chain.load_of(system.for_problem(line.at(0.0)))
     force1 = chain.load_of(system.for_problem(line.at(1.0))) - force0

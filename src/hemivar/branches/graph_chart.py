@@ -43,8 +43,8 @@ _JUMP = 1e-4
 _KEPT = 8
 #: Second singular value of a jump, relative to the first one, above which it has no normal.
 _NO_NORMAL = 1e-3
-#: How far a is above the weak convexity, and at least should be.
-_ABOVE, _ENOUGH = 2.0, 1.2
+#: How far a is above the weak convexity at first, and where it was not enough; and how far it has to be.
+_ABOVE, _FAR_ABOVE, _ENOUGH = 2.0, 8.0, 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +158,13 @@ class GraphChart(Curves):
 
     def inside(self, theta: Array, side: Array, tolerance: float) -> BoolArray:
         return np.ones(theta.size, dtype=bool)
+
+    def covers(self, theta: Array) -> bool:
+        """Whether a place is on one chart: a is enough for the law there, whose bound may depend on the state."""
+        if not self.law.state_dependent or self.law.depends_on_whole_state:
+            return True
+        r, lam = self.local(theta, self.here)
+        return bool((self.a > _ENOUGH * _least(self.law, r, lam)).all())
 
     # ---- balance ----------------------------------------------------------------------------------------
 
@@ -360,8 +367,8 @@ def _normals(jump: Array, way: Array) -> Array:
     return np.where(plain[:, None], rows[:, 0] * np.where(along < 0.0, -1.0, 1.0)[:, None], heading)
 
 
-def chart_of(system: CondensedProblem, r: Array, lam: Array, stiffer: float = 1.0) -> GraphChart:
-    """The chart of a condensed problem near a state ``r, lam (m, c)``, ``stiffer`` times more than it would be.
+def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart | None = None) -> GraphChart:
+    """The chart of a condensed problem near a state ``r, lam (m, c)``, and where a ``known`` one was enough.
 
     Raises
     ------
@@ -374,7 +381,8 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, stiffer: float = 1.
             f"law '{system.law.name}' falls at once: its load path needs a body in the plane, opening and slip apart, "
             "and a friction bound that does not depend on the solution; give the fall a slope"
         )
-    return GraphChart(system, stiffer * np.maximum(_ABOVE * alpha, 1.0 / system.compliance))
+    a = np.maximum((_ABOVE if known is None else _FAR_ABOVE) * alpha, 1.0 / system.compliance)
+    return GraphChart(system, a if known is None else np.maximum(a, known.a))
 
 
 def _least(law: VectorLaw, r: Array, lam: Array) -> Array:

@@ -14,7 +14,7 @@ from hemivar.branches.follower import FollowedPoint, Follower, PathEvent
 from hemivar.branches.graph_chart import BESIDE, STRAIGHT, Corner, GraphChart
 from hemivar.branches.path import PathEnd
 
-__all__ = ["GraphFollower"]
+__all__ = ["GraphFollower", "OutOfChartError"]
 
 #: Differences of derivatives in a curved step, at most at first.
 _CURVED = 0.2
@@ -28,6 +28,14 @@ _ROUNDS, _ON = 12, 1e-11
 _WAYS = 300
 
 
+class OutOfChartError(Exception):
+    """The law falls faster at a pair ``r, lam`` than the chart allows."""
+
+    def __init__(self, pair: tuple[Array, Array]) -> None:
+        super().__init__()
+        self.pair = pair
+
+
 @dataclass(eq=False)
 class GraphFollower(Follower):
     """Follows ``F(theta, t) = 0`` in Minty's chart, see :class:`Follower`."""
@@ -37,6 +45,8 @@ class GraphFollower(Follower):
     def advance(
         self, theta: Array, segment: Array, t: float, v: Array, length: float
     ) -> tuple[FollowedPoint | PathEnd, bool]:
+        if not self.chain.covers(theta):
+            raise OutOfChartError(self.chain.local(theta, segment))
         found = self.straight(theta, segment, t, v)
         return (self.curved_step(theta, segment, t, v, length), True) if found is None else (found, False)
 
@@ -88,11 +98,8 @@ class GraphFollower(Follower):
         over = not self.low < new_t < self.high
         goal = self.high if new_t >= self.high else self.low
         part = (goal - t) / (new_t - t) if over and new_t != t else np.inf
-        if met is not None:
-            found = None
-            if not met.bends and met.part < part:
-                found = self.corner(theta, side, t, np.append(new - theta, new_t - t), met)
-            return found
+        if met is not None and met.part < part * (1.0 - 1e-9):
+            return None if met.bends else self.corner(theta, side, t, np.append(new - theta, new_t - t), met)
         if over:
             ended = self.solve(theta + part * (new - theta), chain.here, goal, self.load_border, goal)
             return None if ended is None else self.at_load(*ended, side)
