@@ -108,10 +108,11 @@ def test_a_path_ends_where_a_solve_does() -> None:
     np.testing.assert_allclose(found.local, path.local[-1], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_path_goes_through_the_three_solutions() -> None:
     """Of the closed form, at load 1; without an energy no stretch is called by it."""
-    path = follow_path(weakening(), (0.0, 2.0), largest_step=0.005)
+    path = follow_path(weakening(), (0.0, 2.0))
     assert len(path.folds) == 2
     found = sorted(float(r[0, 1]) for r, _ in path.at(1.0))
-    np.testing.assert_allclose(found, slips(), atol=2e-4)
+    np.testing.assert_allclose(found, slips(), atol=1e-5)
     assert np.isnan(path.energy).all()

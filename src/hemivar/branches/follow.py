@@ -90,14 +90,14 @@ def follow_path(
 ) -> Path:
     """Follow the equilibria from the lower load factor, through folds, until the range is left.
 
-    The graph of the law is taken as a curve with a parameter of its own, so that kinks and jumps are corners of the
-    path like all others.  Where all laws are piecewise quadratic the path is a polygon, and it is followed exactly,
+    The graph of the law has numbers of its own along it, so that kinks and jumps are corners of the path like all
+    others.  Where all laws are piecewise quadratic the path is a polygon, and it is followed exactly,
     from one corner to the next; on curved pieces by predictor and corrector in the arc length.
 
     Parameters
     ----------
     problem : DiscreteProblem
-        The problem at load factor 1, in one or two dimensions.
+        The problem at load factor 1.
     load_factor : (float, float)
         Range; the path starts at the first one.
     unloaded : DiscreteProblem, optional
@@ -120,7 +120,7 @@ def follow_path(
     Raises
     ------
     MethodError
-        The slip is a vector (3D), or a bound depends on the solution.
+        A law falls at once, in space, coupled, or beside a bound that depends on the solution.
     ProblemError
         The range is empty, or no equilibrium was found at its lower end.
     """
@@ -157,7 +157,7 @@ def following(
     Raises
     ------
     MethodError
-        The friction bound depends on the solution.
+        A law falls at once, in space, coupled, or beside a bound that depends on the solution.
     ProblemError
         There is no contact point that can move, or no equilibrium from which to start within the time.
     """

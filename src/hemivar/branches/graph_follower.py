@@ -55,6 +55,10 @@ class GraphFollower(Follower):
         bound = self.high if v[-1] > 0.0 else self.low
         return max((bound - t) / float(v[-1]), 0.0) if v[-1] != 0.0 else np.inf
 
+    def not_before(self, part: float, other: float, way: Array) -> bool:
+        """Whether a part of a way is another one, up to the width of a corner, or beyond it."""
+        return part >= other - 0.1 * BESIDE * self.chain.length / max(float(np.abs(way).max()), 1e-300)
+
     def straight(self, theta: Array, side: Array, t: float, v: Array) -> FollowedPoint | PathEnd | None:
         """To the end of a straight stretch; None where it is curved."""
         chain, load = self.chain, self.load_room(t, v)
@@ -65,7 +69,7 @@ class GraphFollower(Follower):
         corner = chain.leaves(theta, side, reach * v[:-1], STRAIGHT, _HALVES)
         if corner is None and not np.isfinite(load):
             return PathEnd.UNBOUNDED
-        if corner is None or corner.part * reach >= load * (1.0 - 1e-12):
+        if corner is None or self.not_before(corner.part * reach, load, v[:-1]):
             goal = self.high if v[-1] > 0.0 else self.low
             found = self.solve(theta + load * v[:-1], chain.here, goal, self.load_border, goal)
             return PathEnd.NOT_CORRECTED if found is None else self.at_load(*found, side)
@@ -77,7 +81,7 @@ class GraphFollower(Follower):
             load = self.load_room(t, v)
             reach = min(length, 1.05 * load) if load > 1e-12 * chain.length else length
             corner = chain.leaves(theta, segment, reach * v[:-1], slack)
-            if corner is not None and not corner.bends and corner.part * reach <= load * (1.0 - 1e-12):
+            if corner is not None and not corner.bends and not self.not_before(corner.part * reach, load, v[:-1]):
                 found = self.corner(theta, segment, t, reach * v, corner)
             else:
                 reach = reach if corner is None or not corner.bends else corner.part * reach
@@ -98,7 +102,7 @@ class GraphFollower(Follower):
         over = not self.low < new_t < self.high
         goal = self.high if new_t >= self.high else self.low
         part = (goal - t) / (new_t - t) if over and new_t != t else np.inf
-        if met is not None and met.part < part * (1.0 - 1e-9):
+        if met is not None and not self.not_before(met.part, part, new - theta):
             return None if met.bends else self.corner(theta, side, t, np.append(new - theta, new_t - t), met)
         if over:
             ended = self.solve(theta + part * (new - theta), chain.here, goal, self.load_border, goal)

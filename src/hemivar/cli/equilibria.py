@@ -224,6 +224,8 @@ def _print_path(path: EquilibriumPath) -> None:
     folds, jumps = path.main_folds, path.main_jumps
     for fold in folds[:_SHOWN]:
         print(f"fold              load factor {fold.load_factor:.10g}, point {fold.index}")
+    for point in path.bifurcations[:_SHOWN]:
+        print(f"bifurcation       load factor {point.load_factor:.10g}, point {point.index}")
     for jump in jumps[:_SHOWN]:
         how = "loading" if jump.loading else "unloading"
         where = ", to no stable branch of this path" if jump.local is None else ""

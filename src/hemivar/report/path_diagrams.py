@@ -82,7 +82,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
 
     ``points`` holds for each point ``load_factor``, ``energy``, ``stable`` (of the stretch that begins there; at the
     last point, of the one that ends there), ``normal_force``, ``friction_force`` (list; on the body),
-    ``max_penetration`` and ``value``, the chosen ``quantity``. ``folds`` and ``jumps`` name points by number;
+    ``max_penetration`` and ``value``, the chosen ``quantity``. ``folds``, ``bifurcations`` and ``jumps`` name points by number;
     ``single_point`` tells where one contact point lets go alone, ``single_point_size`` up to which weight of a point
     none does; ``interpolated`` that the place after a jump is none of a solution.
     """
@@ -120,6 +120,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
         "folds": [
             {"load_factor": fold.load_factor, "point": fold.index, "single_point": fold.snaps} for fold in path.folds
         ],
+        "bifurcations": [{"load_factor": point.load_factor, "point": point.index} for point in path.bifurcations],
         "jumps": jumps,
         "single_point_size": path.snap_size,
         "ended": path.ended,
@@ -177,6 +178,9 @@ def plot_path(
         index = [fold.index for fold in path.main_folds]
         if index:
             ax.plot(x[index], t[index], "o", color="black", markersize=2.5, label="fold", zorder=4)
+        index = [point.index for point in path.bifurcations]
+        if index:
+            ax.plot(x[index], t[index], "D", color="black", markersize=3.0, label="bifurcation", zorder=4)
         if chosen.of_displacement:
             _draw_jumps(ax, path, chosen, x)
         ax.set_xlabel(with_unit(chosen.label, unit))
