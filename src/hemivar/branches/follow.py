@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -200,12 +200,12 @@ def following(
 
 
 def _followed(
-    line: LoadLine, chain: Chain | GraphChart, begun: Solution, options: PathOptions, budget: Budget
+    line: LoadLine, chain: Curves, begun: Solution, options: PathOptions, budget: Budget
 ) -> Generator[PathProgress, bool | None, Path]:
     """The path on some curves, from the first solution."""
     system, (low, high) = chain.system, options.load_factor
     first = low + _FIRST * (high - low)
-    follows = Follower if isinstance(chain, Chain) else GraphFollower
+    follows = _follower_of(chain)
     force0 = chain.load_of(system.for_problem(line.at(0.0)))
     force1 = chain.load_of(system.for_problem(line.at(1.0))) - force0
     theta, segment = chain.nearest(begun.local, begun.multiplier)
@@ -237,6 +237,11 @@ def _followed(
     return _assemble(line, chain, track, bool(perturbation.any()))
 
 
+def _follower_of(chain: Curves) -> Callable[..., Follower]:
+    """What follows a path on these curves."""
+    return Follower if isinstance(chain, Chain) else GraphFollower
+
+
 def _starting(problem: DiscreteProblem, low: float, near: bool) -> Solver | None:
     """The method for the first point of a path, ``near`` a guess or not; None for that of the problem."""
     if problem.law.state_dependent:
@@ -264,7 +269,7 @@ def _unperturb(track: Track, follower: Follower) -> None:
             point.theta, point.t = found
 
 
-def _assemble(line: LoadLine, chain: Chain | GraphChart, track: Track, perturbed: bool) -> Path:
+def _assemble(line: LoadLine, chain: Curves, track: Track, perturbed: bool) -> Path:
     system = chain.system
     if not track.stretches:
         raise ProblemError(f"the path ends where it begins ({track.ended}); give another start or range")

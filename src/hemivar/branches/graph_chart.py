@@ -147,7 +147,8 @@ class GraphChart(Curves):
         """dr/dtheta (k, c, c) of one contact point at places theta (k, c)."""
         index = np.full(len(theta), j)
         stiffness = self.stiffness[index]
-        return self.law.take(index).on_graph(stiffness * theta, self.a[index]).jacobian * stiffness[:, None, :]
+        found = self.law.take(index).on_graph(stiffness * theta, self.a[index])
+        return np.asarray(found.jacobian * stiffness[:, None, :])
 
     def nearest(self, r: Array, lam: Array) -> tuple[Array, Array]:
         return (r + lam / self.stiffness).ravel(), self.here
@@ -184,7 +185,7 @@ class GraphChart(Curves):
         blocks = J.reshape(m, c, m, c)
         every = np.arange(m)
         blocks[every, :, every, :] += own
-        return J
+        return np.asarray(J)
 
     def forces(self, theta: Array, side: Array, force: Array) -> Array:
         r, lam, _ = self.pairs(theta)
@@ -232,7 +233,7 @@ class GraphChart(Curves):
         H = np.matmul(half, axes[None]).reshape(self.size, self.size)[np.ix_(moving, moving)]
         weights = np.repeat(self.system.weights, c)[moving]
         H[np.diag_indices(len(H))] += weights / d.ravel()[moving]
-        return H
+        return np.asarray(H)
 
     def falls_beside(self, theta: Array, side: Array) -> Array:
         d, axes = self._moving(self.slopes(theta, side))

@@ -40,7 +40,7 @@ class OutOfChartError(Exception):
 class GraphFollower(Follower):
     """Follows ``F(theta, t) = 0`` in Minty's chart, see :class:`Follower`."""
 
-    chain: GraphChart
+    chain: GraphChart  # type: ignore[assignment]
 
     def advance(
         self, theta: Array, segment: Array, t: float, v: Array, length: float
