@@ -172,3 +172,19 @@ def test_random_paths_of_coupled_glue_are_equilibria_and_end_at_solutions(seed: 
     t = path.load_factor
     turns = [i for i in range(1, t.size - 1) if (t[i] - t[i - 1]) * (t[i + 1] - t[i]) < 0.0]
     assert turns == [fold.index for fold in path.folds]
+
+
+def test_contact_points_that_a_support_holds_in_part_are_followed() -> None:
+    """Rollers at both sides hold the slip of the outer points; every column opens alone, as the closed form says."""
+    block = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 3),
+        material=hv.Material.lame(4.0, 4.0),
+        contact={"bottom": hv.Contact(glue(6.0))},
+        supports={"left": "roller", "right": "roller", "top": hv.Fixed(x=0.0, y=0.4)},
+    )
+    path = follow_path(block)
+    # a column of stiffness 12: w = .3, traction 1.2
+    np.testing.assert_allclose(path.local[-1][:, 0], -0.3, rtol=1e-9)
+    np.testing.assert_allclose(path.multiplier[-1][:, 0], -1.2, rtol=1e-9)
+    assert path.stable.all()
+    assert not path.folds
