@@ -82,7 +82,8 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
 
     ``points`` holds for each point ``load_factor``, ``energy``, ``stable`` (of the stretch that begins there; at the
     last point, of the one that ends there), ``normal_force``, ``friction_force`` (list; on the body),
-    ``max_penetration`` and ``value``, the chosen ``quantity``. ``folds``, ``bifurcations`` and ``jumps`` name points by number;
+    ``max_penetration`` and ``value``, the chosen ``quantity``. ``folds``, ``bifurcations`` and ``jumps`` name
+    points by number;
     ``single_point`` tells where one contact point lets go alone, ``single_point_size`` up to which weight of a point
     none does; ``interpolated`` that the place after a jump is none of a solution.
     """
