@@ -321,6 +321,7 @@ def any_stands_at_true_boundaries_only(files: Files) -> Iterator[str]:
 #: Data classes that change while a method works with them; all others are frozen.
 WORKING = {
     "branches.follower": ("TrackPoint", "Track", "Follower"),
+    "branches.graph_follower": ("GraphFollower",),
     "coercivity.recession": ("_Programme",),
     "evolution.jump_paths": ("_GradientFlow",),
     "solvers.newton_on_graph": ("NewtonCache",),

@@ -27,7 +27,7 @@ from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT, block_file
 from tests.samples import sampled
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
-COMMANDS = ("solve", "certify", "solutions", "path", "march", "compare", "study", "sweep", "identify")
+COMMANDS = ("solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "sweep", "identify")
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ MAKERS = {
     "ContactLaw",
     "PiecewiseQuadratic",
     "table_law",
-} - {"StateBound", "SlipMeasure"}
+} - {"StateBound", "SlipMeasure", "friction_in_increments"}
 
 #: What the pages explain once for all frictions: what they are a law of in time.
 OF = "of"

@@ -13,7 +13,7 @@ import scipy.optimize
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.body_data import body_data
-from hemivar.certificates.continuous.hypotheses import inexact_data
+from hemivar.certificates.continuous.hypotheses import inexact_data, stated_conditions
 from hemivar.errors import ProblemError
 from hemivar.mechanics import BoundsBy, Material, check_material
 from hemivar.mechanics.composed_material import lower_elasticity
@@ -322,13 +322,16 @@ def test_no_linear_material_lies_below_one_without_a_bound() -> None:
     assert bounded.stiffness_tensor(np.zeros((1, 2)))[0, 2, 2] < SHEAR
 
 
-def test_what_is_shown_up_to_a_reach_guarantees_no_distance() -> None:
+def test_what_is_shown_up_to_a_reach_is_a_condition_of_the_distance() -> None:
     mesh = hv.rectangle(cells=2)
-    for material, told in ((EVERY["formula"], "holds for strains up to 0.5"), (EVERY["hencky"], None)):
+    for material, told in ((EVERY["formula"], "within the reach 0.5"), (EVERY["hencky"], None)):
         problem = hv.ContactProblem(mesh, material, supports={"left": hv.Clamped()}, body_force=(0.0, -0.1))
-        reasons = inexact_data(body_data(problem, np.zeros((len(mesh.points), 2))))
-        assert len(reasons) == (told is not None)
-        assert told is None or told in reasons[0]
+        data = body_data(problem, np.zeros((len(mesh.points), 2)))
+        outside, conditions = stated_conditions(data, None)
+        assert not inexact_data(data)
+        assert not outside
+        assert len(conditions) == (told is not None)
+        assert told is None or told in conditions[0]
 
 
 def test_a_kink_hides_no_concave_part() -> None:

@@ -176,8 +176,10 @@ class Motion:
         graphs = [normal_graph(self.law["normal"], lambda p, x=x: self.number(p, 0.0, x), self.folder) for x in where]
         self.normal = [lines_of(graph) for graph in graphs]
         self.damping = float(self.law.get("damping", {}).get("stiffness", 0.0))
-        self.secant = self.law.get("memory", []) == [{"kind": "secant"}]
-        if self.law.get("memory") and not self.secant:
+        glued = isinstance(self.law["normal"], dict) and self.law["normal"].get("law") == "adhesive"
+        memory = self.law.get("memory", [{"kind": "secant"}] if glued else [])
+        self.secant = memory == [{"kind": "secant"}]
+        if memory and not self.secant:
             raise UnknownError("memory")
 
     def gap(self, t: float) -> np.ndarray:

@@ -189,7 +189,8 @@ def test_glue_with_a_memory_stays_softened_and_broken(tmp_path: Path) -> None:
 
 
 def test_glue_without_a_memory_is_that_of_its_opening() -> None:
-    found = hv.march(column([0.0, 0.3, 1.5, 0.3], hv.Contact(GLUE)), 3.0, step=0.5, save=hv.evolution.Save(every=1.0))
+    elastic = hv.Contact(GLUE, memory=())
+    found = hv.march(column([0.0, 0.3, 1.5, 0.3], elastic), 3.0, step=0.5, save=hv.evolution.Save(every=1.0))
     seen = [moving_states(found.discrete, frame).normal[0] for frame in found.frames[1:]]
     assert seen == [BONDED, SOFTENING, BONDED]
 

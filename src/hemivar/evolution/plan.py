@@ -126,7 +126,7 @@ class March:
         try:
             object.__setattr__(self, "jump", SelectionRule(self.jump))
         except ValueError:
-            gone = " was removed: march with inertia" if self.jump == "dynamic" else ""
+            gone = " was removed: march with inertia" if isinstance(self.jump, str) and self.jump == "dynamic" else ""
             raise ProblemError(f"jump = {self.jump!r}{gone}; choose one of {', '.join(SelectionRule)}") from None
         as_method(self.method)
         expect(self.controls, Controls, "controls", "pass Controls(rtol=...)")

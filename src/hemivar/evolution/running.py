@@ -434,7 +434,7 @@ class Integration:
         if healed and not any(message.startswith(_HEALS) for message in self.messages):
             self.tell(
                 f"{_HEALS} on contact '{healed}' from t = {taken.before.time:g} on: past its strength it closes along "
-                "the curve that it has opened by; leave memory = () out, so that it remembers"
+                "the curve of its opening; leave memory = () out"
             )
         self.bound.add(taken)
         self.moment = taken.moment

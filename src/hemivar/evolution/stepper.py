@@ -328,7 +328,10 @@ class TimeStepper:
                 float(np.abs(own - multiplier).max(initial=0.0)),
                 float(np.abs(own).max(initial=0.0)),
             ).tolist()
-            if change <= _STANDS * size and pressed <= _STANDS * level:
+            weighted = stage.problem.contact.weights[:, None] * (own - multiplier)
+            left = solution.residual.total + solution.residual.rounding  # forces are not known better
+            same = pressed <= _STANDS * level or float(vectors.norms(weighted)[0]) <= left
+            if change <= _STANDS * size and same:
                 break
             guess, multiplier, initial = slid, own, solution
         else:

@@ -287,8 +287,8 @@ class ModeDependentGlue(VectorLaw):
 
     def stored_energy(self, r: Array) -> Array:
         raise ProblemError(
-            f"law '{self.name}' has no potential without a memory: in time it keeps the mode at which damage begins, "
-            "unless memory = () says that it is elastic; leave that out, or take MixedMode"
+            f"law '{self.name}' has no potential in time without its memory, the mode of onset; leave memory = () out, "
+            "or take MixedMode"
         )
 
     # ---- glue that remembers ----------------------------------------------------------------------------
