@@ -188,3 +188,40 @@ def test_contact_points_that_a_support_holds_in_part_are_followed() -> None:
     np.testing.assert_allclose(path.multiplier[-1][:, 0], -1.2, rtol=1e-9)
     assert path.stable.all()
     assert not path.folds
+
+
+# ---- the end of a path at a value ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+@pytest.mark.parametrize(("name", "value", "load"), [("max-opening", 0.15, 0.2), ("normal-force", -1.2, 0.1 + 0.05)])
+def test_a_path_ends_where_a_quantity_has_its_value(unit: float, name: str, value: float, load: float) -> None:
+    """Softening, u = .15 carries .6: 12 (t - .15) = .6.  Before onset 24 u = 1.2 gives 12 (t - .05) = 1.2."""
+    problem = arrays(np.eye(2) * 12.0 / unit, np.array([-12.0, 0.0]), glue(36.0 / unit, stiffness=24.0 / unit), 2)
+    size = unit if name == "max-opening" else 1.0
+    path = follow_path(problem, (0.0, 0.5), until={name: value * size})
+    assert path.ended is hv.branches.PathEnd.UNTIL
+    assert path.load_factor[-1] == pytest.approx(load, rel=1e-10)
+    r, lam = path.local[-1], path.multiplier[-1]
+    found = -r[0, 0] if name == "max-opening" else lam[0, 0]
+    assert found == pytest.approx(value * size, rel=1e-10)
+    assert len(path.folds) == (name == "max-opening")
+    assert path.limit_load is None
+
+
+@pytest.mark.parametrize("curves", ["scalar", "chart"])
+def test_the_value_of_an_end_is_met_on_curved_pieces(curves: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if curves == "chart":
+        monkeypatch.setattr(follow, "_curves", lambda system, begun: chart_of(system, begun.local, begun.multiplier))
+    whole = follow_path(pair(6.0, 4.5), (0.0, 20.0))
+    value = 0.37 * float(whole.max_penetration[-1])
+    path = follow_path(pair(6.0, 4.5), (0.0, 20.0), until={"max-penetration": value})
+    assert path.max_penetration[-1] == pytest.approx(value, rel=1e-10)
+    assert path.ended is hv.branches.PathEnd.UNTIL
+
+
+def test_values_of_an_end_are_refused_before_any_work() -> None:
+    with pytest.raises(hv.errors.ProblemError, match=r"'max-openin', which is not known; did you mean 'max-opening'"):
+        follow_path(pair(6.0, 4.5), until={"max-openin": 1.0})
+    with pytest.raises(hv.errors.ProblemError, match="finite"):
+        follow_path(pair(6.0, 4.5), until={"max-opening": np.inf})

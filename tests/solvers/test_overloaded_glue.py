@@ -13,6 +13,7 @@ from hemivar.fem import LoadLine
 from hemivar.laws import BenzeggaghKenane, BilinearCohesion, MixedMode, ModeDependentGlue, SlipTable
 from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS, LoadStepping, NonsmoothNewton, Search, Status, solve
+from tests.samples import slow
 
 STRENGTH = 2.0
 SLIP = SlipTable(STRENGTH, [0.0, 0.1, 0.5], [0.0, 1.0, 0.0])
@@ -62,6 +63,14 @@ def test_the_way_of_the_remedy_leads_on(glue: str) -> None:
         limit = hv.follow_path(found.problem).limit_load
         assert limit is not None
         assert found.carried[0] <= limit <= found.carried[1]
+
+
+@pytest.mark.parametrize(("glue", "mesh"), [("brittle", PLANE), slow("mixed-mode", PLANE), slow("mixed-mode", SPACE)])
+def test_the_path_of_points_that_break_together_comes_back_to_no_load(glue: str, mesh: Mesh) -> None:
+    pull = (*(0.0,) * (mesh.dim - 1), 2.3 * STRENGTH)
+    path = hv.follow_path(block(glue, pull, mesh))
+    assert path.ended is hv.branches.PathEnd.LOWER_END
+    assert path.limit_load == pytest.approx(1.0 / 2.3, rel=1e-4)
 
 
 @pytest.mark.parametrize("glue", GLUES)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Generator, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Generator, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -15,10 +16,11 @@ from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, BoolArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.curves import Curves
-from hemivar.branches.follower import Follower, PathProgress, Track
+from hemivar.branches.follower import Follower, PathProgress, Quantity, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
 from hemivar.branches.graph_follower import GraphFollower, OutOfChartError
 from hemivar.branches.path import Bifurcation, Fold, Path, PathEnd, PathJump
+from hemivar.branches.quantities import QUANTITIES, PathQuantity, checked_until
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
@@ -52,6 +54,8 @@ class PathOptions:
         Limit in seconds.
     largest_step : float
         Of the arc length, as a part of the whole.
+    until : mapping of name to value
+        The path ends where one of these quantities has its value.
 
     Raises
     ------
@@ -63,6 +67,7 @@ class PathOptions:
     max_points: int = 2000
     max_time: float = np.inf
     largest_step: float = 0.02
+    until: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         ends = tuple(self.load_factor) if isinstance(self.load_factor, Iterable) else ()
@@ -74,6 +79,15 @@ class PathOptions:
         whole_number(self.max_points, "max_points", 2)
         if not number(self.largest_step, "largest_step") > 0.0:
             raise ProblemError(f"largest_step is {self.largest_step}; it must be positive")
+        checked_until(self.until)
+
+    def ends(self, weights: Array) -> tuple[Quantity, ...]:
+        """Numbers that are zero where the path ends, for weights (m,) of contact points."""
+        return tuple(_beyond(QUANTITIES[name], weights, value) for name, value in self.until.items())
+
+
+def _beyond(quantity: PathQuantity, weights: Array, value: float) -> Quantity:
+    return lambda r, lam: float(quantity.evaluate(weights, r[None], lam[None])[0]) - value
 
 
 @known_keywords
@@ -86,6 +100,7 @@ def follow_path(
     max_points: int = 2000,
     largest_step: float = 0.02,
     max_time: float = np.inf,
+    until: Mapping[str, float] = MappingProxyType({}),
     workspace: Workspace | None = None,
 ) -> Path:
     """Follow the equilibria from the lower load factor, through folds, until the range is left.
@@ -110,6 +125,9 @@ def follow_path(
         Largest step on curved pieces, relative to the range and to a typical displacement.
     max_time : float
         Limit in seconds; the path then ends where it is, and says so.
+    until : mapping of name to value, optional
+        The path ends where one of these quantities passes its value, such as ``{"max-opening": 0.1}``.  Names are those
+        of ``hemivar path --quantity``.  A value that is passed twice within one step is not seen.
     workspace : Workspace, optional
         Keeps what is expensive for other calls on the same body.
 
@@ -122,9 +140,9 @@ def follow_path(
     MethodError
         A law falls at once, in space, coupled, or beside a bound that depends on the solution.
     ProblemError
-        The range is empty, or no equilibrium was found at its lower end.
+        The range is empty, no equilibrium was found at its lower end, or a name of ``until`` is not known.
     """
-    options = PathOptions(load_factor, max_points, max_time, largest_step)
+    options = PathOptions(load_factor, max_points, max_time, largest_step, until)
     return result_of(following(problem, options, unloaded=unloaded, start=start, workspace=workspace))
 
 
@@ -220,6 +238,7 @@ def _followed(
                 f"no equilibrium was found at load factor {first:g} ({begun.status.value}); give another start"
             )
         back = yield from follower.running(corrected, segment, first, -1.0)
+        follower.until = options.ends(system.weights)
         forth = yield from follower.running(corrected, segment, first, 1.0)
         if not follower.ties or attempt or follower.stopped:
             break

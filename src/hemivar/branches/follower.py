@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
+from scipy.optimize import brentq
 
 from hemivar.basics.deadline import Budget, OutOfTime, check_time
 from hemivar.basics.first_use import cached_property
@@ -100,6 +101,12 @@ _SAME, _CHANGES = 1e-6, 8
 #: A number that tells by its sign on which side of a change a point of a segment lies; it also takes the border.
 Measure: TypeAlias = Callable[[Array, AnyArray, Array], float]
 
+#: Part of the range of loads by which a path that cannot go on may miss the end that it heads for.
+_ARRIVED = 1e-7
+
+#: A number that an equilibrium has: of local displacements and multipliers (m, d).
+Quantity: TypeAlias = Callable[[Array, Array], float]
+
 #: A path at work.
 Following: TypeAlias = Generator[PathProgress, bool | None, Track]
 
@@ -108,7 +115,8 @@ Following: TypeAlias = Generator[PathProgress, bool | None, Track]
 class Follower:
     """Follows the zeros of ``F(theta, t)``, the load being ``force0 + t force1``, from ``low`` to ``high``.
 
-    ``ties`` says afterwards whether several components met an event at once, ``stopped`` why it gave up, if it did.
+    The path ends where a quantity of ``until`` changes its sign.  ``ties`` says afterwards whether several components
+    met an event at once, ``stopped`` why it gave up, if it did.
     """
 
     chain: Chain
@@ -119,6 +127,7 @@ class Follower:
     max_points: int
     largest_step: float
     budget: Budget = field(default_factory=lambda: Budget(np.inf))
+    until: tuple[Quantity, ...] = ()
     ties: bool = False
     stopped: PathEnd | None = None
 
@@ -166,8 +175,10 @@ class Follower:
             turn = float(np.sign(tangent[-1])) or turn
             new, curved = self.advance(theta, segment, t, tangent, step)
             if isinstance(new, PathEnd):
-                track.ended = new
+                track.ended = self.arrived(new, t, turn)
                 break
+            reached = self.reached(theta, segment, t, tangent, new)
+            new = reached or new
             cuts = self.cuts(theta, segment, t, tangent, new) if curved else self.whole(theta, segment, new)
             for cut in cuts:
                 track.stretches.append(Stretch(segment, cut.negative, curved))
@@ -176,6 +187,9 @@ class Follower:
             theta, t = new.theta, new.t
             if (yield PathProgress(len(track.points), t)):
                 raise KeyboardInterrupt
+            if reached is not None:
+                track.ended = PathEnd.UNTIL
+                break
             if new.event is not None and new.event.of_load:
                 track.ended = PathEnd.UPPER_END if t >= self.high else PathEnd.LOWER_END
                 break
@@ -183,6 +197,42 @@ class Follower:
                 step = min(self.largest_step * chain.length, 1.5 * new.length if new.easy else new.length)
             segment = new.segment
             tangent = self.tangent(theta, segment, new.border)
+
+    def arrived(self, ended: PathEnd, t: float, turn: float) -> PathEnd:
+        """Why a path ends that does not go on: where nothing is left to carry a load, at the end that it has reached.
+
+        Glue that lets go at several points together leaves a body that is in equilibrium at no other load.
+        """
+        near = abs(t - (self.high if turn > 0.0 else self.low)) <= _ARRIVED * (self.high - self.low)
+        if ended is not PathEnd.NOT_CORRECTED or not near:
+            return ended
+        return PathEnd.UPPER_END if turn > 0.0 else PathEnd.LOWER_END
+
+    def reached(self, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint) -> FollowedPoint | None:
+        """The first point of a step at which a quantity of ``until`` is zero, if there is one."""
+        found = [self.zero_of(quantity, theta, segment, t, v, new) for quantity in self.until]
+        return min((point for point in found if point is not None), key=lambda point: point.length, default=None)
+
+    def zero_of(
+        self, quantity: Quantity, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint
+    ) -> FollowedPoint | None:
+        """The point of a step at which a quantity is zero; None where it keeps its sign."""
+        ends = [quantity(*self.chain.local(place, segment)) for place in (theta, new.theta)]
+        if ends[0] == 0.0 or ends[0] * ends[1] > 0.0:
+            return None
+        border = np.append(v[:-1], v[-1] * self.load_unit)
+        border /= np.linalg.norm(border)
+        far = float(np.append(new.theta - theta, (new.t - t) * self.load_unit) @ border)
+
+        def place(length: float) -> tuple[Array, float]:
+            found = self.arc(theta, segment, t, v, length)
+            return (new.theta, new.t) if found is None else found[:2]
+
+        def value(length: float) -> float:
+            return quantity(*self.chain.local(place(length)[0], segment))
+
+        length = far if ends[1] == 0.0 or value(0.0) * value(far) >= 0.0 else brentq(value, 0.0, far, xtol=1e-15 * far)
+        return FollowedPoint(*place(length), segment, border, length=length)
 
     def advance(
         self, theta: Array, segment: AnyArray, t: float, v: Array, length: float

@@ -31,6 +31,7 @@ class PathEnd(StrEnum):
 
     UPPER_END = "the upper end of the load factors was reached"
     LOWER_END = "the lower end of the load factors was reached"
+    UNTIL = "a quantity reached the value at which the path was to end"
     MAX_POINTS = "the limit of points was reached"
     MAX_TIME = "the time limit was reached"
     INTERRUPTED = "interrupted"
@@ -170,8 +171,8 @@ class Path(PickleMixin, ReprMixin):
 
     @property
     def reached_end(self) -> bool:
-        """Whether the path was followed until it left the range of load factors."""
-        return self.ended in (PathEnd.UPPER_END, PathEnd.LOWER_END)
+        """Whether the path was followed until it left the range of load factors, or to the value asked for."""
+        return self.ended in (PathEnd.UPPER_END, PathEnd.LOWER_END, PathEnd.UNTIL)
 
     @property
     def interrupted(self) -> bool:

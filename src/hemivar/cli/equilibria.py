@@ -176,17 +176,23 @@ def path(
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
     max_points: Annotated[int, typer.Option(metavar="N", min=2, max=MOST_STEPS, help="Limit of points.")] = 2000,
     max_time: MaxTime = None,
+    until: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="End where a quantity has this value: max-opening=0.1."),
+    ] = None,
     given: Given = None,
 ) -> int:
     """Follow the equilibria while the load grows, through folds: limit load, first instability, folds, jumps.
 
-    Exit code 0 if the path reaches an end of the range.
+    Exit code 0 if the path reaches an end of the range, or the value of --until.
     """
-    from hemivar.report.path_diagrams import QUANTITIES, fitting_quantity, path_record, plot_path
+    from hemivar.branches.quantities import QUANTITIES, checked_until
+    from hemivar.report.path_diagrams import fitting_quantity, path_record, plot_path
 
     check_load_factors(*load_factor)
     if quantity is not None and quantity not in QUANTITIES:
         raise ProblemError(f"quantity '{quantity}' is not known{suggest(quantity, list(QUANTITIES))}")
+    ends = checked_until(dict(_named_value(text) for text in until or ()))
     session = Session(problem, {"--json": json, "--plot": plot}, max_time=max_time, given=given)
     writer = session.writer
     print_head(session.stated, session.discrete())
@@ -194,7 +200,7 @@ def path(
     from hemivar.workflows import PathOptions, result_of
     from hemivar.workflows import path as follow
 
-    options = PathOptions(load_factor, max_points, session.controls.max_time)
+    options = PathOptions(load_factor, max_points, session.controls.max_time, until=ends)
     with StageView(console()) as view:
         found = result_of(follow(session.stated.problem, options), view)
     _print_path(found)
@@ -213,6 +219,15 @@ def path(
     writer.tell()
     code = Exit.CONVERGED if found.reached_end else Exit.NOT_CONVERGED
     return writer.ended(Exit.INTERRUPTED if found.interrupted else code)
+
+
+def _named_value(text: str) -> tuple[str, float]:
+    """Of ``NAME=VALUE``."""
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise ProblemError(f"--until is '{text}'; write NAME=VALUE, such as max-opening=0.1") from None
 
 
 def _print_path(path: EquilibriumPath) -> None:

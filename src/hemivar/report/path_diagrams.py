@@ -2,59 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.types import Array, Record
 from hemivar.branches import Path
+from hemivar.branches.quantities import QUANTITIES, PathQuantity
 from hemivar.errors import ProblemError
 from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes_on, drawing, with_unit
-from hemivar.solvers.boundary_result import friction_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["QUANTITIES", "PathQuantity", "fitting_quantity", "path_record", "plot_path"]
-
-
-@dataclass(frozen=True)
-class PathQuantity:
-    """A number that an equilibrium has.
-
-    Attributes
-    ----------
-    label : str
-        On the axis.
-    evaluate : callable
-        From weights (m,), local displacements and multipliers (k, m, d) to (k,).
-    of_displacement : bool
-        Whether the displacement alone determines it.
-    """
-
-    label: str
-    evaluate: Callable[[Array, Array, Array], Array]
-    of_displacement: bool = True
-
-
-#: What can be drawn over the load, by name.
-QUANTITIES: Mapping[str, PathQuantity] = MappingProxyType(
-    {
-        "max-penetration": PathQuantity("largest penetration", lambda w, r, lam: r[:, :, 0].max(axis=1)),
-        "max-opening": PathQuantity("largest opening", lambda w, r, lam: -r[:, :, 0].min(axis=1)),
-        "mean-penetration": PathQuantity("mean penetration", lambda w, r, lam: r[:, :, 0] @ w / w.sum()),
-        "max-slip": PathQuantity(
-            "largest slip", lambda w, r, lam: np.linalg.norm(r[:, :, 1:], axis=2).max(axis=1, initial=0.0)
-        ),
-        "mean-slip": PathQuantity("mean slip", lambda w, r, lam: r[:, :, 1:].sum(axis=2) @ w / w.sum()),
-        "normal-force": PathQuantity("normal force", lambda w, r, lam: lam[:, :, 0] @ w, False),
-        "friction-force": PathQuantity("friction force", lambda w, r, lam: friction_of(lam).sum(axis=2) @ w, False),
-    }
-)
+__all__ = ["fitting_quantity", "path_record", "plot_path"]
 
 
 #: What is drawn unless asked for otherwise: that of them which changes most along the path.
