@@ -59,7 +59,7 @@ def checked_until(until: object) -> Mapping[str, float]:
     ProblemError
         It is no mapping, a name is not known, or a value is no finite number.
     """
-    given = expect(until, Mapping, "until", "give values by names, such as {'max-opening': 0.1}")
+    given: Mapping[str, float] = expect(until, Mapping, "until", "give values by names, such as {'max-opening': 0.1}")
     for name, value in given.items():
         if name not in QUANTITIES:
             raise ProblemError(
