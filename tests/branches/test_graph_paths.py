@@ -170,8 +170,9 @@ def test_random_paths_of_coupled_glue_are_equilibria_and_end_at_solutions(seed: 
     assert path.reached_end, path.ended
     assert equilibrium_error(path, stiffness, load) <= 1e-8
     t = path.load_factor
-    turns = [i for i in range(1, t.size - 1) if (t[i] - t[i - 1]) * (t[i + 1] - t[i]) < 0.0]
-    assert turns == [fold.index for fold in path.folds]
+    t = t[np.append(True, np.abs(np.diff(t)) > 1e-9)]  # rounding turns nothing
+    turns = [t[i] for i in range(1, t.size - 1) if (t[i] - t[i - 1]) * (t[i + 1] - t[i]) < 0.0]
+    assert turns == pytest.approx([fold.load_factor for fold in path.folds], abs=1e-8)
 
 
 def test_contact_points_that_a_support_holds_in_part_are_followed() -> None:

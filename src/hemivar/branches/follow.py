@@ -20,7 +20,7 @@ from hemivar.branches.follower import Follower, PathProgress, Quantity, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
 from hemivar.branches.graph_follower import GraphFollower, OutOfChartError
 from hemivar.branches.path import Bifurcation, Fold, Path, PathEnd, PathJump
-from hemivar.branches.quantities import QUANTITIES, PathQuantity, checked_until
+from hemivar.branches.path_quantities import QUANTITIES, PathQuantity, checked_until
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError

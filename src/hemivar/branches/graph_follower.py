@@ -24,6 +24,8 @@ _HALVES = 8
 _PROBE = 1e-3
 #: Rounds in which a curved corner is located, and distance from it that is none.
 _ROUNDS, _ON = 12, 1e-11
+#: Part of a way that a point of the path may lie off it.
+_NEARBY = 0.5
 #: Ways on that are tried where several points meet a corner together.
 _WAYS = 300
 
@@ -106,7 +108,9 @@ class GraphFollower(Follower):
             return None if met.bends else self.corner(theta, side, t, np.append(new - theta, new_t - t), met)
         if over:
             ended = self.solve(theta + part * (new - theta), chain.here, goal, self.load_border, goal)
-            return None if ended is None else self.at_load(*ended, side)
+            if ended is None or not _beside(ended[0] - theta - part * (new - theta), new - theta, chain.length):
+                return None
+            return self.at_load(*ended, side)
         old = np.append(v[:-1], v[-1] * self.load_unit)
         tangent = self.tangent(new, chain.here, old)
         if tangent is None:
@@ -143,6 +147,8 @@ class GraphFollower(Follower):
             return None
         if not self.low - 1e-12 <= load <= self.high + 1e-12:
             return None
+        if not _beside(place - start, way[:-1], chain.length):
+            return None  # it is where the path meets this corner elsewhere
         passed = place - theta
         size = float(np.abs(passed).max())
         if size > 1e3 * BESIDE * chain.length:
@@ -178,6 +184,11 @@ class GraphFollower(Follower):
                     return FollowedPoint(place, t, beyond, heading, event)
         self.ties = True
         return None
+
+
+def _beside(missed: Array, way: Array, length: float) -> bool:
+    """Whether what a way missed is small beside it, so that it leads there."""
+    return bool(np.abs(missed).max() <= _NEARBY * np.abs(way).max() + BESIDE * length)
 
 
 def _choices(size: int) -> Iterator[BoolArray]:

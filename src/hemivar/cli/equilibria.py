@@ -186,7 +186,7 @@ def path(
 
     Exit code 0 if the path reaches an end of the range, or the value of --until.
     """
-    from hemivar.branches.quantities import QUANTITIES, checked_until
+    from hemivar.branches.path_quantities import QUANTITIES, checked_until
     from hemivar.report.path_diagrams import fitting_quantity, path_record, plot_path
 
     check_load_factors(*load_factor)

@@ -8,7 +8,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, Record
 from hemivar.branches import Path
-from hemivar.branches.quantities import QUANTITIES, PathQuantity
+from hemivar.branches.path_quantities import QUANTITIES, PathQuantity
 from hemivar.errors import ProblemError
 from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes_on, drawing, with_unit
 
