@@ -288,7 +288,7 @@ def test_steps_adapt() -> None:
 def test_elastic_glue_says_that_it_heals(name: str) -> None:
     law = LAWS[name]
     if name == "mode-dependent":
-        with pytest.raises(hv.HemivarError, match="has no potential without a memory"):
+        with pytest.raises(hv.HemivarError, match="no potential in time without its memory, the mode of onset"):
             pulled(law, [0.0, 0.4], memory=())
         return
     history = pulled(law, [0.0, 0.4, 0.0], memory=())
