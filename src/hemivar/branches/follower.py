@@ -101,9 +101,6 @@ _SAME, _CHANGES = 1e-6, 8
 #: A number that tells by its sign on which side of a change a point of a segment lies; it also takes the border.
 Measure: TypeAlias = Callable[[Array, AnyArray, Array], float]
 
-#: Part of the range of loads by which a path that cannot go on may miss the end that it heads for.
-_ARRIVED = 1e-7
-
 #: A number that an equilibrium has: of local displacements and multipliers (m, d).
 Quantity: TypeAlias = Callable[[Array, Array], float]
 
@@ -175,7 +172,7 @@ class Follower:
             turn = float(np.sign(tangent[-1])) or turn
             new, curved = self.advance(theta, segment, t, tangent, step)
             if isinstance(new, PathEnd):
-                track.ended = self.arrived(new, t, turn)
+                track.ended = new
                 break
             reached = self.reached(theta, segment, t, tangent, new)
             new = reached or new
@@ -197,16 +194,6 @@ class Follower:
                 step = min(self.largest_step * chain.length, 1.5 * new.length if new.easy else new.length)
             segment = new.segment
             tangent = self.tangent(theta, segment, new.border)
-
-    def arrived(self, ended: PathEnd, t: float, turn: float) -> PathEnd:
-        """Why a path ends that does not go on: where nothing is left to carry a load, at the end that it has reached.
-
-        Glue that lets go at several points together leaves a body that is in equilibrium at no other load.
-        """
-        near = abs(t - (self.high if turn > 0.0 else self.low)) <= _ARRIVED * (self.high - self.low)
-        if ended is not PathEnd.NOT_CORRECTED or not near:
-            return ended
-        return PathEnd.UPPER_END if turn > 0.0 else PathEnd.LOWER_END
 
     def reached(self, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint) -> FollowedPoint | None:
         """The first point of a step at which a quantity of ``until`` is zero, if there is one."""

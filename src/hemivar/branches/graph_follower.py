@@ -24,6 +24,8 @@ _HALVES = 8
 _PROBE = 1e-3
 #: Rounds in which a curved corner is located, and distance from it that is none.
 _ROUNDS, _ON = 12, 1e-11
+#: Stiffness, as a part of the largest, that holds nothing.
+_FREE = 1e-9
 #: Part of a way that a point of the path may lie off it.
 _NEARBY = 0.5
 #: Ways on that are tried where several points meet a corner together.
@@ -95,10 +97,11 @@ class GraphFollower(Follower):
 
     def smooth(self, theta: Array, side: Array, t: float, v: Array, reach: float, slack: float) -> FollowedPoint | None:
         """A step to a point on the same pieces, to the end of the load, or to a corner that was met on the way."""
-        chain = self.chain
+        chain, load = self.chain, self.load_room(t, v)
         arrived = self.arc(theta, chain.here, t, v, reach)
         if arrived is None:
-            return None
+            goal = self.high if v[-1] > 0.0 else self.low
+            return self.end_of_load(theta, side, load * v[:-1], goal, slack) if load <= reach else None
         new, new_t, steps = arrived
         met = chain.leaves(theta, side, new - theta, 2.0 * slack)
         over = not self.low < new_t < self.high
@@ -107,10 +110,7 @@ class GraphFollower(Follower):
         if met is not None and not self.not_before(met.part, part, new - theta):
             return None if met.bends else self.corner(theta, side, t, np.append(new - theta, new_t - t), met)
         if over:
-            ended = self.solve(theta + part * (new - theta), chain.here, goal, self.load_border, goal)
-            if ended is None or not _beside(ended[0] - theta - part * (new - theta), new - theta, chain.length):
-                return None
-            return self.at_load(*ended, side)
+            return self.end_of_load(theta, side, part * (new - theta), goal, slack)
         old = np.append(v[:-1], v[-1] * self.load_unit)
         tangent = self.tangent(new, chain.here, old)
         if tangent is None:
@@ -119,6 +119,29 @@ class GraphFollower(Follower):
         if unit @ old < 0.95 * np.linalg.norm(old) * np.linalg.norm(unit) and reach > 1e-9 * chain.length:
             return None
         return FollowedPoint(new, new_t, chain.here, unit, length=reach, easy=steps <= 4)
+
+    def end_of_load(self, theta: Array, side: Array, way: Array, goal: float, slack: float) -> FollowedPoint | None:
+        """The point near the end of a way at which the load is ``goal``; None where the path does not lead there."""
+        chain, start = self.chain, theta + way
+        found = self.solve(start, chain.here, goal, self.load_border, goal)
+        ended = None if found is None else found[0]
+        if ended is None or not _beside(ended - start, way, chain.length):
+            ended = self.nearest_balanced(start, goal)
+        if ended is None or not _beside(ended - start, way, chain.length):
+            return None
+        met = chain.leaves(theta, side, ended - theta, 2.0 * slack)
+        if met is not None and not self.not_before(met.part, 1.0, ended - theta):
+            return None
+        return self.at_load(ended, goal, side)
+
+    def nearest_balanced(self, theta: Array, t: float) -> Array | None:
+        """The equilibrium nearest to a place, where a load leaves the body free: glue has just broken everywhere."""
+        for _ in range(_ROUNDS):
+            F, J = self.chain.balance(theta, self.chain.here, self.force(t))
+            if self.chain.rounds(F, theta, self.chain.here, self.force(t)):
+                return theta
+            theta = theta - np.linalg.lstsq(J, F, rcond=_FREE)[0]
+        return None
 
     # ---- corners ----------------------------------------------------------------------------------------
 
