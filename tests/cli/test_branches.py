@@ -89,7 +89,7 @@ def test_another_quantity(block: Path, tmp_path: Path) -> None:
 
 def test_a_path_ends_at_a_value(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "path.json"
-    arguments = ["path", str(block), "--until", "max-penetration=0.02", "--until", "max-slip=9", "--json", str(out)]
+    arguments = ["path", str(block), "--end-at", "max-penetration=0.02", "--end-at", "max-slip=9", "--json", str(out)]
     assert cli.main(arguments) == 0
     assert "a quantity reached the value" in capsys.readouterr().out
     assert json.loads(out.read_text())["points"][-1]["max_penetration"] == pytest.approx(0.02, rel=1e-10)
@@ -104,8 +104,8 @@ def test_a_path_that_is_cut_short_is_told_by_the_exit_code(block: Path, capsys: 
     ("arguments", "message"),
     [
         (["path", "--quantity", "penetraton"], "quantity 'penetraton' is not known"),
-        (["path", "--until", "max-openin=1"], "did you mean 'max-opening'?"),
-        (["path", "--until", "max-opening"], "write NAME=VALUE"),
+        (["path", "--end-at", "max-openin=1"], "did you mean 'max-opening'?"),
+        (["path", "--end-at", "max-opening"], "write NAME=VALUE"),
         (["path", "--load-factor", "2", "1"], "give a finite range"),
         (["path", "--plot", "path.txt"], "must end in"),
         (["solutions", "--json", "here.txt"], "must end in"),

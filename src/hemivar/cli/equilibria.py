@@ -176,7 +176,7 @@ def path(
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
     max_points: Annotated[int, typer.Option(metavar="N", min=2, max=MOST_STEPS, help="Limit of points.")] = 2000,
     max_time: MaxTime = None,
-    until: Annotated[
+    end_at: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="End where a quantity has this value: max-opening=0.1."),
     ] = None,
@@ -184,7 +184,7 @@ def path(
 ) -> int:
     """Follow the equilibria while the load grows, through folds: limit load, first instability, folds, jumps.
 
-    Exit code 0 if the path reaches an end of the range, or the value of --until.
+    Exit code 0 if the path reaches an end of the range, or the value of --end-at.
     """
     from hemivar.branches.path_quantities import QUANTITIES, checked_until
     from hemivar.report.path_diagrams import fitting_quantity, path_record, plot_path
@@ -192,7 +192,7 @@ def path(
     check_load_factors(*load_factor)
     if quantity is not None and quantity not in QUANTITIES:
         raise ProblemError(f"quantity '{quantity}' is not known{suggest(quantity, list(QUANTITIES))}")
-    ends = checked_until(dict(_named_value(text) for text in until or ()))
+    ends = checked_until(dict(_named_value(text) for text in end_at or ()))
     session = Session(problem, {"--json": json, "--plot": plot}, max_time=max_time, given=given)
     writer = session.writer
     print_head(session.stated, session.discrete())
@@ -227,7 +227,7 @@ def _named_value(text: str) -> tuple[str, float]:
     try:
         return name, float(value)
     except ValueError:
-        raise ProblemError(f"--until is '{text}'; write NAME=VALUE, such as max-opening=0.1") from None
+        raise ProblemError(f"--end-at is '{text}'; write NAME=VALUE, such as max-opening=0.1") from None
 
 
 def _print_path(path: EquilibriumPath) -> None:
