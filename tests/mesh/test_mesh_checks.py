@@ -66,21 +66,24 @@ def test_meshes_of_any_shape_pass_these_checks() -> None:
             }
 
 
-def test_parts_that_were_not_joined_are_told_from_cracks() -> None:
-    """Two squares side by side with nodes of their own on the common edge."""
-    left = rectangle(cells=2)
-    right = rectangle(cells=2, origin=(1.0, 0.0))
-    points, count = np.vstack([left.points, right.points]), left.number_of_nodes
-    cells = np.vstack([left.cells, right.cells + count])
-    names = {"left": left.boundaries["left"], "right": right.boundaries["right"] + count}
-    with pytest.raises(ProblemError, match=r"the body is cut at \(1, 0\.(25|75)\): 4 facets.*join coincident nodes"):
-        Mesh(points, cells, names)
+def test_a_cut_of_one_part_has_names_and_parts_stay_apart() -> None:
+    """A square with a slit from its left side to its middle, and two squares side by side."""
+    square = rectangle(cells=4).with_interfaces({"slit": lambda x: (abs(x[:, 1] - 0.5) < 1e-9) & (x[:, 0] < 0.5)})
+    slit = square.opened("slit")
+    faces = {name: slit.boundaries[name] for name in ("slit:1", "slit:2")}
+    right = {"right": slit.boundaries["right"]}
+    with pytest.raises(
+        ProblemError, match=r"the body is cut at \(0\.(125|375), 0\.5\): 4 facets.*join coincident nodes"
+    ):
+        Mesh(slit.points, slit.cells, right)
     with pytest.raises(ProblemError, match="join coincident nodes"):
-        Mesh(points, cells).with_boundaries({"left": lambda x: x[:, 0] < 1e-9})
-    faces = {"one": left.boundaries["right"], "other": right.boundaries["left"] + count}
-    assert set(Mesh(points, cells, names | faces).boundaries) == {"left", "right", "one", "other"}
+        Mesh(slit.points, slit.cells).with_boundaries({"left": lambda x: x[:, 0] < 1e-9})
+    assert set(Mesh(slit.points, slit.cells, right | faces).boundaries) == {"right", "slit:1", "slit:2"}
     with pytest.raises(ProblemError, match="2 facets coincide"):
-        Mesh(points, cells, names | {"one": faces["one"]})
+        Mesh(slit.points, slit.cells, right | {"one": faces["slit:1"]})
+    left, other = rectangle(cells=2), rectangle(cells=2, origin=(1.0, 0.0))
+    points, cells = np.vstack([left.points, other.points]), np.vstack([left.cells, other.cells + left.number_of_nodes])
+    assert Mesh(points, cells, {"left": left.boundaries["left"]}).parts.count == 2
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,6 @@ from hemivar.engines.petsc.ranks import shared
 from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.errors import FileError, HemivarError, MethodError, ProblemError
 from hemivar.mechanics import ContactProblem, ScalarProblem
-from hemivar.mesh import Grid
 from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on_ranks
 from hemivar.report.summary import Summary, contact_rows, extreme_rows
 from hemivar.solvers import Status
@@ -100,7 +99,7 @@ def stated_on_ranks(path: Path, ranks: Ranks, given: Sequence[str] = ()) -> tupl
 
     def place(stated: StatedMesh) -> Mesh:
         recipe = stated.recipe
-        grid = recipe.source if isinstance(recipe.source, Grid) else None
+        grid = recipe.grid
 
         def number(points: Array) -> IntArray:
             assert grid is not None

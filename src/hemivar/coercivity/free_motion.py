@@ -148,7 +148,9 @@ def _words(field: Field, motions: RigidModes, group: Mechanism, part: int) -> tu
     if motions.parts.count == 1:
         return "the body", _REMEDY
     mesh, place = field.mesh, _vector(motions.parts.place(field.mesh, part))
-    who = f"part {part + 1} of {motions.parts.count} of the body, around x = {place},"
+    name = motions.parts.name(mesh, part)
+    which = f"part {part + 1} of {motions.parts.count} of the body" if name is None else f"part '{name}' of the body"
+    who = f"{which}, around x = {place},"
     if group.hinges.size:
         places = _listed([_vector(x) for x in field.nodes[group.hinges]])
         who += f" which is joined to others at x = {places} only,"

@@ -19,6 +19,10 @@ __all__ = ["Change", "changed", "read_change"]
 _MADE = {*KEYS[""], *SCALAR_KEYS} - {"title", "kind"} | {"traction", "pressure", "flux", "regions"}
 
 
+#: A quoted key, or one with a colon, such as the name of a boundary of a part.
+_COLON = re.compile(r"""("[^"]*"|'[^']*')|([\w-]*:[\w:-]*)""")
+
+
 @dataclass(frozen=True)
 class Change:
     """A value for a key of a problem file.
@@ -27,7 +31,7 @@ class Change:
     ----------
     key : str
         Keys of the tables on the way, joined by dots, as in ``contact.bottom.normal.q_max``; an entry of a list by its
-        number, from 0: ``loads.body.1``.  Keys with other characters than letters, digits, ``_`` and ``-`` in quotes.
+        number, from 0: ``loads.body.1``.  Keys with other characters than letters, digits and ``_-:`` in quotes.
     value : object
         What a TOML file can hold.
 
@@ -46,8 +50,9 @@ class Change:
     @property
     def path(self) -> tuple[str, ...]:
         """The keys on the way."""
+        key = _COLON.sub(lambda match: match[1] or f'"{match[2]}"', self.key)
         try:
-            found: object = tomllib.loads(f"{self.key} = 0") if "\n" not in self.key else {}
+            found: object = tomllib.loads(f"{key} = 0") if "\n" not in key else {}
         except (tomllib.TOMLDecodeError, RecursionError, ValueError):
             found = {}
         way: list[str] = []

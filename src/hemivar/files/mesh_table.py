@@ -6,15 +6,23 @@ import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal, cast
 
 from hemivar.basics.memory import problem_bytes, refined_cells, require
+from hemivar.basics.stated import keys_of
 from hemivar.errors import ProblemError
 from hemivar.files.schema import decode, encode
-from hemivar.files.toml import TomlTable, context, printable
+from hemivar.files.toml import TomlTable, context, kind, printable
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem, Quadrature
-from hemivar.mesh import Grid, Mesh, MeshRecipe
+from hemivar.mesh import Assembly, Grid, Mesh, MeshRecipe, Opening
+
+#: What a mesh is made of, of which one is given.
+_SOURCES = ("rectangle", "box", "file")
+#: Keys of the table of a part.
+_PART = (*_SOURCES, "cells", "pattern", "origin", *keys_of(MeshRecipe, table="mesh"))
+_PLAIN = MeshRecipe(Path())
 
 __all__ = ["StatedMesh", "file_name", "mesh_record", "read_mesh_table"]
 
@@ -40,28 +48,40 @@ class StatedMesh:
 
     def begin(self, halvings: int = 0) -> Mesh:
         """The mesh before refinement, from numbers of cells halved so many times."""
-        source = self.recipe.source
-        if isinstance(source, Grid):
-            return self.recipe.begin(halvings)
         try:
-            return self.recipe.begin()
+            return self.recipe.begin(halvings)
         except ProblemError as error:
+            source = self.recipe.source
+            if not isinstance(source, Path):
+                raise ProblemError(f"{self.table.where(_of_mesh(self.recipe))}: {error}") from error
             named = "" if printable(source) in str(error) else f"'{printable(source)}': "
             raise self.table.error("file", f"{named}{error}") from error
 
     def build(self) -> Mesh:
         """The mesh; refused before it is made if a problem on it does not fit into memory."""
-        source, refine = self.recipe.source, self.recipe.refine
-        if isinstance(source, Grid):
-            dim = len(source.size)
-            simplices = 6.0 if dim == 3 else 4.0 if source.pattern == "cross" else 2.0
-            count = simplices * math.prod(map(float, source.cells))
+        refine = self.recipe.refine
+        cells = self._cells(self.recipe)
+        if cells is not None:
+            dim, count = cells
             self._check_size("cells", dim, count)
             self._check_size("refine", dim, refined_cells(dim, count, refine))
             return self.begin().refined(refine)
         mesh = self.begin()
         self._check_size("refine", mesh.dim, refined_cells(mesh.dim, mesh.number_of_cells, refine))
         return mesh.refined(refine)
+
+    def _cells(self, recipe: MeshRecipe) -> tuple[int, float] | None:
+        """Dimension and number of cells before refinement; None where a file has to be read for it."""
+        source = recipe.source
+        if isinstance(source, Grid):
+            dim = len(source.size)
+            simplices = 6.0 if dim == 3 else 4.0 if source.pattern == "cross" else 2.0
+            return dim, simplices * math.prod(map(float, source.cells))
+        if isinstance(source, Path):
+            return None
+        parts = [(self._cells(part), part.refine) for part in source.parts.values()]
+        known = [(cells[0], refined_cells(*cells, refine)) for cells, refine in parts if cells is not None]
+        return (known[0][0], sum(count for _, count in known)) if len(known) == len(parts) else None
 
     def _check_size(self, key: str, dim: int, cells: float) -> None:
         degree = "" if self.order == 1 else f" of order {self.order}"
@@ -71,14 +91,51 @@ class StatedMesh:
 
 def read_mesh_table(table: TomlTable, folder: Path) -> StatedMesh:
     """What the table says; mesh files are looked for in a folder."""
-    sources = [key for key in ("rectangle", "box", "file") if key in table]
-    if len(sources) != 1:
-        given = f"{' and '.join(sources)} are given" if sources else "none is given"
-        raise table.error("rectangle, box, file", f"{given}; give one of the three")
-    source = _file(table, folder) if sources[0] == "file" else _grid(table, sources[0])
-    recipe, elements = decode(MeshRecipe, table, part="mesh"), decode(ContactProblem, table, part="mesh")
+    elements = decode(ContactProblem, table, part="mesh")
     quadrature = Quadrature(elements.get("quadrature", Quadrature.NODAL))
-    return StatedMesh(MeshRecipe(source, **recipe), elements.get("order", 1), quadrature, table)
+    return StatedMesh(_recipe(table, folder), elements.get("order", 1), quadrature, table)
+
+
+def _recipe(table: TomlTable, folder: Path) -> MeshRecipe:
+    """How the mesh of a table is made: from a rectangle, a box or a file, or of the parts that have tables."""
+    sources = [key for key in _SOURCES if key in table]
+    names = [key for key, value in table.data.items() if isinstance(value, dict)]
+    source: Grid | Path | Assembly
+    if names:
+        for key in (*_SOURCES, "cells", "pattern", "origin"):
+            if key in table:
+                raise table.error(key, f"belongs to one part, but the mesh has parts; write it under [mesh.{names[0]}]")
+        parts = {name: _recipe(table.table(name, _PART), folder) for name in names}
+        source = Assembly(MappingProxyType(parts))
+    else:
+        if len(sources) != 1:
+            given = f"{' and '.join(sources)} are given" if sources else "none is given"
+            raise table.error("rectangle, box, file", f"{given}; give one of the three")
+        source = _file(table, folder) if sources[0] == "file" else _grid(table, sources[0])
+    recipe = decode(MeshRecipe, table, part="mesh", opened=_openings)
+    return MeshRecipe(source, **(recipe | {"shift": tuple(recipe.get("shift", ()))}))
+
+
+def _openings(table: TomlTable) -> tuple[Opening, ...]:
+    value, how = table.data["opened"], 'write ["glue"], or [{ name = "glue", between = ["steel", "rubber"] }]'
+    if not isinstance(value, list):
+        raise table.error("opened", f"must be a list of names, not {kind(value)}; {how}")
+    found = []
+    for entry in value:
+        if isinstance(entry, str):
+            found.append(Opening(entry))
+            continue
+        names = entry.get("between") if isinstance(entry, dict) and entry.keys() == {"name", "between"} else None
+        if not isinstance(names, list) or len(names) != 2 or not all(isinstance(one, str) for one in names):
+            raise table.error("opened", f"{entry!r} names no curve or surface inside the body; {how}")
+        found.append(Opening(str(entry["name"]), (names[0], names[1])))
+    return tuple(found)
+
+
+def _of_mesh(recipe: MeshRecipe) -> str:
+    """The key to which an error in placing or opening a mesh belongs."""
+    given = [key for key in ("opened", "shift", "turn", "scale") if getattr(recipe, key) != getattr(_PLAIN, key)]
+    return given[0] if given else next(iter(recipe.source.parts)) if isinstance(recipe.source, Assembly) else "cells"
 
 
 def _file(table: TomlTable, folder: Path) -> Path:
@@ -113,17 +170,31 @@ def _grid(table: TomlTable, shape: str) -> Grid:
 
 def mesh_record(recipe: MeshRecipe, problem: ContactProblem | ScalarProblem, folder: Path) -> dict[str, object]:
     """The table [mesh] for a mesh that was made like this, in a problem file of a folder."""
+    return _recipe_record(recipe, folder) | encode(problem, part="mesh")
+
+
+def _recipe_record(recipe: MeshRecipe, folder: Path) -> dict[str, object]:
     source = recipe.source
     record: dict[str, object]
-    if isinstance(source, Grid):
+    if isinstance(source, Assembly):
+        record = {name: _recipe_record(part, folder) for name, part in source.parts.items()}
+    elif isinstance(source, Path):
+        record = {"file": file_name(source, folder)}
+    else:
         record = {"rectangle" if len(source.size) == 2 else "box": source.size, "cells": source.cells}
         if len(source.size) == 2:
             record["pattern"] = source.pattern
         if any(source.origin):
             record["origin"] = source.origin
-    else:
-        record = {"file": file_name(source, folder)}
-    return record | encode(recipe, part="mesh") | encode(problem, part="mesh")
+    return (
+        {**encode(recipe, part="mesh", opened=_opened_record), **record}
+        if isinstance(source, Assembly)
+        else {**record, **encode(recipe, part="mesh", opened=_opened_record)}
+    )
+
+
+def _opened_record(opened: tuple[Opening, ...]) -> list[object]:
+    return [one.name if one.between is None else {"name": one.name, "between": list(one.between)} for one in opened]
 
 
 def file_name(path: Path, folder: Path) -> str:

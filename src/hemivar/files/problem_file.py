@@ -205,7 +205,7 @@ def parse_problem_file(
             raise ProblemError(f"{name}: the table [{key}] is missing; add it")
     solver = SolverSettings(**decode(SolverSettings, top.table("solver", KEYS["solver"])))
     units = _units(top.table("units", KEYS["units"]))
-    folder, table = Path(base_dir), top.table("mesh", KEYS["mesh"])
+    folder, table = Path(base_dir), _mesh_table(top)
     stated = read_mesh_table(table, folder)
     mesh = stated.build() if place is None else place(stated)
     levels = stated.recipe.halvings + stated.recipe.refine
@@ -413,6 +413,13 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
     if stated.heat is not None:
         data["heat"] = heat_record(stated.heat, aside)
     return _encoded(data | _time_records(stated), settings)
+
+
+def _mesh_table(top: TomlTable) -> TomlTable:
+    """The table [mesh]; each table in it is a part."""
+    table = top.table("mesh", None)
+    table.only((*KEYS["mesh"], *(key for key, value in table.data.items() if isinstance(value, dict))))
+    return table
 
 
 def _read_in_time(

@@ -3,8 +3,19 @@
 from hemivar.mesh.build import box, rectangle
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.read import read_mesh
-from hemivar.mesh.recipe import Grid, MeshRecipe
+from hemivar.mesh.recipe import Assembly, Grid, MeshRecipe, Opening
 from hemivar.mesh.refine import Refinement
 from hemivar.mesh.write import msh_text
 
-__all__ = ["Grid", "Mesh", "MeshRecipe", "Refinement", "box", "msh_text", "read_mesh", "rectangle"]
+__all__ = [
+    "Assembly",
+    "Grid",
+    "Mesh",
+    "MeshRecipe",
+    "Opening",
+    "Refinement",
+    "box",
+    "msh_text",
+    "read_mesh",
+    "rectangle",
+]

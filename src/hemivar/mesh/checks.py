@@ -14,6 +14,7 @@ from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.keys import EDGES, cell_facets, facet_keys, frozen, signed_volumes
+from hemivar.mesh.parts import cell_parts
 
 __all__ = [
     "check_cells",
@@ -21,6 +22,7 @@ __all__ = [
     "check_grid",
     "checked_arrays",
     "checked_boundaries",
+    "checked_interfaces",
     "checked_regions",
     "index_array",
     "is_whole",
@@ -160,16 +162,17 @@ def _sense(facets: IntArray) -> BoolArray:
     return odd
 
 
-def _check_cuts(points: Array, outer: IntArray, named: IntArray) -> None:
-    """Refuse outer facets (k, d) at one place, with nodes of their own, unless ``named`` (m,) lists both.
+def _check_cuts(points: Array, cells: IntArray, outer: IntArray, owner: IntArray, named: IntArray) -> None:
+    """Refuse outer facets (k, d) of one part at one place, with nodes of their own, unless ``named`` (m,) lists both.
 
-    There the body is cut: by a crack, whose faces have names, or because parts were not joined.
+    There the part is cut: by a crack, whose faces have names, or because it was not joined.
     """
     nodes, local = np.unique(outer, return_inverse=True)
     places, place = np.unique(points[nodes], axis=0, return_inverse=True)
     if len(places) == len(nodes):
         return
     corners = np.sort(place.ravel()[local.reshape(outer.shape)], axis=1)
+    corners = np.column_stack([corners, cell_parts(cells, len(points))[1][owner]])
     _, which, counts = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
     bare = counts[which.ravel()] > 1
     bare[named] = False
@@ -250,7 +253,42 @@ def checked_boundaries(points: Array, cells: IntArray, boundaries: Mapping[str, 
         named.append(first[place])
     if named:
         alone = np.sort(first[counts == 1])
-        _check_cuts(points, facets[alone], np.searchsorted(alone, np.concatenate(named)))
+        _check_cuts(points, cells, facets[alone], alone // (dim + 1), np.searchsorted(alone, np.concatenate(named)))
+    return result
+
+
+def checked_interfaces(
+    points: Array, cells: IntArray, interfaces: Mapping[str, object], boundaries: Mapping[str, IntArray]
+) -> dict[str, IntArray]:
+    """Named facets between two cells, each once, outward oriented from the cell with the smaller number."""
+    named = _by_name(interfaces, "interfaces")
+    if not named:
+        return {}
+    dim, count = points.shape[1], len(points)
+    facets, keys, _ = cell_facets(cells, count)
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    result = {}
+    for name, value in named:
+        if name in boundaries:
+            raise ProblemError(f"'{name}' names a boundary and an interface; give them different names")
+        given = index_array(value, f"interface '{name}'", count)
+        if given.size == 0:
+            raise ProblemError(f"interface '{name}' holds no facets; remove it or fill it")
+        if given.ndim != 2 or given.shape[1] != dim:
+            raise ProblemError(
+                f"interface '{name}' has shape {given.shape}; it must list {dim} nodes per facet, shape (k, {dim})"
+            )
+        wanted = np.unique(facet_keys(given, count))
+        first = np.searchsorted(ordered, wanted)
+        last = np.searchsorted(ordered, wanted, side="right")
+        if (last - first != 2).any():
+            bad = given[int(np.argmax(np.isin(facet_keys(given, count), wanted[last - first != 2])))]
+            raise ProblemError(
+                f"interface '{name}': the facet with nodes {bad.tolist()} does not lie between two cells; list facets "
+                "inside the body only"
+            )
+        result[str(name)] = frozen(facets[order[first]])
     return result
 
 

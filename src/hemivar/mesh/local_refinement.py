@@ -209,7 +209,10 @@ def _cut(mesh: Mesh, edges: BoolArray) -> Mesh:
     owner = np.concatenate(owners)
     order = np.argsort(owner, kind="stable")
     owner, cells = owner[order], np.concatenate(children)[order]
-    boundaries = {name: _facets(mesh, facets, middle) for name, facets in mesh.boundaries.items()}
+    boundaries, interfaces = (
+        {name: _facets(mesh, facets, middle) for name, facets in groups.items()}
+        for groups in (mesh.boundaries, mesh.interfaces)
+    )
     regions = {}
     for name, ids in mesh.regions.items():
         inside = np.zeros(mesh.number_of_cells, dtype=bool)
@@ -217,7 +220,7 @@ def _cut(mesh: Mesh, edges: BoolArray) -> Mesh:
         regions[name] = np.flatnonzero(inside[owner])
     own = np.repeat(np.arange(count)[:, None], 2, axis=1)
     step = Refinement(mesh, frozen(np.vstack([own, ends])), frozen(owner))
-    return mesh.trusted(points, cells, boundaries, regions, step)
+    return mesh.trusted(points, cells, boundaries, regions, step, interfaces=interfaces)
 
 
 def _facets(mesh: Mesh, facets: IntArray, middle: IntArray) -> IntArray:

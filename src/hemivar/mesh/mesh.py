@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import described, expect, number
+from hemivar.basics.arguments import described, expect, number, suggest
 from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.memory import mesh_bytes, refined_cells, require
@@ -18,16 +18,19 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.kernels import mesh_edges
+from hemivar.mesh.assembled import assembled
 from hemivar.mesh.checks import (
     check_cells,
     check_coordinates,
     checked_arrays,
     checked_boundaries,
+    checked_interfaces,
     checked_regions,
     is_whole,
 )
 from hemivar.mesh.keys import EDGES, cell_facets, distinct_pairs, frozen, pair_keys, signed_volumes
 from hemivar.mesh.local_refinement import refined_where
+from hemivar.mesh.opened import opened
 from hemivar.mesh.parts import Parts, parts_of
 from hemivar.mesh.recipe import MeshRecipe
 from hemivar.mesh.refine import Refinement, check_refines, halved
@@ -56,6 +59,9 @@ class Mesh(PickleMixin):
     recipe : MeshRecipe or None
         How the mesh was made, where a problem file can say it: built-in or from a file, then scaled and refined. A mesh
         changed otherwise has none.
+    interfaces : mapping of name to int array, shape (k, d)
+        Nodes of the facets of each named curve or surface inside the body. :meth:`opened` makes boundaries of its two
+        sides.
 
     Raises
     ------
@@ -63,8 +69,8 @@ class Mesh(PickleMixin):
         If a coordinate is not finite, or so large that rounding spoils the cells; if an index is out of range, a cell
         is degenerate or inverted, a node belongs to no cell, a facet belongs to more than two cells or to two on the
         same side; if a boundary is empty or holds a facet that is not on the outer boundary, or facets lie at one
-        place with nodes of their own and without a name (parts that were not joined); if the parent does not lead to
-        these nodes, cells and names.
+        place of one part with nodes of their own and without a name; if an interface is empty or holds a facet that is
+        not between two cells; if the parent does not lead to these nodes, cells and names.
     """
 
     points: Array
@@ -73,23 +79,25 @@ class Mesh(PickleMixin):
     regions: Mapping[str, IntArray] = field(default_factory=dict)
     parent: Refinement | None = None
     recipe: MeshRecipe | None = None
+    interfaces: Mapping[str, IntArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         points, cells = checked_arrays(self.points, self.cells)
         check_cells(points, cells)
         boundaries = checked_boundaries(points, cells, self.boundaries)
         regions = checked_regions(self.regions, len(cells))
+        interfaces = checked_interfaces(points, cells, self.interfaces, boundaries)
         parent = self.parent
         if parent is not None:
             expect(parent, Refinement, "parent", "give the Refinement that made this mesh, or None")
             check_refines(points, cells, parent)
-            parent = parent.named(boundaries, regions)
+            parent = parent.named(boundaries, regions, interfaces)
             if parent is None:
                 raise ProblemError(
                     "parent: the coarser mesh cannot bear these boundaries and regions, which cut through facets or "
                     "cells of it; give parent = None"
                 )
-        self._set(points, cells, boundaries, regions, parent, self.recipe)
+        self._set(points, cells, boundaries, regions, parent, self.recipe, interfaces)
 
     def _set(
         self,
@@ -98,7 +106,8 @@ class Mesh(PickleMixin):
         boundaries: Mapping[str, IntArray],
         regions: Mapping[str, IntArray],
         parent: Refinement | None,
-        recipe: MeshRecipe | None = None,
+        recipe: MeshRecipe | None,
+        interfaces: Mapping[str, IntArray],
     ) -> None:
         put = object.__setattr__
         put(self, "points", frozen(points))
@@ -107,6 +116,7 @@ class Mesh(PickleMixin):
         put(self, "regions", MappingProxyType({name: frozen(ids) for name, ids in regions.items()}))
         put(self, "parent", parent)
         put(self, "recipe", recipe)
+        put(self, "interfaces", MappingProxyType({name: frozen(facets) for name, facets in interfaces.items()}))
 
     @classmethod
     def oriented(
@@ -115,6 +125,7 @@ class Mesh(PickleMixin):
         cells: object,
         boundaries: Mapping[str, object] | None = None,
         regions: Mapping[str, object] | None = None,
+        interfaces: Mapping[str, object] | None = None,
     ) -> Mesh:
         """A mesh from cells of any orientation: inverted cells are turned round.
 
@@ -125,7 +136,7 @@ class Mesh(PickleMixin):
         if negative.any():
             connectivity = connectivity.copy()
             connectivity[negative, :2] = connectivity[negative, 1::-1]
-        return cls(nodes, connectivity, {} if boundaries is None else boundaries, {} if regions is None else regions)  # type: ignore[arg-type]
+        return cls(nodes, connectivity, boundaries or {}, regions or {}, interfaces=interfaces or {})  # type: ignore[arg-type]
 
     @classmethod
     def trusted(
@@ -136,20 +147,20 @@ class Mesh(PickleMixin):
         regions: Mapping[str, IntArray],
         parent: Refinement | None = None,
         recipe: MeshRecipe | None = None,
+        interfaces: Mapping[str, IntArray] | None = None,
     ) -> Mesh:
         """A mesh from arrays known to be valid, which are neither checked nor copied.
 
         Parameters are those of :class:`Mesh`, the facets being outward oriented and each there once.
         """
         mesh = object.__new__(cls)
-        mesh._set(points, cells, boundaries, regions, parent, recipe)
+        mesh._set(points, cells, boundaries, regions, parent, recipe, {} if interfaces is None else interfaces)
         return mesh
 
     def __repr__(self) -> str:
         cells = f"{len(self.cells)} {'triangles' if self.dim == 2 else 'tetrahedra'}"
-        named = [
-            f"{what} {', '.join(of)}" for what, of in (("boundaries", self.boundaries), ("regions", self.regions)) if of
-        ]
+        groups = {"boundaries": self.boundaries, "regions": self.regions, "interfaces": self.interfaces}
+        named = [f"{what} {', '.join(of)}" for what, of in groups.items() if of]
         return f"Mesh({'; '.join([f'{len(self.points)} nodes, {cells}', *named])})"
 
     @property
@@ -333,7 +344,9 @@ class Mesh(PickleMixin):
 
     def made_by(self, recipe: MeshRecipe | None) -> Mesh:
         """The mesh with another word on how it was made, which is not checked."""
-        return Mesh.trusted(self.points, self.cells, self.boundaries, self.regions, self.parent, recipe)
+        return Mesh.trusted(
+            self.points, self.cells, self.boundaries, self.regions, self.parent, recipe, self.interfaces
+        )
 
     def moved(self, matrix: ArrayLike, shift: ArrayLike = 0.0) -> Mesh:
         """The image of the mesh under ``x -> matrix x + shift``.
@@ -358,7 +371,7 @@ class Mesh(PickleMixin):
             points = self.points @ linear.T + by
             check_coordinates(points, self.cells)
         parent = self.parent and replace(self.parent, mesh=self.parent.mesh.moved(linear, by))
-        return Mesh.trusted(points, self.cells, self.boundaries, self.regions, parent)
+        return Mesh.trusted(points, self.cells, self.boundaries, self.regions, parent, interfaces=self.interfaces)
 
     def with_boundaries(self, boundaries: Mapping[str, object]) -> Mesh:
         """The mesh with these named boundaries in place of its own.
@@ -368,30 +381,145 @@ class Mesh(PickleMixin):
         boundaries : mapping of name to int array (k, d), or to a callable
             A callable gets the midpoints of all outer facets, shape (k, d), and returns a mask, shape (k,).
         """
-        outer = self.boundary_facets
+        return self.named(self._chosen(boundaries, self.boundary_facets, "boundar", "y", "ies"), self.regions)
+
+    def with_interfaces(self, interfaces: Mapping[str, object]) -> Mesh:
+        """The mesh with these named curves or surfaces inside the body in place of its own.
+
+        Parameters
+        ----------
+        interfaces : mapping of name to int array (k, d), or to a callable
+            A callable gets the midpoints of all facets between two cells, shape (k, d), and returns a mask, shape (k,).
+        """
+        chosen = self._chosen(interfaces, self.inner_facets, "interface", "", "s")
+        return self.named(self.boundaries, self.regions, chosen)
+
+    def _chosen(
+        self, groups: Mapping[str, object], facets: IntArray, what: str, one: str, many: str
+    ) -> dict[str, object]:
         chosen = {}
-        expect(boundaries, Mapping, "boundaries", "give a dict of choices by names")  # type: ignore[type-abstract]
-        for name, value in boundaries.items():
+        expect(groups, Mapping, f"{what}{many}", "give a dict of choices by names")  # type: ignore[type-abstract]
+        for name, value in groups.items():
             if callable(value):
-                mask = np.asarray(unmasked(value(self.points[outer].mean(axis=1)), f"boundary '{name}'"))
-                if mask.shape != (len(outer),) or mask.dtype != bool:
+                mask = np.asarray(unmasked(value(self.points[facets].mean(axis=1)), f"{what}{one} '{name}'"))
+                if mask.shape != (len(facets),) or mask.dtype != bool:
                     raise ProblemError(
-                        f"boundary '{name}': the callable returned shape {mask.shape} of {mask.dtype}; it "
-                        f"must return a bool mask of shape ({len(outer)},)"
+                        f"{what}{one} '{name}': the callable returned shape {mask.shape} of {mask.dtype}; it "
+                        f"must return a bool mask of shape ({len(facets)},)"
                     )
-                chosen[name] = outer[mask]
+                chosen[name] = facets[mask]
             else:
                 chosen[name] = value
-        return self.named(chosen, self.regions)
+        return chosen
 
-    def named(self, boundaries: Mapping[str, object], regions: Mapping[str, object]) -> Mesh:
-        """The mesh with these named boundaries and regions in place of its own.
+    def named(
+        self,
+        boundaries: Mapping[str, object],
+        regions: Mapping[str, object],
+        interfaces: Mapping[str, object] | None = None,
+    ) -> Mesh:
+        """The mesh with these named boundaries and regions in place of its own, and interfaces where they are given.
 
-        It stays the refinement of its parent where boundaries and regions are made of whole facets and cells of that.
+        It stays the refinement of its parent where all of them are made of whole facets and cells of that.
         """
         found = checked_boundaries(self.points, self.cells, boundaries)
         areas = checked_regions(regions, self.number_of_cells)
-        return Mesh.trusted(self.points, self.cells, found, areas, self.parent and self.parent.named(found, areas))
+        inner = self.interfaces
+        if interfaces is not None:
+            inner = checked_interfaces(self.points, self.cells, interfaces, found)
+        parent = self.parent and self.parent.named(found, areas, inner)
+        return Mesh.trusted(self.points, self.cells, found, areas, parent, interfaces=inner)
+
+    @classmethod
+    def assembled(cls, parts: Mapping[str, Mesh]) -> Mesh:
+        """Several meshes as one; names of boundaries become ``part:name``.
+
+        The boundary ``bottom`` of the part ``upper`` is ``upper:bottom``; the region ``upper`` holds all of its cells.
+        Nodes of different parts stay apart, also where they lie at one place.
+
+        Parameters
+        ----------
+        parts : mapping of name to Mesh
+            All plane, or all in 3D.
+
+        Returns
+        -------
+        Mesh
+
+        Raises
+        ------
+        ProblemError
+            If there is no part, a name is empty or has a colon, or the dimensions differ.
+        """
+        return assembled(parts)
+
+    def opened(self, name: str, between: tuple[str, str] | None = None) -> Mesh:
+        """The mesh with a curve or surface inside of it opened: its nodes are doubled, its two sides are boundaries.
+
+        The sides are named by the regions that lie there, such as ``glue:steel`` and ``glue:rubber``; within one region
+        ``glue:1`` and ``glue:2``, where 1 is the side of the cell with the smallest number.  Nodes at an end within the
+        body are not doubled; where several sides meet, each has a node of its own.
+
+        Parameters
+        ----------
+        name : str
+            Name of an interface, or what the interface between two regions is to be called.
+        between : pair of str, optional
+            Two regions; all facets between a cell of the one and a cell of the other.
+
+        Returns
+        -------
+        Mesh
+
+        Raises
+        ------
+        ProblemError
+            If there is no such interface, it has no node away from its ends, or a boundary with the name of a side is
+            there already.
+        """
+        if between is None:
+            if name not in self.interfaces:
+                raise ProblemError(self._no_interface(name))
+            found = opened(self, name, self.interfaces[name])
+        elif name in self.interfaces:
+            raise ProblemError(f"the mesh has an interface '{name}' already; leave between out, or take another name")
+        else:
+            named = self.with_interfaces({**self.interfaces, name: self._between(between)})
+            found = opened(named, name, named.interfaces[name])
+        recipe = self.recipe and self.recipe.opening(name, None if between is None else (between[0], between[1]))
+        return found if found.recipe is not None or recipe is None else found.made_by(recipe)
+
+    def _no_interface(self, name: str) -> str:
+        if name in self.boundaries:
+            return f"'{name}' is a boundary, which is open already; open a curve or surface inside the body"
+        return f"the mesh has no interface '{name}'{suggest(name, list(self.interfaces), 'interfaces')}"
+
+    def _between(self, regions: tuple[str, str]) -> IntArray:
+        """Facets between two regions, (k, d)."""
+        if not isinstance(regions, tuple | list) or len(regions) != 2 or regions[0] == regions[1]:
+            raise ProblemError(f"between = {described(regions)}; give the names of two regions")
+        for region in regions:
+            if region not in self.regions:
+                raise ProblemError(f"the mesh has no region '{region}'{suggest(region, list(self.regions), 'regions')}")
+        facets, first, second = self._inner
+        one, other = (np.isin(np.arange(self.number_of_cells), self.regions[region]) for region in regions)
+        across = (one[first] & other[second]) | (one[second] & other[first])
+        if not across.any():
+            raise ProblemError(f"regions '{regions[0]}' and '{regions[1]}' share no facet; check their names")
+        return facets[across]
+
+    @cached_property
+    def _inner(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Facets between two cells (k, d), and these cells (k,) and (k,)."""
+        facets, keys, cell = cell_facets(self.cells, self.number_of_nodes)
+        order = np.argsort(keys, kind="stable")
+        same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
+        return facets[order[same]], cell[order[same]], cell[order[same + 1]]
+
+    @property
+    def inner_facets(self) -> IntArray:
+        """All facets between two cells, outward oriented from the cell with the smaller number, shape (k, d)."""
+        return self._inner[0]
 
     @cached_property
     def parts(self) -> Parts:

@@ -15,7 +15,7 @@ from hemivar.mesh.keys import cell_facets
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Parts", "parts_of"]
+__all__ = ["Parts", "cell_parts", "parts_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +39,13 @@ class Parts:
         largest = cells[int(np.argmax(mesh.volumes[cells]))]
         return np.asarray(mesh.points[mesh.cells[largest]].mean(axis=0))
 
+    def name(self, mesh: Mesh, part: int) -> str | None:
+        """The name of a part: the region that is the whole of it; None where there is none."""
+        inside = self.cell == part
+        size = np.count_nonzero(inside)
+        whole = (name for name, ids in mesh.regions.items() if len(ids) == size and inside[ids].all())
+        return next(whole, None)
+
     def boundaries(self, mesh: Mesh, part: int) -> list[str]:
         """Names of the boundaries that belong to a part, or to it among others."""
         mine = np.zeros(mesh.number_of_nodes, dtype=bool)
@@ -51,11 +58,15 @@ def parts_of(mesh: Mesh) -> Parts:
     if mesh.parent is not None:
         coarse = mesh.parent.mesh.parts
         return Parts(coarse.count, coarse.cell[mesh.parent.cells])
-    _, keys, cell = cell_facets(mesh.cells, mesh.number_of_nodes)
+    return Parts(*cell_parts(mesh.cells, mesh.number_of_nodes))
+
+
+def cell_parts(cells: IntArray, nodes: int) -> tuple[int, IntArray]:
+    """The number of parts, and the part of each cell (M, d + 1) of a mesh of so many nodes."""
+    _, keys, cell = cell_facets(cells, nodes)
     order = np.argsort(keys, kind="stable")
     same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
     first, second = cell[order[same]], cell[order[same + 1]]
-    shape = (mesh.number_of_cells, mesh.number_of_cells)
-    graph = sp.csr_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=shape)
+    graph = sp.csr_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(len(cells), len(cells)))
     count, label = connected_components(graph, directed=False)
-    return Parts(int(count), label.astype(np.int64))
+    return int(count), label.astype(np.int64)

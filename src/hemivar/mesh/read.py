@@ -14,6 +14,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import require
 from hemivar.basics.types import IntArray
 from hemivar.errors import FileError, ProblemError
+from hemivar.mesh.keys import cell_facets, facet_keys
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
 from hemivar.mesh.raw import RawMesh
@@ -33,7 +34,8 @@ _DIMENSION = {"vertex": 0, "line": 1, "triangle": 2, "tetra": 3}
 def read_mesh(path: str | Path) -> Mesh:
     """Read a mesh file: Gmsh (.msh), or a format that meshio reads.
 
-    Physical groups of Gmsh and cell sets become boundaries (groups of facets) and regions (groups of cells).
+    Physical groups of Gmsh and cell sets become boundaries (groups of facets), interfaces (groups of facets between
+    cells) and regions (groups of cells).
     Nodes that no cell uses are dropped, as is the third coordinate of plane meshes; inverted cells are
     turned.
 
@@ -109,7 +111,19 @@ def _mesh(raw: RawMesh) -> Mesh:
                 raise ProblemError(f"group '{name}' has facets that belong to no cell; remove them")
         elif group_dim == dim:
             regions[name] = rows
-    return Mesh.oriented(points[used], number[cells], boundaries, regions)
+    inner = _between_cells(number[cells], boundaries, int(used.sum()))
+    interfaces = {name: boundaries.pop(name) for name in inner}
+    return Mesh.oriented(points[used], number[cells], boundaries, regions, interfaces)
+
+
+def _between_cells(cells: IntArray, groups: dict[str, IntArray], count: int) -> list[str]:
+    """Names of the groups of facets (k, d) that lie between two cells, all of them."""
+    if not groups:
+        return []
+    _, keys, _ = cell_facets(cells, count)
+    keys.sort()
+    inner = keys[1:][keys[1:] == keys[:-1]]
+    return [name for name, facets in groups.items() if np.isin(facet_keys(facets, count), inner).all()]
 
 
 # ---- meshio ------------------------------------------------------------------------------------------------------

@@ -1,10 +1,14 @@
-"""How a mesh was made: a rectangle, a box or a file, then scaled, then refined."""
+"""How a mesh was made: a rectangle, a box, a file or several of these, then placed, opened and refined."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.stated import Form, stated
@@ -12,7 +16,7 @@ from hemivar.basics.stated import Form, stated
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Grid", "MeshRecipe"]
+__all__ = ["Assembly", "Grid", "MeshRecipe", "Opening"]
 
 
 @dataclass(frozen=True)
@@ -48,24 +52,84 @@ class Grid:
 
 
 @dataclass(frozen=True)
+class Assembly:
+    """Several meshes as one.
+
+    Attributes
+    ----------
+    parts : mapping of name to MeshRecipe
+    """
+
+    parts: Mapping[str, MeshRecipe]
+
+    def build(self, halvings: int = 0) -> Mesh:
+        """The mesh, with numbers of cells of built-in parts halved so many times."""
+        with IMPORTS:
+            from hemivar.mesh.mesh import Mesh
+
+        return Mesh.assembled({name: one.begin(halvings).refined(one.refine) for name, one in self.parts.items()})
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A curve or surface inside a body that was opened: an interface, or all facets between two regions."""
+
+    name: str
+    between: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True)
 class MeshRecipe:
     """How a mesh was made, so that a file can say it.
 
     Attributes
     ----------
-    source : Grid or Path
-        A built-in mesh, or a mesh file.
+    source : Grid, Path or Assembly
+        A built-in mesh, a mesh file, or several meshes as one.
     scale : float
         Factor of all coordinates.
+    turn : float
+        Angle, in degrees, by which it was turned about the origin after that.
+    shift : tuple of float
+        By how much it was moved after that; empty if it was not.
+    opened : tuple of Opening
+        What was opened after that.
     refine : int
         How often the mesh was refined after that.
     """
 
-    source: Grid | Path
+    source: Grid | Path | Assembly
     scale: float = field(
         default=1.0,
         metadata=stated(
             Form.NUMBER, "factor for all coordinates, such as `1e-3` from mm to m", above=0.0, table="mesh"
+        ),
+    )
+    turn: float = field(
+        default=0.0,
+        metadata=stated(
+            Form.NUMBER,
+            "angle in degrees by which a plane mesh is turned about the origin, after scaling",
+            table="mesh",
+        ),
+    )
+    shift: tuple[float, ...] = field(
+        default=(),
+        metadata=stated(
+            Form.LIST,
+            "by how much the mesh is moved, a number for each direction, after `turn`",
+            table="mesh",
+            left_out="not moved",
+        ),
+    )
+    opened: tuple[Opening, ...] = field(
+        default=(),
+        metadata=stated(
+            Form.OWN,
+            'curves or surfaces inside the body that are opened, by name, such as `["glue"]` or '
+            '`[{ name = "glue", between = ["steel", "rubber"] }]`',
+            table="mesh",
+            left_out="none",
         ),
     )
     refine: int = field(
@@ -80,16 +144,32 @@ class MeshRecipe:
         with IMPORTS:
             from hemivar.mesh import read_mesh
 
-        mesh = self.source.build(halvings) if isinstance(self.source, Grid) else read_mesh(self.source)
-        return mesh if self.scale == 1.0 else mesh.scaled(self.scale)
+        mesh = read_mesh(self.source) if isinstance(self.source, Path) else self.source.build(halvings)
+        if self.scale != 1.0:
+            mesh = mesh.scaled(self.scale)
+        if self.turn:
+            mesh = mesh.rotated(math.radians(self.turn))
+        if self.shift:
+            mesh = mesh.moved(np.eye(mesh.dim), self.shift)
+        for one in self.opened:
+            mesh = mesh.opened(one.name, one.between)
+        return mesh.made_by(replace(self, refine=0))
 
     def build(self) -> Mesh:
         """The mesh."""
         return self.begin().refined(self.refine)
 
     @property
+    def grid(self) -> Grid | None:
+        """The built-in mesh that it is, scaled and refined at most; None for others."""
+        placed = bool(self.turn or self.shift or self.opened)
+        return self.source if isinstance(self.source, Grid) and not placed else None
+
+    @property
     def halvings(self) -> int:
         """How often the numbers of cells can be halved and stay at least 2."""
+        if isinstance(self.source, Assembly):
+            return min(one.halvings for one in self.source.parts.values())
         times = 0
         counts = self.source.cells if isinstance(self.source, Grid) else (1,)
         while all(n % 2 ** (times + 1) == 0 and n >> (times + 1) >= 2 for n in counts):
@@ -98,8 +178,12 @@ class MeshRecipe:
 
     def scaled(self, factor: float) -> MeshRecipe | None:
         """The recipe of the mesh times a factor; None where no recipe gives its coordinates to the last digit."""
-        plain = self.scale == 1.0 and self.refine == 0
+        plain = self == MeshRecipe(self.source)
         return replace(self, scale=float(factor)) if plain else None
+
+    def opening(self, name: str, between: tuple[str, str] | None) -> MeshRecipe | None:
+        """The recipe of the mesh with one more curve or surface opened; None where it was refined before."""
+        return replace(self, opened=(*self.opened, Opening(name, between))) if self.refine == 0 else None
 
     def refined(self) -> MeshRecipe:
         """The recipe of the mesh refined once more."""

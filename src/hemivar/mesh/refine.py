@@ -69,20 +69,28 @@ class Refinement(PickleMixin):
         found.sum_duplicates()  # nodes of both meshes are ends of themselves
         return found
 
-    def named(self, boundaries: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> Refinement | None:
+    def named(
+        self,
+        boundaries: Mapping[str, IntArray],
+        regions: Mapping[str, IntArray],
+        interfaces: Mapping[str, IntArray],
+    ) -> Refinement | None:
         """The refinement, with the facets and cells that those of the finer mesh are parts of under their names.
 
         None if the coarser mesh cannot bear the names, as a boundary or a region holds a part of a facet or cell of it.
         """
         points, dim = self.mesh.points, self.mesh.dim
-        corners, areas = {}, {}
-        for name, facets in boundaries.items():
+        corners: dict[str, IntArray] = {}
+        inner: dict[str, IntArray] = {}
+        areas = {}
+        named = [(corners, *group) for group in boundaries.items()] + [(inner, *group) for group in interfaces.items()]
+        for found, name, facets in named:
             nodes = np.sort(self.ends[facets].reshape(len(facets), -1), axis=1)
             first = np.diff(nodes, axis=1, prepend=-1) > 0
             whole = first.sum(axis=1) == dim
-            corners[name] = np.unique(nodes[whole][first[whole]].reshape(-1, dim), axis=0)
+            found[name] = np.unique(nodes[whole][first[whole]].reshape(-1, dim), axis=0)
             covered = facet_measures(points[self.ends[facets]].mean(axis=2)).sum()
-            if covered < (1.0 - _COVERED) * facet_measures(points[corners[name]]).sum():
+            if abs(covered - facet_measures(points[found[name]]).sum()) > _COVERED * covered:
                 return None
         children = np.bincount(self.cells, minlength=self.mesh.number_of_cells)
         for name, ids in regions.items():
@@ -90,7 +98,7 @@ class Refinement(PickleMixin):
             areas[name] = np.flatnonzero(inside)
             if (inside[areas[name]] < children[areas[name]]).any():
                 return None
-        return replace(self, mesh=self.mesh.named(corners, areas))
+        return replace(self, mesh=self.mesh.named(corners, areas, inner))
 
 
 def check_refines(points: Array, cells: IntArray, parent: Refinement) -> None:
@@ -127,19 +135,22 @@ def halved(mesh: Mesh) -> Mesh:
         cells = np.vstack([np.column_stack(group) for group in groups])
     else:
         cells = red_tetrahedra(points, mesh.cells, count + mesh.cell_edges)
-    boundaries = {}
-    for name, facets in mesh.boundaries.items():
+    in_space = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+    parts = ((0, 2), (2, 1)) if mesh.dim == 2 else in_space
+
+    def cut(facets: IntArray) -> IntArray:
         f = mesh.facet_nodes(facets, 2).T
-        in_space = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
-        parts = ((0, 2), (2, 1)) if mesh.dim == 2 else in_space
-        boundaries[name] = np.stack([f[list(part)].T for part in parts], axis=1).reshape(-1, mesh.dim)
+        return np.stack([f[list(part)].T for part in parts], axis=1).reshape(-1, mesh.dim)
+
+    boundaries = {name: cut(facets) for name, facets in mesh.boundaries.items()}
+    interfaces = {name: cut(facets) for name, facets in mesh.interfaces.items()}
     offsets = mesh.number_of_cells * np.arange(2**mesh.dim)
     regions = {name: (offsets[:, None] + ids).ravel() for name, ids in mesh.regions.items()}
     own = np.repeat(np.arange(count)[:, None], 2, axis=1)
     parents = np.tile(np.arange(mesh.number_of_cells), 2**mesh.dim)
     parent = Refinement(mesh, frozen(np.vstack([own, mesh.edges])), frozen(parents))
     recipe = None if mesh.recipe is None else mesh.recipe.refined()
-    return mesh.trusted(points, cells, boundaries, regions, parent, recipe)
+    return mesh.trusted(points, cells, boundaries, regions, parent, recipe, interfaces)
 
 
 def red_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:

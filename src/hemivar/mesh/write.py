@@ -14,7 +14,7 @@ __all__ = ["msh_text"]
 
 
 def msh_text(mesh: Mesh) -> str:
-    """The mesh with its boundaries and regions as physical groups; elements of several groups are repeated.
+    """The mesh with its boundaries, interfaces and regions as physical groups; elements of several are repeated.
 
     Parameters
     ----------
@@ -29,7 +29,8 @@ def msh_text(mesh: Mesh) -> str:
     ProblemError
         If the name of a boundary or a region holds a quotation mark or a line end, which the format cannot hold.
     """
-    groups = [(mesh.dim - 1, name) for name in mesh.boundaries] + [(mesh.dim, name) for name in mesh.regions]
+    surfaces = {**mesh.boundaries, **mesh.interfaces}
+    groups = [(mesh.dim - 1, name) for name in surfaces] + [(mesh.dim, name) for name in mesh.regions]
     for _, name in groups:
         if '"' in name or name.splitlines() != [name] or name != name.strip():
             raise ProblemError(f"a mesh file cannot hold the name {name!r} of a boundary or a region; rename it")
@@ -44,11 +45,11 @@ def msh_text(mesh: Mesh) -> str:
     out.writelines(f"{number} {x!r} {y!r} {z!r}\n" for number, (x, y, z) in enumerate(points.tolist(), start=1))
     out.write("$EndNodes\n")
     elements: list[list[int]] = []
-    for number, facets in enumerate(mesh.boundaries.values(), start=1):
+    for number, facets in enumerate(surfaces.values(), start=1):
         elements += _elements(facets, np.full(len(facets), number))
     group = np.zeros(mesh.number_of_cells, dtype=np.int64)
     further = []
-    for number, cells in enumerate(mesh.regions.values(), start=len(mesh.boundaries) + 1):
+    for number, cells in enumerate(mesh.regions.values(), start=len(surfaces) + 1):
         taken = group[cells] > 0
         further.append((cells[taken], number))
         group[cells[~taken]] = number
