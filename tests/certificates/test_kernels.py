@@ -12,16 +12,18 @@ from hemivar.basics.types import Array
 from hemivar.branches import chain_of, find_solutions
 from hemivar.certificates import EnergyNorm, PointKind, certify, equilibrium_multiplier, norms
 from hemivar.certificates.bound import Point
+from hemivar.certificates.by_multigrid import Cycles, Subspace
 from hemivar.certificates.kind import study
-from hemivar.certificates.subspace import Subspace, counting_rows
 from hemivar.certificates.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.bulk import Quadratic
 from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca, scalar_graph
+from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
 from hemivar.systems import condense
 from tests.branches.random_problems import random_problem
 from tests.certificates.problems import bar_problem, bar_unknowns, square, weakening
+from tests.systems.test_in_parts import in_parts
 
 
 def positive(n: int, seed: int) -> Array:
@@ -94,7 +96,56 @@ def test_the_energy_norm_against_dense_matrices(n: int) -> None:
 
 def test_rows_without_weight_or_entries_do_not_count() -> None:
     trace = sp.csr_array(np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 3.0]]))
-    np.testing.assert_allclose(counting_rows(trace, np.array([4.0, 1.0, 0.0])).toarray(), [[2.0, 0.0]])
+    norm = EnergyNorm(sp.csr_array(np.diag([2.0, 1.0])))
+    assert norm.largest_eigenvalue(trace, np.array([4.0, 1.0, 0.0])).value == pytest.approx(2.0)
+    assert norm.largest_eigenvalue(trace, np.array([0.0, 1.0, 0.0])).bound == 0.0
+
+
+def test_a_norm_in_parts_answers_as_the_whole_one() -> None:
+    """By a preconditioner, two threads with unequal parts against factors of the whole matrix."""
+    n, cut = 60, 22
+    K = positive(n, 4)
+    rng = np.random.default_rng(8)
+    b, weight = rng.standard_normal(n), np.abs(rng.standard_normal(n))
+    weight[50:] = 0.0
+    parts = (slice(0, cut), slice(cut, n))
+    inverse = np.linalg.inv(K + 0.1 * np.diag(np.diag(K)))
+    known, trace = EnergyNorm(sp.csr_array(K)), sp.csr_array(sp.eye_array(n))
+
+    class Rows:
+        """The rows of a matrix that one part has: it asks the others for their entries."""
+
+        def __init__(self, matrix: Array, own: slice, vectors: Vectors) -> None:
+            self.matrix, self.own, self.vectors = matrix, own, vectors
+
+        def __matmul__(self, v: Array) -> Array:
+            whole = np.zeros((n, *v.shape[1:]))
+            whole[self.own] = v
+            return self.matrix[self.own] @ self.vectors.total(*whole.ravel()).reshape(whole.shape)
+
+    def answers(vectors: Vectors, number: int) -> list[float]:
+        own = parts[number]
+        cycle = Rows(inverse, own, vectors)
+        norm = EnergyNorm(Cycles(Rows(K, own, vectors), np.diag(K)[own], cycle.__matmul__, vectors))
+        size = own.stop - own.start
+        top = norm.largest_eigenvalue(sp.csr_array(sp.eye_array(size)), weight[own])
+        x, dual = norm.riesz(b[own])
+        again = norm.riesz(b[own], x)[1]
+        least = norm.least_dual_norm(b[own])
+        none = norm.largest_eigenvalue(sp.csr_array(sp.eye_array(size)), np.zeros(size)).bound
+        return [norm.lowest, norm.norm(b[own]), dual, again, least, top.value, top.bound, none]
+
+    one, other = in_parts(answers)
+    np.testing.assert_array_equal(one, other)
+    lowest, size, dual, again, least, value, bound, none = one
+    exact, eigenvalue = known.riesz(b)[1], known.largest_eigenvalue(trace, weight).value
+    smallest = float(np.linalg.eigvalsh(K / np.sqrt(np.outer(np.diag(K), np.diag(K))))[0])
+    assert 0.3 * smallest < lowest <= smallest
+    assert size == pytest.approx(known.norm(b))
+    assert least <= exact * (1.0 + 1e-12) <= dual * (1.0 + 1e-12) <= 1.02 * exact
+    assert exact <= again * (1.0 + 1e-12) <= 1.02 * exact
+    assert value <= eigenvalue * (1.0 + 1e-8) <= bound * (1.0 + 1e-8) <= 1.002 * eigenvalue
+    assert none == 0.0
 
 
 def test_a_subspace_reaches_the_top_of_a_pencil_and_says_how_near_it_is() -> None:

@@ -11,7 +11,7 @@ import scipy.linalg as la
 from scipy.optimize import brentq
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.certificates import Certificate, MultigridNorm, certify
+from hemivar.certificates import Certificate, EnergyNorm, certify
 from hemivar.certificates.kind import kind_of
 from hemivar.certificates.linear_bodies import at_tangent
 from hemivar.certificates.norms import energy_norm
@@ -66,7 +66,7 @@ def matrix(problem: DiscreteProblem, material: Material) -> Array:
 
 def judged(problem: DiscreteProblem, u: Array, lam: Array | None = None) -> list[Certificate]:
     """By factorisation and by multigrid."""
-    return [certify(problem, u, lam), certify(problem, u, lam, factor=MultigridNorm(problem))]
+    return [certify(problem, u, lam), certify(problem, u, lam, factor=EnergyNorm.by_multigrid(problem))]
 
 
 def test_the_margin_is_that_of_the_lower_tensor() -> None:

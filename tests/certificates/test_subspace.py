@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from hemivar.certificates.subspace import Subspace
+from hemivar.certificates.by_multigrid import Subspace
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -7,7 +7,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.certificates.bound import equilibrium_multiplier, trace_force
 from hemivar.certificates.certificate import Certificate, certify
 from hemivar.certificates.distance_to_exact import DistanceToExact
-from hemivar.certificates.norms import EnergyNorm, MultigridNorm, energy_norm, factorises
+from hemivar.certificates.norms import EnergyNorm, energy_norm, factorises
 from hemivar.certificates.smallness import (
     Smallness,
     TraceConstants,
@@ -22,7 +22,6 @@ __all__ = [
     "Certificate",
     "DistanceToExact",
     "EnergyNorm",
-    "MultigridNorm",
     "PointKind",
     "Smallness",
     "TraceConstants",
@@ -39,6 +38,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> ModuleType:
+    if name == "MultigridNorm":
+        raise AttributeError(f"hemivar.certificates.{name} was removed; take EnergyNorm.by_multigrid(problem)")
     if name != "continuous":
         raise AttributeError(f"module 'hemivar.certificates' has no attribute '{name}'")
     with IMPORTS:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
-from hemivar.certificates.norms import EnergyNorm, Norm
+from hemivar.certificates.norms import EnergyNorm
 from hemivar.certificates.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.potential import Potential
@@ -49,7 +49,7 @@ class Point:
     """A pair under examination and what belongs to it."""
 
     problem: DiscreteProblem
-    energy: Norm
+    energy: EnergyNorm
     u: Array
     lam: Array
 
@@ -161,8 +161,8 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
         if best <= poor * scale and not point.energy.factorised:
             break
     linear = isinstance(problem.bulk, Quadratic)
-    if best > poor * scale and linear and 0 < rows <= _SEARCHABLE and isinstance(point.energy, EnergyNorm):
-        best = min(best, _search(point, point.energy, margin, best, ceiling))
+    if best > poor * scale and linear and 0 < rows <= _SEARCHABLE and point.energy.factorised:
+        best = min(best, _search(point, margin, best, ceiling))
     return best
 
 
@@ -266,9 +266,9 @@ def _product(matrix: sp.csr_array, x: NDArray[_Real]) -> NDArray[_Real]:
     return out
 
 
-def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceiling: Array | None) -> float:
+def _search(point: Point, margin: float, best: float, ceiling: Array | None) -> float:
     """Look for a better pair by Newton steps on the condensed problem; every iterate gives a pair."""
-    problem = point.problem
+    problem, energy = point.problem, point.energy
     m, d = problem.contact_points, problem.contact.components
     rows = np.flatnonzero(point.active.ravel())
     part = problem.contact.trace[rows]

@@ -1,7 +1,8 @@
-"""The energy norm, its dual and largest eigenvalues on the contact, by a factorisation of K."""
+"""What an energy norm asks of its matrix K, by a factorisation."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -11,10 +12,10 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
-from hemivar.certificates.subspace import Mode, counting_rows, start_vector
 from hemivar.linear.definite import indefinite, positive_pivots, rounding
+from hemivar.linear.vectors import WHOLE, Vectors
 
-__all__ = ["EnergyNorm"]
+__all__ = ["Factorised", "Mode", "start_vector"]
 
 #: Relative accuracy asked of an eigenvalue; what is returned is raised by as much.
 _EIGEN_TOLERANCE = 1e-8
@@ -22,27 +23,28 @@ _EIGEN_TOLERANCE = 1e-8
 _DENSE = 24
 
 
-class EnergyNorm:
-    """A symmetric positive definite matrix K, factorised: ``|v|_K``, ``K^-1 b`` and ``|b|_{K^-1}``.
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """An eigenvalue at the upper end of a pencil."""
+
+    #: What the vector attains, so that the eigenvalue is no smaller; what it is at most, as far as the method knows.
+    value: float
+    bound: float
+    #: (n,), of energy norm one; None where it is not kept.
+    vector: Array | None = None
+
+
+class Factorised:
+    """A symmetric matrix K and its factors.
 
     K counts as definite if its pivots are positive and its smallest eigenvalue, scaled to a unit diagonal, is above
-    what rounding makes of zero: a pivot alone may be a rounding error many times larger than that.
-
-    Parameters
-    ----------
-    stiffness : sparse array (n, n)
-        K; if it is not shown to be definite (a body that nothing but contact holds), :attr:`definite` is False and
-        nothing else may be asked for but :meth:`norm` and :attr:`indefinite`.
-    singular : bool
-        Whether K is known to be singular, by the motions without deformation of its mesh.
-
-    Attributes
-    ----------
-    diagonal : array (n,)
-        Of K.
+    what rounding makes of zero: a pivot alone may be a rounding error many times larger than that.  Where that is not
+    shown, nothing else may be asked for but :meth:`multiply` and :attr:`indefinite`.  ``singular`` says that K is
+    known to be singular, by the motions without deformation of its mesh.
     """
 
     factorised: ClassVar[bool] = True
+    vectors: ClassVar[Vectors] = WHOLE
 
     def __init__(self, stiffness: sp.csr_array, singular: bool = False) -> None:
         self.stiffness = stiffness
@@ -82,22 +84,18 @@ class EnergyNorm:
         check_time()
         return np.asarray(self._factor.solve(np.asarray(rhs, dtype=float)))
 
-    def norm(self, v: Array) -> float:
-        """``|v|_K = sqrt(v'K v)``."""
-        return float(np.sqrt(max(float(v @ (self.stiffness @ v)), 0.0)))
+    def multiply(self, v: Array) -> Array:
+        """``K v``."""
+        return np.asarray(self.stiffness @ v)
 
-    def riesz(self, b: Array, guess: Array | None = None) -> tuple[Array, float]:
-        """``K^-1 b`` (n,) and ``|b|_{K^-1} = sqrt(b'K^-1 b)``; no guess is needed."""
+    def dual(self, b: Array, guess: Array | None = None) -> tuple[Array, float]:
+        """``K^-1 b`` (n,) and ``b'K^-1 b``; no guess is needed."""
         x = self.solve(b)
-        return x, float(np.sqrt(max(float(b @ x), 0.0)))
+        return x, float(b @ x)
 
-    def least_dual_norm(self, b: Array) -> float:
-        """``|b|_{K^-1}``."""
-        return self.riesz(b)[1]
-
-    def rounding_norm(self, weighted: float) -> float:
-        """Bound of ``|b|_{K^-1}`` over all b with ``|D^-1/2 b|_2 <= weighted``, D the diagonal of K."""
-        return float(weighted / np.sqrt(self.lowest))
+    def least(self, b: Array) -> float:
+        """``b'K^-1 b``."""
+        return self.dual(b)[1]
 
     @cached_property
     def lowest(self) -> float:
@@ -111,24 +109,9 @@ class EnergyNorm:
         top = spla.eigsh(inverse, k=1, tol=0.05, v0=start_vector(n), ncv=8, return_eigenvectors=False)
         return float(0.9 / top[0])
 
-    def largest_eigenvalue(self, trace: sp.csr_array, weight: Array, near: float | None = None) -> Mode:
-        """Largest eigenvalue of ``(B' diag(weight) B, K)``, its bound raised by the tolerance of the eigensolver.
-
-        Works on the rows of B that count: one solve with K for each step of a Lanczos iteration.
-
-        Parameters
-        ----------
-        trace : sparse array (k, n)
-            B.
-        weight : array (k,)
-            Weights >= 0; rows of weight zero are dropped.
-        near : float, optional
-            Of no use here.
-        """
-        part = counting_rows(trace, weight)
+    def top(self, part: sp.csr_array, near: float | None = None) -> Mode:
+        """The largest eigenvalue of ``(S'S, K)``, ``S`` (k, n); a solve with K for each step of a Lanczos iteration."""
         count = part.shape[0]
-        if count == 0:
-            return Mode(0.0, 0.0)
         if count <= _DENSE:
             flexibility = part @ self.solve(part.T.toarray())
             top = float(np.linalg.eigvalsh(0.5 * (flexibility + flexibility.T))[-1])
@@ -140,3 +123,8 @@ class EnergyNorm:
             operator, k=1, which="LA", tol=_EIGEN_TOLERANCE, v0=start_vector(count), ncv=12, return_eigenvectors=False
         )[0]
         return Mode(float(top), float(top * (1.0 + _EIGEN_TOLERANCE)))
+
+
+def start_vector(n: int) -> Array:
+    """A starting vector with every component present and most of it smooth."""
+    return 1.0 + 0.3 * np.random.default_rng(11).standard_normal(n)

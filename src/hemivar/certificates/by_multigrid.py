@@ -1,10 +1,8 @@
-"""The energy norm, its dual and largest eigenvalues on the contact, by a few multigrid cycles.
-
-They answer what :class:`hemivar.certificates.EnergyNorm` answers, where a factorisation would cost more than the solve.
-"""
+"""What an energy norm asks of its matrix K, by a few multigrid cycles, and eigenvalues in small subspaces."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import ClassVar
 
@@ -15,19 +13,19 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray
-from hemivar.certificates.linear_bodies import below
-from hemivar.certificates.subspace import Mode, Subspace, counting_rows, start_vector
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.certificates.by_factorisation import Mode, start_vector
 from hemivar.discrete.contact import contact_unknowns, selects
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.linear.definite import lowest_quotient, quotient, rounding
-from hemivar.linear.krylov import conjugate_gradients
-from hemivar.linear.levels import LevelMatrix, Levels, Truncated
+from hemivar.linear.krylov import Matrix, conjugate_gradients
+from hemivar.linear.levels import LevelMatrix, Truncated
+from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.body_on_levels import levels_of
 from hemivar.systems.free_unknowns import free_unknowns
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["MultigridNorm"]
+__all__ = ["Cycles", "Multigrid", "Subspace"]
 
 #: An estimate of the smallest eigenvalue of K, scaled to a unit diagonal, that stands for zero if no mesh says more.
 _ESTIMATED = 1e-9
@@ -47,32 +45,235 @@ _COARSE_STEPS = 8
 _BLOCK = 3
 #: What an eigenvalue that was found on coarser meshes alone may be off by on the finest.
 _SAFETY = 0.5
+#: Part of the distance between an eigenvalue and the value that it is compared with.
+_APART = 0.1
+#: Cycles that tell how good one is.
+_TRIED = 12
 
 
-class MultigridNorm:
-    """The same by multigrid: a few cycles for each question, to the accuracy that certificates need.
+class Subspace:
+    """Vectors near the upper end of ``(S' diag(sign) S, K)``, and the best in the space that they span.
+
+    A is K, S has the shape (q, n), sign (q,) and X, the vectors to start from, (n, k); ``cycles`` maps the columns of
+    (n, k) by C, which is near to the inverse of K, ``count`` vectors are kept, and ``held`` unknowns are at rest.
+    """
+
+    def __init__(
+        self,
+        A: Matrix,
+        cycles: Callable[[Array], Array],
+        S: sp.csr_array,
+        sign: Array,
+        X: Array,
+        count: int = 1,
+        held: IntArray | None = None,
+        vectors: Vectors = WHOLE,
+    ) -> None:
+        self._A, self._cycles, self._S, self._sign, self._held, self._vectors = A, cycles, S, sign, held, vectors
+        #: A vector of the span along which K is not positive, where one was met.
+        self.negative: Array | None = None
+        self._pick(X, self._A @ X, S @ X, count)
+
+    def _pick(self, X: Array, KX: Array, SX: Array, count: int) -> Array:
+        """Rayleigh-Ritz: the best vectors in the span, and their coefficients."""
+        gram, image = self._total(X.T @ KX, SX.T @ (self._sign[:, None] * SX))
+        scale = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), np.finfo(float).tiny))
+        sizes, axes = np.linalg.eigh(scale[:, None] * gram * scale)
+        kept = sizes > 1e-12 * sizes[-1]
+        if sizes[0] < -1e-12 * sizes[-1]:
+            self.negative = X @ (scale * axes[:, 0])
+        root = scale[:, None] * axes[:, kept] / np.sqrt(sizes[kept])
+        values, vectors = np.linalg.eigh(root.T @ image @ root)
+        mix = root @ vectors[:, ::-1][:, :count]
+        self.values = values[::-1][:count]
+        self.X, self._KX, self._SX = X @ mix, KX @ mix, SX @ mix
+        return np.asarray(mix)
+
+    def _total(self, *parts: Array) -> list[Array]:
+        """Sums of small matrices over all processes."""
+        if self._vectors.alone:
+            return list(parts)
+        sums = self._vectors.total(*np.concatenate([part.ravel() for part in parts]).tolist())
+        ends = np.cumsum([part.size for part in parts])[:-1]
+        return [some.reshape(part.shape) for some, part in zip(np.split(sums, ends), parts, strict=True)]
+
+    def gap(self, known: float) -> float:
+        """Half the distance between the first two values; what is known of it where there is one vector only."""
+        return 0.5 * float(self.values[0] - self.values[1]) if self.values.size > 1 else known
+
+    def improve(
+        self,
+        quality: float,
+        limit: int,
+        accuracy: float,
+        gap: float = np.inf,
+        near: float | None = None,
+        floor: float = 0.0,
+    ) -> float:
+        """Steps of locally optimal conjugate gradients (Knyazev 2001); what the largest value may be short of.
+
+        ``|g|_{K^-1}``, g the residual of the first vector, bounds its distance to an eigenvalue, and the square of it
+        over the gap to the next one as well (Kato, Temple).  ``quality`` is the smallest eigenvalue of C K.
+        """
+        P = KP = SP = None
+        for step in range(limit + 1):
+            check_time()
+            R = self._S.T @ (self._sign[:, None] * self._SX) - self._KX * self.values
+            if self._held is not None:
+                R[self._held] = 0.0
+            Z = self._cycles(R)
+            gap = self.gap(gap)
+            top = float(self.values[0])
+            off = np.sqrt(max(float(self._vectors.total(float(R[:, 0] @ Z[:, 0]))[0]), 0.0) / quality)
+            added = float(off**2 / gap if off < gap < np.inf else off)
+            fine = added <= accuracy * max(abs(top), floor)
+            if near is not None and top < near:
+                fine = fine and added <= _APART * (near - top)
+            if fine or step == limit:
+                break
+            KZ, SZ = self._A @ Z, self._S @ Z
+            X, KX, SX, count = self.X, self._KX, self._SX, self.X.shape[1]
+            if P is None or KP is None or SP is None:
+                mix = self._pick(np.hstack([X, Z]), np.hstack([KX, KZ]), np.hstack([SX, SZ]), count)
+            else:
+                mix = self._pick(np.hstack([X, Z, P]), np.hstack([KX, KZ, KP]), np.hstack([SX, SZ, SP]), count)
+            old = mix[:count]
+            P, KP, SP = self.X - X @ old, self._KX - KX @ old, self._SX - SX @ old
+        return added
+
+
+class Cycles:
+    """A symmetric matrix K by products, and a cycle C near to its inverse; over all processes that have parts of it.
 
     Dual norms are bounded from above by what conjugate gradients have found plus ``r'C r / quality``, r being the
     residual that is left, C the cycle, and ``quality`` the smallest eigenvalue of C K.  That one and :attr:`lowest` are
-    estimates from coarser levels, made smaller by a factor two or more.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem
-        K is its stiffness; of a body that is not linear that of the body below.
-    workspace : Workspace, optional
-        Keeps the levels: those that a solve by multigrid made there, or will take.
+    estimates, made smaller by a factor two or more.
     """
 
     factorised: ClassVar[bool] = False
 
-    def __init__(self, problem: DiscreteProblem, workspace: Workspace | None = None) -> None:
-        self.problem = below(problem)
-        self.bulk = self.problem.linear
-        self.stiffness = self.bulk.stiffness
-        self._levels = levels_of(self.problem, Workspace.given(workspace)).levels
-        self._top = len(self._levels.sizes) - 1
+    def __init__(
+        self, stiffness: Matrix, diagonal: Array, cycle: Callable[[Array], Array], vectors: Vectors = WHOLE
+    ) -> None:
+        self._matrix, self.diagonal, self._cycle, self.vectors = stiffness, diagonal, cycle, vectors
+
+    @property
+    def indefinite(self) -> float | None:
+        """Not looked for."""
+        return None
+
+    @cached_property
+    def definite(self) -> bool:
+        """Whether K is positive definite, as far as :attr:`lowest` is an estimate."""
+        return bool(self.lowest > _ESTIMATED)
+
+    @cached_property
+    def lowest(self) -> float:
+        """The smallest eigenvalue of K scaled to a unit diagonal, by half."""
+        root = sp.csr_array(sp.diags_array(np.sqrt(self.diagonal)))
+        subspace = self._started(root)
+        added = subspace.improve(self.quality, _STEPS, 0.1)
+        return 0.0 if subspace.negative is not None else _SAFETY / (float(subspace.values[0]) + added)
+
+    @cached_property
+    def quality(self) -> float:
+        """The smallest eigenvalue of C K, by half: how good a cycle C is."""
+        return _SAFETY * max(1.0 - _kept(self._matrix, self._cycle, self._start(), self.vectors), 0.01)
+
+    def multiply(self, v: Array) -> Array:
+        """``K v``."""
+        return np.asarray(self._matrix @ v)
+
+    def dual(self, b: Array, guess: Array | None = None) -> tuple[Array, float]:
+        """About ``K^-1 b`` (n,), and a bound of ``b'K^-1 b`` that is at most about 2 % too large."""
+        if guess is None:
+            x, found, left = self._descend(self._matrix, self.diagonal, self._cycle, b)
+            return x, found + left
+        rest = b - self.multiply(guess)
+        before = float(self.vectors.total(float(guess @ (b + rest)))[0])
+        x, found, left = self._descend(self._matrix, self.diagonal, self._cycle, rest, before)
+        return guess + x, before + found + left
+
+    def least(self, b: Array) -> float:
+        """A lower bound of ``b'K^-1 b``."""
+        return self._descend(self._matrix, self.diagonal, self._cycle, b)[1]
+
+    def top(self, part: sp.csr_array, near: float | None = None) -> Mode:
+        """The largest eigenvalue of ``(S'S, K)``, ``S`` (k, n), by locally optimal conjugate gradients."""
+        subspace = self._started(part)
+        added = subspace.improve(self.quality, _STEPS, _EIGEN_ACCURACY, near=near)
+        return Mode(float(subspace.values[0]), float(subspace.values[0]) + added, subspace.X[:, 0])
+
+    def _start(self) -> Array:
+        """A vector (n,) with every component present, the same for any number of processes."""
+        n = self.diagonal.size
+        return np.asarray(1.5 + np.cos(1.0 + (self.vectors.before(n) + np.arange(n)) ** 1.3))
+
+    def _started(self, S: sp.csr_array) -> Subspace:
+        cycles = partial(_columns, self._cycle)
+        start = self._start()[:, None] * np.cos(np.arange(_BLOCK) * (1.0 + self._start()[:, None]))
+        X = cycles(np.asarray(S.T @ (S @ start)))
+        return Subspace(self._matrix, cycles, S, np.ones(S.shape[0]), X, _BLOCK, vectors=self.vectors)
+
+    def _descend(
+        self, A: Matrix, diagonal: Array, cycle: Callable[[Array], Array], b: Array, before: float = 0.0
+    ) -> tuple[Array, float, float]:
+        """Conjugate gradients: x near ``A^-1 b``, ``b'x``, and a bound of what ``b'A^-1 b`` has above it.
+
+        They end once that is a small part of the whole, ``before`` included.
+        """
+        quality, total = self.quality, self.vectors.total
+        found, left = 0.0, 0.0
+
+        def precondition(rest: Array) -> Array:
+            nonlocal found, left
+            check_time()
+            z = cycle(rest)
+            left = max(float(total(float(rest @ z))[0]), 0.0) / quality
+            # A step of length one gains at most what is left.
+            return np.zeros_like(z) if left <= _DUAL_ACCURACY * (found + before) else z
+
+        def gained(_: int, x: Array) -> Array:
+            nonlocal found
+            found = float(total(float(b @ x))[0])
+            return np.zeros(0)
+
+        x = conjugate_gradients(A, diagonal, b, precondition, 0.0, _CYCLES, gained, self.vectors).solution
+        return x, max(found, 0.0), left
+
+
+def _columns(cycle: Callable[[Array], Array], right: Array) -> Array:
+    """A cycle for each column."""
+    return np.stack([cycle(b) for b in np.ascontiguousarray(right.T)], axis=1)
+
+
+def _kept(A: Matrix, cycle: Callable[[Array], Array], x: Array, vectors: Vectors = WHOLE) -> float:
+    """The largest factor by which a cycle was seen to reduce the error of ``A x = 0``, from a start x."""
+    factor = 0.0
+    for _ in range(_TRIED):
+        x = x / np.sqrt(abs(vectors.total(float(x @ (A @ x)))[0]))
+        x = x - cycle(A @ x)
+        factor = max(factor, float(np.sqrt(abs(vectors.total(float(x @ (A @ x)))[0]))))
+    return factor
+
+
+class Multigrid(Cycles):
+    """The stiffness K of a linear body and its levels, from coarse to fine.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    workspace : Workspace
+        Keeps the levels: those that a solve by multigrid made there, or will take.
+    """
+
+    def __init__(self, problem: DiscreteProblem, workspace: Workspace) -> None:
+        self.problem = problem
+        self.stiffness = problem.linear.stiffness
+        self._levels = levels_of(problem, workspace).levels
+        self._top = top = len(self._levels.sizes) - 1
         self._negative: float | None = None
+        super().__init__(LevelMatrix(self._levels, top), self._levels.diagonal(top), partial(self._levels.cycle, top))
 
     @cached_property
     def _known(self) -> bool | None:
@@ -85,7 +286,7 @@ class MultigridNorm:
         """Whether K is positive definite: by mesh and supports, and as far as :attr:`lowest` is an estimate."""
         if self._known is False:
             return False
-        guard = rounding(self.stiffness, self.bulk.diagonal)
+        guard = rounding(self.stiffness, self.diagonal)
         return bool(self.lowest > (guard if self._known else max(guard, _ESTIMATED)))
 
     @cached_property
@@ -96,49 +297,20 @@ class MultigridNorm:
         """
         if self._known is not None:
             return None
-        guard = rounding(self.stiffness, self.bulk.diagonal)
+        guard = rounding(self.stiffness, self.diagonal)
         found = lowest_quotient(self.stiffness)
         if not self.definite and self._negative is not None:
             found = min(found, self._negative)
         return found if found < -guard else None
 
-    @property
-    def diagonal(self) -> Array:
-        """The diagonal of K, (n,)."""
-        return self._levels.diagonal(self._top)
-
-    def norm(self, v: Array) -> float:
-        """``|v|_K = sqrt(v'K v)``."""
-        return float(np.sqrt(max(float(v @ self._levels.multiply(self._top, v)), 0.0)))
-
-    def riesz(self, b: Array, guess: Array | None = None) -> tuple[Array, float]:
-        """About ``K^-1 b`` (n,), and a bound of ``|b|_{K^-1}`` that is at most about 1 % too large.
-
-        Parameters
-        ----------
-        b : array (n,)
-        guess : array (n,), optional
-            For ``K^-1 b``.
-        """
-        if guess is None:
-            x, found, left = self._descend(self._top, b)
-            return x, float(np.sqrt(found + left))
-        rest = b - self._levels.multiply(self._top, guess)
-        before = float(guess @ (b + rest))
-        x, found, left = self._descend(self._top, rest, before)
-        return guess + x, float(np.sqrt(max(before + found + left, 0.0)))
-
-    def least_dual_norm(self, b: Array) -> float:
-        """A lower bound of ``|b|_{K^-1}``: what the next coarser level sees of it.
+    def least(self, b: Array) -> float:
+        """A lower bound of ``b'K^-1 b``: what the next coarser level sees of it.
 
         A proper bound where the coarse matrix is the Galerkin product, as it is for constant materials.
         """
-        below = self._levels.transfers[self._top - 1].restriction @ b
-        return float(np.sqrt(self._descend(self._top - 1, below)[1]))
-
-    def rounding_norm(self, weighted: float) -> float:
-        """Bound of ``|b|_{K^-1}`` over all b with ``|D^-1/2 b|_2 <= weighted``, as good as :attr:`lowest` is."""
-        return float(weighted / np.sqrt(self.lowest))
+        k, levels = self._top - 1, self._levels
+        coarse = levels.transfers[k].restriction @ b
+        return self._descend(LevelMatrix(levels, k), levels.diagonal(k), partial(levels.cycle, k), coarse)[1]
 
     @cached_property
     def lowest(self) -> float:
@@ -159,7 +331,7 @@ class MultigridNorm:
                 subspace.improve(self.quality, 2, 0.1)
             if subspace.negative is not None:
                 if k == self._top:
-                    self._negative = quotient(self.stiffness, subspace.negative, self.bulk.diagonal)
+                    self._negative = quotient(self.stiffness, subspace.negative, self.diagonal)
                 return 0.0
             X, lowest = subspace.X, 1.0 / (float(subspace.values[0]) + added)
         return _SAFETY * lowest
@@ -172,14 +344,8 @@ class MultigridNorm:
         """
         levels = self._levels
         k = max(k for k in range(self._top + 1) if self._cheap(k))
-        A, factor = levels.matrix(k), 0.0
-        x = levels.cycle(k, np.random.default_rng(7).standard_normal(A.shape[0]))
-        size = np.sqrt(abs(float(x @ (A @ x))))
-        for _ in range(12):
-            x = x / size
-            x = x - levels.cycle(k, A @ x)
-            size = np.sqrt(abs(float(x @ (A @ x))))
-            factor = max(factor, size)
+        A, cycle = levels.matrix(k), partial(levels.cycle, k)
+        factor = _kept(A, cycle, cycle(np.random.default_rng(7).standard_normal(A.shape[0])))
         deeper = max(min(levels.algebraic, self._top) - k, 0)
         return float(_SAFETY ** (1 + deeper) * max(1.0 - factor, 0.01))
 
@@ -209,50 +375,13 @@ class MultigridNorm:
         """Whether work on a level is for nothing."""
         return k <= 1 or self._levels.sizes[k] <= _CHEAP * self._levels.sizes[self._top]
 
-    def _descend(self, k: int, b: Array, before: float = 0.0) -> tuple[Array, float, float]:
-        """Conjugate gradients on a level: x near ``K^-1 b``, ``b'x``, and a bound of what ``b'K^-1 b`` has above it.
-
-        They end once that is a small part of the whole, ``before`` included.
-        """
-        quality, levels = self.quality, self._levels
-        found, left = 0.0, 0.0
-
-        def precondition(rest: Array) -> Array:
-            nonlocal found, left
-            check_time()
-            z = levels.cycle(k, rest)
-            left = max(float(rest @ z), 0.0) / quality
-            # A step of length one gains at most what is left.
-            return np.zeros_like(z) if left <= _DUAL_ACCURACY * (found + before) else z
-
-        def gained(_: int, x: Array) -> Array:
-            nonlocal found
-            found = float(b @ x)
-            return np.zeros(0)
-
-        matrix = LevelMatrix(levels, k)
-        x = conjugate_gradients(matrix, levels.diagonal(k), b, precondition, 0.0, _CYCLES, gained).solution
-        return x, max(found, 0.0), left
-
-    def largest_eigenvalue(self, trace: sp.csr_array, weight: Array, near: float | None = None) -> Mode:
-        """Largest eigenvalue of ``(B' diag(weight) B, K)``, by locally optimal conjugate gradients from coarse to fine.
+    def top(self, part: sp.csr_array, near: float | None = None) -> Mode:
+        """The largest eigenvalue of ``(S'S, K)``, ``S`` (k, n), from coarse to fine.
 
         The largest few are followed from the coarsest level up to cheap ones, the largest alone on the others.
         Its bound adds what its residual allows, and holds as far as no other mode has overtaken it on the way.
-
-        Parameters
-        ----------
-        trace : sparse array (k, n)
-            B.
-        weight : array (k,)
-            Weights >= 0; rows of weight zero are dropped.
-        near : float, optional
-            A value that the eigenvalue must be told apart from.
         """
-        levels = self._levels
-        parts = [counting_rows(trace, weight)]
-        if parts[0].shape[0] == 0:
-            return Mode(0.0, 0.0)
+        levels, parts = self._levels, [part]
         for k in range(self._top, 0, -1):
             parts.insert(0, sp.csr_array(parts[0] @ levels.transfers[k - 1].prolongation))
         X = self._coarsest(parts[0], _BLOCK)
@@ -268,22 +397,11 @@ class MultigridNorm:
         top = float(subspace.values[0])
         return Mode(top, top + added, X[:, 0])
 
-    def constrained_eigenvalue(self, rows: sp.csr_array, weight: Array, held: BoolArray) -> Mode | None:
+    def constrained(self, rows: sp.csr_array, weight: Array, held: BoolArray) -> Mode | None:
         """Largest eigenvalue of ``(C' diag(weight) C, K)`` on the displacements that leave the held components at rest.
 
-        Parameters
-        ----------
-        rows : sparse array (k, n)
-            C.
-        weight : array (k,)
-            Of either sign.
-        held : bool array (m, d)
-            Components of the contact points at rest.
-
-        Returns
-        -------
-        Mode or None
-            None where the trace does not select unknowns, or where the method did not tell the eigenvalue from one.
+        C (k, n) are ``rows``, the weights (k,) are of either sign, and ``held`` (m, d) are components of the contact
+        points.  None where the trace does not select unknowns, or where the eigenvalue was not told from one.
         """
         if not selects(self.problem.contact.trace):
             return None
@@ -304,9 +422,15 @@ class MultigridNorm:
             fresh = np.asarray(part.T @ start[:, : _BLOCK if k == first else 1])  # what was left out comes in again
             fresh[out] = 0.0
             count = _BLOCK if self._cheap(k) or k == first else 1
-            X = np.hstack([X, _cycles(truncated, k, fresh)])
+            X = np.hstack([X, _columns(partial(truncated.cycle, k), fresh)])
             subspace = Subspace(
-                truncated.matrix(k), partial(_cycles, truncated, k), part, np.sign(weight), X, count, out
+                truncated.matrix(k),
+                partial(_columns, partial(truncated.cycle, k)),
+                part,
+                np.sign(weight),
+                X,
+                count,
+                out,
             )
             added = subspace.improve(self.quality, _STEPS, _EIGEN_ACCURACY, gap, near=1.0, floor=1.0)
             X, gap = subspace.X, subspace.gap(gap)
@@ -314,9 +438,6 @@ class MultigridNorm:
         return Mode(top, top + added, X[:, 0]) if top > 1.0 or top + added < 1.0 else None
 
     def _subspace(self, k: int, S: sp.csr_array, X: Array, count: int = 1) -> Subspace:
-        return Subspace(self._levels.matrix(k), partial(_cycles, self._levels, k), S, np.ones(S.shape[0]), X, count)
-
-
-def _cycles(levels: Levels | Truncated, k: int, right: Array) -> Array:
-    """A cycle on a level for each column."""
-    return np.stack([levels.cycle(k, b) for b in np.ascontiguousarray(right.T)], axis=1)
+        return Subspace(
+            self._levels.matrix(k), partial(_columns, partial(self._levels.cycle, k)), S, np.ones(S.shape[0]), X, count
+        )

@@ -21,7 +21,7 @@ from hemivar.certificates.bound import Point, equilibrium_multiplier, error_boun
 from hemivar.certificates.distance_to_exact import DistanceToExact
 from hemivar.certificates.kind import LocalStudy, study
 from hemivar.certificates.linear_bodies import convex_body
-from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
+from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.certificates.smallness import (
     Smallness,
     one_solution,
@@ -211,7 +211,7 @@ def certify(
     displacement: Array | Certifiable | None = None,
     multiplier: Array | None = None,
     *,
-    factor: Norm | None = None,
+    factor: EnergyNorm | None = None,
     tolerance: float = 1e-8,
     trace_constant: bool = True,
     max_time: float = math.inf,
@@ -230,7 +230,7 @@ def certify(
     multiplier : array (m, d), optional
         Force per area of the body on the foundation: pressure, and minus the friction.  Recomputed from equilibrium
         (least squares) if not given.
-    factor : EnergyNorm or MultigridNorm, optional
+    factor : EnergyNorm, optional
         The norm to take in place of the one that suits the size of the problem.
     tolerance : float
         Residual, relative to the load, up to which the pair counts as a solution.
@@ -263,7 +263,7 @@ def certify(
     """
     problem, given, multiplier = _pair(problem, displacement, multiplier)
     if factor is not None:
-        expect(factor, EnergyNorm | MultigridNorm, "the factor", "pass hemivar.certificates.energy_norm(problem)")
+        expect(factor, EnergyNorm, "the factor", "pass hemivar.certificates.energy_norm(problem)")
     tolerance = number(tolerance, "the tolerance of a certificate")
     m, d = problem.contact_points, problem.contact.components
     u = _unknowns(problem, given)

@@ -10,8 +10,9 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.bound import Point
+from hemivar.certificates.by_multigrid import Multigrid
 from hemivar.certificates.linear_bodies import at_tangent, convex_body
-from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
+from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
@@ -132,7 +133,7 @@ def _components(point: Point) -> _Sorted:
     return replace(found, free=found.free.ordered())
 
 
-def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: Norm) -> PointKind:
+def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: EnergyNorm) -> PointKind:
     """The kind of a pair ``u (n,)``, ``lam (m, d)`` that solves a problem, as its certificate finds it.
 
     Whether it is the only solution is not asked.  A pair whose curvature does not decide is a global minimiser where
@@ -223,8 +224,8 @@ def _curvatures(point: Point, free: _Components, held: _Components, every: bool)
         return _curvatures_on_foundation(point, C, weight, held), None
     if count == 0 or not np.any(weight < 0.0):
         return np.ones(1), None
-    if isinstance(point.energy, MultigridNorm):
-        return _lowest_by_multigrid(point, point.energy, C, weight, held)
+    if isinstance(point.energy.by, Multigrid):
+        return _lowest_by_multigrid(point, point.energy.by, C, weight, held)
     solver = _ConstrainedSolver(point.energy, _rows(point, held))
     if not solver.definite:
         return None, None
@@ -284,7 +285,7 @@ def _dense(solver: _ConstrainedSolver, C: sp.csr_array, weight: Array) -> tuple[
 
 
 def _lowest_by_multigrid(
-    point: Point, energy: MultigridNorm, C: sp.csr_array, weight: Array, held: _Components
+    point: Point, energy: Multigrid, C: sp.csr_array, weight: Array, held: _Components
 ) -> tuple[Array | None, Array | None]:
     """The lowest eigenvalue alone: what its vector attains where that is negative, else what it is at least."""
     problem = point.problem
@@ -294,7 +295,7 @@ def _lowest_by_multigrid(
     if row.size != held.size or np.any(np.diff(row) == 0):  # a direction that is no component
         return None, None
     at_rest[held.point[row], component] = True
-    mode = energy.constrained_eigenvalue(C, -weight, at_rest)
+    mode = energy.constrained(C, -weight, at_rest)
     if mode is None or mode.vector is None:
         return None, None
     lowest = 1.0 - (mode.value if mode.value > 1.0 else mode.bound)

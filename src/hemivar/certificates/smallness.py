@@ -16,7 +16,7 @@ from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
 from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, strain_reach
-from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
+from hemivar.certificates.norms import EnergyNorm, energy_norm, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_matrix
@@ -161,7 +161,7 @@ def smallness(
     *,
     displacement: Array | None = None,
     multiplier: Array | None = None,
-    factor: Norm | None = None,
+    factor: EnergyNorm | None = None,
     trace_constant: bool = True,
     workspace: Workspace | None = None,
 ) -> Smallness:
@@ -176,7 +176,7 @@ def smallness(
         infinite.
     multiplier : array (m, d), optional
         That in equilibrium with ``displacement`` by default.
-    factor : EnergyNorm or MultigridNorm, optional
+    factor : EnergyNorm, optional
         The energy norm, where it is there already.
     trace_constant : bool
         Whether to compute c_gamma, which costs a factorisation, or a hierarchy, of its own, and where laws soften a
@@ -217,7 +217,7 @@ def margin_at(problem: DiscreteProblem, displacement: Array, multiplier: Array, 
 
 
 def _constants_at(
-    problem: DiscreteProblem, energy: Norm, displacement: Array | None, multiplier: Array | None
+    problem: DiscreteProblem, energy: EnergyNorm, displacement: Array | None, multiplier: Array | None
 ) -> Smallness:
     """The constants without those of the survey."""
     bounds: Array | None = None
@@ -289,7 +289,7 @@ def _bound_depends(problem: DiscreteProblem) -> bool:
 
 
 def largest_bounds(
-    problem: DiscreteProblem, energy: Norm, point: Point | None, reach: tuple[float, ...] = _EVERYWHERE
+    problem: DiscreteProblem, energy: EnergyNorm, point: Point | None, reach: tuple[float, ...] = _EVERYWHERE
 ) -> Array:
     """What the friction bound of each contact point is at most in any solution, (m,); inf where that is not known.
 
@@ -322,7 +322,7 @@ def largest_bounds(
 
 
 def _constants(
-    problem: DiscreteProblem, energy: Norm | None, bounds: Array | None, reach: tuple[float, ...] = _EVERYWHERE
+    problem: DiscreteProblem, energy: EnergyNorm | None, bounds: Array | None, reach: tuple[float, ...] = _EVERYWHERE
 ) -> Smallness:
     """The constants, the friction bounds (m,) being at most ``bounds`` where they depend on the state.
 
@@ -406,7 +406,7 @@ def _constants(
     )
 
 
-def _margin(energy: Norm | None, c: float, coupling: float) -> float:
+def _margin(energy: EnergyNorm | None, c: float, coupling: float) -> float:
     """``1 - c - coupling``, less what rounding can hide where K is badly conditioned."""
     if energy is None or not energy.definite:
         return -np.inf
@@ -568,15 +568,14 @@ def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float
     if field is None:
         raise ProblemError("a problem made of arrays has no mesh, so the norm of V is not known")
     check_time()
-    energy: Norm
     origin = problem.origin
     if isinstance(origin, ScalarProblem):
         plain = replace(origin, coefficient=1.0, bedding=0.0, density=None, viscosity=None, capacity=None)
         unit = discretize(plain, check_coercivity=False)
-        energy = EnergyNorm(unit.stiffness) if factorises(problem) else MultigridNorm(unit)
+        energy = EnergyNorm(unit.stiffness) if factorises(problem) else EnergyNorm.by_multigrid(unit)
     elif isinstance(origin, ContactProblem) and not factorises(problem):
         body = replace(origin, material=Material.lame(0.0, 0.5), bedding=0.0)
-        energy = MultigridNorm(discretize(body, check_coercivity=False, evolving=True))
+        energy = EnergyNorm.by_multigrid(discretize(body, check_coercivity=False, evolving=True))
     else:
         strain = stiffness_matrix(field.mesh, Material.lame(0.0, 0.5), field.order)
         matrix = sp.csr_array(field.basis.T @ strain @ field.basis)

@@ -27,7 +27,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.bare_body import bare_body
 from hemivar.certificates.continuous.contact_traces import ContactTraces
-from hemivar.certificates.norms import EnergyNorm, MultigridNorm, energy_norm
+from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.discretize import discretize
 
@@ -68,7 +68,7 @@ class SoftModes:
     traces: ContactTraces
 
     @cached_property
-    def _body(self) -> tuple[DiscreteProblem, EnergyNorm | MultigridNorm]:
+    def _body(self) -> tuple[DiscreteProblem, EnergyNorm]:
         body = discretize(bare_body(self.traces.data.problem, coarsest=False), check_coercivity=False)
         return body, energy_norm(body)
 

@@ -19,7 +19,7 @@ from hemivar.basics.types import Array
 from hemivar.certificates.continuous.body_bound import body_bound
 from hemivar.certificates.continuous.facet_cover import facet_cover
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
-from hemivar.certificates.norms import EnergyNorm, MultigridNorm, energy_norm
+from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
@@ -161,7 +161,7 @@ def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | Non
     return TraceBounds(*lowest, body, True, source, found.weighted)
 
 
-def _eigenvalues(problem: DiscreteProblem, energy: EnergyNorm | MultigridNorm) -> tuple[float, float, float, float]:
+def _eigenvalues(problem: DiscreteProblem, energy: EnergyNorm) -> tuple[float, float, float, float]:
     contact, field = problem.contact, problem.field
     if field is None:
         raise ProblemError("a problem made of arrays has no mesh, so it has no exact solution to be distant from")
