@@ -134,13 +134,7 @@ def friction_bound(problem: DiscreteProblem, r: Array, lam: Array) -> Array:
 def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> float:
     """Bound of ``|u - u*|_K`` for every solution u* of the discrete problem; inf if the margin is not positive.
 
-    Parameters
-    ----------
-    point : Point
-    margin : float
-    ceiling : array (m,), optional
-        Pairs whose friction bound is larger than this are left out: those for which the margin does not hold.  None
-        if it holds for all solutions, and so for all pairs.
+    ``ceiling`` is (m,).
     """
     if not (margin > 0.0 and point.energy.definite):
         return np.inf

@@ -258,14 +258,7 @@ def _kept(A: Matrix, cycle: Callable[[Array], Array], x: Array, vectors: Vectors
 
 
 class Multigrid(Cycles):
-    """The stiffness K of a linear body and its levels, from coarse to fine.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem
-    workspace : Workspace
-        Keeps the levels: those that a solve by multigrid made there, or will take.
-    """
+    """The stiffness K of a linear body and its levels, from coarse to fine."""
 
     def __init__(self, problem: DiscreteProblem, workspace: Workspace) -> None:
         self.problem = problem

@@ -34,24 +34,16 @@ _MOST = 2000
 
 @dataclass(frozen=True, eq=False)
 class LocalStudy:
-    """Result of the study of a stationary point.
+    """Result of the study of a stationary point."""
 
-    Attributes
-    ----------
-    kind : PointKind
-        LOCAL_MINIMISER, SADDLE, MAXIMUM, DIRECTIONALLY_STATIONARY or CLARKE_STATIONARY; without an energy the same
-        with the friction bound held fixed, or WITHOUT_ENERGY.
-    curvature : float or None
-        Smallest ``1 + v'B'W j''(r) B v / v'K v`` over the critical directions: 1 is the curvature of the body alone,
-        K its stiffness at the point;
-        -inf at a downward jump; None if not computed.
-    direction : array (m, d) or None
-        Local displacements along which the energy falls, largest component 1.
-    """
-
+    #: LOCAL_MINIMISER, SADDLE, MAXIMUM, DIRECTIONALLY_STATIONARY or CLARKE_STATIONARY; without an energy the same with
+    #: the friction bound held fixed, or WITHOUT_ENERGY.
     kind: PointKind
+    #: Smallest ``1 + v'B'W j''(r) B v / v'K v`` over the critical directions: 1 is the curvature of the body alone, K
+    #: its stiffness at the point; -inf at a downward jump; None if not computed.
     curvature: float | None
-    direction: Array | None
+    #: Local displacements along which the energy falls, largest component 1.
+    direction: Array | None  # (m, d)
 
 
 @dataclass(frozen=True, eq=False)

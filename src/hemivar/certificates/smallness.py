@@ -197,17 +197,8 @@ def smallness(
 def margin_at(problem: DiscreteProblem, displacement: Array, multiplier: Array, workspace: Workspace) -> float:
     """The margin of :func:`smallness` alone, of a law that depends on the state, for many steps of one body.
 
-    Parameters
-    ----------
-    problem : DiscreteProblem
-    displacement : array (n,)
-    multiplier : array (m, d)
-    workspace : Workspace
-
-    Returns
-    -------
-    float
-        ``-inf`` without any work where the friction bound depends on the pressure, as Coulomb's does.
+    ``displacement`` is (n,); ``multiplier`` is (m, d). ``-inf`` without any work where the friction bound depends on
+    the pressure, as Coulomb's does.
     """
     visible = np.diff(problem.contact.trace.indptr).reshape(problem.contact_points, problem.contact.components) > 0
     coupled = visible[:, 0] & visible[:, 1:].any(axis=1)
@@ -439,19 +430,7 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
     times the largest down to 1.25 times.  Displacements within a reach are a convex set, and on it the proof that there
     is one solution is the same.
 
-    Parameters
-    ----------
-    point : Point
-        The solution.
-    constants : Smallness
-        Those of all penetrations and slips, as far as they are known.
-
-    Returns
-    -------
-    constants : Smallness
-        The same ones where nothing is proved within a reach either.
-    why : str
-        Why a reach proves nothing about this point, where it lies outside.
+    Returns constants, why.
     """
     problem = point.problem
     if constants.reach_strain < np.inf:

@@ -38,17 +38,7 @@ def allowed_work(
 ) -> float:
     """Most work on a way (n + k,) of the forces that a solved stage may leave out of balance.
 
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    stage : Stage
-    reached : StageState
-        Where it leads.
-    multiplier : array (m, c)
-        Pressure and friction there.
-    way : array (n + k,)
-    rtol : float
-        Tolerance of steps.
+    ``multiplier`` is (m, c).
     """
     n = discrete.unknowns
     acting = norm(stage.load[:n]) + norm(discrete.problem.contact_force(multiplier))

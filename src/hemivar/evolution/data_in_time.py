@@ -53,16 +53,10 @@ class DataInTime(ABC):
 
 @dataclass(frozen=True, eq=False)
 class StatedData(DataInTime):
-    """What was stated.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    stops : mapping of float to float
-        Times at which what acts may jump, and how near to them it is looked at.
-    """
+    """What was stated."""
 
     discrete: DiscreteEvolution
+    #: Times at which what acts may jump, and how near to them it is looked at.
     stops: Mapping[float, float] = field(default_factory=dict)
     _known: Recent[float, ExternalData] = field(default_factory=lambda: Recent(_TIMES), repr=False)
     _sides: Recent[float, tuple[float, float]] = field(default_factory=lambda: Recent(_SIDES), repr=False)
@@ -92,16 +86,10 @@ class StatedData(DataInTime):
 
 @dataclass(frozen=True, eq=False)
 class ChangedData(DataInTime):
-    """Data to which more is added, that jumps nowhere.
-
-    Parameters
-    ----------
-    stated : DataInTime
-    change : callable
-        Makes what acts of what was stated, and of the time.
-    """
+    """Data to which more is added, that jumps nowhere."""
 
     stated: DataInTime
+    #: Makes what acts of what was stated, and of the time.
     change: Callable[[ExternalData, float], ExternalData]
 
     def at(self, time: float) -> ExternalData:

@@ -78,13 +78,7 @@ class Backoff:
 
 
 def regularising_viscosity(convexity_defect: float) -> float:
-    """The viscosity, in units of the stiffness, with which a problem has one solution; ``convexity_defect`` is c - 1.
-
-    Raises
-    ------
-    ProblemError
-        There is none, for a law falls at once.
-    """
+    """The viscosity, in units of the stiffness, with which there is one solution; ``convexity_defect`` is c - 1."""
     if not math.isfinite(convexity_defect):
         raise ProblemError(
             "a contact law drops discontinuously (alpha is infinite), so a step may have several solutions; give its "
@@ -95,21 +89,14 @@ def regularising_viscosity(convexity_defect: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Slowed:
-    """One step of a body against a resistance that leaves it one solution.
+    """One step of a body against a resistance that leaves it one solution."""
 
-    Attributes
-    ----------
-    problem : DiscreteProblem
-        With the stiffness of body and resistance.
-    resistance : float
-        In units of the stiffness.
-    contact : sparse array (n, n) or None
-        The resistance where the body has free motions, which its own stiffness would not resist: of the contact points.
-    """
-
+    #: With the stiffness of body and resistance.
     problem: DiscreteProblem
+    #: In units of the stiffness.
     resistance: float
-    contact: sp.csr_array | None = None
+    #: The resistance where the body has free motions, which its own stiffness would not resist: of the contact points.
+    contact: sp.csr_array | None = None  # (n, n)
 
     def drag(self, body: Quadratic, u: Array) -> Array:
         """Force (n,) that moves the resistance to u (n,)."""
@@ -119,11 +106,6 @@ class Slowed:
 def slowed(bodies: StepMatrices, problem: DiscreteProblem, convexity_defect: float) -> Slowed:
     """The step of a problem with the viscosity that it needs; ``convexity_defect`` is c - 1, infinite with free
     motions.
-
-    Raises
-    ------
-    ProblemError
-        No resistance is enough, for a law falls at once.
     """
     steepest = math.inf
     if not math.isfinite(convexity_defect):
@@ -146,15 +128,7 @@ def bottom(
 ) -> Solution | None:
     """The minimiser on the segments on which a place lies: nothing is crossed on the way; None if there is none.
 
-    Parameters
-    ----------
-    chain : Chain
-        Of the body and the law of the problem.
-    problem : DiscreteProblem
-    theta, segment : arrays (n,)
-        The place on the graph of the law.
-    controls : Controls
-    workspace : Workspace
+    ``theta`` is (n,); ``segment`` is (n,).
     """
     system = workspace.condensed(problem)
     if not chain.stable(theta, segment):
@@ -180,20 +154,7 @@ def downhill(
     workspace: Workspace,
     chain: Chain | None = None,
 ) -> Solution:
-    """The equilibrium that is reached from u (n,): steps against a resistance that leaves each of them one solution.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem
-    slowed : Slowed
-        The same against a resistance.
-    u : array (n,)
-    solver : Solver or None
-    controls : Controls
-    workspace : Workspace
-    chain : Chain, optional
-        The graph of the law at the contact points of the body; made here where the solver condenses the body.
-    """
+    """The equilibrium that is reached from u (n,): steps against a resistance that leaves each of them one solution."""
     load, slow, bulk = problem.load, slowed.problem, problem.bulk
     assert isinstance(bulk, Quadratic | Potential)
     body = bulk.resisting()
@@ -326,14 +287,7 @@ def minimiser_on_pieces(
 ) -> tuple[Array, Array, Residual] | None:
     """The bottom of the pieces on which a place lies, with its multiplier and residual; None if there is none there.
 
-    Parameters
-    ----------
-    method : NonsmoothMultigrid
-    body : Body
-        Under the load of the step.
-    u : array (n,)
-        The place.
-    controls : Controls
+    ``u`` is (n,).
     """
     x = replace(method, tolerance=_EXACT).on_pieces(body, u)
     if x is None:

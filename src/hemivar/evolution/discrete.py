@@ -52,48 +52,29 @@ _KEPT = 6
 
 @dataclass(frozen=True, eq=False)
 class ExternalData(PickleMixin):
-    """What acts on the body at one time.
+    """What acts on the body at one time."""
 
-    Attributes
-    ----------
-    load : array (n + k,)
-        Forces on the unknowns and on the prescribed displacements.
-    prescribed : array (k,)
-        Displacements of the moved supports.
-    offset : array (m, c)
-        Gap, less what supports prescribe, and slip that is there already.
-    law : VectorLaw
-    damping : mapping of boundary to Superpotential
-        Laws of the normal rate, where there are some.
-    """
-
-    load: Array
-    prescribed: Array
-    offset: Array
+    #: Forces on the unknowns and on the prescribed displacements.
+    load: Array  # (n + k,)
+    #: Displacements of the moved supports.
+    prescribed: Array  # (k,)
+    #: Gap, less what supports prescribe, and slip that is there already.
+    offset: Array  # (m, c)
     law: VectorLaw
+    #: Laws of the normal rate, where there are some.
     damping: Mapping[str, Superpotential] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class DiscreteEvolution(PickleMixin):
-    """Matrices and contact points of an evolution.
-
-    Attributes
-    ----------
-    evolution : Evolution
-    problem : DiscreteProblem
-        The elastic body at the start.
-    family : OperatorFamily
-        Its matrices.
-    blocks : tuple of (boundary, int array)
-        Contact points of each boundary, in their order.
-    heat : DiscreteHeat or None
-    """
+    """Matrices and contact points of an evolution."""
 
     evolution: Evolution
+    #: The elastic body at the start.
     problem: DiscreteProblem
     family: OperatorFamily
-    blocks: tuple[tuple[str, IntArray], ...]
+    #: Contact points of each boundary, in their order.
+    blocks: tuple[tuple[str, IntArray], ...]  # (boundary, int array)
     heat: DiscreteHeat | None = field(default=None, kw_only=True)
 
     @cached_property
@@ -263,13 +244,7 @@ def dampings(bound: Statement) -> dict[str, Superpotential]:
 
 
 def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
-    """Matrices, supports and contact points of an evolution.
-
-    Raises
-    ------
-    ProblemError
-        As :func:`hemivar.discretize`; a body without inertia must be held as in statics.
-    """
+    """Matrices, supports and contact points of an evolution."""
     stated = evolution.problem.at_time(evolution.start)
     # What stores heat holds a temperature within a step.
     held = not (evolution.inertia or stated.capacity is not None)
@@ -289,12 +264,7 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
 def refuse_unmeasured(
     stated: Statement, problem: DiscreteProblem, blocks: tuple[tuple[str, IntArray], ...], heated: bool
 ) -> None:
-    """Refuse friction of which nobody knows whether it follows the slip or its rate, and what goes with one only.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse friction of which nobody knows whether it follows the slip or its rate, and what goes with one only."""
     for name, index in blocks:
         _refuse_unmeasured(name, stated.contacts[name], problem, index, heated)
 
@@ -381,12 +351,7 @@ def _spread(M: sp.csr_array, massless: Array, node: IntArray) -> sp.csr_array:
 
 
 class StepMatrices:
-    """Bodies of stages: one for each set of factors of a step, with one stiffness matrix that a workspace knows again.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    """
+    """Bodies of stages: one for each set of factors of a step, with a stiffness that a workspace knows again."""
 
     def __init__(self, discrete: DiscreteEvolution) -> None:
         self.discrete = discrete

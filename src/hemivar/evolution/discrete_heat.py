@@ -27,30 +27,20 @@ __all__ = ["DiscreteHeat", "coupled_heat"]
 
 @dataclass(frozen=True, eq=False)
 class DiscreteHeat(PickleMixin):
-    """Heat over the mesh of a body.
-
-    Attributes
-    ----------
-    heat : Heat
-    conduction : DiscreteEvolution
-        Of heat alone.
-    pull : sparse array (n + k, nodes)
-        Force of nodal temperatures on the unknowns and on the prescribed displacements.
-    partner : int array (q,)
-        Contact point of the body at each contact point of the heat. A node that supports hold altogether is none: it
-        has the nearest one of the boundary if the conductance there asks for it, and else -1.
-    share : array (m,)
-        Part of the heat of friction that goes into the body, at the contact points of the body.
-    node : int array (m,)
-        Nodes of the contact points of the body.
-    """
+    """Heat over the mesh of a body."""
 
     heat: Heat
+    #: Of heat alone.
     conduction: DiscreteEvolution
-    pull: sp.csr_array
-    partner: IntArray
-    share: Array
-    node: IntArray
+    #: Force of nodal temperatures on the unknowns and on the prescribed displacements.
+    pull: sp.csr_array  # (n + k, nodes)
+    #: Contact point of the body at each contact point of the heat. A node that supports hold altogether is none: it has
+    #: the nearest one of the boundary if the conductance there asks for it, and else -1.
+    partner: IntArray  # (q,)
+    #: Part of the heat of friction that goes into the body, at the contact points of the body.
+    share: Array  # (m,)
+    #: Nodes of the contact points of the body.
+    node: IntArray  # (m,)
 
     def load(self, temperature: Array) -> Array:
         """Force (n + k,) of nodal temperatures (nodes,)."""
@@ -93,16 +83,7 @@ def coupled_heat(
 ) -> DiscreteHeat:
     """The heat of a body.
 
-    Parameters
-    ----------
-    stated : ContactProblem
-        At the start.
-    heat : Heat
-    problem : DiscreteProblem
-        Of the body.
-    moved : int array (k,)
-        Nodal components whose prescribed displacements may change.
-    conduction : DiscreteEvolution
+    ``moved`` is (k,).
     """
     field = problem.field
     assert field is not None

@@ -22,16 +22,6 @@ def shown_force(discrete: DiscreteEvolution, end: ExternalData, moment: TimeStat
     The law of a rigid obstacle, of friction that sticks and of glue that breaks at once has a whole interval of forces
     at a displacement and its rate.  A force at the end is then known to nobody, and neither is one that depends on what
     points remember.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    end : ExternalData
-        What acts at the end.
-    moment : TimeState
-        The end of the step; its multiplier is the force at the stage.
-    stage : float
-        Time of the stage.
     """
     many = float(bool(len(moment.multiplier)) and not _is_function(discrete, end))
     if discrete.vectors.largest(many)[0]:

@@ -13,49 +13,35 @@ class EnergyBalance:
 
     ``work + moved + thermal = (elastic + branches + contact + kinetic) - (the same at the start) + viscous +
     branch_loss + friction + damping + memory + numerical + jumps + gap``.
-
-    Attributes
-    ----------
-    work : float
-        Work of the loads.
-    moved : float
-        Work of moved supports and foundations.
-    thermal : float
-        Work of thermal stress; a column of evolutions with heat only.
-    elastic, branches, contact, kinetic : float
-        Energy stored in the body, in the branches of its material, by the foundation; kinetic energy.
-    start : float
-        Their sum at the beginning.
-    viscous, branch_loss : float
-        Dissipated by the viscosity of the body and by the branches of its material.
-    friction, damping : float
-        Dissipated by friction and by laws of the rate along the normal.
-    memory : float
-        Dissipated by what contact points remember: broken bonds, worn material.
-    numerical : float
-        What the scheme takes; negative where it gives. Work is counted by the forces of stages, to first order where
-        these do not lie in the middle of a step: this is no measure of accuracy.
-    jumps : float
-        What is lost where the body jumps from one equilibrium to another.
-    gap : float
-        What is left: the work of the solver's residual.
     """
 
+    #: Work of the loads.
     work: float = 0.0
+    #: Work of moved supports and foundations.
     moved: float = 0.0
+    #: Energy stored in the body, in the branches of its material, by the foundation; kinetic energy.
     elastic: float = 0.0
     branches: float = 0.0
     contact: float = 0.0
     kinetic: float = 0.0
+    #: Their sum at the beginning.
     start: float = 0.0
+    #: Dissipated by the viscosity of the body and by the branches of its material.
     viscous: float = 0.0
     branch_loss: float = 0.0
+    #: Dissipated by friction and by laws of the rate along the normal.
     friction: float = 0.0
     damping: float = 0.0
+    #: Dissipated by what contact points remember: broken bonds, worn material.
     memory: float = 0.0
+    #: What the scheme takes; negative where it gives. Work is counted by the forces of stages, to first order where
+    #: these do not lie in the middle of a step: this is no measure of accuracy.
     numerical: float = 0.0
+    #: What is lost where the body jumps from one equilibrium to another.
     jumps: float = 0.0
+    #: What is left: the work of the solver's residual.
     gap: float = 0.0
+    #: Work of thermal stress; a column of evolutions with heat only.
     thermal: float = 0.0
 
     @property

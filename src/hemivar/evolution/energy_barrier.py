@@ -22,11 +22,6 @@ def crosses_energy_barrier(advance: TimeStepper, taken: StepResult) -> bool:
 
     While an equilibrium is stable and the body follows it, the energy of the step is convex along the way; between two
     equilibria that are no neighbours there is a part of the way on which it is not.
-
-    Parameters
-    ----------
-    advance : TimeStepper
-    taken : StepResult
     """
     if advance.stages.resists:
         return False

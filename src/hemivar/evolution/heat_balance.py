@@ -15,34 +15,23 @@ class HeatBalance:
     """Heat in the body, and what came into it up to a moment.
 
     ``content = content at the start + source + supports + contact + friction + deformation + gap``.
-
-    Attributes
-    ----------
-    content : float
-        ``int capacity th``.
-    start : float
-        That at the beginning.
-    source : float
-        Of sources and fluxes.
-    supports : float
-        Through boundaries of prescribed temperature.
-    contact : float
-        Through boundaries that exchange heat; negative where the body loses it.
-    friction : float
-        The part of what friction dissipates that the body takes.
-    deformation : float
-        ``-int T0 beta : eps(u')``.
-    gap : float
-        What is left: the solver's residual.
     """
 
+    #: ``int capacity th``.
     content: float = 0.0
+    #: That at the beginning.
     start: float = 0.0
+    #: Of sources and fluxes.
     source: float = 0.0
+    #: Through boundaries of prescribed temperature.
     supports: float = 0.0
+    #: Through boundaries that exchange heat; negative where the body loses it.
     contact: float = 0.0
+    #: The part of what friction dissipates that the body takes.
     friction: float = 0.0
+    #: ``-int T0 beta : eps(u')``.
     deformation: float = 0.0
+    #: What is left: the solver's residual.
     gap: float = 0.0
 
     def closed(self) -> HeatBalance:
@@ -57,20 +46,12 @@ class HeatBalance:
 
 @dataclass(frozen=True, eq=False)
 class ThermalState(PickleMixin):
-    """The heat of a body at one time.
+    """The heat of a body at one time."""
 
-    Attributes
-    ----------
-    moment : TimeState
-        Temperatures, of the evolution of heat alone.
-    book : HeatBalance
-    rounds : int
-        How many times motion and heat were computed in the last step.
-    contraction : float
-        What the last round left of the change of the one before; 0 where one was enough.
-    """
-
+    #: Temperatures, of the evolution of heat alone.
     moment: TimeState
     book: HeatBalance
+    #: How many times motion and heat were computed in the last step.
     rounds: int = 0
+    #: What the last round left of the change of the one before; 0 where one was enough.
     contraction: float = 0.0

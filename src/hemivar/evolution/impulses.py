@@ -34,19 +34,6 @@ def apply_impulse(advance: TimeStepper, moment: TimeState, step: float) -> TimeS
     it along: ``M dv = B'W p`` on all unknowns, which is what a step of implicit Euler tends to.  What this changes of
     ``v'M v / 2`` is their work.  At the start the same happens to a body that has another velocity than a foundation
     which holds it.
-
-    Parameters
-    ----------
-    advance : TimeStepper
-    moment : TimeState
-        At the start, at a kink of what acts, or at a stop.
-    step : float
-        Length of the next step.
-
-    Raises
-    ------
-    ProblemError
-        The mass matrix cannot be solved, or the impulse of a foundation not be found.
     """
     discrete = advance.discrete
     if discrete.mass is None or advance.scheme.is_displacement_based(step):

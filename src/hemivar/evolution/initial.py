@@ -35,17 +35,6 @@ def initial_moment(advance: TimeStepper, step: float | None = None) -> TimeState
     """Displacement and velocity as stated, the acceleration that the forces ask for, nothing remembered yet.
 
     Supports and gaps that move have the rates with which they set out, none where they jump.
-
-    Parameters
-    ----------
-    advance : TimeStepper
-    step : float, optional
-        Length of the first step; without it supports and gaps count as being at rest.
-
-    Raises
-    ------
-    ProblemError
-        The initial displacement contradicts supports or leaves the domain of a contact law.
     """
     discrete, evolution = advance.discrete, advance.discrete.evolution
     acting = advance.data.at(evolution.start)
@@ -99,24 +88,7 @@ def accelerated(
     moving: tuple[Kinematics, Kinematics],
     step: float | None,
 ) -> TimeState:
-    """A moment with the acceleration that all forces make of where the body is and of how fast.
-
-    Parameters
-    ----------
-    advance : TimeStepper
-    moment : TimeState
-    acting : ExternalData
-        What acts then.
-    moving : pair of Kinematics
-        Of prescribed displacements (k,) and of offsets of the contact points (m, c).
-    step : float or None
-        Length of the next step.
-
-    Raises
-    ------
-    ProblemError
-        The mass matrix cannot be solved.
-    """
+    """A moment with the acceleration that all forces make of where the body is and of how fast."""
     contact, n, first = advance.discrete.problem.contact, advance.discrete.unknowns, 1.0 if step is None else step
     law = _law_of_rates(advance, moment, acting, _AT_ONCE * first)
     place = moment.local.displacement

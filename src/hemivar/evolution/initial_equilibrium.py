@@ -48,17 +48,6 @@ def settled(
     A very short step of implicit Euler, in which viscosity resists whatever moves.  Where several equilibria exist it
     goes downhill from where the body is, unless ``jump`` says otherwise.  Friction that weakens with the slip rate is
     as strong as at rest, where the body is in the end: no rate is that of so short a step.
-
-    Parameters
-    ----------
-    advance : TimeStepper
-    moment : TimeState
-        Of a body that :func:`yields_at_once`.
-    step : float
-        Length of the next step.
-    jump : SelectionRule
-    start, now : ExternalData
-        What acted before, and what acts now.
     """
     chosen = jump if jump.follows or jump is SelectionRule.GLOBAL else SelectionRule.LOCAL
     resting = _at_rest(advance.discrete, now)
@@ -121,15 +110,7 @@ def sunk_by_a_jump(advance: TimeStepper, taken: StepResult) -> tuple[float, floa
     Such a law is one of velocities, which no jump has; a gap jumps if it changes in the step by more than three times
     as much as in the steps beside it, as long as this one.
 
-    Parameters
-    ----------
-    advance : TimeStepper
-    taken : StepResult
-
-    Returns
-    -------
-    jump, depth : float
-        Zero where there is none.
+    Zero where there is none.
     """
     discrete, step = advance.discrete, taken.step
     if taken.stages[0].rule.restitution is None or not discrete.evolution.problem.time_dependent & {"gap", "supports"}:
@@ -155,15 +136,7 @@ def longest_without_swing(advance: TimeStepper, taken: StepResult) -> float:
     balance, the work on the way falls from F0 at the beginning to F1 in the middle, and is negative at the end where
     ``F0 > 2 F1``: with ``F0 = (1 + z/2) F1``, z the step in units of the retardation time, from z = 2 on.
 
-    Parameters
-    ----------
-    advance : TimeStepper
-    taken : StepResult
-
-    Returns
-    -------
-    float
-        inf where nothing is out of balance, or the scheme is another.
+    inf where nothing is out of balance, or the scheme is another.
     """
     discrete, before, stage = advance.discrete, taken.before, taken.stages[0]
     if discrete.mass is not None or discrete.viscosity is None or stage.rule.reach <= 1.0:

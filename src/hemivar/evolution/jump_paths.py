@@ -47,13 +47,7 @@ _JUMPS = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class PathResult:
-    """Where a step ends that was followed along its path.
-
-    Attributes
-    ----------
-    solution : Solution
-    leaps : tuple of DissipatedJump
-    """
+    """Where a step ends that was followed along its path."""
 
     solution: Solution
     leaps: tuple[DissipatedJump, ...] = ()
@@ -61,13 +55,7 @@ class PathResult:
 
 @dataclass(frozen=True, eq=False)
 class JumpPaths:
-    """Follows the equilibria of steps of an elastic body.
-
-    Parameters
-    ----------
-    bodies : StepMatrices
-    workspace : Workspace
-    """
+    """Follows the equilibria of steps of an elastic body."""
 
     bodies: StepMatrices
     workspace: Workspace
@@ -75,22 +63,7 @@ class JumpPaths:
     def follow(
         self, stage: Stage, convexity_defect: float, jump: SelectionRule, solver: Solver | None, controls: Controls
     ) -> PathResult:
-        """The solution of a stage, at the end of the path from the moment before it.
-
-        Parameters
-        ----------
-        stage : Stage
-        convexity_defect : float
-            c - 1 of its problem.
-        jump : SelectionRule
-        solver : Solver or None
-        controls : Controls
-
-        Raises
-        ------
-        MethodError
-            The slip is a vector (3D), or there are too many contact points.
-        """
+        """The solution of a stage, at the end of the path from the moment before it."""
         problem, before = stage.problem, stage.before
         system = self.workspace.condensed(problem)
         if system.free.size > _LARGEST:

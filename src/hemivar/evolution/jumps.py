@@ -34,15 +34,9 @@ class SelectionRule(StrEnum):
 
 @dataclass(frozen=True)
 class DissipatedJump:
-    """A jump within a step.
+    """A jump within a step."""
 
-    Attributes
-    ----------
-    part : float
-        Where in the step, between 0 and 1.
-    lost : float
-        Energy that is lost at once.
-    """
-
+    #: Where in the step, between 0 and 1.
     part: float
+    #: Energy that is lost at once.
     lost: float

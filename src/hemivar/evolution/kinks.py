@@ -20,19 +20,7 @@ _DEEP = 12
 
 
 def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[float, ...], tuple[str, ...]]:
-    """Times between start and end at which a formula of a statement has a kink, and sentences on what is not known.
-
-    Parameters
-    ----------
-    statement : ContactProblem or the like, or a tuple of some
-        Formulas are looked for in its fields; functions in Python tell nothing.
-    start, until : float
-
-    Raises
-    ------
-    ProblemError
-        A formula of t alone has a pole in between.
-    """
+    """Times between start and end at which a formula of a statement has a kink, and sentences on what is not known."""
     found: list[float] = []
     doubts: list[str] = []
     for formula in dict.fromkeys(_formulas(statement, 0)):

@@ -38,41 +38,25 @@ _NAMES = {"ThermalState": ThermalState}
 
 @dataclass(frozen=True, eq=False)
 class MarchState:
-    """All that a march needs to go on.
-
-    Attributes
-    ----------
-    moment : TimeState
-    pace : StepSizeState
-    rows : tuple of Row
-    frames : tuple of Frame
-    frame_place : pair of int
-        Moments offered so far, and which of them are kept.
-    events : tuple of (time, name)
-    messages : tuple of str
-    largest : float
-        Largest size that errors of steps were held against.
-    farthest : float
-        Largest displacement since the start that they were held against.
-    origin : array (n + k,)
-        Where the body was at the start.
-    bound : float
-        Square of the bound of the error in time so far; nan where there is none.
-    straight : bool
-        Whether loads were straight lines in every step so far, as the bound asks.
-    """
+    """All that a march needs to go on."""
 
     moment: TimeState
     pace: StepSizeState
     rows: tuple[Row, ...]
     frames: tuple[Frame, ...]
+    #: Moments offered so far, and which of them are kept.
     frame_place: tuple[int, int]
-    events: tuple[tuple[float, str], ...]
+    events: tuple[tuple[float, str], ...]  # (time, name)
     messages: tuple[str, ...]
+    #: Largest size that errors of steps were held against.
     largest: float
+    #: Largest displacement since the start that they were held against.
     farthest: float
-    origin: Array
+    #: Where the body was at the start.
+    origin: Array  # (n + k,)
+    #: Square of the bound of the error in time so far; nan where there is none.
     bound: float
+    #: Whether loads were straight lines in every step so far, as the bound asks.
     straight: bool
 
 

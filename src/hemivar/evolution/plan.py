@@ -152,12 +152,7 @@ def _scheme_of(scheme: object) -> Scheme:
 
 
 def refuse_plan(stated: Evolution, plan: March) -> None:
-    """Refuse a way of computing an evolution that does not fit it.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse a way of computing an evolution that does not fit it."""
     scheme = plan.scheme
     span = plan.until - stated.start
     if not 0.0 < span < math.inf:

@@ -17,13 +17,6 @@ def predicted_contact(stage: Stage, body: Body) -> Array | None:
     There they settle on the graphs of their laws, each by itself; all other unknowns stay at the
     prediction of the stage, where nothing accelerates.  None where the acceleration tells nothing: in the first step,
     with laws of impact, and in schemes whose accelerations swing, which are all but those of backward differences.
-
-    Parameters
-    ----------
-    stage : Stage
-        Of a body with a mass.
-    body : Body
-        That of its problem.
     """
     rule, before = stage.rule, stage.before
     swings = not rule.ends or rule.rate.velocity or rule.rate.acceleration

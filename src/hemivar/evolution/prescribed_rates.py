@@ -33,13 +33,6 @@ def prescribed_rates(advance: TimeStepper, time: float, step: float | None) -> M
     """Motion of the prescribed displacements (k,) and of the offsets of the contact points (m, c) from a time on.
 
     Rates are none where a path jumps, and of a body without mass, which needs none.
-
-    Parameters
-    ----------
-    advance : TimeStepper
-    time : float
-    step : float or None
-        Length of the next step; None if paths count as being at rest.
     """
     if step is None or not _moves(advance):
         now = advance.data.at(time)
@@ -51,13 +44,6 @@ def prescribed_rates(advance: TimeStepper, time: float, step: float | None) -> M
 def velocity_discontinuity(advance: TimeStepper, time: float, step: float) -> tuple[Moving, Kinked] | None:
     """Motion of supports and gaps after a time at which the speed of one jumps, and which of them have a rate at both
     sides; None if none jumps.
-
-    Parameters
-    ----------
-    advance : TimeStepper
-    time : float
-    step : float
-        Length of the next step.
     """
     if not _moves(advance):
         return None

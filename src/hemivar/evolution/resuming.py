@@ -24,19 +24,7 @@ _AT_CONTACT = ("local", "multiplier", "rate")
 def misfit(state: MarchState, advance: TimeStepper, stepping: StepSizeController, columns: Sequence[str]) -> str:
     """What is wrong with a state that was read: shapes, numbers that are not finite, times and counters.
 
-    Parameters
-    ----------
-    state : MarchState
-    advance : TimeStepper
-        Of the evolution that goes on.
-    stepping : StepSizeController
-    columns : sequence of str
-        Names of the values that a row of its table has.
-
-    Returns
-    -------
-    str
-        Empty if nothing is.
+    Empty if nothing is.
     """
     return next(_wrong(state, advance, stepping, columns), "")
 

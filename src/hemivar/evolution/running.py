@@ -112,49 +112,33 @@ class StepEvent:
 
 @dataclass(frozen=True)
 class Backend:
-    """What a march works with: the parts that an engine on many processes has of its own.
+    """What a march works with: the parts that an engine on many processes has of its own."""
 
-    Attributes
-    ----------
-    advance : callable
-        Makes what takes steps of a discrete evolution, scheme, solver, controls, workspace, and the times at which what
-        acts may jump.
-    margins, bound, identity : callables
-        What tells margins, bounds of the error in time, and one evolution from another.
-    probes : callable
-        What measures displacements at points.
-    """
-
+    #: Makes what takes steps of a discrete evolution, scheme, solver, controls, workspace, and the times at which what
+    #: acts may jump.
     advance: Callable[
         [DiscreteEvolution, Scheme, Solver | None, Controls, Workspace | None, Mapping[float, float]], TimeStepper
     ] = stepper_of
+    #: What tells margins, bounds of the error in time, and one evolution from another.
     margins: Callable[[TimeStepper], Margins] = Margins
     bound: Callable[[TimeStepper], TimeBound] = bound_in_time
     identity: Callable[..., str] = identity
+    #: What measures displacements at points.
     probes: Callable[[DiscreteEvolution, Mapping[str, object]], Callable[[Array], dict[str, Array]]] = probed
 
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """A step that was solved.
-
-    Attributes
-    ----------
-    taken : StepResult
-    pace : StepSizeState
-        At which it was taken.
-    errors : pair of float
-        Relative, in the energy norm and at the contact points.
-    following : StepSizeState
-        What comes next, if it stands; what to try in its place, if not.
-    unsolved : float
-        The shortest step that was tried in its place, and could not be solved; 0 if none was.
-    """
+    """A step that was solved."""
 
     taken: StepResult
+    #: At which it was taken.
     pace: StepSizeState
+    #: Relative, in the energy norm and at the contact points.
     errors: tuple[float, float]
+    #: What comes next, if it stands; what to try in its place, if not.
     following: StepSizeState
+    #: The shortest step that was tried in its place, and could not be solved; 0 if none was.
     unsolved: float = 0.0
 
 

@@ -153,25 +153,13 @@ def large_deformation(discrete: DiscreteEvolution, frames: Sequence[Frame]) -> t
 
 
 def probed(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> Callable[[Array], dict[str, Array]]:
-    """What gives the displacement (d,) of each probe, of unknowns and prescribed displacements (n + k,).
-
-    Raises
-    ------
-    ProblemError
-        As :func:`probe_rows`.
-    """
+    """What gives the displacement (d,) of each probe, of unknowns and prescribed displacements (n + k,)."""
     rows = probe_rows(discrete, probes)
     return lambda place: {name: np.asarray(row @ place) for name, row in rows.items()}
 
 
 def probe_rows(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> dict[str, sp.csr_array]:
-    """For each probe the matrix (d, n + k) that gives its displacement.
-
-    Raises
-    ------
-    ProblemError
-        A point has the wrong number of coordinates, or lies outside of the body.
-    """
+    """For each probe the matrix (d, n + k) that gives its displacement."""
     mesh, field = discrete.field.mesh, discrete.field
     size = float(np.ptp(mesh.points, axis=0).max())
     moved = sp.csr_array(
@@ -196,12 +184,7 @@ def probe_rows(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> dict[s
 
 
 def probe_point(name: str, place: Any, dim: int) -> Array:
-    """The point (d,) of a probe.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """The point (d,) of a probe."""
     point = real_array(place, f"the probe '{name}'")
     if point.shape != (dim,):
         raise ProblemError(f"the probe '{name}' has shape {point.shape}; give {dim} coordinates")

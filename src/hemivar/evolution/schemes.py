@@ -52,10 +52,6 @@ class RateFormula:
 
     v and w are velocity and acceleration at the beginning of the step, dv and dw the mean rates of displacement and
     velocity over the step before it.
-
-    Attributes
-    ----------
-    difference, velocity, acceleration, mean_velocity, mean_acceleration : float
     """
 
     difference: float
@@ -103,35 +99,24 @@ class RateFormula:
 
 @dataclass(frozen=True)
 class StageRule:
-    """One stage of a step.
+    """One stage of a step."""
 
-    Attributes
-    ----------
-    at : float
-        Time of the stage as a part of the step: loads and laws hold there.
-    rate, acceleration : RateFormula
-        v* and w* of the unknown u* of the stage.
-    reach : float
-        ``u_{n+1} - u_n = reach (u* - u_n)``, along a straight line in time.
-    share : float
-        Part of the step that this stage answers for: it adds ``share * step * v*`` where stages are several; 1 where
-        there is one.
-    new_velocity, new_acceleration : RateFormula
-        v and w at the end, of the difference ``u_{n+1} - u_n``.
-    restitution : float or None
-        If given, obstacles are rigid, and contact is a law of the velocity at the end: Newton's law of impact.
-    conserving : bool
-        Whether the foundation pushes with the mean of its law over the step, which takes and gives no energy.
-    """
-
+    #: Time of the stage as a part of the step: loads and laws hold there.
     at: float
+    #: v* and w* of the unknown u* of the stage.
     rate: RateFormula
     acceleration: RateFormula
+    #: ``u_{n+1} - u_n = reach (u* - u_n)``, along a straight line in time.
     reach: float
+    #: v and w at the end, of the difference ``u_{n+1} - u_n``.
     new_velocity: RateFormula
     new_acceleration: RateFormula
+    #: Part of the step that this stage answers for: it adds ``share * step * v*`` where stages are several; 1 where
+    #: there is one.
     share: float = 1.0
+    #: If given, obstacles are rigid, and contact is a law of the velocity at the end: Newton's law of impact.
     restitution: float | None = None
+    #: Whether the foundation pushes with the mean of its law over the step, which takes and gives no energy.
     conserving: bool = False
 
     @cached_property

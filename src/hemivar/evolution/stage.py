@@ -45,39 +45,25 @@ _LONGER = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """One stage, posed: its unknowns are the distance of the displacement from ``place``, a prediction.
-
-    Attributes
-    ----------
-    operator : StepOperator
-    problem : DiscreteProblem
-    before : TimeState
-        The state that the stage starts from; its velocity is that of the stage before, if there is one.
-    place : array (n + k,)
-        Prediction of the displacement, with the prescribed displacements as they are.
-    offset : array (m, c)
-        Of the contact points at the stage.
-    origin : array (m, c)
-        What the law of the stage counts from: slip from which the increment that friction sees is counted, and the
-        penetration that an impact allows.
-    law : StepLaw
-    load : array (n + k,)
-        Forces at the stage.
-    still : bool
-        Whether gaps do not change in the step.
-    held : bool
-        Whether no support moves, on any process.
-    """
+    """One stage, posed: its unknowns are the distance of the displacement from ``place``, a prediction."""
 
     operator: StepOperator
     problem: DiscreteProblem
+    #: The state that the stage starts from; its velocity is that of the stage before, if there is one.
     before: TimeState
-    place: Array
-    offset: Array
-    origin: Array
+    #: Prediction of the displacement, with the prescribed displacements as they are.
+    place: Array  # (n + k,)
+    #: Of the contact points at the stage.
+    offset: Array  # (m, c)
+    #: What the law of the stage counts from: slip from which the increment that friction sees is counted, and the
+    #: penetration that an impact allows.
+    origin: Array  # (m, c)
     law: StepLaw
-    load: Array
+    #: Forces at the stage.
+    load: Array  # (n + k,)
+    #: Whether gaps do not change in the step.
     still: bool = False
+    #: Whether no support moves, on any process.
     held: bool = False
 
     @property
@@ -123,36 +109,22 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Force:
-    """A force of the body: a multiple of a vector, which others may share.
+    """A force of the body: a multiple of a vector, which others may share."""
 
-    Attributes
-    ----------
-    vector : array (n + k,)
-    factor : float
-    """
-
-    vector: Array
+    vector: Array  # (n + k,)
     factor: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class StageState:
-    """Where unknowns (n,) of a stage lead.
+    """Where unknowns (n,) of a stage lead."""
 
-    Attributes
-    ----------
-    unknowns : array (n,)
-    way : array (n + k,)
-        ``u* - u_n``.
-    body : Kinematics
-        ``u*``, ``v*`` and ``w*``, with the products that its forces took.
-    forces : mapping of name to Force
-        ``internal``, ``viscous``, ``inertial`` and ``relaxing`` ones.
-    """
-
-    unknowns: Array
-    way: Array
+    unknowns: Array  # (n,)
+    #: ``u* - u_n``.
+    way: Array  # (n + k,)
+    #: ``u*``, ``v*`` and ``w*``, with the products that its forces took.
     body: Kinematics
+    #: ``internal``, ``viscous``, ``inertial`` and ``relaxing`` ones.
     forces: dict[str, Force]
 
 
@@ -184,19 +156,7 @@ def posed_stage(
     start: ExternalData,
     step_law: StepLaw,
 ) -> Stage:
-    """The static problem of a stage.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    bodies : StepMatrices
-    before : TimeState
-    operator : StepOperator
-    at, end, start : ExternalData
-        What acts at the time of the stage, at the end of the step and at its beginning.
-    step_law : StepLaw
-        The law of the step.
-    """
+    """The static problem of a stage."""
     n, body, rule, predictor = discrete.unknowns, before.body, operator.rule, operator.predictor
     rates = before.rates
     place = body.displacement
@@ -298,16 +258,7 @@ def extrapolated_multiplier(before: TimeState, span: float) -> Array:
 def out_of_balance_force(
     discrete: DiscreteEvolution, stage: Stage, reached: StageState, enough: float
 ) -> ForceResidual:
-    """What the forces of a displacement that was reached leave of the load, at a stage at which no support moves.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    stage : Stage
-    reached : StageState
-    enough : float
-        Up to which the size may be estimated from above.
-    """
+    """What the forces of a displacement that was reached leave of the load, at a stage at which no support moves."""
     rest = stage.load - reached.forces["internal"].vector
     for name, force in reached.forces.items():
         if name != "internal":
@@ -320,14 +271,6 @@ def rounding_size(discrete: DiscreteEvolution, stage: Stage, reached: Kinematics
 
     Displacements are known up to their rounding, and so are differences of them that a scheme divides by its step.
     More than that, and quicker, if this is not above ``enough``: the largest sums of rows times norms.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    stage : Stage
-    reached : Kinematics
-        At the stage.
-    enough : float
     """
     parts = _summed(discrete, stage, reached)
     more = sum(factor * float(sums.max(initial=0.0)) * norm(x) for factor, sums, x in parts)

@@ -57,37 +57,20 @@ _DENSE = 4000
 
 @dataclass(frozen=True, eq=False)
 class StageSolution:
-    """What solves a stage.
-
-    Attributes
-    ----------
-    solution : Solution
-    resistance : float
-        Against which it was found, in units of the stiffness.
-    leaps : tuple of DissipatedJump
-        Jumps on the way, where the path of equilibria was followed.
-    reached : StageState or None
-        Where its unknowns lead, if that was asked on the way.
-    """
+    """What solves a stage."""
 
     solution: Solution
+    #: Against which it was found, in units of the stiffness.
     resistance: float = 0.0
+    #: Jumps on the way, where the path of equilibria was followed.
     leaps: tuple[DissipatedJump, ...] = ()
+    #: Where its unknowns lead, if that was asked on the way.
     reached: StageState | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class StageSolver:
-    """Solves stages.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    bodies : StepMatrices
-    solver : Solver or None
-    controls : Controls
-    workspace : Workspace
-    """
+    """Solves stages."""
 
     discrete: DiscreteEvolution
     bodies: StepMatrices
@@ -149,18 +132,7 @@ class StageSolver:
         )
 
     def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule, size: float) -> StageSolution:
-        """The solution of a stage.
-
-        Parameters
-        ----------
-        stage : Stage
-        initial : Solution or None
-            Of the same stage with a law that was not the right one yet.
-        jump : SelectionRule
-            Which solution is taken where there may be several.
-        size : float
-            That of :meth:`size`. A load that is left where all balances already is no measure of a tolerance.
-        """
+        """The solution of a stage."""
         controls = self.controls.within(self.controls.rtol * size)
         if jump.follows and not self.resists and (convexity_defect := self.convexity_defect(stage)) >= 0.0:
             _refuse_without_energy(stage.problem, jump)
@@ -276,12 +248,7 @@ def _start(stage: Stage, initial: Solution | None) -> Array:
 
 
 def _refuse_without_energy(problem: DiscreteProblem, jump: SelectionRule) -> None:
-    """Refuse choices among equilibria by their energy, or along paths of its minimisers, where there is none.
-
-    Raises
-    ------
-    MethodError
-    """
+    """Refuse choices among equilibria by their energy, or along paths of its minimisers, where there is none."""
     if problem.law.state_dependent:
         raise MethodError(
             f"jump = '{jump}' needs an energy, and there is none for a friction bound that depends on the solution "

@@ -19,22 +19,16 @@ __all__ = ["ContactForce", "Kinematics", "LastStep", "Rates", "TimeState"]
 
 @dataclass(frozen=True, eq=False)
 class Kinematics(PickleMixin):
-    """A displacement with its rate and its acceleration; arrays of one shape.
-
-    Attributes
-    ----------
-    displacement, velocity, acceleration : arrays
-    stiffness_force, viscous_force, momentum : arrays (n + k,) or None
-        ``K u`` (of a body that is not linear its elastic forces), ``C v`` and ``M v`` where they are known; to the
-        last bit what the product would be.
-    """
+    """A displacement with its rate and its acceleration; arrays of one shape."""
 
     displacement: Array
     velocity: Array
     acceleration: Array
-    stiffness_force: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)
-    viscous_force: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)
-    momentum: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)
+    #: ``K u`` (of a body that is not linear its elastic forces), ``C v`` and ``M v`` where they are known; to the last
+    #: bit what the product would be.
+    stiffness_force: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)  # (n + k,)
+    viscous_force: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)  # (n + k,)
+    momentum: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)  # (n + k,)
 
     def at_velocity(self, velocity: Array) -> Kinematics:
         """The same at another velocity."""
@@ -43,12 +37,7 @@ class Kinematics(PickleMixin):
 
 @dataclass(frozen=True, eq=False)
 class Rates(PickleMixin):
-    """Mean rates of a displacement and of its velocity over a step; arrays of one shape.
-
-    Attributes
-    ----------
-    velocity, acceleration : arrays
-    """
+    """Mean rates of a displacement and of its velocity over a step; arrays of one shape."""
 
     velocity: Array
     acceleration: Array
@@ -56,82 +45,52 @@ class Rates(PickleMixin):
 
 @dataclass(frozen=True, eq=False)
 class LastStep(PickleMixin):
-    """What the last step did, which the next one goes on from.
-
-    Attributes
-    ----------
-    step : float
-        Its length.
-    force : array (n,) or None
-        ``K (u - u_before)`` where the velocity is the mean one of the step: ``step K v``.
-    multiplier : array (m, c)
-        Change of the multiplier; zero where it foretells nothing.
-    body, local : Rates or None
-        Mean rates of unknowns and prescribed displacements (n + k,) and at the contact points (m, c); of schemes with
-        several steps.
-    """
+    """What the last step did, which the next one goes on from."""
 
     step: float
-    force: Array | None
-    multiplier: Array
+    #: ``K (u - u_before)`` where the velocity is the mean one of the step: ``step K v``.
+    force: Array | None  # (n,)
+    #: Change of the multiplier; zero where it foretells nothing.
+    multiplier: Array  # (m, c)
+    #: Mean rates of unknowns and prescribed displacements (n + k,) and at the contact points (m, c); of schemes with
+    #: several steps.
     body: Rates | None = None
     local: Rates | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class ContactForce(PickleMixin):
-    """Contact forces with the time that they belong to.
-
-    Attributes
-    ----------
-    time : float
-    multiplier : array (m, c)
-        Force per area of the body on the foundation: pressure (column 0), and minus the friction.
-    """
+    """Contact forces with the time that they belong to."""
 
     time: float
-    multiplier: Array
+    #: Force per area of the body on the foundation: pressure (column 0), and minus the friction.
+    multiplier: Array  # (m, c)
 
 
 @dataclass(frozen=True, eq=False)
 class TimeState(PickleMixin):
-    """All that the future of an evolution depends on.  A step is a function from one state to the next.
-
-    Attributes
-    ----------
-    time : float
-    index : int
-        Steps taken so far.
-    body : Kinematics
-        Of unknowns and prescribed displacements, (n + k,).
-    local : Kinematics
-        Of penetration and slip of the contact points relative to their foundation, (m, c).
-    multiplier : array (m, c)
-        Force per area of the body on the foundation at the last stage: pressure (column 0), and minus the friction.
-    branches : tuple of arrays (n + k,)
-        Displacement that each branch of the material remembers.
-    memory : mapping
-        States of the memories of contact boundaries, by their names: arrays by name.
-    ledger : EnergyBalance
-        Energies, and all work and losses so far.
-    heat : ThermalState or None
-        Temperatures and the balance of heat, of a body with heat.
-    history : LastStep or None
-        None where the next step begins anew: at the start, and where velocities jump.
-    shown : ContactForce or None
-        Contact forces that are told of this moment, where they are not the multiplier at this time.
-    """
+    """All that the future of an evolution depends on.  A step is a function from one state to the next."""
 
     time: float
+    #: Steps taken so far.
     index: int
+    #: Of unknowns and prescribed displacements, (n + k,).
     body: Kinematics
+    #: Of penetration and slip of the contact points relative to their foundation, (m, c).
     local: Kinematics
-    multiplier: Array
-    branches: tuple[Array, ...] = ()
+    #: Force per area of the body on the foundation at the last stage: pressure (column 0), and minus the friction.
+    multiplier: Array  # (m, c)
+    #: Displacement that each branch of the material remembers.
+    branches: tuple[Array, ...] = ()  # (n + k,)
+    #: States of the memories of contact boundaries, by their names: arrays by name.
     memory: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    #: Energies, and all work and losses so far.
     ledger: EnergyBalance = field(default_factory=EnergyBalance)
+    #: Temperatures and the balance of heat, of a body with heat.
     heat: ThermalState | None = None
+    #: None where the next step begins anew: at the start, and where velocities jump.
     history: LastStep | None = None
+    #: Contact forces that are told of this moment, where they are not the multiplier at this time.
     shown: ContactForce | None = None
 
     @property

@@ -34,29 +34,18 @@ _ROUNDED = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class SolvedStage:
-    """A stage with its solution.
-
-    Attributes
-    ----------
-    stage : Stage
-    solution : Solution
-    reached : StageState
-    local : Kinematics
-        Penetration and slip at the stage, the slip whole.
-    own : array (m, c)
-        The multiplier without the laws of the rate of the penetration.
-    resistance : float
-        Against which it was found, in units of the stiffness.
-    leaps : tuple of DissipatedJump
-        Jumps on the way, where the path of equilibria was followed.
-    """
+    """A stage with its solution."""
 
     stage: Stage
     solution: Solution
     reached: StageState
+    #: Penetration and slip at the stage, the slip whole.
     local: Kinematics
-    own: Array
+    #: The multiplier without the laws of the rate of the penetration.
+    own: Array  # (m, c)
+    #: Against which it was found, in units of the stiffness.
     resistance: float = 0.0
+    #: Jumps on the way, where the path of equilibria was followed.
     leaps: tuple[DissipatedJump, ...] = ()
 
     @property
@@ -110,21 +99,7 @@ def end_of_step(
     discrete: DiscreteEvolution, before: TimeState, solved: list[SolvedStage], step: float, time: float,
     end: ExternalData, multistep: bool,
 ) -> TimeState:  # fmt: skip
-    """The state at the end of a step, with its balance of energy.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    before : TimeState
-    solved : list of SolvedStage
-    step : float
-    time : float
-        At the end.
-    end : ExternalData
-        What acts there.
-    multistep : bool
-        Whether the next step asks for the mean rates of this one.
-    """
+    """The state at the end of a step, with its balance of energy."""
     last = solved[-1]
     stage, rule, n = last.stage, last.stage.rule, discrete.unknowns
     ends = rule.ends and stage.before is before and stage.held  # the stage is the end

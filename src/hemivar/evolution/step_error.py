@@ -31,18 +31,12 @@ __all__ = ["StepError", "step_error"]
 
 @dataclass(frozen=True)
 class StepError:
-    """An estimate of the local error of a step, and what it is held against.
+    """An estimate of the local error of a step, and what it is held against."""
 
-    Attributes
-    ----------
-    energy, size : float
-        In the energy norm, and that of the moment.
-    slid, way : float
-        At the contact points, and the largest displacement since the start.
-    """
-
+    #: In the energy norm, and that of the moment.
     energy: float
     size: float
+    #: At the contact points, and the largest displacement since the start.
     slid: float
     way: float
 
@@ -54,14 +48,7 @@ class StepError:
 def step_error(advance: TimeStepper, taken: StepResult, origin: Array, after_kink: bool = False) -> StepError:
     """The local error of a step.
 
-    Parameters
-    ----------
-    advance : TimeStepper
-    taken : StepResult
-    origin : array (n + k,)
-        Where the body was at the start.
-    after_kink : bool
-        Whether velocities at the beginning of the step foretell nothing of those at its end.
+    ``origin`` is (n + k,).
     """
     discrete, step = advance.discrete, taken.step
     before, after = taken.before, taken.moment

@@ -34,53 +34,32 @@ States = Mapping[str, Mapping[str, Array]]
 
 @dataclass(frozen=True, eq=False)
 class BoundaryLaw:
-    """What the contact points of one boundary obey in a stage.
-
-    Attributes
-    ----------
-    name : str
-        The boundary.
-    index : int array (p,)
-        Its contact points.
-    base : VectorLaw
-        The law as it was stated, at these points.
-    memory : Memory
-        What they remember, maybe nothing.
-    given : VectorLaw
-        The law that the memory is given.
-    damping : Superpotential or None
-        Law of the normal rate, at these points.
-    local : LocalStep
-    law, undamped : VectorLaw
-        Of the stage, with and without the damping.
-    """
+    """What the contact points of one boundary obey in a stage."""
 
     name: str
-    index: IntArray
+    index: IntArray  # (p,)
+    #: The law as it was stated, at these points.
     base: VectorLaw
+    #: What they remember, maybe nothing.
     memory: Memory
+    #: The law that the memory is given.
     given: VectorLaw
+    #: Law of the normal rate, at these points.
     damping: Superpotential | None
     local: LocalStep
+    #: Of the stage, with and without the damping.
     law: VectorLaw
     undamped: VectorLaw
 
 
 @dataclass(frozen=True, eq=False)
 class StepLaw:
-    """The law of a stage, of all contact points.
-
-    Attributes
-    ----------
-    law : VectorLaw
-    blocks : tuple of BoundaryLaw
-        Boundaries with memory or damping, all boundaries if there is one; empty where the law is as stated.
-    storing : VectorLaw or None
-        The law whose energy is stored, where the law of the stage is another one.
-    """
+    """The law of a stage, of all contact points."""
 
     law: VectorLaw
+    #: Boundaries with memory or damping, all boundaries if there is one; empty where the law is as stated.
     blocks: tuple[BoundaryLaw, ...] = field(default_factory=tuple)
+    #: The law whose energy is stored, where the law of the stage is another one.
     storing: VectorLaw | None = None
 
     @property
@@ -111,10 +90,6 @@ class StageLaws:
     """Laws, memories and dampings at the contact points of each boundary, of stages of one kind and length.
 
     The last ones are known again, which changes no answer.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
     """
 
     def __init__(self, discrete: DiscreteEvolution) -> None:
@@ -173,18 +148,7 @@ def stage_law(
 ) -> StepLaw:
     """The law of a stage.
 
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    acting : ExternalData
-        At the time of the stage.
-    before : TimeState
-    rule : StageRule
-    step : float
-    guess, guess_multiplier : arrays (m, c)
-        Of the stage: penetration, and slip since ``before``.
-    known : StageLaws, optional
-        Of the stage, where many steps follow.
+    ``guess`` is (m, c); ``guess_multiplier`` is (m, c).
     """
     rate, stated = rule.rate.difference, acting.law
     contact = discrete.contacts
@@ -220,12 +184,7 @@ def stage_law(
 
 
 def refuse_compliant(discrete: DiscreteEvolution, scheme: Scheme) -> None:
-    """Refuse foundations that a law of impact cannot stand for.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse foundations that a law of impact cannot stand for."""
     for name, contact in discrete.contacts.items():
         if _follows_slip(contact):
             raise ProblemError(
@@ -240,12 +199,7 @@ def refuse_compliant(discrete: DiscreteEvolution, scheme: Scheme) -> None:
 
 
 def refuse_unaveraged(discrete: DiscreteEvolution, scheme: Scheme) -> None:
-    """Refuse foundations whose energy a scheme that averages them cannot keep.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse foundations whose energy a scheme that averages them cannot keep."""
     for name, contact in discrete.contacts.items():
         if contact.remembers or contact.damping is not None or _follows_slip(contact):
             raise ProblemError(

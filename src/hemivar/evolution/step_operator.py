@@ -39,41 +39,25 @@ def body_factors(discrete: DiscreteEvolution, rule: StageRule, step: float) -> t
 
 @dataclass(frozen=True, eq=False)
 class StepOperator:
-    """What a stage takes from the scheme and the lengths of its step and the one before alone.
-
-    Attributes
-    ----------
-    rule : StageRule
-        The stage.
-    step : float
-        Length of the whole step.
-    base : DiscreteProblem
-        The body with the matrix of the stage, without load.
-    decays : tuple of float
-        What is left at the stage of what each branch remembered.
-    gains : tuple of float
-        What each branch takes up of the difference ``u* - u_n``.
-    predictor : RateFormula
-        Where the body would be without acceleration, from where it is.
-    predictor_rate : RateFormula
-        The velocity there.
-    laws : StageLaws
-        Laws of its stages.
-    newton : NewtonCache
-        The last factor of Newton's equation.
-    constants : Recent
-        Constants c of laws by their weak convexity.
-    """
+    """What a stage takes from the scheme and the lengths of its step and the one before alone."""
 
     rule: StageRule
+    #: Length of the whole step.
     step: float
+    #: The body with the matrix of the stage, without load.
     base: DiscreteProblem
+    #: What is left at the stage of what each branch remembered.
     decays: tuple[float, ...]
+    #: What each branch takes up of the difference ``u* - u_n``.
     gains: tuple[float, ...]
+    #: Where the body would be without acceleration, from where it is.
     predictor: RateFormula
+    #: The velocity there.
     predictor_rate: RateFormula
     laws: StageLaws
+    #: The last factor of Newton's equation.
     newton: NewtonCache = field(default_factory=NewtonCache, repr=False)
+    #: Constants c of laws by their weak convexity.
     constants: Recent[tuple[bytes, ...], float] = field(default_factory=lambda: Recent(_LAWS), repr=False)
 
 
@@ -100,14 +84,7 @@ def step_operator(discrete: DiscreteEvolution, bodies: StepMatrices, rule: Stage
 
 @dataclass(frozen=True, eq=False)
 class StepOperators:
-    """The operators of the steps of a scheme, those of the last lengths.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    bodies : StepMatrices
-    scheme : Scheme
-    """
+    """The operators of the steps of a scheme, those of the last lengths."""
 
     discrete: DiscreteEvolution
     bodies: StepMatrices

@@ -41,30 +41,18 @@ _UNSETTLED = (
 
 @dataclass(frozen=True, eq=False)
 class StepResult:
-    """A step that was taken.
-
-    Attributes
-    ----------
-    before, moment : TimeState
-    step : float
-    solutions : tuple of Solution
-        Of its stages.
-    stages : tuple of Stage
-    leaps : tuple of DissipatedJump
-        Jumps on the way, where the path of equilibria was followed.
-    heat : StepResult or None
-        The step of heat that belongs to it.
-    advice : str
-        Where the status says too little: what happened, and what to try.
-    """
+    """A step that was taken."""
 
     before: TimeState
     moment: TimeState
     step: float
     solutions: tuple[Solution, ...]
     stages: tuple[Stage, ...]
+    #: Jumps on the way, where the path of equilibria was followed.
     leaps: tuple[DissipatedJump, ...] = ()
+    #: The step of heat that belongs to it.
     heat: StepResult | None = None
+    #: Where the status says too little: what happened, and what to try.
     advice: str = ""
 
     @property
@@ -86,16 +74,7 @@ class StepResult:
 
 @dataclass(frozen=True, eq=False)
 class TimeStepper:
-    """Takes steps of an evolution.  What its parts keep only saves work.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    scheme : Scheme
-    stages : StageSolver
-    operators : StepOperators
-    data : DataInTime
-    """
+    """Takes steps of an evolution.  What its parts keep only saves work."""
 
     discrete: DiscreteEvolution
     scheme: Scheme
@@ -113,19 +92,7 @@ class TimeStepper:
         workspace: Workspace | None = None,
         stops: Mapping[float, float] | None = None,
     ) -> TimeStepper:
-        """What takes the steps of an evolution without heat.
-
-        Parameters
-        ----------
-        discrete : DiscreteEvolution
-        scheme : Scheme
-        solver : Solver or None
-            Of all steps; by default what suits the elastic body, so that it is the same in a march that is resumed.
-        controls : Controls
-        workspace : Workspace, optional
-        stops : mapping of float to float, optional
-            Times at which what acts may jump, and how near to them it is looked at.
-        """
+        """What takes the steps of an evolution without heat."""
         bodies = StepMatrices(discrete)
         method = method_of(discrete) if solver is None else solver
         if method is not None and not discrete.linear:
@@ -163,17 +130,7 @@ class TimeStepper:
     def take(
         self, before: TimeState, step: float, end_time: float | None = None, jump: SelectionRule = SelectionRule.LOCAL
     ) -> StepResult:
-        """One step; the state before it stays as it is.
-
-        Parameters
-        ----------
-        before : TimeState
-        step : float
-        end_time : float, optional
-            Where it ends, if rounding of ``before.time + step`` matters.
-        jump : SelectionRule
-            Which solution is taken where there may be several.
-        """
+        """One step; the state before it stays as it is."""
         end = before.time + step if end_time is None else end_time
         return self.take_under(self.data, before, step, end, jump)
 
@@ -259,18 +216,7 @@ class TimeStepper:
         now: ExternalData,
         jump: SelectionRule = SelectionRule.LOCAL,
     ) -> StepResult:
-        """A short step of implicit Euler, after which the time is what it was.
-
-        Parameters
-        ----------
-        before : TimeState
-        span : float
-            Its length.
-        start, now : ExternalData
-            What acts at its beginning and at its end.
-        jump : SelectionRule
-            Which solution is taken where there may be several.
-        """
+        """A short step of implicit Euler, after which the time is what it was."""
         (rule,) = ImplicitEuler().rules(span)
         stages = self.stages
         if stages.resists or self.discrete.branches:

@@ -22,20 +22,13 @@ _ROUNDING = 1e-14
 
 @dataclass(frozen=True)
 class StepSizeState:
-    """What a control of steps remembers.
+    """What a control of steps remembers."""
 
-    Attributes
-    ----------
-    step : float
-        Length of the next step.
-    rung : int
-        Doublings above the first step.
-    waiting : int
-        Good steps to wait before the step may grow again.
-    """
-
+    #: Length of the next step.
     step: float
+    #: Doublings above the first step.
     rung: int = 0
+    #: Good steps to wait before the step may grow again.
     waiting: int = 0
 
 

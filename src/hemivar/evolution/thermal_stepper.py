@@ -96,21 +96,14 @@ class ThermalStepper(TimeStepper):
     friction, deformation and contact.  Rounds follow until temperatures stand; all that rounds of the step changed is
     mixed after Anderson, so that a coupling that would not contract by itself does.  Where it does not, the step is not
     solved.
-
-    Parameters
-    ----------
-    heat : DiscreteHeat
-    flow : TimeStepper
-        Takes the steps of heat.
-    begun : TimeState
-        Of heat, at the start.
-    stated : DataInTime
-        What acts on the body but for thermal stress; ``data`` are those under the temperatures at the start.
     """
 
     heat: DiscreteHeat
+    #: Takes the steps of heat.
     flow: TimeStepper
+    #: Of heat, at the start.
     begun: TimeState
+    #: What acts on the body but for thermal stress; ``data`` are those under the temperatures at the start.
     stated: DataInTime
 
     @property

@@ -75,24 +75,16 @@ _FELT = 1e-10
 
 @dataclass(frozen=True)
 class TimeError:
-    """A bound of the distance to the solution that is continuous in time, the same mesh.
+    """A bound of the distance to the solution that is continuous in time, the same mesh."""
 
-    Attributes
-    ----------
-    norm : str
-        ``"stiffness"``: ``sqrt(e'K e)``; ``"viscosity"``: ``sqrt(e'C e)``; ``""`` where there is none.
-    bound : float
-        At the time of the last step; guaranteed up to rounding and the solver's residual; nan where no theorem covers
-        the problem.
-    why : str
-        The theorem, or why none covers the problem.
-    guaranteed : bool
-        False if loads bend within steps, so that the bound is an estimate, or there is none.
-    """
-
+    #: ``"stiffness"``: ``sqrt(e'K e)``; ``"viscosity"``: ``sqrt(e'C e)``; ``""`` where there is none.
     norm: str
+    #: At the time of the last step; guaranteed up to rounding and the solver's residual; nan where no theorem covers
+    #: the problem.
     bound: float
+    #: The theorem, or why none covers the problem.
     why: str
+    #: False if loads bend within steps, so that the bound is an estimate, or there is none.
     guaranteed: bool = False
 
     @property
@@ -105,27 +97,7 @@ class TimeError:
 
 
 class TimeBound:
-    """A bound of the error in time, step by step.
-
-    Parameters
-    ----------
-    advance : TimeStepper
-    norm, why : str
-        As in :class:`TimeError`.
-    contraction : float
-        c of the theorem.
-    fading : float
-        a of ``K >= a C``, which errors of laws of the displacement fade by.
-    viscosity : SuperLU, optional
-        Factors of C, where forces are measured against it.
-
-    Attributes
-    ----------
-    square : float
-        Of the bound at the end of the last step.
-    straight : bool
-        Whether loads were straight lines in every step, as far as three points of each tell.
-    """
+    """A bound of the error in time, step by step: its square, and whether loads were straight lines in every step."""
 
     def __init__(
         self,

@@ -39,16 +39,10 @@ _CELLS = 1 << 12
 
 @dataclass(frozen=True, eq=False)
 class AdmissibleStress:
-    """A stress s with ``div s + f0 = 0`` against linear fields on cells, and the tractions that are given.
-
-    Attributes
-    ----------
-    data : BodyData
-    tractions : Tractions
-        Which determine it.
-    """
+    """A stress s with ``div s + f0 = 0`` against linear fields on cells, and the tractions that are given."""
 
     data: BodyData
+    #: Which determine it.
     tractions: Tractions
 
     @property
@@ -154,18 +148,7 @@ def admissible_stress(
 ) -> AdmissibleStress:
     """The stress of tractions in equilibrium vertex by vertex.
 
-    Parameters
-    ----------
-    data : BodyData
-    pressures : array, shape (F, k, d), optional
-        See :func:`hemivar.certificates.continuous.vertex_moments.equilibrated`; zero by default.
-    start : UnsettledTractions, optional
-        Those of the data, if they are known.
-
-    Raises
-    ------
-    ProblemError
-        Cells around a vertex are joined there through no facet.
+    ``pressures`` is (F, k, d).
     """
     given = np.zeros(data.facet_loads.shape) if pressures is None else pressures
     return AdmissibleStress(data, equilibrated(data, given, start))

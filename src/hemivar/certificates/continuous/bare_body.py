@@ -20,19 +20,7 @@ _MOST = {2: 20_000, 3: 2_500}
 
 
 def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProblem:
-    """Supports at rest, no loads, contact boundaries without a law; the directions of contact stay.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-    coarsest : bool
-        On the mesh that the one of the problem stems from, and not on that itself.
-
-    Raises
-    ------
-    ProblemError
-        That mesh has too many cells for bounds of constants.
-    """
+    """Supports at rest, no loads, contact boundaries without a law; the directions of contact stay."""
     mesh = problem.mesh
     while coarsest and mesh.parent is not None:
         mesh = mesh.parent.mesh

@@ -38,20 +38,7 @@ _CELLS = {2: 32, 3: 48}
 
 
 def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> float:
-    """Lower bound of ``inf a(v, v) / |v|^2`` over the displacements that vanish where supports hold them.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-        Its laws and loads do not matter, and its supports must hold it.
-    workspace : Workspace, optional
-        Keeps it for all problems of the body.
-
-    Raises
-    ------
-    ProblemError
-        The material varies within cells, or the coarsest mesh of the body has too many.
-    """
+    """Lower bound of ``inf a(v, v) / |v|^2`` over the displacements that vanish where supports hold them."""
     bare = bare_body(problem)
     while bare.mesh.number_of_cells < _CELLS[bare.mesh.dim]:
         bare = replace(bare, mesh=bare.mesh.refined())

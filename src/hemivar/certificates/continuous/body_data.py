@@ -37,22 +37,14 @@ _CONSTANT = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class VaryingLoads:
-    """Loads that are functions of the place.
-
-    Attributes
-    ----------
-    body : LoadValues or None
-    tractions : mapping of boundary name to (facets, LoadValues)
-    missed : array, shape (nodes, d)
-        By how much the loads of the nodes are more than those of the discrete problem, which is assembled by a rule.
-    unknown : array, shape (nodes,)
-        By how much the loads against the linear functions of the vertices may be off; 0 at midpoints.
-    """
+    """Loads that are functions of the place."""
 
     body: LoadValues | None
-    tractions: Mapping[str, tuple[IntArray, LoadValues]]
-    missed: Array
-    unknown: Array
+    tractions: Mapping[str, tuple[IntArray, LoadValues]]  # (facets, LoadValues)
+    #: By how much the loads of the nodes are more than those of the discrete problem, which is assembled by a rule.
+    missed: Array  # (nodes, d)
+    #: By how much the loads against the linear functions of the vertices may be off; 0 at midpoints.
+    unknown: Array  # (nodes,)
 
     @classmethod
     def none(cls, missed: Array) -> VaryingLoads:
@@ -73,56 +65,37 @@ class BodyData:
 
     The l nodes of a cell and the k nodes of a facet are its vertices and, with quadratic elements, its midpoints behind
     them: l = d + 1 and k = d, or 6 and 3.
-
-    Attributes
-    ----------
-    problem : ContactProblem
-    table : FacetTable
-    displacement : array, shape (nodes, d)
-    cell_nodes : int array, shape (M, l)
-        Of the cells with their vertices sorted.
-    facet_nodes : int array, shape (F, k)
-    strains : array, shape (M, d + 1, d, d)
-        Of the displacement at the vertices of the cells, between which it is linear.
-    stresses : array, shape (M, d + 1, d, d)
-        The linear part of ``C eps`` on each cell, at its vertices; all of it where C is constant on the cell. Of a
-        material that is not linear ``W'(eps)``.
-    tensors : array, shape (M or 1, q or 1, v, v)
-        Elasticity matrices at the points of the rule of the stiffness, and ``weights``, shape (q or 1,), of the rule;
-        of a material that is not linear its lower tensor C_low.
-    weights : array, shape (q or 1,)
-    forces : array, shape (M, l, d)
-        ``int_T C eps grad phi_a``.
-    loads : array, shape (M, l, d)
-        ``int_T f0 phi_a``.
-    facet_loads : array, shape (F, k, d)
-        ``int_F f_N phi_a`` of the tractions that are given.
-    varying : VaryingLoads
-        The loads that are no constants.
-    unknown : array, shape (F, d, d)
-        Projections on the components of the traction that nothing prescribes: all of them inside, those along which
-        supports hold the body on its boundary.
-    contact : int array, shape (F,)
-        The place of the contact boundary in ``problem.contact``, or -1.
-    stored : CellEnergy or None
-        The stored energy of a material that is not linear.
     """
 
     problem: ContactProblem
     table: FacetTable
-    displacement: Array
-    cell_nodes: IntArray
-    facet_nodes: IntArray
-    strains: Array
-    stresses: Array
-    tensors: Array
-    weights: Array
-    forces: Array
-    loads: Array
-    facet_loads: Array
+    displacement: Array  # (nodes, d)
+    #: Of the cells with their vertices sorted.
+    cell_nodes: IntArray  # (M, l)
+    facet_nodes: IntArray  # (F, k)
+    #: Of the displacement at the vertices of the cells, between which it is linear.
+    strains: Array  # (M, d + 1, d, d)
+    #: The linear part of ``C eps`` on each cell, at its vertices; all of it where C is constant on the cell. Of a
+    #: material that is not linear ``W'(eps)``.
+    stresses: Array  # (M, d + 1, d, d)
+    #: Elasticity matrices at the points of the rule of the stiffness, and ``weights``, shape (q or 1,), of the rule; of
+    #: a material that is not linear its lower tensor C_low.
+    tensors: Array  # (M or 1, q or 1, v, v)
+    weights: Array  # (q or 1,)
+    #: ``int_T C eps grad phi_a``.
+    forces: Array  # (M, l, d)
+    #: ``int_T f0 phi_a``.
+    loads: Array  # (M, l, d)
+    #: ``int_F f_N phi_a`` of the tractions that are given.
+    facet_loads: Array  # (F, k, d)
+    #: The loads that are no constants.
     varying: VaryingLoads
-    unknown: Array
-    contact: IntArray
+    #: Projections on the components of the traction that nothing prescribes: all of them inside, those along which
+    #: supports hold the body on its boundary.
+    unknown: Array  # (F, d, d)
+    #: The place of the contact boundary in ``problem.contact``, or -1.
+    contact: IntArray  # (F,)
+    #: The stored energy of a material that is not linear.
     stored: CellEnergy | None = None
 
     @property
@@ -230,14 +203,7 @@ def _varies(tensors: Array) -> bool:
 
 
 def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
-    """The data of a problem with linear elements, or quadratic ones in the plane, and a displacement, (nodes, d).
-
-    Raises
-    ------
-    ProblemError
-        Elements are quadratic in space or of a material that is not linear, the body has a bedding, or the displacement
-        has another shape.
-    """
+    """The data of a problem with linear elements, or quadratic ones in the plane, and a displacement, (nodes, d)."""
     mesh, order, material = problem.mesh, problem.order, problem.material
     if order != 1 and not material.linear:
         raise ProblemError(

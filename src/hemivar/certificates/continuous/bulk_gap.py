@@ -45,13 +45,7 @@ _CELLS = 1 << 12
 def saved_by_curvature(data: BodyData, element: SplitElement, difference: Array) -> Array:
     """Lower bounds (M,) of ``int_T |q|^2 - 2 g(q)`` on each cell, none below zero; linear elements.
 
-    Parameters
-    ----------
-    data : BodyData
-        Of a material that is not linear.
-    element : SplitElement
-    difference : array, shape (M, n)
-        Degrees of freedom of q on the reference simplex.
+    ``difference`` is (M, n).
     """
     assert data.stored is not None
     table, centroids, found = data.table, _centroids(data.table.dim), np.zeros(len(difference))

@@ -20,20 +20,12 @@ _Values = Callable[[Array, Array, Mapping[str, BoolArray] | None], Array]
 
 @dataclass(frozen=True, eq=False)
 class CellEnergy:
-    """A stored energy W at places of cells: where it varies within a cell, its mean by a rule of integration.
-
-    Attributes
-    ----------
-    material : Material
-    places : array, shape (M, p, d)
-    weights : array, shape (p,)
-    regions : mapping of name to bool array, shape (M,)
-    """
+    """A stored energy W at places of cells: where it varies within a cell, its mean by a rule of integration."""
 
     material: Material
-    places: Array
-    weights: Array
-    regions: Mapping[str, BoolArray]
+    places: Array  # (M, p, d)
+    weights: Array  # (p,)
+    regions: Mapping[str, BoolArray]  # (M,)
 
     def at(self, cells: slice) -> CellEnergy:
         """Of some cells."""
@@ -71,16 +63,7 @@ class CellEnergy:
 
 
 def cell_energy(material: Material, mesh: Mesh, vertices: IntArray, degree: int) -> CellEnergy:
-    """That of the cells of a mesh, given by their vertices (M, d + 1): seen at centroids where the material is uniform.
-
-    Parameters
-    ----------
-    material : Material
-    mesh : Mesh
-    vertices : int array, shape (M, d + 1)
-    degree : int
-        Of the rule where the material varies.
-    """
+    """That of cells, given by their vertices (M, d + 1): seen at centroids where the material is uniform."""
     barycentric, weights = quadrature_rule(mesh.dim, 1 if material.uniform else degree)
     places = np.einsum("pa,mad->mpd", barycentric, mesh.points[vertices])
     return CellEnergy(material, places, weights, region_masks(mesh))

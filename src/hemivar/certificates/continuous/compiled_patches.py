@@ -23,21 +23,14 @@ _COLOURS = 256
 
 @dataclass(frozen=True, eq=False)
 class Prices:
-    """What contact tractions cost: for moments m of a facet ``m'P m / 2 + p'm``.
+    """What contact tractions cost: for moments m of a facet ``m'P m / 2 + p'm``."""
 
-    Attributes
-    ----------
-    rows : int array, shape (F,)
-        Where facets stand below; -1 for others.
-    matrices : array, shape (c, n, n)
-        P.
-    offsets : array, shape (c, n)
-        p.
-    """
-
-    rows: IntArray
-    matrices: Array
-    offsets: Array
+    #: Where facets stand below; -1 for others.
+    rows: IntArray  # (F,)
+    #: P.
+    matrices: Array  # (c, n, n)
+    #: p.
+    offsets: Array  # (c, n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,23 +38,16 @@ class PatchOrder:
     """Patches with their cells, colour after colour.
 
     A cell is seen at q places, its vertices, edges or facets, which are numbered ``q cell + place``.
-
-    Attributes
-    ----------
-    start : int array, shape (P + 1,)
-        Where the cells of each patch begin.
-    seen : int array, shape (s,)
-        Cells, each with the place at which the patch sees it.
-    order : int array, shape (p,)
-        The patches.
-    bounds : int array, shape (colours + 1,)
-        Where those of each colour begin.
     """
 
-    start: IntArray
-    seen: IntArray
-    order: IntArray
-    bounds: IntArray
+    #: Where the cells of each patch begin.
+    start: IntArray  # (P + 1,)
+    #: Cells, each with the place at which the patch sees it.
+    seen: IntArray  # (s,)
+    #: The patches.
+    order: IntArray  # (p,)
+    #: Where those of each colour begin.
+    bounds: IntArray  # (colours + 1,)
 
     def touching(self, touched: BoolArray) -> PatchOrder:
         """Those alone that see a cell at a place (M, q) that is touched."""
@@ -96,26 +82,8 @@ class _Sweep(ctypes.Structure):
 class CompiledPatches:
     """What improves the patches of one body.
 
-    Parameters
-    ----------
-    library : Kernels
-    element : SplitElement
-    compliance : array, shape (M, v, v)
-        Pulled back to the reference simplex.
-    inverse : array, shape (M, d, d)
-        Of the Jacobians.
-    signs : array, shape (M, d + 1)
-    cell_facets : int array, shape (M, d + 1)
-    facet_nodes : int array, shape (F, l)
-    points : array, shape (N, d)
-        Of the nodes.
-    alike : int array, shape (M,)
-        The same numbers for cells that are translates of each other.
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    ``compliance`` is (M, v, v); ``inverse`` is (M, d, d); ``signs`` is (M, d + 1); ``cell_facets`` is (M, d + 1);
+    ``facet_nodes`` is (F, l); ``points`` is (N, d); ``alike`` is (M,).
     """
 
     def __init__(
@@ -199,19 +167,7 @@ class CompiledPatches:
     ) -> None:
         """Lower the misfit on patches, colour after colour.
 
-        Parameters
-        ----------
-        order : PatchOrder
-        sides : int array, shape (q, p)
-            Facets of a cell that are of the patch that sees it, by the place.
-        free : bool array, shape (F,)
-            Facets whose tractions may change, in all components.
-        slope : array, shape (M, n)
-            Half the derivatives of the misfit of each cell by the moments on its facets, changed in place.
-        moments : array, shape (F, l, d)
-            Changed in place.
-        prices : Prices, optional
-            Of contact tractions.
+        ``sides`` is (q, p); ``free`` is (F,); ``slope`` is (M, n); ``moments`` is (F, l, d).
         """
         body, element = self._body, self._element
         count, facets, block = body.cells, body.facets, element.block

@@ -41,41 +41,27 @@ _FAR = 1e3
 
 @dataclass(frozen=True, eq=False)
 class ContactTraces:
-    """Points of a rule on the contact facets.
-
-    Attributes
-    ----------
-    data : BodyData
-    facets : int array, shape (k,)
-        Numbers of the facets.
-    barycentric : array, shape (k, q, d)
-        Coordinates of the points on each facet.
-    shapes : array, shape (k, q, l)
-        Values there of the functions of the nodes of the facet.
-    weights : array, shape (k, q)
-        They sum to the measures of the facets, and are not negative. The corners of the facet, and along quadratic
-        traces the places of extreme displacements, are there with none: constants of the law must hold there too.
-    frames : array, shape (k, q, d, d)
-        Normal and tangents at the points.
-    local : array, shape (k, q, d)
-        Penetration and slip; what misses a kink by rounding is put there.
-    law : VectorLaw
-        At the k q points; what depends on the state is taken there.
-    stated : VectorLaw
-        The same as it was stated: what its constants are, and whether they are sampled.
-    beyond : float
-        By how much a penetration leaves the domain of the law, where it is more than rounding; it is cut off.
-    """
+    """Points of a rule on the contact facets."""
 
     data: BodyData
-    facets: IntArray
-    barycentric: Array
-    shapes: Array
-    weights: Array
-    frames: Array
-    local: Array
+    #: Numbers of the facets.
+    facets: IntArray  # (k,)
+    #: Coordinates of the points on each facet.
+    barycentric: Array  # (k, q, d)
+    #: Values there of the functions of the nodes of the facet.
+    shapes: Array  # (k, q, l)
+    #: They sum to the measures of the facets, and are not negative. The corners of the facet, and along quadratic
+    #: traces the places of extreme displacements, are there with none: constants of the law must hold there too.
+    weights: Array  # (k, q)
+    #: Normal and tangents at the points.
+    frames: Array  # (k, q, d, d)
+    #: Penetration and slip; what misses a kink by rounding is put there.
+    local: Array  # (k, q, d)
+    #: At the k q points; what depends on the state is taken there.
     law: VectorLaw
+    #: The same as it was stated: what its constants are, and whether they are sampled.
     stated: VectorLaw
+    #: By how much a penetration leaves the domain of the law, where it is more than rounding; it is cut off.
     beyond: float
 
     @property
@@ -100,10 +86,7 @@ class ContactTraces:
     def forces(self, moments: Array) -> Array:
         """Force of the foundation on the body, reversed, at the points: xi in local components, shape (k, q, d).
 
-        Parameters
-        ----------
-        moments : array, shape (F, l, d)
-            Of the tractions of an admissible stress.
+        ``moments`` is (F, l, d).
         """
         data = self.data
         left = data.facet_loads[self.facets] - moments[self.facets]
@@ -114,11 +97,7 @@ class ContactTraces:
     def interpolated(self, moments: Array) -> Array:
         """Force of the foundation, reversed, interpolated between nodal values, in local components (k, q, d).
 
-        Parameters
-        ----------
-        moments : array, shape (F, l, d)
-            Of tractions that share the forces of the nodes among facets in proportion to their size. A node that the
-            supports hold has no such force: it takes the mean of the others of its facet.
+        ``moments`` is (F, l, d).
         """
         data = self.data
         left = data.facet_loads[self.facets] - moments[self.facets]

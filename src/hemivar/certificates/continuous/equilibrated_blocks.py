@@ -24,20 +24,9 @@ __all__ = ["equilibrated_blocks"]
 def equilibrated_blocks(compliance: Array, jacobian: Array, *, loaded: bool = False) -> Array:
     """Stiffness matrices of cells.
 
-    Parameters
-    ----------
-    compliance : array, shape (M, v, v)
-        Pulled back to the reference simplex, :func:`hemivar.certificates.continuous.split_element.pulled_back`.
-    jacobian : array, shape (M, d, d)
-        B of the map from it.
-    loaded : bool
-        Whether forces act within cells.
-
-    Returns
-    -------
-    array, shape (M, k, k)
-        In ``U[i, a]``, vertex a of facet i, and if loaded ``V[a]`` at the vertices of the cell; all components of each
-        one after another, ``k = d d (d + 1)``, and ``d (d + 1)`` more.
+    ``compliance`` is (M, v, v); ``jacobian`` is (M, d, d); returns (M, k, k). In ``U[i, a]``, vertex a of facet i, and
+    if loaded ``V[a]`` at the vertices of the cell; all components of each one after another, ``k = d d (d + 1)``, and
+    ``d (d + 1)`` more.
     """
     dim = jacobian.shape[-1]
     rows, columns = split_element(dim).upper

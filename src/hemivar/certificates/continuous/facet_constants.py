@@ -45,18 +45,12 @@ _TOUCHING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class FacetConstants:
-    """Constants of facets.
+    """Constants of facets."""
 
-    Attributes
-    ----------
-    squares : array, shape (k,)
-        ``kappa_F^2``.
-    regions : int array, shape (k,)
-        Facets with the same number have a region in common.
-    """
-
-    squares: Array
-    regions: IntArray
+    #: ``kappa_F^2``.
+    squares: Array  # (k,)
+    #: Facets with the same number have a region in common.
+    regions: IntArray  # (k,)
 
     def total(self, weights: Array | float = 1.0) -> float:
         """The largest sum over a region of ``weight kappa_F^2``, weights (k,)."""
@@ -66,12 +60,7 @@ class FacetConstants:
 def facet_constants(table: FacetTable, compliance: Array, facets: IntArray) -> FacetConstants:
     """Constants of some facets of the boundary.
 
-    Parameters
-    ----------
-    table : FacetTable
-    compliance : array, shape (M or 1, v, v)
-        Inverse elasticity matrix of each cell.
-    facets : int array, shape (k,)
+    ``compliance`` is (M or 1, v, v); ``facets`` is (k,).
     """
     dim = table.dim
     owner = table.owners[facets, 0]

@@ -19,11 +19,7 @@ def facet_cover(mine: Array, others: Array) -> BoolArray:
 
     They are told by their boxes, so that in space some are found that are only near.
 
-    Parameters
-    ----------
-    mine : array, shape (k, d, d)
-        Corners of facets.
-    others : array, shape (m, d, d)
+    ``mine`` is (k, d, d); ``others`` is (m, d, d).
     """
     low, high = mine.min(axis=1), mine.max(axis=1)
     below, above = others.min(axis=1), others.max(axis=1)

@@ -36,39 +36,26 @@ def facet_vertices(dim: int, order: int = 1) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class FacetTable:
-    """Facets and cells.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    cells : int array, shape (M, d + 1)
-        Nodes of the cells, sorted; cells keep their numbers.
-    facets : int array, shape (F, d)
-        Nodes of the facets, sorted.
-    cell_facets : int array, shape (M, d + 1)
-        Facet opposite to each vertex.
-    signs : array, shape (M, d + 1)
-        +1 where the cell is the first of the facet, whose outward normal is that of the facet; -1 where it is the
-        second.
-    owners : int array, shape (F, 2)
-        The cells of each facet, the first and the second; -1 in place of a second one on the boundary.
-    jacobian : array, shape (M, d, d)
-        B of ``x = B x^ + x_0``.
-    gradients : array, shape (M, d + 1, d)
-        Of the barycentric coordinates.
-    sizes : array, shape (M,)
-        ``J = |det B|``.
-    """
+    """Facets and cells."""
 
     mesh: Mesh
-    cells: IntArray
-    facets: IntArray
-    cell_facets: IntArray
-    signs: Array
-    owners: IntArray
-    jacobian: Array
-    gradients: Array
-    sizes: Array
+    #: Nodes of the cells, sorted; cells keep their numbers.
+    cells: IntArray  # (M, d + 1)
+    #: Nodes of the facets, sorted.
+    facets: IntArray  # (F, d)
+    #: Facet opposite to each vertex.
+    cell_facets: IntArray  # (M, d + 1)
+    #: +1 where the cell is the first of the facet, whose outward normal is that of the facet; -1 where it is the
+    #: second.
+    signs: Array  # (M, d + 1)
+    #: The cells of each facet, the first and the second; -1 in place of a second one on the boundary.
+    owners: IntArray  # (F, 2)
+    #: B of ``x = B x^ + x_0``.
+    jacobian: Array  # (M, d, d)
+    #: Of the barycentric coordinates.
+    gradients: Array  # (M, d + 1, d)
+    #: ``J = |det B|``.
+    sizes: Array  # (M,)
 
     @property
     def dim(self) -> int:
@@ -143,13 +130,7 @@ def _gradients(jacobian: Array) -> Array:
 
 
 def facet_table(mesh: Mesh) -> FacetTable:
-    """The facets of a mesh.
-
-    Raises
-    ------
-    ProblemError
-        The mesh is one in space of more than two million nodes.
-    """
+    """The facets of a mesh."""
     dim = mesh.dim
     cells = np.sort(np.asarray(mesh.cells, dtype=np.int64), axis=1)
     every = cells[:, facet_vertices(dim)].reshape(-1, dim)

@@ -51,26 +51,18 @@ _ROUNDED = 16.0 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class FenchelGap:
-    """Contact facets with a multiplier that leaves dj(r) at a price.
+    """Contact facets with a multiplier that leaves dj(r) at a price."""
 
-    Attributes
-    ----------
-    weight : float
-        a; inf where no multiplier leaves dj(r).
-    multiplier : array, shape (k, q, d)
-        zeta at the points, in local components.
-    normal, tangential : arrays, shape (k,)
-        Integrals of the squares of ``xi - zeta``.
-    normal_gap, tangential_gap : arrays, shape (k,)
-        Integrals of D; of laws that couple, the normal one is that of both.
-    """
-
+    #: a; inf where no multiplier leaves dj(r).
     weight: float
-    multiplier: Array
-    normal: Array
-    tangential: Array
-    normal_gap: Array
-    tangential_gap: Array
+    #: zeta at the points, in local components.
+    multiplier: Array  # (k, q, d)
+    #: Integrals of the squares of ``xi - zeta``.
+    normal: Array  # (k,)
+    tangential: Array  # (k,)
+    #: Integrals of D; of laws that couple, the normal one is that of both.
+    normal_gap: Array  # (k,)
+    tangential_gap: Array  # (k,)
 
     def only(
         self, paying: tuple[BoolArray, BoolArray], traces: ContactTraces, forces: Array, exact: Array
@@ -89,16 +81,7 @@ class FenchelGap:
 
 
 def fenchel_gap(traces: ContactTraces, forces: Array, weight: float) -> FenchelGap:
-    """The gap of the multiplier nearest to forces in local components (k, q, d), at the points of the contact facets.
-
-    Parameters
-    ----------
-    traces : ContactTraces
-        Where a weak convexity constant of its law is infinite, the part is of no use.
-    forces : array, shape (k, q, d)
-    weight : float
-        a, a positive stiffness per area.
-    """
+    """The gap of the multiplier nearest to forces in local components (k, q, d), at points of contact facets."""
     if traces.rule is not None:
         return _majorised(traces, traces.rule, forces, weight)
     law, shape = traces.law, traces.weights.shape

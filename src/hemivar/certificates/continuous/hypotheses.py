@@ -43,17 +43,7 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     them constants that must hold everywhere.  Facets of three directions or more that follow each other at angles of
     up to 30 degrees are taken for a curve that the mesh replaces by its own, whatever boundaries they belong to.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-    displacement : array, shape (nodes, d), optional
-        That is to be judged.
-
-    Raises
-    ------
-    ProblemError
-        The problem is of another kind, depends on time or evolves; parameters of a law are given contact point by
-        contact point, while the exact problem has them everywhere; the displacement misses what supports prescribe.
+    ``displacement`` is (nodes, d).
     """
     remedy = "give the ContactProblem that states it: bounds are for elastic bodies at rest"
     expect(problem, ContactProblem, "the problem of the bound", remedy)

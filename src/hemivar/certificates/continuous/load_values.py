@@ -36,33 +36,22 @@ _DEGREE = {1: 5, 2: 4, 3: 5}
 
 @dataclass(frozen=True, eq=False)
 class LoadValues:
-    """A load on k parts of n simplices of dimension p.
+    """A load on k parts of n simplices of dimension p."""
 
-    Attributes
-    ----------
-    owner : int array, shape (k,)
-        The simplex of each part.
-    piece : int array, shape (k,)
-        The piece of a cell, cut at its centroid, in which the part lies; 0 on facets.
-    corners : array, shape (k, p + 1, p + 1)
-        Of the parts, in barycentric coordinates of their simplices.
-    measures : array, shape (k,)
-        Of the parts.
-    values : array, shape (k, q, d)
-        At the points of ``rule``.
-    off : array, shape (k,)
-        By how much the load may differ from the polynomial through the values.
-    doubt : str
-        Why nothing is known between the points, in words that follow the name of the load; ``off`` is 0 then. Empty
-        where there is a bound.
-    """
-
-    owner: IntArray
-    piece: IntArray
-    corners: Array
-    measures: Array
-    values: Array
-    off: Array
+    #: The simplex of each part.
+    owner: IntArray  # (k,)
+    #: The piece of a cell, cut at its centroid, in which the part lies; 0 on facets.
+    piece: IntArray  # (k,)
+    #: Of the parts, in barycentric coordinates of their simplices.
+    corners: Array  # (k, p + 1, p + 1)
+    #: Of the parts.
+    measures: Array  # (k,)
+    #: At the points of ``rule``.
+    values: Array  # (k, q, d)
+    #: By how much the load may differ from the polynomial through the values.
+    off: Array  # (k,)
+    #: Why nothing is known between the points, in words that follow the name of the load; ``off`` is 0 then. Empty
+    #: where there is a bound.
     doubt: str
 
     @property
@@ -110,17 +99,7 @@ class LoadValues:
 def load_values(value: object, corners: Array, measures: Array, what: str, normals: Array | None = None) -> LoadValues:
     """A load that varies, on simplices.
 
-    Parameters
-    ----------
-    value : callable
-        A vector, or a pressure if there are ``normals``.
-    corners : array, shape (n, p + 1, d)
-        Of the simplices: cells, or facets (p = d - 1).
-    measures : array, shape (n,)
-    what : str
-        For messages.
-    normals : array, shape (n, d), optional
-        Outward normals of the facets on which it is a pressure.
+    ``corners`` is (n, p + 1, d); ``measures`` is (n,); ``normals`` is (n, d).
     """
     entries, time = _entries(value)
     doubt = _FUNCTION

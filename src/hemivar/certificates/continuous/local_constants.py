@@ -22,25 +22,17 @@ _SHIFT = {2: 2.298, 3: 4.255}
 
 @dataclass(frozen=True, eq=False)
 class LocalConstants:
-    """Constants of cells and facets for loads that are orthogonal to linear fields.
+    """Constants of cells and facets for loads that are orthogonal to linear fields."""
 
-    Attributes
-    ----------
-    cell : array, shape (M,)
-        ``sup |v - P v|_T / |v|_{a,T}``, P the projection on linear fields.
-    facet : array, shape (M, d + 1)
-        ``sup |v - P v|_F / |v|_{a,T}`` for each facet of the cell.
-    shift : array, shape (M, d + 1)
-        ``sup |int_F d . v - int_T b . v| / (|d|_F |v|_{a,T})``, d linear on the facet, b the linear load of the cell
-        that works like d on linear fields.
-    spread : array, shape (M, d + 1)
-        ``sup |b|_T / |d|_F`` of these.
-    """
-
-    cell: Array
-    facet: Array
-    shift: Array
-    spread: Array
+    #: ``sup |v - P v|_T / |v|_{a,T}``, P the projection on linear fields.
+    cell: Array  # (M,)
+    #: ``sup |v - P v|_F / |v|_{a,T}`` for each facet of the cell.
+    facet: Array  # (M, d + 1)
+    #: ``sup |int_F d . v - int_T b . v| / (|d|_F |v|_{a,T})``, d linear on the facet, b the linear load of the cell
+    #: that works like d on linear fields.
+    shift: Array  # (M, d + 1)
+    #: ``sup |b|_T / |d|_F`` of these.
+    spread: Array  # (M, d + 1)
 
 
 def local_constants(table: FacetTable, stiffness: Array) -> LocalConstants:
@@ -49,11 +41,7 @@ def local_constants(table: FacetTable, stiffness: Array) -> LocalConstants:
     With B the map from the regular simplex of edge 1 and ``v^ = B'v`` strains are related by ``eps^ = B' eps B``, so
     the constants grow by ``s_max(B)^2 / s_min(B)``, on facets times ``sqrt(|F| / |F^|) sqrt(|T^| / |T|)``.
 
-    Parameters
-    ----------
-    table : FacetTable
-    stiffness : array, shape (M or 1, v, v)
-        Elasticity matrices, the least of each cell.
+    ``stiffness`` is (M or 1, v, v).
     """
     dim = table.dim
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])

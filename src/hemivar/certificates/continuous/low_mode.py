@@ -41,30 +41,19 @@ _MULTIPLIERS = 4000
 
 @dataclass(frozen=True, eq=False)
 class SoftestMode:
-    """A field near to the softest mode of the discrete space.
+    """A field near to the softest mode of the discrete space."""
 
-    Attributes
-    ----------
-    field : array, shape (nodes, d)
-        psi, linear on cells, ``a(psi, psi) = 1``.
-    theta : float
-        ``<alpha psi, psi>``, which no right c is below.
-    """
-
-    field: Array
+    #: psi, linear on cells, ``a(psi, psi) = 1``.
+    field: Array  # (nodes, d)
+    #: ``<alpha psi, psi>``, which no right c is below.
     theta: float
 
 
 @dataclass(frozen=True, eq=False)
 class SoftModes:
-    """The softest modes of linear elements on the mesh of a displacement, for any constants of the law.
+    """The softest modes of linear elements on the mesh of a displacement, for any constants of the law."""
 
-    Attributes
-    ----------
-    traces : ContactTraces
-        Their frames are those along which penetration and slip are measured.
-    """
-
+    #: Their frames are those along which penetration and slip are measured.
     traces: ContactTraces
 
     @cached_property
@@ -108,21 +97,7 @@ class SoftModes:
 def confined_error(
     total: float, seen: float, theta: float, first: float, second: float, coupling: float, gap: float = 0.0
 ) -> float:
-    """The largest ``|e|_a`` that is left; inf if ``first + coupling`` is not below one.
-
-    Parameters
-    ----------
-    total : float
-        H.
-    seen : float
-        ``|R(psi)|``.
-    theta, first, second : float
-        theta, C1, C2.
-    coupling : float
-        What a friction bound that depends on the penetration adds to ``<alpha e, e> / a(e, e)``.
-    gap : float
-        G, which comes beside ``R(e)``.
-    """
+    """The largest ``|e|_a`` that is left; inf if ``first + coupling`` is not below one."""
     if not first + coupling < 1.0:
         return np.inf
     force, left = np.array([min(seen, total), total]), 1.0 - coupling - first

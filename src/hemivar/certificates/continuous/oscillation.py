@@ -25,29 +25,16 @@ __all__ = ["Oscillation", "linear_square", "oscillation"]
 
 @dataclass(frozen=True, eq=False)
 class Oscillation:
-    """What each cell has to add.
+    """What each cell has to add."""
 
-    Attributes
-    ----------
-    cells : array, shape (M,)
-        To its ``eta_T``.
-    missed : array, shape (M,)
-        To the square of what the whole body lacks: ``|b|_T^2 / Lambda_body`` of the loads b that are unknown or missed.
-    """
-
-    cells: Array
-    missed: Array
+    #: To its ``eta_T``.
+    cells: Array  # (M,)
+    #: To the square of what the whole body lacks: ``|b|_T^2 / Lambda_body`` of the loads b that are unknown or missed.
+    missed: Array  # (M,)
 
 
 def oscillation(stress: AdmissibleStress, body: float) -> Oscillation:
-    """The oscillation of the loads of a stress; zero where they are constant.
-
-    Parameters
-    ----------
-    stress : AdmissibleStress
-    body : float
-        ``Lambda_body``, a lower bound of ``a(v, v) / |v|^2`` over the body.
-    """
+    """The oscillation of the loads of a stress; zero where they are constant."""
     data = stress.data
     table, varying = data.table, data.varying
     cells, linear = np.zeros(len(table.cells)), np.zeros(len(table.cells))

@@ -35,23 +35,16 @@ class PatchFields:
     """Fields of k patches with f facets each, q for each patch: those of the facets, of the circuits, of rollers.
 
     Where a patch has fewer than others the rest vanish.
-
-    Attributes
-    ----------
-    nodes : array, shape (k, f, l, d)
-        Places of the nodes of the facets about the middle of the patch.
-    whole : bool array, shape (k, f)
-        Facets all of whose components are free.
-    circuits : array, shape (k, w, f)
-        1 where a circuit leaves the first cell of a facet through it, -1 where it enters that cell, else 0.
-    partly : array, shape (k, r, f, l, d)
-        Moments of the fields with rollers.
     """
 
-    nodes: Array
-    whole: BoolArray
-    circuits: Array
-    partly: Array
+    #: Places of the nodes of the facets about the middle of the patch.
+    nodes: Array  # (k, f, l, d)
+    #: Facets all of whose components are free.
+    whole: BoolArray  # (k, f)
+    #: 1 where a circuit leaves the first cell of a facet through it, -1 where it enters that cell, else 0.
+    circuits: Array  # (k, w, f)
+    #: Moments of the fields with rollers.
+    partly: Array  # (k, r, f, l, d)
 
     def take(self, chosen: IntArray) -> PatchFields:
         """Of some patches."""
@@ -119,17 +112,7 @@ class PatchFields:
 def patch_fields(places: Array, ends: IntArray, whole: BoolArray, cells: int, freed: Array) -> PatchFields:
     """All fields of patches.
 
-    Parameters
-    ----------
-    places : array, shape (k, f, l, d)
-        Of the nodes of the facets.
-    ends : int array, shape (k, f, 2)
-        The first and the second cell of each facet among those of the patch; ``cells`` in place of none.
-    whole : bool array, shape (k, f)
-    cells : int
-        Number of cells of each patch.
-    freed : array, shape (k, f, d, d)
-        Projections on the components that are free; looked at where a facet is not wholly free.
+    ``places`` is (k, f, l, d); ``ends`` is (k, f, 2); ``whole`` is (k, f); ``freed`` is (k, f, d, d).
     """
     count, facets, at, dim = places.shape
     nodes = places - places.mean(axis=(1, 2))[:, None, None]

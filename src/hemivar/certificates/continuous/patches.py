@@ -39,19 +39,12 @@ class PatchKind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Patches of one colour with the same numbers of facets and cells.
+    """Patches of one colour with the same numbers of facets and cells."""
 
-    Attributes
-    ----------
-    facets : int array, shape (k, f)
-    cells : int array, shape (k, c)
-    place : int array, shape (k, c, d + 1)
-        Where each facet of each cell stands among the facets of the patch; f where it is none of them.
-    """
-
-    facets: IntArray
-    cells: IntArray
-    place: IntArray
+    facets: IntArray  # (k, f)
+    cells: IntArray  # (k, c)
+    #: Where each facet of each cell stands among the facets of the patch; f where it is none of them.
+    place: IntArray  # (k, c, d + 1)
 
     def take(self, chosen: BoolArray | IntArray | slice) -> Batch:
         """Some of the patches."""
@@ -64,15 +57,7 @@ def coloured(of_cells: IntArray, count: int, seed: int = 0, first: IntArray | No
     Each colour is a largest set of patches that share no cell, found by rounds in which a patch is taken if it has the
     highest of random numbers in all its cells (M. Luby, SIAM J. Comput. 15, 1986). The same mesh has the same colours.
 
-    Parameters
-    ----------
-    of_cells : int array, shape (M, q)
-        The patches of each cell; -1 where there are fewer.
-    count : int
-        Number of patches.
-    seed : int
-    first : int array, shape (count,), optional
-        Patches of smaller numbers are chosen before others.
+    ``of_cells`` is (M, q); ``first`` is (count,).
     """
     colour = np.full(count + 1, -1, dtype=np.int64)  # the last for -1
     number = priorities(count, seed, first) + 1

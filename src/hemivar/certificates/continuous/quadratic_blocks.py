@@ -20,12 +20,7 @@ def quadratic_blocks(stiffness: Array, jacobian: Array) -> Array:
 
     With ``x = B x^ + b`` and ``v^ = B'v`` strains become ``B' eps B``.
 
-    Parameters
-    ----------
-    stiffness : array, shape (M or 1, v, v)
-        Elasticity matrices, constant on each cell.
-    jacobian : array, shape (M, d, d)
-        B, for the vertices in their order in ``mesh.cells``; nodes are those of ``mesh.cell_nodes(2)``.
+    ``stiffness`` is (M or 1, v, v); ``jacobian`` is (M, d, d).
     """
     dim = jacobian.shape[-1]
     change = voigt_map(np.asarray(np.linalg.inv(jacobian), dtype=float))

@@ -38,11 +38,7 @@ _DIGITS = 9
 def simplex_constants(corners: Array, compliance: Array) -> tuple[float, float]:
     """Upper bounds of ``kappa_T`` and of the largest ``kappa_F`` of a simplex, up to rounding.
 
-    Parameters
-    ----------
-    corners : array, shape (d + 1, d)
-    compliance : array, shape (v, v)
-        Inverse of the elasticity matrix.
+    ``corners`` is (d + 1, d); ``compliance`` is (v, v).
     """
     dim = corners.shape[1]
     theta, parts = missed_part(dim), 2 ** _HALVINGS[dim]

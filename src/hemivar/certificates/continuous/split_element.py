@@ -75,18 +75,7 @@ def voigt_map(matrix: Array) -> Array:
 def pulled_back(compliance: Array, jacobian: Array, size: Array) -> Array:
     """Compliance on the reference simplex: ``int_T s : D s = int_T^ s^ : D^ s^`` with ``D^ = P'D P / J``.
 
-    Parameters
-    ----------
-    compliance : array, shape (M or 1, v, v)
-        Of stresses as vectors: the inverse of an elasticity matrix.
-    jacobian : array, shape (M, d, d)
-        B.
-    size : array, shape (M,)
-        J.
-
-    Returns
-    -------
-    array, shape (M, v, v)
+    ``compliance`` is (M or 1, v, v); ``jacobian`` is (M, d, d); ``size`` is (M,); returns (M, v, v).
     """
     matrix = np.broadcast_to(compliance, (len(jacobian), *compliance.shape[1:]))
     out = np.empty(matrix.shape)
@@ -105,35 +94,25 @@ class SplitElement:
     Facet i of the simplex is opposite to vertex i, its vertices are the others in their order, and its midpoint, for
     degree 2, stands behind them. Piece i joins facet i to the centroid: its vertices are those of the simplex with the
     centroid in the place of vertex i, its midpoints those of the edges in the order of ``hemivar.mesh.keys.EDGES``.
-
-    Attributes
-    ----------
-    dim : int
-    order : int
-        Degree of the stress on the pieces.
-    values : array, shape (d + 1, l, v, n)
-        Stress at the nodes of the pieces (piece, node, component) for each of the n degrees of freedom. Those are the
-        moments ``int s nu phi_a`` (facet i, node, component c), then for degree 1 ``int s``, for degree 2 the load
-        ``int f phi_a`` (vertex, component) with ``div s = -f``, f linear, and what has neither.
-    mass : array, shape (l, l)
-        That of the functions of the nodes on a piece of the reference simplex.
-    loading : array, shape (n, k + (d + 1) d)
-        Takes the k moments, and those of a load f against the functions of the vertices, to the degrees of freedom of a
-        stress whose work against linear fields is theirs.
-    ways : array, shape (n, k + i)
-        Takes moments to the degrees of freedom of a stress that has no divergence, and i numbers to those of a stress
-        without tractions as well.
-    energies : array, shape (v (v + 1) / 2, k + i, k + i)
-        ``int s : D s`` of these stresses, for each entry ``D_pq`` of the upper triangle of a symmetric D; that off the
-        diagonal counts D_pq and D_qp.
     """
 
     dim: int
+    #: Degree of the stress on the pieces.
     order: int
-    values: Array
-    mass: Array
+    #: Stress at the nodes of the pieces (piece, node, component) for each of the n degrees of freedom. Those are the
+    #: moments ``int s nu phi_a`` (facet i, node, component c), then for degree 1 ``int s``, for degree 2 the load ``int
+    #: f phi_a`` (vertex, component) with ``div s = -f``, f linear, and what has neither.
+    values: Array  # (d + 1, l, v, n)
+    #: That of the functions of the nodes on a piece of the reference simplex.
+    mass: Array  # (l, l)
+    #: Takes the k moments, and those of a load f against the functions of the vertices, to the degrees of freedom of a
+    #: stress whose work against linear fields is theirs.
     loading: Array
-    ways: Array
+    #: Takes moments to the degrees of freedom of a stress that has no divergence, and i numbers to those of a stress
+    #: without tractions as well.
+    ways: Array  # (n, k + i)
+    #: ``int s : D s`` of these stresses, for each entry ``D_pq`` of the upper triangle of a symmetric D; that off the
+    #: diagonal counts D_pq and D_qp.
     energies: Array
 
     @property
@@ -164,11 +143,7 @@ class SplitElement:
     def energy(self, stress: Array, compliance: Array) -> Array:
         """``int s : D s`` on each cell, shape (M,).
 
-        Parameters
-        ----------
-        stress : array, shape (M, pieces, nodes, v)
-        compliance : array, shape (M, v, v)
-            D, pulled back to the reference simplex.
+        ``stress`` is (M, pieces, nodes, v); ``compliance`` is (M, v, v).
         """
         strain = np.einsum("mpq,mbaq->mbap", compliance, stress, optimize=True)
         return np.asarray(np.einsum("mbap,ac,mbcp->m", strain, self.mass, stress, optimize=True))
@@ -225,16 +200,11 @@ class MomentSpace:
     """Stresses of an element that have no divergence, and some moments alone.
 
     What has no tractions and no divergence is always among them, and minimised over.
-
-    Attributes
-    ----------
-    element : SplitElement
-    fields : array, shape (k, q)
-        Moments of each of q stresses, those of the facets in turn.
     """
 
     element: SplitElement
-    fields: Array
+    #: Moments of each of q stresses, those of the facets in turn.
+    fields: Array  # (k, q)
 
     @cached_property
     def summing(self) -> Array:
@@ -244,10 +214,7 @@ class MomentSpace:
     def matrix(self, compliance: Array) -> Array:
         """Least energy matrices, shape (M, q, q).
 
-        Parameters
-        ----------
-        compliance : array, shape (M, v, v)
-            Pulled back to the reference simplex.
+        ``compliance`` is (M, v, v).
         """
         rows, columns = self.element.upper
         size, q = self._ways.shape[1], self.fields.shape[1]

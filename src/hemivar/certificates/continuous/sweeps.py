@@ -52,40 +52,23 @@ _MANY = 64
 
 @dataclass(frozen=True, eq=False)
 class ContactPenalty:
-    """What tractions of contact facets pay: ``price |xi - zeta|^2`` on each, or less where zeta follows xi.
+    """What tractions of contact facets pay: ``price |xi - zeta|^2`` on each, or less where zeta follows xi."""
 
-    Attributes
-    ----------
-    facets : int array, shape (c,)
-        Numbers of the contact facets.
-    wanted : array, shape (c, k, d)
-        Moments of zeta, the force of the foundation per area as its law allows it (acting by ``-zeta``).
-    price : float
-        Of the square of the distance, in the units of a misfit.
-    mass : array, shape (c, k, d, k, d), optional
-        On each ``int w phi_a phi_b`` with the part w, in each direction, of a change of xi that zeta does not follow.
-        The price then has the slope of ``price |xi - zeta|^2`` at ``start`` and this curvature. By default w = 1.
-    start : array, shape (c, k, d), optional
-        Moments of tractions at which zeta was taken.
-    """
-
-    facets: IntArray
-    wanted: Array
+    #: Numbers of the contact facets.
+    facets: IntArray  # (c,)
+    #: Moments of zeta, the force of the foundation per area as its law allows it (acting by ``-zeta``).
+    wanted: Array  # (c, k, d)
+    #: Of the square of the distance, in the units of a misfit.
     price: float
-    mass: Array | None = None
-    start: Array | None = None
+    #: On each ``int w phi_a phi_b`` with the part w, in each direction, of a change of xi that zeta does not follow.
+    #: The price then has the slope of ``price |xi - zeta|^2`` at ``start`` and this curvature. By default w = 1.
+    mass: Array | None = None  # (c, k, d, k, d)
+    #: Moments of tractions at which zeta was taken.
+    start: Array | None = None  # (c, k, d)
 
 
 class PatchSmoother:
-    """Improves a stress by sweeps over patches.
-
-    Parameters
-    ----------
-    stress : AdmissibleStress
-        To start from.
-    compiled : bool
-        Whether the compiled kernels may serve, where they are there.
-    """
+    """Improves a stress by sweeps over patches."""
 
     def __init__(self, stress: AdmissibleStress, compiled: bool = True) -> None:
         self.data = stress.data
@@ -117,16 +100,7 @@ class PatchSmoother:
         return float(stress.element.energy_of(stress.difference, self.data.reference_compliance).sum())
 
     def sweep(self, kind: PatchKind, contact: ContactPenalty | None = None, only_contact: bool = False) -> None:
-        """Improve all patches of a kind once.
-
-        Parameters
-        ----------
-        kind : PatchKind
-        contact : ContactPenalty, optional
-            Frees the tractions of contact facets at a price; None leaves them as they are.
-        only_contact : bool
-            Improve those patches alone that have a contact facet.
-        """
+        """Improve all patches of a kind once."""
         self._now = None
         allowed = self._allowed(contact)
         key = (kind, contact is not None)
@@ -324,47 +298,30 @@ class _Allowed:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Patches of a kind that are improved together.
+    """Patches of a kind that are improved together."""
 
-    Attributes
-    ----------
-    sides : int array, shape (q, p)
-        Local facets of a cell that are of the patch that sees it.
-    order : PatchOrder or None
-        For the kernels.
-    batches : list of Batch
-        For NumPy; empty where the kernels serve.
-    rollers : bool
-        Whether they have facets that are free in part, which the kernels do not know.
-    outer : bool
-        Whether they are improved before the others, and once more behind them.
-    """
-
-    sides: IntArray
+    #: Local facets of a cell that are of the patch that sees it.
+    sides: IntArray  # (q, p)
+    #: For the kernels.
     order: PatchOrder | None
+    #: For NumPy; empty where the kernels serve.
     batches: list[Batch]
+    #: Whether they have facets that are free in part, which the kernels do not know.
     rollers: bool
+    #: Whether they are improved before the others, and once more behind them.
     outer: bool
 
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """The misfit of k patches of c cells in their q fields.
-
-    Attributes
-    ----------
-    fields : PatchFields
-    seen : array, shape (k, c n, q)
-        Moments of the fields on the facets of the cells, outward, on the reference simplex.
-    bent : array, shape (k, c n, q)
-        What they add to the slopes of the cells.
-    matrix : array, shape (k, q, q)
-    """
+    """The misfit of k patches of c cells in their q fields."""
 
     fields: PatchFields
-    seen: Array
-    bent: Array
-    matrix: Array
+    #: Moments of the fields on the facets of the cells, outward, on the reference simplex.
+    seen: Array  # (k, c n, q)
+    #: What they add to the slopes of the cells.
+    bent: Array  # (k, c n, q)
+    matrix: Array  # (k, q, q)
 
 
 @dataclass(frozen=True, eq=False)

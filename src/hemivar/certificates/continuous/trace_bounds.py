@@ -31,32 +31,23 @@ __all__ = ["TraceBounds", "discrete_trace_bounds", "guaranteed_trace_bounds"]
 
 @dataclass(frozen=True)
 class TraceBounds:
-    """Lower bounds of Lambda.
+    """Lower bounds of Lambda."""
 
-    Attributes
-    ----------
-    both, normal, tangential : float
-        On the contact boundary: with ``v``, with ``v_nu`` and with ``v_tau`` alone; stiffness per area. inf where
-        there is no contact; 0 where nothing but contact holds the body.
-    body : float
-        Over the body; stiffness per volume.
-        It counts for what a displacement lacks for equilibrium in the discrete space, which is rounding after a solve.
-    guaranteed : bool
-        Whether they are shown to be lower bounds of the continuous problem.
-    source : str
-        Where they come from, in words.
-    weighted : callable, optional
-        Upper bounds of the first two eigenvalues of ``int alpha |v|^2`` against ``a(v, v)``, inf if not known, for
-        constants ``alpha`` of the normal and of the tangential law, (k,) each, on contact facets given by their
-        corners, (k, d, d).
-    """
-
+    #: On the contact boundary: with ``v``, with ``v_nu`` and with ``v_tau`` alone; stiffness per area. inf where there
+    #: is no contact; 0 where nothing but contact holds the body.
     both: float
     normal: float
     tangential: float
+    #: Over the body; stiffness per volume. It counts for what a displacement lacks for equilibrium in the discrete
+    #: space, which is rounding after a solve.
     body: float
+    #: Whether they are shown to be lower bounds of the continuous problem.
     guaranteed: bool
+    #: Where they come from, in words.
     source: str
+    #: Upper bounds of the first two eigenvalues of ``int alpha |v|^2`` against ``a(v, v)``, inf if not known, for
+    #: constants ``alpha`` of the normal and of the tangential law, (k,) each, on contact facets given by their corners,
+    #: (k, d, d).
     weighted: Callable[[Array, Array, Array], tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
@@ -94,13 +85,6 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
 
     Traces are lumped at the nodes (or taken at midpoints), as the discretisation does. Of quadratic elements they are
     those of linear ones on the same mesh: constants belong to the body.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem
-        From :func:`hemivar.discretize`.
-    workspace : Workspace, optional
-        Keeps them for other loads and laws of the body.
     """
     origin = problem.origin
     if isinstance(origin, ContactProblem) and origin.order != 1:
@@ -135,20 +119,7 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
 
 
 def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None = None) -> TraceBounds:
-    """Lower bounds of the continuous problem, by :func:`hemivar.certificates.continuous.lower_bounds`.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem
-        From :func:`hemivar.discretize`.
-    workspace : Workspace, optional
-        Keeps them for other loads, laws and refined meshes of the body.
-
-    Raises
-    ------
-    ProblemError
-        The problem was made of arrays, has no contact, is not held without it, or its material varies within cells.
-    """
+    """Lower bounds of the continuous problem, by :func:`hemivar.certificates.continuous.lower_bounds`."""
     expect(problem, DiscreteProblem, "the problem of the constants", "give hemivar.discretize(problem)")
     kept = Workspace.given(workspace)
     origin = problem.origin

@@ -67,43 +67,22 @@ _CONSTANT = 1e-13
 
 @dataclass(frozen=True)
 class TraceRange:
-    """Bounds of ``c``: area per stiffness where D has no dimension.
+    """Bounds of ``c``: area per stiffness where D has no dimension."""
 
-    Attributes
-    ----------
-    lower : float
-        A value that a displacement attains.
-    upper : float
-        No displacement has more, up to rounding.
-    simple : float
-        The upper bound without the method of Lehmann.
-    second : float
-        Upper bound of the second eigenvalue.
-    """
-
+    #: A value that a displacement attains.
     lower: float
+    #: No displacement has more, up to rounding.
     upper: float
+    #: The upper bound without the method of Lehmann.
     simple: float
+    #: Upper bound of the second eigenvalue.
     second: float
 
 
 class TraceFlexibility:
     """How the contact boundary of a body answers forces on it: by stresses in equilibrium, and by displacements.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-        Mesh, material, supports and contact boundaries count; supports are at rest.
-
-    Raises
-    ------
-    ProblemError
-        The material varies within cells.
-
-    Attributes
-    ----------
-    facets : int array, shape (k, d)
-        Contact facets by their nodes.
+    facets (k, d): Contact facets by their nodes.
     """
 
     def __init__(self, problem: ContactProblem) -> None:

@@ -39,45 +39,30 @@ _MANY = 64
 
 @dataclass(frozen=True, eq=False)
 class Tractions:
-    """Moments of tractions in equilibrium.
+    """Moments of tractions in equilibrium."""
 
-    Attributes
-    ----------
-    moments : array, shape (F, k, d)
-        Facet, node, component; of the outward normal of the first cell.
-    defect : array, shape (M, l, d)
-        Loads ``int_T g phi_a`` that had to be added to those of the body: what nodes without contact lack for
-        equilibrium, rounding or an unfinished solve, and ``missed``.
-    missed : array, shape (M, l, d)
-        The part of it that comes from loads which the discrete problem integrates by a rule.
-    """
-
-    moments: Array
-    defect: Array
-    missed: Array
+    #: Facet, node, component; of the outward normal of the first cell.
+    moments: Array  # (F, k, d)
+    #: Loads ``int_T g phi_a`` that had to be added to those of the body: what nodes without contact lack for
+    #: equilibrium, rounding or an unfinished solve, and ``missed``.
+    defect: Array  # (M, l, d)
+    #: The part of it that comes from loads which the discrete problem integrates by a rule.
+    missed: Array  # (M, l, d)
 
 
 @dataclass(frozen=True, eq=False)
 class UnsettledTractions:
-    """Tractions near to those of a displacement, in equilibrium with its nodes but not on cells.
+    """Tractions near to those of a displacement, in equilibrium with its nodes but not on cells."""
 
-    Attributes
-    ----------
-    moments : array, shape (F, k, d)
-        The mean of both sides inside; those that share the forces of the nodes on contact facets.
-    lack : array, shape (M, l, d)
-        What the nodes of the cells lack for equilibrium with them.
-    defect, missed : arrays, shape (M, l, d)
-        As in :class:`Tractions`.
-    sides : int array, shape (F, 2)
-        Local numbers of the facets in their first and second cells.
-    """
-
-    moments: Array
-    lack: Array
-    defect: Array
-    missed: Array
-    sides: IntArray
+    #: The mean of both sides inside; those that share the forces of the nodes on contact facets.
+    moments: Array  # (F, k, d)
+    #: What the nodes of the cells lack for equilibrium with them.
+    lack: Array  # (M, l, d)
+    #: As in :class:`Tractions`.
+    defect: Array  # (M, l, d)
+    missed: Array  # (M, l, d)
+    #: Local numbers of the facets in their first and second cells.
+    sides: IntArray  # (F, 2)
     _stars: _Stars
 
     def pressed(self, data: BodyData, pressures: Array) -> UnsettledTractions:
@@ -116,13 +101,7 @@ class UnsettledTractions:
 
 
 def unsettled(data: BodyData) -> UnsettledTractions:
-    """Tractions near to those of a displacement.
-
-    Raises
-    ------
-    ProblemError
-        Cells around a vertex are joined there through no facet.
-    """
+    """Tractions near to those of a displacement."""
     table = data.table
     dim = table.dim
     stars, sides = _Stars.of(data), _sides(data)
@@ -169,19 +148,7 @@ def unsettled(data: BodyData) -> UnsettledTractions:
 def equilibrated(data: BodyData, pressures: Array, start: UnsettledTractions | None = None) -> Tractions:
     """Tractions in equilibrium on every cell and at every node of it.
 
-    Parameters
-    ----------
-    data : BodyData
-    pressures : array, shape (F, k, d)
-        Moments of the tractions by which the foundation acts, to start with; zero away from contact boundaries. What a
-        node of the contact boundary lacks for its equilibrium is added to its facets in proportion to their size.
-    start : UnsettledTractions, optional
-        Those of the data, if they are known.
-
-    Raises
-    ------
-    ProblemError
-        Cells around a vertex are joined there through no facet.
+    ``pressures`` is (F, k, d).
     """
     return (unsettled(data) if start is None else start).pressed(data, pressures).settled(data)
 
@@ -241,37 +208,25 @@ def _sides(data: BodyData) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class _Stars:
-    """The cells around the vertices: pairs of a cell and a vertex of it, numbered ``cell (d + 1) + vertex``.
+    """The cells around the vertices: pairs of a cell and a vertex of it, numbered ``cell (d + 1) + vertex``."""
 
-    Attributes
-    ----------
-    vertex, place : int arrays, shape (pairs,)
-        The vertex of each pair, and its place among the pairs of that vertex.
-    count : int array, shape (N,)
-        Cells around each vertex.
-    order, first : int arrays, shapes (pairs,) and (N,)
-        Pairs vertex after vertex, in their places, and where those of each vertex begin.
-    joined : int array, shape (k, 2)
-        Pairs of two cells at the ends of each facet inside, for each of its vertices; vertex after vertex.
-    facets_first : int array, shape (N + 1,)
-        Where those of each vertex begin.
-    held : int array, shape (h,)
-        Pairs at boundary facets that take up a force, one for each facet, and ``block``, shape (h, d, d), along what.
-    block : array, shape (h, d, d)
-    free : array, shape (N, d, d)
-        Projections on the directions along which no facet at the vertex takes up a force.
-    """
-
-    vertex: IntArray
-    place: IntArray
-    count: IntArray
-    order: IntArray
-    first: IntArray
-    joined: IntArray
-    facets_first: IntArray
-    held: IntArray
-    block: Array
-    free: Array
+    #: The vertex of each pair, and its place among the pairs of that vertex.
+    vertex: IntArray  # (pairs,)
+    place: IntArray  # (pairs,)
+    #: Cells around each vertex.
+    count: IntArray  # (N,)
+    #: Pairs vertex after vertex, in their places, and where those of each vertex begin.
+    order: IntArray  # (pairs,)
+    first: IntArray  # (pairs,)
+    #: Pairs of two cells at the ends of each facet inside, for each of its vertices; vertex after vertex.
+    joined: IntArray  # (k, 2)
+    #: Where those of each vertex begin.
+    facets_first: IntArray  # (N + 1,)
+    #: Pairs at boundary facets that take up a force, one for each facet, and ``block``, shape (h, d, d), along what.
+    held: IntArray  # (h,)
+    block: Array  # (h, d, d)
+    #: Projections on the directions along which no facet at the vertex takes up a force.
+    free: Array  # (N, d, d)
 
     @classmethod
     def of(cls, data: BodyData) -> _Stars:
