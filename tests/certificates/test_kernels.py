@@ -11,10 +11,9 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.branches import chain_of, find_solutions
 from hemivar.certificates import EnergyNorm, PointKind, certify, equilibrium_multiplier, norms
-from hemivar.certificates.bound import Point
+from hemivar.certificates.bound import Point, gram_solve, lift, symmetric_inverse
 from hemivar.certificates.by_multigrid import Cycles, Subspace
 from hemivar.certificates.kind import study
-from hemivar.certificates.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.bulk import Quadratic
 from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca, scalar_graph

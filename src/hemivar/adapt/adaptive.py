@@ -29,9 +29,8 @@ from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array, BoolArray, Record
-from hemivar.certificates.continuous.body_constants import body_constants
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
-from hemivar.certificates.continuous.trace_bounds import TraceBounds
+from hemivar.certificates.continuous.trace_bounds import TraceBounds, body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize

@@ -14,14 +14,15 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.norms import EnergyNorm
-from hemivar.certificates.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
@@ -29,7 +30,17 @@ from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import StateBound, VectorLaw
 from hemivar.laws.coupled import bounded
 
-__all__ = ["OPERATIONS", "Point", "equilibrium_multiplier", "error_bound", "friction_bound", "trace_force"]
+__all__ = [
+    "OPERATIONS",
+    "Point",
+    "equilibrium_multiplier",
+    "error_bound",
+    "friction_bound",
+    "gram_solve",
+    "lift",
+    "symmetric_inverse",
+    "trace_force",
+]
 
 #: Search for a better pair if the bound is above this part of |u|_K: on a small problem, on a large one.
 _POOR = (1e-10, 1e-7)
@@ -42,6 +53,45 @@ _SEARCH_STEPS = 60
 OPERATIONS = 32
 _Real = TypeVar("_Real", bound=np.floating)
 _ROWS = 1 << 14
+
+
+def gram_solve(trace: sp.csr_array, rhs: Array, active: BoolArray) -> Array | None:
+    """``(B B')^-1 rhs`` on the active rows, 0 elsewhere, (k,); None if rows of the trace depend on one another."""
+    out = np.zeros(trace.shape[0])
+    if not np.any(rhs[active]):
+        return out
+    part = sp.csr_array(trace[np.flatnonzero(active)])
+    gram = sp.csc_array(part @ part.T)
+    diagonal = gram.diagonal()
+    off = gram - sp.diags_array(diagonal)
+    if np.abs(off.data).max(initial=0.0) == 0.0:
+        out[active] = rhs[active] / diagonal
+        return out
+    try:
+        solution = spla.splu(gram).solve(rhs[active])
+    except RuntimeError:
+        return None
+    miss = np.abs(gram @ solution - rhs[active]).max()
+    if not miss <= 1e-8 * np.abs(rhs[active]).max():
+        return None
+    out[active] = solution
+    return out
+
+
+def lift(trace: sp.csr_array, change: Array, active: BoolArray) -> Array | None:
+    """Displacements ``v = B'(B B')^-1 change`` whose trace changes by ``change`` on the active rows."""
+    inner = gram_solve(trace, change, active)
+    return None if inner is None else np.asarray(trace.T @ inner)
+
+
+def symmetric_inverse(matrix: Array) -> Array | None:
+    """Inverse of a small symmetric positive definite matrix, None if it is not one."""
+    try:
+        factor = la.cho_factor(0.5 * (matrix + matrix.T))
+    except la.LinAlgError:
+        return None
+    inverse = la.cho_solve(factor, np.eye(len(matrix)))
+    return np.asarray(0.5 * (inverse + inverse.T))
 
 
 @dataclass(frozen=True, eq=False)

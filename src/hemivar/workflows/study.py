@@ -25,7 +25,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.continuous import exact_distance
-from hemivar.certificates.continuous.body_constants import body_constants
+from hemivar.certificates.continuous.trace_bounds import body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate

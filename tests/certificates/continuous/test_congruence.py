@@ -7,8 +7,7 @@ import pytest
 
 from hemivar.basics.types import IntArray
 from hemivar.certificates.continuous.body_data import BodyData, body_data
-from hemivar.certificates.continuous.congruence import congruent_cells
-from hemivar.certificates.continuous.patches import lowering_inverse
+from hemivar.certificates.continuous.compiled_patches import congruent_cells
 from hemivar.gallery.survey_problems import survey_cube
 from hemivar.mechanics import ContactProblem, Material
 from hemivar.mesh import box, rectangle
@@ -55,18 +54,6 @@ def test_cells_of_other_size_shape_or_material_are_others() -> None:
     alike = congruent_cells(data_on(named, material))
     assert len(np.unique(alike)) == 12
     assert not np.isin(alike[CORNER], np.delete(alike, CORNER)).any()
-
-
-def test_an_inverse_that_raises_a_misfit_is_not_taken() -> None:
-    """Of matrices that are not definite, or as good as singular; nor numbers that are none."""
-    A = np.random.default_rng(3).normal(size=(8, 5))
-    units = np.diag([1e-6, 1.0, 1e3, 1e9, 1.0])
-    good = units @ A.T @ A @ units
-    assert units @ lowering_inverse(good) @ units @ A.T @ A == pytest.approx(np.eye(5), abs=1e-12)
-    indefinite = good - 2.0 * np.outer(good[:, 1], good[1]) / good[1, 1]
-    turned = A.T @ A - 1.2 * np.linalg.eigvalsh(A.T @ A)[0] * np.eye(5)
-    for bad in (indefinite, turned, np.ones((3, 3)), np.zeros((2, 2)), np.full((2, 2), np.nan)):
-        assert not lowering_inverse(bad).any()
 
 
 def test_equal_rows_have_equal_numbers() -> None:

@@ -11,12 +11,11 @@ import hemivar as hv
 from hemivar.adapt import solve_adaptive
 from hemivar.adapt.adaptive_end import AdaptiveEnd
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.body_constants import body_constants
 from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
 from hemivar.certificates.continuous.fenchel import exact_gap, fenchel_gap
-from hemivar.certificates.continuous.trace_bounds import TraceBounds
+from hemivar.certificates.continuous.trace_bounds import TraceBounds, body_constants
 from hemivar.gallery import survey
 from hemivar.laws import (
     BenzeggaghKenane,

@@ -16,8 +16,7 @@ from hemivar.certificates.continuous import load_values as load_values_module
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
 from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.load_values import LoadValues, load_values
-from hemivar.certificates.continuous.local_constants import local_constants
-from hemivar.certificates.continuous.oscillation import linear_square, oscillation
+from hemivar.certificates.continuous.oscillation import linear_square, local_constants, oscillation
 from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_trace_bounds
 from hemivar.fem.elements import shape_values
 from hemivar.formula import Formula, FormulaArray

@@ -7,9 +7,10 @@ import pytest
 
 import hemivar as hv
 from hemivar.certificates.continuous.facet_table import facet_table
-from hemivar.certificates.continuous.local_constants import local_constants
-from hemivar.certificates.continuous.simplex_constants import simplex_constants
+from hemivar.certificates.continuous.oscillation import local_constants
 from hemivar.mesh import Mesh
+
+from .simplex_constants import simplex_constants
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])

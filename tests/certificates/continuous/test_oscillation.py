@@ -9,7 +9,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous import exact_distance
 from hemivar.certificates.continuous.facet_table import facet_table
-from hemivar.certificates.continuous.local_constants import local_constants
+from hemivar.certificates.continuous.oscillation import local_constants
 from hemivar.certificates.continuous.trace_bounds import discrete_trace_bounds
 from tests import bodies
 

@@ -9,9 +9,8 @@ import pytest
 
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.admissible_stress import admissible_stress
-from hemivar.certificates.continuous.admissible_trace import admissible_displacement
 from hemivar.certificates.continuous.body_data import body_data
-from hemivar.certificates.continuous.contact_traces import contact_traces
+from hemivar.certificates.continuous.contact_traces import admissible_displacement, contact_traces
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
 from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother

@@ -7,16 +7,17 @@ import pytest
 import scipy.linalg as la
 
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.facet_cover import facet_cover
+from hemivar.certificates.continuous.bare_body import facet_cover
 from hemivar.certificates.continuous.facet_table import facet_table
-from hemivar.certificates.continuous.local_constants import local_constants
-from hemivar.certificates.continuous.simplex_constants import simplex_constants
+from hemivar.certificates.continuous.oscillation import local_constants
 from hemivar.certificates.continuous.split_element import facet_mass, pairs_of, pulled_back, split_element, voigt_map
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mechanics.material import Material
 from hemivar.mesh import Mesh
+
+from .simplex_constants import simplex_constants
 
 UNIT = Material.lame(0.0, 0.5)
 REGULAR = {

@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 import hemivar as hv
 from hemivar.adapt import solve_adaptive
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.body_constants import body_constants
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
+from hemivar.certificates.continuous.trace_bounds import body_constants
 from hemivar.certificates.linear_bodies import largest_strain
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize

@@ -61,14 +61,11 @@ def _energy(stress: AdmissibleStress) -> float:
 
 
 @pytest.mark.parametrize(
-    ("many", "thin", "name"),
-    sampled(
-        itertools.product((1, 64), (1e-2, 1e-3, 1e-4, 1e-6, 1e-9), ("layered", "layered, quadratic", "pulled cube")), 7
-    ),
+    ("thin", "name"),
+    sampled(itertools.product((1e-2, 1e-3, 1e-4, 1e-6, 1e-9), ("layered", "layered, quadratic", "pulled cube")), 7),
 )
-def test_flat_cells_lose_no_balance(name: str, thin: float, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_flat_cells_lose_no_balance(name: str, thin: float) -> None:
     """A body thousand times as high as it is wide, and its cells: what rounding leaves unbalanced is not changed."""
-    monkeypatch.setattr("hemivar.certificates.continuous.sweeps._MANY", many)
     problem = BODIES[name]()
     flat = np.diag([thin, *np.ones(problem.mesh.dim - 1)])
     u = solve(problem).displacement @ flat

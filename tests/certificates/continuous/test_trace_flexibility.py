@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.certificates.continuous.trace_flexibility import TraceFlexibility
+from hemivar.certificates.continuous.lower_bounds import TraceFlexibility
 from hemivar.mesh import Mesh
 from tests import bodies
 

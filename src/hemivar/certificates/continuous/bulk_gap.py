@@ -26,8 +26,7 @@ from functools import cache
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.body_data import BodyData
-from hemivar.certificates.continuous.cell_energy import CellEnergy
+from hemivar.certificates.continuous.body_data import BodyData, CellEnergy
 from hemivar.certificates.continuous.split_element import SplitElement, voigt_map
 from hemivar.mesh.mesh import Mesh
 

@@ -10,13 +10,15 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
-from hemivar.certificates.continuous.congruence import congruent_cells
 from hemivar.certificates.continuous.patches import priorities
 from hemivar.certificates.continuous.split_element import SplitElement
 from hemivar.kernels import Kernels, kernels
+from hemivar.mesh.keys import equal_rows
 
-__all__ = ["CompiledPatches", "PatchOrder", "Prices"]
+__all__ = ["CompiledPatches", "PatchOrder", "Prices", "congruent_cells"]
 
+#: Part of the largest number of a cell by which its numbers may differ.
+_TOLERANCE = 1e-9
 #: Colours that the kernels know.
 _COLOURS = 256
 
@@ -232,3 +234,20 @@ def _rising(name: str, array: IntArray, end: int) -> IntArray:
     if not len(found) or found[0] != 0 or found[-1] != end or np.any(np.diff(found) < 0):
         raise ValueError(f"{name} must rise from 0 to {end}")
     return found
+
+
+def congruent_cells(data: BodyData) -> IntArray:
+    """Numbers (M,) of cells: the same where Jacobians and compliances are, but for rounding.
+
+    Cells of the regular meshes of boxes, and those that uniform refinement makes of one cell, are of a few kinds.
+    """
+    parts = [_rounded(data.table.jacobian.reshape(len(data.table.cells), -1))]
+    if len(data.sweep_compliance) > 1:
+        parts.append(_rounded(data.sweep_compliance.reshape(len(data.sweep_compliance), -1)))
+    return equal_rows(np.concatenate(parts, axis=1))
+
+
+def _rounded(values: Array) -> IntArray:
+    """Integers for numbers (M, q): those of each row over its largest, and the logarithm of that."""
+    size = np.abs(values).max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
+    return np.rint(np.concatenate([values / size, np.log2(size)], axis=1) / _TOLERANCE).astype(np.int64)

@@ -1,20 +1,28 @@
 """Where the body may touch: its local displacement and the law, at the points of a rule on every contact facet.
 
 In the plane facets are cut at the kinks of the law and into a number of equal parts, in space into sixteen. On each
-part the rule is one of Gauss. Where a law couples opening and slip the corners of the part belong to it
-(:mod:`hemivar.certificates.continuous.part_rule`). A local displacement that misses a kink by rounding is put there.
+part the rule is one of Gauss. Where a law couples opening and slip the corners of the part belong to it.
+A local displacement that misses a kink by rounding is put there.
+
+Quadratic traces that leave the domain of a rigid law between nodes are brought back by what they lack at midpoints.
+On an edge with ends at distances p and q from the end of the domain, and its midpoint beyond the chord by b,
+
+    (chord) + 4 b t (1 - t)  stays inside    if and only if    4 b <= min p / t + q / (1 - t) = (sqrt p + sqrt q)^2.
+
+The function of the midpoint, which vanishes on all other edges, takes away what b is too large.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
-from hemivar.certificates.continuous.part_rule import PART_RULES, PartRule, cut_triangle
 from hemivar.certificates.continuous.split_element import facet_mass
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import shape_values
@@ -25,8 +33,19 @@ from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
 from hemivar.mechanics.obstacles import obstacle_contact
 
-__all__ = ["ContactTraces", "contact_traces", "local_traces", "radial_parts"]
+__all__ = [
+    "PART_RULES",
+    "ContactTraces",
+    "PartRule",
+    "admissible_displacement",
+    "contact_traces",
+    "cut_triangle",
+    "local_traces",
+    "radial_parts",
+]
 
+#: Part of the unit normal along which supports hold an edge, so that its trace is left as it is.
+_HELD = 1e-10
 #: Parts of an edge, and of each side of a triangle, besides those between kinks; of an edge with a quadratic trace, on
 #: which the multiplier between force and law has kinks of its own.
 _PARTS = 4
@@ -37,6 +56,57 @@ _FEW_PARTS = 1
 _ROUNDING = 1e-11
 #: Gap, over the extent of the body, where its normal misses the obstacle.
 _FAR = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class PartRule:
+    """A rule whose first d points are the corners; exact for the squares of what is linear on the part.
+
+    On edges, where tractions may be quadratic, it is exact for the squares of those.
+    """
+
+    points: Array  # (n, d), barycentric
+    weights: Array  # (n,), of sum 1
+
+    @property
+    def corners(self) -> int:
+        """d."""
+        return int(self.points.shape[1])
+
+
+_INNER = 0.5 * (1.0 - 1.0 / np.sqrt(5.0))  # of the rule of Lobatto with four points
+_MIDDLES = 0.5 * (1.0 - np.eye(3))
+#: By dimension of the body.
+PART_RULES: Mapping[int, PartRule] = MappingProxyType(
+    {
+        2: PartRule(
+            np.array([[1.0, 0.0], [0.0, 1.0], [1.0 - _INNER, _INNER], [_INNER, 1.0 - _INNER]]),
+            np.array([1.0, 1.0, 5.0, 5.0]) / 12.0,
+        ),
+        3: PartRule(np.vstack([np.eye(3), _MIDDLES]), np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]) / 3.0),
+    }
+)
+
+
+def cut_triangle(parts: int, rule: PartRule | None) -> tuple[Array, Array]:
+    """Barycentric coordinates (q, 3) and weights (q,) of a rule on the parts of a triangle, by default of degree 4.
+
+    That of degree 3 has negative weights, which may make squares with kinks too small.  The corners of the triangle are
+    there, too.
+    """
+    point, weight = quadrature_rule(2, 4) if rule is None else (rule.points, rule.weights)
+    points = []
+    for i in range(parts):
+        for j in range(parts - i):
+            corner = np.array([[i, j], [i + 1, j], [i, j + 1]], dtype=float)
+            points.append(point @ corner)
+            if i + j < parts - 1:
+                points.append(point @ np.array([[i + 1, j + 1], [i, j + 1], [i + 1, j]], dtype=float))
+    at, shares = np.concatenate(points) / parts, np.tile(weight, parts**2) / parts**2
+    if rule is None:  # the corners take no part in integrals, but constants must hold there too
+        at = np.vstack([at, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
+        shares = np.append(shares, np.zeros(3))
+    return np.column_stack([1.0 - at.sum(axis=1), at]), shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,3 +379,29 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray, rule: PartRule |
     flat = np.hstack([at.reshape(len(facets), -1), extremes])
     share = np.hstack([share, np.zeros(extremes.shape)])
     return np.stack([1.0 - flat, flat], axis=2), share
+
+
+def admissible_displacement(data: BodyData) -> Array:
+    """The displacement (nodes, d) with the midpoints of contact edges moved as far as their penetration asks for.
+
+    Gaps are taken quadratic along edges, as the displacement is. Linear elements need nothing.
+    """
+    u = data.displacement
+    if data.order == 1:
+        return u
+    moved = u.copy()
+    at_nodes = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
+    for number, name in enumerate(data.problem.contact):
+        facets = np.flatnonzero(data.contact == number)
+        local, frames, places = local_traces(data, name, facets, np.broadcast_to(at_nodes, (len(facets), 3, 2)))
+        domain = data.problem.contact[name].law.at(places[:, 2]).penetrations
+        first, last, middle = local[..., 0].T
+        beyond = middle - 0.5 * (first + last)
+        normal = frames[:, 2, 0]
+        held = np.einsum("fi,fij,fj->f", normal, data.unknown[facets], normal) > _HELD
+        for end, sign in ((domain.upper, 1.0), (domain.lower, -1.0)):
+            reach = (np.sqrt(np.maximum(sign * (end - value), 0.0)) for value in (first, last))
+            excess = np.maximum(sign * beyond - 0.25 * sum(reach) ** 2, 0.0)
+            excess[held | ~np.isfinite(excess)] = 0.0
+            moved[data.facet_nodes[facets, 2]] -= (sign * excess)[:, None] * normal
+    return moved

@@ -8,9 +8,9 @@ import time
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.body_constants import body_constants
-from hemivar.certificates.continuous.body_shape import body_shape
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
+from hemivar.certificates.continuous.hypotheses import body_shape
+from hemivar.certificates.continuous.trace_bounds import body_constants
 from hemivar.certificates.distance_to_exact import DistanceToExact
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError

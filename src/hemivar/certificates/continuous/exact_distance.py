@@ -27,10 +27,9 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.display import brief
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
-from hemivar.certificates.continuous.admissible_trace import admissible_displacement
+from hemivar.certificates.continuous.bare_body import has_constant_normals
 from hemivar.certificates.continuous.body_data import BodyData, body_data
-from hemivar.certificates.continuous.contact_normals import has_constant_normals
-from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
+from hemivar.certificates.continuous.contact_traces import ContactTraces, admissible_displacement, contact_traces
 from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following
 from hemivar.certificates.continuous.hypotheses import inexact_data, stated_conditions, unmet_hypotheses
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error

@@ -34,8 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.certificates.continuous.contact_traces import ContactTraces
-from hemivar.certificates.continuous.part_rule import PartRule
+from hemivar.certificates.continuous.contact_traces import ContactTraces, PartRule
 from hemivar.laws import ContactLaw, Superpotential, VectorLaw
 from hemivar.laws.neighbourhood import lengths
 

@@ -13,7 +13,6 @@ import scipy.sparse as sp
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
-from hemivar.certificates.continuous.body_shape import STRAIGHT, facet_angles
 from hemivar.certificates.continuous.bulk_gap import strain_sizes
 from hemivar.certificates.continuous.contact_traces import ContactTraces
 from hemivar.errors import ProblemError
@@ -28,12 +27,39 @@ from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["inexact_data", "stated_conditions", "unmet_hypotheses"]
+__all__ = ["STRAIGHT", "body_shape", "facet_angles", "inexact_data", "stated_conditions", "unmet_hypotheses"]
 
+#: Angle that is rounding, in radians.
+STRAIGHT = 1e-6
 #: Angle between neighbouring facets up to which they are taken for those of a curve, in radians.
 _BEND = np.pi / 6.0 + STRAIGHT
 #: Part of the largest displacement by which supports may be missed.
 _HELD = 1e-8
+
+
+def facet_angles(mesh: Mesh, facets: IntArray) -> tuple[IntArray, Array]:
+    """Pairs (p, 2) of facets (k, d) that have a side in common, by their places in the list, and their angles (p,)."""
+    normals, _ = mesh.facet_normals(facets)
+    dim = mesh.dim
+    owner = np.repeat(np.arange(len(facets)), dim)
+    sides = np.stack([np.delete(facets, i, axis=1) for i in range(dim)], axis=1).reshape(-1, dim - 1)
+    sides = np.sort(sides, axis=1)
+    order = np.lexsort(sides.T)
+    sides, owner = sides[order], owner[order]
+    same = np.flatnonzero((sides[1:] == sides[:-1]).all(axis=1))
+    pairs = np.column_stack([owner[same], owner[same + 1]])
+    apart = np.linalg.norm(normals[pairs[:, 0]] - normals[pairs[:, 1]], axis=1)
+    return pairs, 2.0 * np.arcsin(np.clip(0.5 * apart, 0.0, 1.0))
+
+
+def body_shape(mesh: Mesh) -> str:
+    """The body of a mesh in words, such as ``"a polygon with 11 straight sides"``: what a bound is one for."""
+    facets = mesh.boundary_facets
+    pairs, angles = facet_angles(mesh, facets)
+    flat = pairs[angles <= STRAIGHT]
+    graph = sp.coo_array((np.ones(len(flat)), flat.T), shape=2 * (len(facets),))
+    count = sp.csgraph.connected_components(graph, directed=False)[0]
+    return f"a polygon with {count} straight sides" if mesh.dim == 2 else f"a polyhedron with {count} plane faces"
 
 
 def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None) -> list[str]:

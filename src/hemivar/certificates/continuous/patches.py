@@ -18,7 +18,6 @@ __all__ = [
     "coloured",
     "facet_patches",
     "lowering",
-    "lowering_inverse",
     "patch_batches",
     "patch_sides",
     "priorities",
@@ -180,21 +179,6 @@ def lowering(matrix: Array, slope: Array, change: Array) -> BoolArray:
     """
     bent = (matrix @ change[:, :, None])[:, :, 0]
     return np.asarray(np.einsum("kn,kn->k", change, 0.5 * bent + slope) < 0.0)
-
-
-def lowering_inverse(matrix: Array) -> Array:
-    """The inverse X of H (q, q), zero where rounding decides: ``x = -X b`` lowers ``x'H x / 2 + b'x`` for all b."""
-    size = np.diagonal(matrix)
-    if not (size > 0.0).all():
-        return np.zeros(matrix.shape)
-    scale = 1.0 / np.sqrt(size * size[:, None])
-    H = matrix * scale
-    try:
-        X = np.linalg.inv(H)
-    except np.linalg.LinAlgError:
-        return np.zeros(matrix.shape)
-    lowered = X + X.T - X.T @ H @ X
-    return np.asarray(X * scale if np.linalg.eigvalsh(lowered)[0] > 0.0 else np.zeros(matrix.shape))
 
 
 def rigid_modes(x: Array) -> Array:

@@ -7,9 +7,8 @@ for each cell, is in the fields. Contact facets add the price of tractions that 
 
 Patches of one colour share no cell and are improved at once. Every patch lowers the sum of misfit and price.
 
-The compiled kernels improve patches one by one; where they are not there, NumPy improves those of one shape together.
-Patches that are translates of each other have the same system, which either of them solves once. A patch with rollers
-is left to NumPy always.
+The compiled kernels improve patches one by one, and solve once for those that are translates of each other; where they
+are not there, NumPy improves those of one shape together. A patch with rollers is left to NumPy always.
 
 With linear elements in the plane the vertices of the boundary come before those inside and once more behind them: they
 are few, and settle contact tractions last.
@@ -17,28 +16,23 @@ are few, and settle contact tractions last.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress
 from hemivar.certificates.continuous.compiled_patches import CompiledPatches, PatchOrder, Prices
-from hemivar.certificates.continuous.congruence import congruent_cells
 from hemivar.certificates.continuous.patch_fields import PatchFields, patch_fields
 from hemivar.certificates.continuous.patches import (
     Batch,
     PatchKind,
     cell_patches,
     lowering,
-    lowering_inverse,
     patch_batches,
     patch_sides,
 )
 from hemivar.certificates.continuous.split_element import facet_mass
-from hemivar.mesh.keys import equal_rows
 
 __all__ = ["ContactPenalty", "PatchSmoother"]
 
@@ -46,8 +40,6 @@ __all__ = ["ContactPenalty", "PatchSmoother"]
 _ENTRIES = {2: 1 << 18, 3: 1 << 20}
 #: Cells whose numbers are held at a time.
 _CELLS = 1 << 12
-#: Patches of one kind for which its system is solved beforehand.
-_MANY = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +71,6 @@ class PatchSmoother:
         self._slope = _slopes(stress)
         self._compiled = CompiledPatches.of(self.data, self._start.element) if compiled else None
         self._groups: dict[tuple[PatchKind, bool], list[_Group]] = {}
-        self._answers: dict[bytes, _Answer] = {}
 
     @property
     def stress(self) -> AdmissibleStress:
@@ -132,7 +123,7 @@ class PatchSmoother:
             if self._compiled is not None and not rollers and chosen.any():
                 order = self._compiled.ordered(patches, chosen, first)
             batches = patch_batches(table, kind, free, chosen, first) if order is None and chosen.any() else []
-            return _Group(sides, order, batches, rollers, outer)
+            return _Group(sides, order, batches, outer)
 
         if kind is not PatchKind.VERTEX or table.dim == 3 or self.data.order == 2:
             return [group(apart, rollers=True), group(some & ~apart)]
@@ -156,36 +147,7 @@ class PatchSmoother:
             self._compiled.improve(order, group.sides, allowed.free, self._slope, self._moments, allowed.prices)
         for batch in group.batches:
             some = batch.take(np.asarray(touching[batch.facets].any(axis=1))) if only_contact else batch
-            for kind, part in self._by_kind(some, group.rollers, allowed.prices):
-                if kind is None:
-                    self._improve_each(part, allowed)
-                else:
-                    self._improve_alike(part, kind, allowed)
-
-    def _by_kind(self, batch: Batch, rollers: bool, prices: Prices | None) -> Iterator[tuple[bytes | None, Batch]]:
-        """Patches that are translates of many others, by kind, and the rest."""
-        count = len(batch.facets)
-        alone = np.ones(count, dtype=bool)
-        if count >= _MANY and not rollers:
-            signs = self.data.table.signs[batch.cells].astype(np.int64)
-            seen = [self._alike[batch.cells][:, :, None], batch.place, signs]
-            rows = np.concatenate([part.reshape(count, -1) for part in seen], axis=1)
-            number = equal_rows(rows)
-            if prices is not None:
-                number[(prices.rows[batch.facets] >= 0).any(axis=1)] = number.max(initial=0) + 1
-            for kind in np.flatnonzero(np.bincount(number) >= _MANY).tolist():
-                one = np.flatnonzero(number == kind)
-                if prices is None or not (prices.rows[batch.facets[one[0]]] >= 0).any():
-                    alone[one] = False
-                    yield rows[one[0]].tobytes(), batch.take(one)
-        if alone.all():
-            yield None, batch
-        elif alone.any():
-            yield None, batch.take(alone)
-
-    @cached_property
-    def _alike(self) -> IntArray:
-        return congruent_cells(self.data)
+            self._improve_batch(some, allowed)
 
     def _allowed(self, contact: ContactPenalty | None) -> _Allowed:
         free = np.asarray(self.data.unknown.any(axis=(1, 2)))
@@ -215,7 +177,7 @@ class PatchSmoother:
 
     # ---- by NumPy ----------------------------------------------------------------------------------------------
 
-    def _improve_each(self, batch: Batch, allowed: _Allowed) -> None:
+    def _improve_batch(self, batch: Batch, allowed: _Allowed) -> None:
         """Improve patches that share no cell."""
         facets, cells = batch.facets.shape[1], batch.cells.shape[1]
         element, dim = self._start.element, self.data.table.dim
@@ -232,21 +194,6 @@ class PatchSmoother:
             self._moments[part.facets] += system.fields.moments(change)
             bent = np.einsum("kpq,kq->kp", system.bent, change)
             self._slope[part.cells] += bent.reshape(*part.cells.shape, -1)
-
-    def _improve_alike(self, batch: Batch, kind: bytes, allowed: _Allowed) -> None:
-        """Improve patches of one kind."""
-        if kind not in self._answers:
-            one = self._system(batch.take(slice(1)), allowed.partly)
-            found = -one.seen[0] @ lowering_inverse(one.matrix[0])
-            self._answers[kind] = _Answer(found, np.ascontiguousarray(one.bent[0].T), one.fields.circuits)
-        answer = self._answers[kind]
-        flat = self._slope[batch.cells].reshape(len(batch.facets), -1)
-        change = flat @ answer.numbers
-        self._slope[batch.cells] = (flat + change @ answer.slopes).reshape(*batch.cells.shape, -1)
-        nodes = self.data.places(batch.facets)
-        nodes = nodes - nodes.mean(axis=(1, 2))[:, None, None]
-        fields = PatchFields(nodes, np.ones(batch.facets.shape, dtype=bool), answer.circuits, nodes[:, :0, None])
-        self._moments[batch.facets] += fields.moments(change)
 
     def _system(self, batch: Batch, partly: BoolArray) -> _System:
         """The misfit of patches in their fields."""
@@ -306,8 +253,6 @@ class _Group:
     order: PatchOrder | None
     #: For NumPy; empty where the kernels serve.
     batches: list[Batch]
-    #: Whether they have facets that are free in part, which the kernels do not know.
-    rollers: bool
     #: Whether they are improved before the others, and once more behind them.
     outer: bool
 
@@ -322,15 +267,6 @@ class _System:
     #: What they add to the slopes of the cells.
     bent: Array  # (k, c n, q)
     matrix: Array  # (k, q, q)
-
-
-@dataclass(frozen=True, eq=False)
-class _Answer:
-    """What all patches of a kind do: from slopes (c n) to numbers of the fields (q), and from these to slopes."""
-
-    numbers: Array
-    slopes: Array
-    circuits: Array
 
 
 def _slopes(stress: AdmissibleStress) -> Array:

@@ -4,29 +4,55 @@
 the contact boundary (both components, or one kind alone), or with that of v over the body. A bound holds if these are
 lower bounds of the continuous problem. Those of a discrete space tend to them as the mesh is refined and are no lower
 bounds: what rests on them is an estimate.
+
+That over the body is rough on purpose. For a load f in L2 let t be a stress of the split element whose divergence has
+the moments of ``-f`` against linear fields of every cell. The rest is orthogonal to these, at most ``theta |f|``, and
+seen by the oscillation of v alone:
+
+    |w(f)|_a <= |t| + theta kappa |f|,      1 / Lambda <= (sqrt(mu) + theta kappa)^2,
+
+mu the largest least energy of such t for cellwise linear loads of norm one, kappa the largest constant of a cell.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.body_bound import body_bound
-from hemivar.certificates.continuous.facet_cover import facet_cover
+from hemivar.certificates.continuous.bare_body import bare_body, facet_cover, held_facets
+from hemivar.certificates.continuous.facet_constants import equilibrated_blocks, mass_root
+from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
+from hemivar.certificates.continuous.oscillation import local_constants
+from hemivar.certificates.continuous.split_element import pulled_back
 from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem.constitutive import constitutive_law
+from hemivar.fem.directed_matrix import directed_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["TraceBounds", "discrete_trace_bounds", "guaranteed_trace_bounds"]
+__all__ = [
+    "TraceBounds",
+    "body_bound",
+    "body_constants",
+    "discrete_trace_bounds",
+    "guaranteed_trace_bounds",
+    "missed_part",
+]
+
+#: The coarsest mesh of the body with at least so many cells is taken.
+_CELLS = {2: 32, 3: 48}
 
 
 @dataclass(frozen=True)
@@ -147,3 +173,79 @@ def _eigenvalues(problem: DiscreteProblem, energy: EnergyNorm) -> tuple[float, f
     lumped = np.bincount(mesh.cells.ravel(), weights=share, minlength=mesh.number_of_nodes)
     body = energy.largest_eigenvalue(sp.csr_array(field.basis), np.repeat(lumped, mesh.dim)).bound
     return found[0], found[1], found[2], 1.0 / body
+
+
+def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> float:
+    """Lower bound of ``inf a(v, v) / |v|^2`` over the displacements that vanish where supports hold them."""
+    bare = bare_body(problem)
+    while bare.mesh.number_of_cells < _CELLS[bare.mesh.dim]:
+        bare = replace(bare, mesh=bare.mesh.refined())
+    table = facet_table(bare.mesh)
+    matrices, _ = constitutive_law(bare).on(bare.mesh, 2)
+    if np.abs(matrices - matrices[:, :1]).max() > 1e-13 * np.abs(matrices).max():
+        raise ProblemError("the material varies inside cells; bounds of constants of a body need it constant on each")
+    held = held_facets(bare, table)
+
+    def find() -> float:
+        dim, count = table.dim, len(table.cells)
+        compliance = pulled_back(np.asarray(np.linalg.inv(matrices[:, 0]), dtype=float), table.jacobian, table.sizes)
+        blocks = equilibrated_blocks(compliance, table.jacobian, loaded=True)
+        own = len(table.facets) * dim + np.arange(count * (dim + 1)).reshape(count, -1)
+        nodes = np.hstack([(table.cell_facets[:, :, None] * dim + np.arange(dim)).reshape(count, -1), own])
+        fixed = np.concatenate([np.repeat(held, dim, axis=0), np.zeros((own.size, dim, dim))])
+        system = directed_matrix(blocks, nodes, fixed)
+        weights = np.einsum("c,ab,ij->caibj", np.sqrt(table.volumes), mass_root(dim + 1), np.eye(dim))
+        R = system.rows(own, weights.reshape(count, -1, dim + 1, dim))
+        factor = system.factor()
+
+        def times(f: Array) -> Array:
+            return np.asarray(R @ factor.solve(R.T @ f.ravel()))
+
+        operator = spla.LinearOperator((R.shape[0], R.shape[0]), matvec=times, dtype=float)
+        start = np.random.default_rng(0).normal(size=R.shape[0])
+        values, vectors = spla.eigsh(operator, 1, which="LA", v0=start, tol=1e-4)
+        value, vector = float(values[0]), vectors[:, 0]
+        mu = value + float(np.linalg.norm(times(vector) - value * vector))
+        kappa = float(local_constants(table, matrices[:, 0]).cell.max())
+        return (math.sqrt(mu) + missed_part(dim) * kappa) ** -2
+
+    if workspace is None:
+        return find()
+    parts = (bare.mesh.points, bare.mesh.cells, matrices, held)
+    return workspace.once("lower bound over the body", parts, find)
+
+
+def body_constants(problem: DiscreteProblem, workspace: Workspace) -> TraceBounds:
+    """Guaranteed constants of the contact boundary; where there are none those of the discrete problem, and why.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+        From :func:`hemivar.discretize` of a body.
+    workspace : Workspace
+        Keeps them.
+
+    Returns
+    -------
+    TraceBounds
+    """
+    stated = problem.origin
+    known = discrete_trace_bounds(problem, workspace)
+    if isinstance(stated, ContactProblem) and not stated.contact:
+        return replace(known, guaranteed=True)
+    if known.both == 0.0:
+        return known
+    try:
+        return guaranteed_trace_bounds(problem, workspace)
+    except (ProblemError, np.linalg.LinAlgError, RuntimeError) as error:  # ARPACK raises the last
+        return replace(known, source=f"{known.source} ({error})")
+
+
+def missed_part(dim: int) -> float:
+    """theta, at least ``|f + div t| / |f|`` for loads f and stresses t whose divergence has their linear moments."""
+    n = dim + 1
+    mass = (np.eye(n) + 1.0) / (n * (n + 1))
+    on_pieces = (1.0 - np.eye(n) + 1.0 / n) / n**2  # integral of phi_a over a piece
+    constant = np.linalg.solve(on_pieces, mass)  # its moments are those of a linear function: values (piece, a)
+    found = la.eigh(constant.T @ constant / n - mass, mass, eigvals_only=True)
+    return math.hypot(1.0, math.sqrt(float(found[-1])))

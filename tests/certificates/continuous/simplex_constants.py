@@ -22,13 +22,11 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.equilibrated_blocks import equilibrated_blocks
-from hemivar.certificates.continuous.facet_constants import facet_constants
+from hemivar.certificates.continuous.facet_constants import equilibrated_blocks, facet_constants
 from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.split_element import pulled_back
+from hemivar.certificates.continuous.trace_bounds import missed_part
 from hemivar.mesh.mesh import Mesh
-
-__all__ = ["missed_part", "simplex_constants"]
 
 #: How often a simplex is cut in halves, by dimension.
 _HALVINGS = {2: 3, 3: 2}
@@ -70,16 +68,6 @@ def _key(corners: Array) -> bytes:
     middle = corners - corners.mean(axis=0)
     ways = (tuple(sorted(map(tuple, (np.round(sign * middle, _DIGITS) + 0.0).tolist()))) for sign in (1.0, -1.0))
     return repr(min(ways)).encode()
-
-
-def missed_part(dim: int) -> float:
-    """theta, at least ``|f + div t| / |f|`` for loads f and stresses t whose divergence has their linear moments."""
-    n = dim + 1
-    mass = (np.eye(n) + 1.0) / (n * (n + 1))
-    on_pieces = (1.0 - np.eye(n) + 1.0 / n) / n**2  # integral of phi_a over a piece
-    constant = np.linalg.solve(on_pieces, mass)  # its moments are those of a linear function: values (piece, a)
-    found = la.eigh(constant.T @ constant / n - mass, mass, eigvals_only=True)
-    return math.hypot(1.0, math.sqrt(float(found[-1])))
 
 
 def _free_energy(mesh: Mesh, whole: Array, compliance: Array) -> float:
