@@ -30,7 +30,7 @@ from hemivar.certificates.smallness import (
     with_survey,
     within_reach,
 )
-from hemivar.certificates.wording import certificate_brief, certificate_lines
+from hemivar.certificates.wording import Claim, certificate_brief, certificate_lines, claims
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, inaccurate_law, residual
@@ -160,6 +160,15 @@ class Certificate(ReprMixin):
         return {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}[
             self.unique
         ]
+
+    @property
+    def claims(self) -> list[Claim]:
+        """All that is claimed: value, sentence, and what is in doubt; every output reads them."""
+        return claims(self)
+
+    def claim(self, label: str) -> Claim:
+        """The first claim of a label, such as "kind", "margin" or "distance"."""
+        return next(one for one in self.claims if one.label == label)
 
     def lines(self, whole: bool = False) -> list[str]:
         """The certificate as lines of text: kind, bound and what is missing; if ``whole``, every constant."""

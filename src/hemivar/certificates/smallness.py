@@ -550,15 +550,13 @@ def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float
     origin = problem.origin
     if isinstance(origin, ScalarProblem):
         plain = replace(origin, coefficient=1.0, bedding=0.0, density=None, viscosity=None, capacity=None)
-        unit = discretize(plain, check_coercivity=False)
-        energy = EnergyNorm(unit.stiffness) if factorises(problem) else EnergyNorm.by_multigrid(unit)
+        energy = energy_norm(discretize(plain, check_coercivity=False))
     elif isinstance(origin, ContactProblem) and not factorises(problem):
-        body = replace(origin, material=Material.lame(0.0, 0.5), bedding=0.0)
-        energy = EnergyNorm.by_multigrid(discretize(body, check_coercivity=False, evolving=True))
+        body = replace(origin, material=_NORM, bedding=0.0)
+        energy = energy_norm(discretize(body, check_coercivity=False, evolving=True))
     else:
-        strain = stiffness_matrix(field.mesh, Material.lame(0.0, 0.5), field.order)
-        matrix = sp.csr_array(field.basis.T @ strain @ field.basis)
-        energy = EnergyNorm(sp.csr_array(0.5 * (matrix + matrix.T)))
+        strain = stiffness_matrix(field.mesh, _NORM, field.order)
+        energy = EnergyNorm(sp.csr_array(field.basis.T @ strain @ field.basis))
     both = np.repeat(problem.contact.weights[:, None], problem.contact.components, axis=1)
     normal = both * (np.arange(problem.contact.components) == 0)
     chosen = [both, normal, both - normal] if parts else [both]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hemivar.basics.rounding import rounded_down, rounded_up
@@ -13,91 +15,122 @@ if TYPE_CHECKING:
     from hemivar.certificates.certificate import Certificate
     from hemivar.certificates.smallness import Smallness
 
-__all__ = ["certificate_brief", "certificate_lines", "lower_bound_words"]
+__all__ = ["Claim", "certificate_brief", "certificate_lines", "claims", "lower_bound_words"]
+
+#: Characters of a line before its sentence.
+_LABEL = 18
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One thing that a certificate says, as every output tells it."""
+
+    #: Before the sentence in the lines; of several claims of one label the first is found by it.
+    label: str
+    sentence: str
+    #: The number, word or truth that is claimed; relative, of a distance.
+    value: object = None
+    #: Why that is an estimate, in a word or two; empty where it is proved.
+    doubt: str = ""
+    #: Whether only the whole certificate says so.
+    whole: bool = False
+
+    @property
+    def size(self) -> str:
+        """What stands before a number that bounds, or estimates."""
+        return "about" if self.doubt else "at most"
+
+
+def claims(certificate: Certificate) -> list[Claim]:
+    """All that a certificate claims, in the order of its lines."""
+    c, constants = certificate, certificate.smallness
+    found: list[Claim] = []
+
+    def say(label: str, sentence: str, value: object = None, whole: bool = False, doubt: str = "") -> None:
+        found.append(Claim(label, sentence, value, doubt, whole))
+
+    off_load = f"{_text(c.equilibrium)} in the K^-1 norm, {_text(c.equilibrium_relative)} of the load's"
+    say("equilibrium", off_load, c.equilibrium_relative, whole=True)
+    off_law = f"{_text(c.inclusion)} (force), {_text(c.inclusion_relative)} of the load's"
+    say("inclusion", off_law, c.inclusion_relative, whole=True)
+    relative = c.residual.relative
+    say("residual", f"{relative:.1e} relative, tolerance {c.tolerance:.0e}", relative, whole=True)
+    fixed = ", with the friction bound held fixed" if constants.m_L > 0.0 else ""
+    say("energy", f"{c.energy:.10g}{fixed}", c.energy, whole=True)
+    sampled = c.unique is None and c.margin > 0.0 and constants.sampled
+    known = c.uniqueness + (" (the margin is positive, but sampled)" if sampled else "")
+    say("kind", f"{c.kind.value}; {known}", c.kind.value)
+    if c.curvature is not None:
+        say("least curvature", f"{_text(c.curvature)} (the body alone: 1)", c.curvature)
+    doubt = "" if not c.error_bound_sampled else "within the reach" if constants.within else "sampled"
+    bounded = math.isfinite(c.error_bound)
+    parts = [f"c = {_text(constants.constant)}"]
+    if constants.constant_normal and constants.constant_tangential:
+        parts.append(f"normal {_text(constants.constant_normal)}")
+        parts.append(f"tangential {_text(constants.constant_tangential)}")
+    if constants.coupling > 0.0:
+        parts.append(f"coupling {_text(constants.coupling)}")
+    say("margin", f"{_text(c.margin)} ({', '.join(parts)})", c.margin, bounded, doubt)
+    if c.margin == -math.inf and not c.left_out:
+        say("", _without_margin(constants), whole=bounded)
+    say("distance", _distance(c), c.error_bound_relative, doubt=doubt)
+    found += [] if c.exact is None else [Claim(line[:_LABEL].rstrip(), line[_LABEL:]) for line in c.exact.lines()]
+    if c.left_out:
+        say("left out", f"{', '.join(c.left_out)}: the time limit was reached", c.left_out)
+    for warning in c.warnings:
+        say("warning", warning)
+    if constants.stiffness_by:
+        say("body", lower_bound_words(constants.stiffness_by))
+    say("certified", f"in {c.seconds:.2g} s by {c.method}", c.seconds)
+    return found + [Claim(label, sentence, whole=True) for label, sentence in _constants(constants)]
+
+
+def _distance(c: Certificate) -> str:
+    """The distance to the exact discrete solution, or why there is no bound of it."""
+    constants = c.smallness
+    if not math.isfinite(c.error_bound):
+        late = "margin" in c.left_out or "error bound" in c.left_out
+        return f"no bound, for {'lack of time' if late else 'the margin is not positive'}"
+    size = f"{c.error_bound:.2e}, relative {c.error_bound_relative:.1e},"
+    if not c.error_bound_sampled:
+        return f"at most {size} to the exact discrete solution"
+    bounded = constants.within and not constants.sampled
+    why = f"for {constants.within} only" if bounded else "from sampled constants"
+    return f"about {size} to an exact discrete solution: an estimate, {why}"
+
+
+def _constants(constants: Smallness) -> Iterator[tuple[str, str]]:
+    """Labels and sentences of all constants."""
+    softens = constants.m_alpha + constants.m_L > 0.0
+    yield "alpha", f"normal {_text(constants.alpha_normal)}, tangential {_text(constants.alpha_tangential)}"
+    if constants.m_L > 0.0:
+        yield "m_L", f"{_text(constants.m_L)}, contraction of the outer fixed point {_text(constants.contraction)}"
+    if constants.m_A is not None:
+        yield "m_A", _text(constants.m_A) + (", at the points of a rule" if constants.m_A_sampled else "")
+    if constants.trace_constant is not None:
+        above = constants.trace_bound
+        more = "" if above is None else f" on this mesh, of the body at most {above:.6g}"
+        yield "trace constant", f"{constants.trace_constant:.6g}{more}"
+    if constants.survey_margin is not None:
+        holds = {
+            None: "holds on this mesh, of the body it is not known", True: "holds", False: "does not hold"
+        }[constants.survey_condition]  # fmt: skip
+        if constants.survey_condition is not None and constants.trace_bound is None and softens:
+            holds += " on this mesh"
+        if constants.m_A_sampled and softens:
+            holds += ", as far as samples of the material tell"
+        yield "survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}"
+    if constants.within:
+        yield "note", f"constants are those of {constants.within}: what rests on them holds there"
+    if constants.alpha_sampled:
+        yield "note", "a law knows its alpha from samples only: margin and distance are estimates"
+    if constants.m_L_sampled:
+        yield "note", "a friction bound knows its slope from samples only: margin and distance are estimates"
 
 
 def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:
     """The certificate in lines of text: kind, bound and margin; if ``whole``, every constant."""
-    constants = certificate.smallness
-    lines: list[str] = []
-
-    def say(label: str, text: str) -> None:
-        lines.append(f"{label:<18}{text}")
-
-    if whole:
-        balance, off_law = certificate.equilibrium_relative, certificate.inclusion_relative
-        say("equilibrium", f"{_text(certificate.equilibrium)} in the K^-1 norm, {_text(balance)} of the load's")
-        say("inclusion", f"{_text(certificate.inclusion)} (force), {_text(off_law)} of the load's")
-        say("residual", f"{certificate.residual.relative:.1e} relative, tolerance {certificate.tolerance:.0e}")
-        fixed = ", with the friction bound held fixed" if constants.m_L > 0.0 else ""
-        say("energy", f"{certificate.energy:.10g}{fixed}")
-    known = certificate.uniqueness
-    if certificate.unique is None and certificate.margin > 0.0 and constants.sampled:
-        known += " (the margin is positive, but sampled)"
-    say("kind", f"{certificate.kind.value}; {known}")
-    if certificate.curvature is not None:
-        say("least curvature", f"{_text(certificate.curvature)} (the body alone: 1)")
-    if whole or not math.isfinite(certificate.error_bound):
-        parts = [f"c = {_text(constants.constant)}"]
-        if constants.constant_normal and constants.constant_tangential:
-            parts.append(f"normal {_text(constants.constant_normal)}")
-            parts.append(f"tangential {_text(constants.constant_tangential)}")
-        if constants.coupling > 0.0:
-            parts.append(f"coupling {_text(constants.coupling)}")
-        say("margin", f"{_text(certificate.margin)} ({', '.join(parts)})")
-        if certificate.margin == -math.inf and not certificate.left_out:
-            say("", _without_margin(constants))
-    if math.isfinite(certificate.error_bound):
-        size = f"{certificate.error_bound:.2e}, relative {certificate.error_bound_relative:.1e},"
-        if certificate.error_bound_sampled:
-            bounded = constants.within and not constants.sampled
-            why = f"for {constants.within} only" if bounded else "from sampled constants"
-            say("distance", f"about {size} to an exact discrete solution: an estimate, {why}")
-        else:
-            say("distance", f"at most {size} to the exact discrete solution")
-    elif "margin" in certificate.left_out or "error bound" in certificate.left_out:
-        say("distance", "no bound, for lack of time")
-    else:
-        say("distance", "no bound, for the margin is not positive")
-    if certificate.exact is not None:
-        lines += certificate.exact.lines()
-    if certificate.left_out:
-        say("left out", f"{', '.join(certificate.left_out)}: the time limit was reached")
-    for warning in certificate.warnings:
-        say("warning", warning)
-    if constants.stiffness_by:
-        say("body", lower_bound_words(constants.stiffness_by))
-    say("certified", f"in {certificate.seconds:.2g} s by {certificate.method}")
-    if whole:
-        say("alpha", f"normal {_text(constants.alpha_normal)}, tangential {_text(constants.alpha_tangential)}")
-        if constants.m_L > 0.0:
-            say("m_L", f"{_text(constants.m_L)}, contraction of the outer fixed point {_text(constants.contraction)}")
-        if constants.m_A is not None:
-            say("m_A", _text(constants.m_A) + (", at the points of a rule" if constants.m_A_sampled else ""))
-        if constants.trace_constant is not None:
-            above = (
-                ""
-                if constants.trace_bound is None
-                else f" on this mesh, of the body at most {constants.trace_bound:.6g}"
-            )
-            say("trace constant", f"{constants.trace_constant:.6g}{above}")
-        if constants.survey_margin is not None:
-            if constants.survey_condition is None:
-                holds = "holds on this mesh, of the body it is not known"
-            else:
-                holds = "holds" if constants.survey_condition else "does not hold"
-                if constants.trace_bound is None and constants.m_alpha + constants.m_L > 0.0:
-                    holds += " on this mesh"
-            if constants.m_A_sampled and constants.m_alpha + constants.m_L > 0.0:
-                holds += ", as far as samples of the material tell"
-            say("survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}")
-        if constants.within:
-            say("note", f"constants are those of {constants.within}: what rests on them holds there")
-        if constants.alpha_sampled:
-            say("note", "a law knows its alpha from samples only: margin and distance are estimates")
-        if constants.m_L_sampled:
-            say("note", "a friction bound knows its slope from samples only: margin and distance are estimates")
-    return lines
+    return [f"{one.label:<{_LABEL}}{one.sentence}" for one in certificate.claims if whole or not one.whole]
 
 
 def certificate_brief(certificate: Certificate) -> str:
@@ -111,8 +144,8 @@ def certificate_brief(certificate: Certificate) -> str:
     if certificate.exact is not None and certificate.exact.known:
         parts.append(certificate.exact.brief())
     elif math.isfinite(certificate.error_bound_relative):
-        size = f"{rounded_up(certificate.error_bound_relative, 2)} (relative) from the exact discrete solution"
-        parts.append(f"about {size}" if certificate.error_bound_sampled else f"at most {size}")
+        size = rounded_up(certificate.error_bound_relative, 2)
+        parts.append(f"{certificate.claim('distance').size} {size} (relative) from the exact discrete solution")
     else:
         parts.append("no bound of the distance")
     return "; ".join(parts)

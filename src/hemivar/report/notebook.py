@@ -167,8 +167,7 @@ def _trust(certificate: Certificate) -> list[_Row]:
     plain, known = {True: "yes", False: "no", None: "not known"}, certificate.unique
     unique = known if isinstance(known, str) else plain[known]
     margin, bound = _number(certificate.margin), _number(certificate.error_bound_relative)
-    if certificate.error_bound_sampled:
-        why = "within the reach" if certificate.smallness.within else "sampled"
+    if why := certificate.claim("margin").doubt:
         margin, bound = f"{margin} ({why})", f"{bound} ({why}, an estimate)"
     return [
         ("kind", certificate.kind.value),

@@ -74,7 +74,7 @@ def summary_of(solution: Solution, certificate: Certificate | None = None, units
         units = Units() if solution.problem.origin is None else solution.problem.origin.units
     rows = list(_solve_rows(solution, certificate is not None, units))
     if certificate is not None:
-        rows += [(line[:_WIDTH].rstrip(), line[_WIDTH:]) for line in certificate.lines()]
+        rows += [(claim.label, claim.sentence) for claim in certificate.claims if not claim.whole]
     if solution.problem.contact_points:
         rows += _contact_part(solution, units)
     rows += _body_part(solution, units)

@@ -40,8 +40,11 @@ def badge_of(certificate: Certificate) -> Badge:
     kind = certificate.kind.value
     if certificate.unique is True:
         error = certificate.error_bound_relative
-        sure = "about" if certificate.error_bound_sampled else "at most"
-        off = f" It is {sure} {error:.1e} (relative) from the exact discrete solution." if math.isfinite(error) else ""
+        off = (
+            f" It is {certificate.claim('distance').size} {error:.1e} (relative) from the exact discrete solution."
+            if math.isfinite(error)
+            else ""
+        )
         return Badge("good", "the only solution", f"No other equilibrium of this mesh exists at this load.{off}")
     if isinstance(certificate.unique, str):
         return Badge("good", kind, f"This equilibrium is {certificate.unique}.")
