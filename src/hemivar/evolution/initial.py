@@ -18,7 +18,7 @@ from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.laws import VectorLaw
-from hemivar.laws.neighbourhood import lengths
+from hemivar.laws.vector_law import lengths
 from hemivar.solvers import Status
 
 __all__ = ["accelerated", "initial_moment"]

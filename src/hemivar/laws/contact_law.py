@@ -16,12 +16,11 @@ from hemivar.laws.contact_chart import ContactChart, GraphTables, follow
 from hemivar.laws.crossings import Crossings, crossings, length_places, level_places
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
-from hemivar.laws.neighbourhood import Neighbourhood, lengths, polar
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.scalar_graph import downhill, is_continuous, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw, spread
+from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw, lengths, polar, spread
 
 __all__ = ["ContactLaw", "separable"]
 
@@ -150,8 +149,31 @@ class ContactLaw(NormalAndFriction):
         resting = np.hypot(size / tau[:, 1], to_rest)
         return np.hypot(normal, np.minimum(np.where(size > 0.0, moving, np.inf), resting))
 
-    def near(self, r: Array) -> Neighbourhood:
-        return Neighbourhood(self, r)
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        out, law = np.empty_like(lam), self.normal
+        interval = law.subdifferential(np.clip(r[:, 0], law.domain.lower, law.domain.upper))
+        out[:, 0] = np.clip(lam[:, 0], interval.lower, np.maximum(interval.lower, interval.upper))
+        if r.shape[1] > 1:
+            size, direction = polar(r[:, 1:])
+            law = self.tangential
+            interval = law.subdifferential(np.minimum(size, law.domain.upper))
+            along = np.clip(np.einsum("mi,mi->m", direction, lam[:, 1:]), interval.lower, interval.upper)
+            length, heading = polar(lam[:, 1:])
+            rest = np.minimum(length, np.maximum(interval.upper, 0.0))
+            out[:, 1:] = np.where((size > 0.0)[:, None], along[:, None] * direction, rest[:, None] * heading)
+        return out
+
+    def clamp(self, start: Array, end: Array) -> Array:
+        out, law = end.copy(), self.normal
+        out[:, 0] = np.clip(end[:, 0], *law.piece_bounds(law.piece_of(start[:, 0])))
+        if end.shape[1] > 1:
+            law, (length, heading), (size, own) = self.tangential, polar(end[:, 1:]), polar(start[:, 1:])
+            low, high = law.piece_bounds(law.piece_of(size))
+            forwards = np.einsum("mi,mi->m", own, end[:, 1:]) > 0.0
+            out[:, 1:] = np.where(
+                forwards[:, None], np.clip(length, low, high)[:, None] * heading, np.maximum(low, 0.0)[:, None] * own
+            )
+        return out
 
     def crossings(self, r: Array, way: Array) -> Crossings | None:
         rubs = r.shape[1] > 1 and bool(self.rubs.any())

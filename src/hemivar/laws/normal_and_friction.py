@@ -13,11 +13,10 @@ from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.friction_law import Friction, SlipMeasure, friction_in_increments
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
-from hemivar.laws.neighbourhood import lengths
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed import plus, secant
 from hemivar.laws.transformed.algebra import secant_stiffness
-from hemivar.laws.vector_law import VectorLaw
+from hemivar.laws.vector_law import VectorLaw, lengths
 
 __all__ = ["NormalAndFriction", "with_friction"]
 

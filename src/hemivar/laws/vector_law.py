@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from hemivar.errors import MethodError
 from hemivar.laws.crossings import Crossings, level_places
 from hemivar.laws.superpotential import Interval, Superpotential
 
-__all__ = ["Chart", "Linearisation", "Near", "OnGraph", "Sides", "VectorLaw", "spread"]
+__all__ = ["Chart", "Linearisation", "OnGraph", "Sides", "VectorLaw", "lengths", "polar", "principal_sides", "spread"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,22 +81,6 @@ class Sides(PickleMixin):
     def where(self, chosen: BoolArray) -> Sides:
         """Some of them, ``chosen (k,)``."""
         return Sides(*(values[chosen] for values in vars(self).values()))
-
-
-class Near(Protocol):
-    """A law on the pieces on which some local displacements r lie."""
-
-    def clamp(self, end: Array) -> Array:
-        """``end (m, c)``, cut back to the pieces."""
-        ...
-
-    def gradient(self, place: Array) -> Array:
-        """Derivatives (m, c) of the parts that are smooth at ``place (m, c)`` on the pieces, zero at kinks."""
-        ...
-
-    def nearest_multiplier(self, lam: Array) -> Array:
-        """The element of dj(r) nearest to ``lam``, (m, c); outside its domain r counts as at the end of it."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,10 +325,6 @@ class VectorLaw(PickleMixin, ABC):
             the tangential part.
         """
 
-    @abstractmethod
-    def near(self, r: Array) -> Near:
-        """The law on the pieces on which ``r (m, c)`` lies."""
-
     def crossings(self, r: Array, way: Array) -> Crossings | None:
         """Where the law bends along ``r + t way``, ``(m, c)`` each; None where it is not quadratic in between."""
         return None
@@ -361,9 +340,9 @@ class VectorLaw(PickleMixin, ABC):
         """
         return level_places(self.penetration_knots, start[:, 0], end[:, 0], bend[:, 0])
 
+    @abstractmethod
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
         """The element of dj(r) nearest to ``lam``, (m, c); outside its domain r counts as at the end of it."""
-        return self.near(r).nearest_multiplier(lam)
 
     @abstractmethod
     def local_argmin(self, a: Array, b: Array) -> Array:
@@ -378,9 +357,9 @@ class VectorLaw(PickleMixin, ABC):
     def linearise(self, r: Array) -> Linearisation:
         """Derivatives of the parts that are smooth at ``r``."""
 
+    @abstractmethod
     def clamp(self, start: Array, end: Array) -> Array:
-        """``end``, cut back to the smooth piece on which ``start`` lies."""
-        return self.near(start).clamp(end)
+        """``end (m, c)``, cut back to the smooth pieces on which ``start (m, c)`` lies."""
 
     @abstractmethod
     def admissible(self, r: Array) -> Array:
@@ -608,3 +587,30 @@ class VectorLaw(PickleMixin, ABC):
 def spread(tau: Array, c: int) -> Array:
     """(m, 2) normal and tangential numbers as (m, c)."""
     return np.concatenate([tau[:, :1], np.repeat(tau[:, 1:2], c - 1, axis=1)], axis=1)
+
+
+def lengths(x: Array) -> Array:
+    """Length of each row."""
+    return np.abs(x[:, 0]) if x.shape[1] == 1 else np.sqrt(np.einsum("mi,mi->m", x, x))
+
+
+def polar(x: Array) -> tuple[Array, Array]:
+    """Length and direction of each row; the direction of a zero row is zero."""
+    size = lengths(x)
+    return size, x / np.where(size > 0.0, size, 1.0)[:, None]
+
+
+def principal_sides(rows: IntArray, hessian: Array, active: BoolArray, jumps: BoolArray) -> list[Sides]:
+    """Principal directions (k, c) of second derivatives between active components; weak ones where these jump."""
+    d = hessian.shape[1]
+    both = active[:, :, None] & active[:, None, :]
+    apart = 10.0 * (1.0 + np.abs(hessian).max(axis=(1, 2)))
+    masked = np.where(both, hessian, 0.0) + np.where(active, 0.0, apart[:, None])[:, :, None] * np.eye(d)
+    values, vectors = np.linalg.eigh(masked)
+    found = []
+    for k in range(d):
+        own = np.flatnonzero(k < active.sum(axis=1))  # those of held components are the last ones
+        bend, none = values[own, k], np.zeros(own.size)
+        higher = np.where(jumps[own], bend + apart[own], bend)
+        found.append(Sides(rows[own], vectors[own, :, k], none, none, none, bend, higher))
+    return found

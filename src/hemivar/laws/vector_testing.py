@@ -214,8 +214,7 @@ class Questions:
         """Smooth places away from the ends of the pieces."""
         sides = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * self.c), axis=-1).reshape(-1, self.c)
         corners = [self.r + step * side for side in sides]
-        near = self.law.near(self.r)
-        stays = [np.abs(near.clamp(corner) - corner).max(axis=1) < 1e-3 * step for corner in corners]
+        stays = [np.abs(self.law.clamp(self.r, corner) - corner).max(axis=1) < 1e-3 * step for corner in corners]
         return np.asarray(np.all(stays, axis=0) & self.law.linearise(self.r).smooth.all(axis=1))
 
     def gradient(self) -> str | None:

@@ -180,4 +180,4 @@ def _seen_reach(law: OwnCoupledLaw) -> float:
 
 def _pure(law: MixedMode, r: np.ndarray) -> np.ndarray:
     """Forces of pairs (m, 2) in one mode."""
-    return law.near(r).nearest_multiplier(np.zeros(r.shape))
+    return law.nearest_multiplier(r, np.zeros(r.shape))

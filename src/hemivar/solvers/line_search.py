@@ -226,7 +226,7 @@ class SearchLine:
     def cut(self, length: float) -> Array:
         """Local displacements (m, d) after a step, cut back to the pieces on which they began."""
         far = np.where(self.system.active, self.at.r + length * self.along, self.system.fixed)
-        return np.where(self.at.moving, self.at.near.clamp(far), self.at.r)
+        return self.at.clamp(far)
 
     def _slope_cut(self, length: float) -> float:
         """Derivative of the energy along the way on which points stop at the ends of their pieces."""
@@ -235,7 +235,7 @@ class SearchLine:
         stopped = np.abs(extra) > _MET * (np.abs(r) + np.abs(length * along))
         way = np.where(stopped, 0.0, along)
         contact = self._pull(length) + system.couple(extra)
-        law = system.weights @ np.einsum("mi,mi->m", self.at.near.gradient(r), way)
+        law = system.weights @ np.einsum("mi,mi->m", system.law.linearise(r).gradient, way)
         own = float(np.vdot(extra, self._at_contact[0])) + float(np.vdot(contact, way - along)) + float(law)
         return length * self.square - self.slope + float(system.vectors.total(own)[0])
 

@@ -179,7 +179,7 @@ class TruncatedNewton(Solver):
             cycles += found.cycles
             if found.negative is not None:
                 continue
-            near = np.where(at.moving, at.near.clamp(at.r + system.at_contact(found.step)), at.r)
+            near = at.clamp(at.r + system.at_contact(found.step))
             new = system.moved(first + found.step, near)
             line = SearchLine.of(system, here, new - x, system.multiply(new - x))
             there = system.out_of_balance(new)

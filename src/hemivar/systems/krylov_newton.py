@@ -177,11 +177,11 @@ class _Enough:
         if self.due():
             return np.full(1, np.inf)
         way = body.spread(step[body.unknown])
-        aim = np.where(at.moving, at.near.clamp(at.r + way), at.r)
+        aim = at.clamp(at.r + way)
         beyond = np.where(at.moving, at.r + way - aim, 0.0)
         lam = body.spread(at.force[body.unknown] - pulled) / weights
-        off = np.where(body.active, lam - at.near.nearest_multiplier(lam), 0.0)
-        bend = at.near.gradient(aim) - at.multiplier - np.einsum("mij,mj->mi", at.blocks, way)
+        off = np.where(body.active, lam - body.law.nearest_multiplier(at.r, lam), 0.0)
+        bend = body.law.linearise(aim).gradient - at.multiplier - np.einsum("mij,mj->mi", at.blocks, way)
         bend[np.abs(beyond) > _CUT * np.abs(way)] = 0.0  # at the end of its piece a law has no gradient
         missed = np.hypot(body.stiffness * beyond, weights * np.where(at.moving, bend, off))
         return np.asarray(_PATIENCE * self.share * missed).ravel()

@@ -8,9 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
-from hemivar.laws.vector_law import Near, OnGraph
+from hemivar.laws.vector_law import OnGraph
 from hemivar.systems.contact_moves import ContactBody, smooth_components
 
 __all__ = ["Accuracy", "Correction", "LinearisedPoint", "NewtonEquation"]
@@ -72,10 +71,9 @@ class LinearisedPoint:
         pushed = np.where(moving & body.active[:, :1], pushed, 0.0)
         return LinearisedPoint(x, force, on.r, on.multiplier, curvature, moving, body, pushed)
 
-    @cached_property
-    def near(self) -> Near:
-        """The law on the pieces on which r lies."""
-        return self.body.law.near(self.r)
+    def clamp(self, end: Array) -> Array:
+        """``end (m, d)``, cut back to the pieces of the laws on which r lies; what does not move stays where it is."""
+        return np.where(self.moving, self.body.law.clamp(self.r, end), self.r)
 
     @property
     def blocks(self) -> Array:

@@ -129,7 +129,7 @@ def test_the_work_to_break_does_not_depend_on_the_way() -> None:
     for start, end in itertools.pairwise(corners):
         parts = np.linspace(0.0, 1.0, 20001)
         t = (0.5 * (parts[1:] + parts[:-1])[:, None] + 0.5 * np.diff(parts)[:, None] * nodes).ravel()
-        force = law.near(start + t[:, None] * (end - start)).gradient(start + t[:, None] * (end - start))
+        force = law.linearise(start + t[:, None] * (end - start)).gradient
         work += float(((force @ (end - start)).reshape(-1, 4) @ weights * 0.5 * np.diff(parts)).sum())
     assert work == pytest.approx(ENERGY, rel=1e-7)
 
@@ -279,7 +279,7 @@ def test_a_joined_law_answers_as_its_parts_do() -> None:
         for part, rows in ((law, slice(0, 30)), (other, slice(30, 60))):
             assert together[rows] == pytest.approx(getattr(part, name)(*(x[rows] for x in given)))
     assert joined.value(r)[:30] == pytest.approx(law.value(r[:30]))
-    assert joined.near(r).nearest_multiplier(b)[30:] == pytest.approx(other.near(r[30:]).nearest_multiplier(b[30:]))
+    assert joined.nearest_multiplier(r, b)[30:] == pytest.approx(other.nearest_multiplier(r[30:], b[30:]))
 
 
 def test_laws_may_vary_over_the_boundary() -> None:

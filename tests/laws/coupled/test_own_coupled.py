@@ -162,14 +162,14 @@ def test_a_search_without_its_grid_is_noticed(monkeypatch: pytest.MonkeyPatch) -
 def test_the_distance_to_the_graph_is_bracketed() -> None:
     law, random = LAWS["gauss"](), np.random.default_rng(6)
     r = random.uniform(-0.03, 0.03, (12, 2))
-    lam = law.near(r).gradient(r) + random.uniform(-20.0, 20.0, r.shape)
+    lam = law.linearise(r).gradient + random.uniform(-20.0, 20.0, r.shape)
     tau = 10.0 ** random.uniform(-5.0, -3.0, (12, 2))
     low, high = law.graph_distance_bracket(r, lam, tau)
     for i in range(12):
 
         def off(x: Array, i: int = i) -> float:
             place = r[i] + x * tau[i] * high[i]
-            force = law.near(place[None]).gradient(place[None])[0]
+            force = law.linearise(place[None]).gradient[0]
             return float(((x * high[i]) ** 2).sum() + ((lam[i] - force) ** 2).sum())
 
         starts = [np.zeros(2), *random.uniform(-1.0, 1.0, (6, 2))]

@@ -58,7 +58,7 @@ def broken(bond: PlasticBond, way: tuple[float, float], sizes: Array) -> tuple[A
     state, lost = bond.start(RIGID, last), 0.0
     for size in sizes.tolist():
         r, step = np.array([way]) * size, LocalStep(0.1, 10.0, last)
-        now = law_at(bond, state, r).near(r).nearest_multiplier(np.zeros((1, 2)))[0]
+        now = law_at(bond, state, r).nearest_multiplier(r, np.zeros((1, 2)))[0]
         new = advanced(bond, state, last, r)
         work += float((0.5 * (now + force) * (r - last)[0]).sum())
         lost += float(bond.dissipated(RIGID, state, new, step, r, 0.0 * r)[0])

@@ -36,7 +36,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.continuous.contact_traces import ContactTraces, PartRule
 from hemivar.laws import ContactLaw, Superpotential, VectorLaw
-from hemivar.laws.neighbourhood import lengths
+from hemivar.laws.vector_law import lengths
 
 __all__ = ["FenchelGap", "exact_gap", "fenchel_gap", "following"]
 

@@ -16,9 +16,8 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.coupled.coupled_law import CoupledLaw
-from hemivar.laws.neighbourhood import lengths, polar
 from hemivar.laws.superpotential import Interval
-from hemivar.laws.vector_law import Linearisation, Near, Sides, VectorLaw, spread
+from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths, polar, spread
 
 __all__ = ["FrictionBeside"]
 
@@ -117,8 +116,14 @@ class FrictionBeside(CoupledLaw):
         moving, resting = (self.base.graph_distance(at, lam - self._friction(at, lam), tau) for at in (r, rest))
         return np.asarray(np.minimum(moving, np.hypot(far, resting)))
 
-    def near(self, r: Array) -> Near:
-        return _NearRubbing(self, r, self.base.near(r))
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        friction = self._friction(r, lam)
+        return np.asarray(self.base.nearest_multiplier(r, lam - friction) + friction)
+
+    def clamp(self, start: Array, end: Array) -> Array:
+        out = self.base.clamp(start, end)
+        back = np.einsum("mi,mi->m", self._way(start), self._way(end)) <= 0.0
+        return np.where(back[:, None], self._at_start(out), out)
 
     def linearise(self, r: Array) -> Linearisation:
         line, held = self.base.linearise(r), self._held(r)
@@ -305,26 +310,3 @@ class _Rubbed:
             low, above = np.where(now > 0.0, m, low), np.where(now > 0.0, now, above)
             high, below = np.where(now > 0.0, high, m), np.where(now > 0.0, below, now)
         return found
-
-
-@dataclass(frozen=True, eq=False)
-class _NearRubbing:
-    """The base on its pieces, and on the way of the slip."""
-
-    law: FrictionBeside
-    r: Array
-    base: Near
-
-    def clamp(self, end: Array) -> Array:
-        law, out = self.law, self.base.clamp(end)
-        back = np.einsum("mi,mi->m", law._way(self.r), law._way(end)) <= 0.0
-        return np.where(back[:, None], law._at_start(out), out)
-
-    def gradient(self, place: Array) -> Array:
-        out = self.base.gradient(place) + self.law.slide(place)
-        out[:, 1:] = np.where(self.law._held(self.r)[:, None], 0.0, out[:, 1:])
-        return out
-
-    def nearest_multiplier(self, lam: Array) -> Array:
-        friction = self.law._friction(self.r, lam)
-        return np.asarray(self.base.nearest_multiplier(lam - friction) + friction)

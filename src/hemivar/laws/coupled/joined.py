@@ -16,7 +16,7 @@ from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw
 from hemivar.laws.stacked import gathered_debonding
 from hemivar.laws.superpotential import Interval
-from hemivar.laws.vector_law import Linearisation, Near, Sides, VectorLaw
+from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
 
 __all__ = ["JoinedLaw", "join_laws"]
 
@@ -114,8 +114,11 @@ class JoinedLaw(CoupledLaw):
         own = [law.kinks_along(start[i], end[i], bend[i]) for law, i in zip(self.parts, self.indices, strict=True)]
         return self._padded(own, np.nan)
 
-    def near(self, r: Array) -> Near:
-        return _NearJoined(self, tuple(law.near(r[i]) for law, i in zip(self.parts, self.indices, strict=True)))
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        return self._gather(lambda law, i: law.nearest_multiplier(r[i], lam[i]))
+
+    def clamp(self, start: Array, end: Array) -> Array:
+        return self._gather(lambda law, i: law.clamp(start[i], end[i]))
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         return self._gather(lambda law, i: law.local_argmin(a[i], b[i]))
@@ -246,29 +249,6 @@ class JoinedLaw(CoupledLaw):
 
     def resistance(self, r: Array, lam: Array) -> Array:
         return self._gather(lambda law, i: law.resistance(r[i], lam[i]))
-
-
-@dataclass(frozen=True, eq=False)
-class _NearJoined:
-    """Each law on its pieces."""
-
-    law: JoinedLaw
-    nears: tuple[Near, ...]
-
-    def _all(self, values: Array, ask: Callable[[Near, Array], Array]) -> Array:
-        out = np.empty_like(values)
-        for near, index in zip(self.nears, self.law.indices, strict=True):
-            out[index] = ask(near, values[index])
-        return out
-
-    def clamp(self, end: Array) -> Array:
-        return self._all(end, lambda near, part: near.clamp(part))
-
-    def gradient(self, place: Array) -> Array:
-        return self._all(place, lambda near, part: near.gradient(part))
-
-    def nearest_multiplier(self, lam: Array) -> Array:
-        return self._all(lam, lambda near, part: near.nearest_multiplier(part))
 
 
 def join_laws(laws: Sequence[tuple[VectorLaw, int]]) -> VectorLaw:

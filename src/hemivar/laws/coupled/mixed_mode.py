@@ -14,17 +14,15 @@ from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.criteria import FractureCriterion
-from hemivar.laws.coupled.near_mixed_mode import NearMixedMode, principal_sides, row_entries
 from hemivar.laws.coupled.opening import OpeningProblem
 from hemivar.laws.crossings import length_places, level_places
-from hemivar.laws.neighbourhood import lengths, polar
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import evaluate, positive
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import downhill, is_continuous, one_sided, radial_sides, steepest
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, Sides
+from hemivar.laws.vector_law import Linearisation, Sides, lengths, polar, principal_sides
 
 __all__ = ["MixedMode"]
 
@@ -345,7 +343,7 @@ class MixedMode(CoupledLaw):
         return np.concatenate([shut, length_places(self._half[0], *ways), length_places(self._half[0], *slips)], axis=1)
 
     def distance(self, r: Array, lam: Array) -> Array:
-        off = lengths(lam - self.near(r).nearest_multiplier(lam))
+        off = lengths(lam - self.nearest_multiplier(r, lam))
         return np.where(r[:, 0] > self.compression.domain.upper, np.inf, off)
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
@@ -353,16 +351,55 @@ class MixedMode(CoupledLaw):
         shut[:, 0] = 0.0
         return np.minimum(self.distance(r, lam), np.hypot(r[:, 0] / tau[:, 0], self.distance(shut, lam)))
 
-    def near(self, r: Array) -> NearMixedMode:
-        return NearMixedMode(self, np.asarray(r, dtype=float))
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        out, law = self._gradient(r), self.compression
+        interval = law.subdifferential(np.clip(r[:, 0], 0.0, law.domain.upper))
+        push = np.clip(lam[:, 0], interval.lower, np.maximum(interval.lower, interval.upper))
+        out[:, 0] = np.where(r[:, 0] < 0.0, out[:, 0], push)
+        return out
+
+    def clamp(self, start: Array, end: Array) -> Array:
+        opens, piece, out = start[:, 0] < 0.0, self.piece_of(self.effective(start)), end.copy()
+        out[:, 0] = np.where(opens, np.minimum(out[:, 0], 0.0), np.clip(out[:, 0], 0.0, self.compression.domain.upper))
+        knots = self._half[0]
+        zero, far = np.zeros((len(knots), 1)), np.full((len(knots), 1), np.inf)
+        low = row_entries(np.concatenate([zero, knots], axis=1), piece)
+        rho = self.effective(out)
+        cut = np.clip(rho, low, row_entries(np.concatenate([knots, far], axis=1), piece))
+        scale = np.where(cut == rho, 1.0, cut / np.where(rho > 0.0, rho, 1.0))
+        out[:, 0] = np.where(opens, out[:, 0] * scale, out[:, 0])
+        out[:, 1:] *= scale[:, None]
+        return np.where(((rho == 0.0) & (low > 0.0))[:, None], start, out)
+
+    def _gradient(self, r: Array) -> Array:
+        """Derivatives (m, c) of the parts that are smooth at ``r (m, c)``, zero at kinks."""
+        rho, law = self.effective(r), self.compression
+        out = self.curve_on(rho, self.piece_of(rho))[0][:, None] * r
+        out[:, 1:] *= (self.beta**2)[:, None]
+        inside = np.clip(r[:, 0], 0.0, law.domain.upper)
+        out[:, 0] = np.where(r[:, 0] < 0.0, out[:, 0], np.where(law.at_kink(inside), 0.0, law.derivative(inside)))
+        return out
+
+    def _bend(self, r: Array, piece: IntArray) -> Array:
+        """Second derivative (m, c, c) on given pieces of rho, of the penetration as on its own piece."""
+        opens, rho = r[:, 0] < 0.0, self.effective(r)
+        secant, slope = self.curve_on(rho, piece)
+        metric = np.ones(r.shape)
+        metric[:, 1:] = (self.beta**2)[:, None]
+        along = np.where(rho > 0.0, 1.0 / np.where(rho > 0.0, rho, 1.0), 0.0)[:, None] * metric * r
+        along[:, 0] = np.where(opens, along[:, 0], 0.0)
+        hessian = (slope - secant)[:, None, None] * along[:, :, None] * along[:, None, :]
+        hessian += (secant[:, None] * metric)[:, :, None] * np.eye(r.shape[1])
+        pushed = self.compression.curvature(np.maximum(r[:, 0], 0.0))
+        hessian[:, 0, 0] = np.where(opens, hessian[:, 0, 0], pushed)
+        return hessian
 
     def linearise(self, r: Array) -> Linearisation:
         smooth = np.ones((len(r), 2), dtype=bool)
         smooth[:, 0] = ~self.at_normal_kink(r)
-        near = self.near(r)
-        hessian = near.hessian(near.piece)
+        hessian = self._bend(r, self.piece_of(self.effective(r)))
         hessian[~smooth[:, 0], 0, :] = hessian[~smooth[:, 0], :, 0] = 0.0
-        return Linearisation(smooth, near.gradient(r), hessian)
+        return Linearisation(smooth, self._gradient(r), hessian)
 
     def admissible(self, r: Array) -> Array:
         out, ends = np.array(r, dtype=float), self.compression.domain
@@ -523,11 +560,12 @@ class MixedMode(CoupledLaw):
 
     def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
         d = r.shape[1]
-        near, opens = self.near(r), r[:, 0] < 0.0
+        opens, rho = r[:, 0] < 0.0, self.effective(r)
+        piece = self.piece_of(rho)
         # shut: the penetration and the slip are laws of their own
         below, above, low, high = one_sided(self.compression, r[:, 0], tau[:, 0], slack)
         touches = r[:, 0] == 0.0
-        low = np.where(touches, near.secant(near.piece), low)
+        low = np.where(touches, self.curve_on(rho, piece)[0], low)
         index = np.flatnonzero(active[:, 0] & ~opens)
         axis = np.broadcast_to(np.eye(d)[0], (index.size, d))
         found = [Sides(index, axis, lam[index, 0], *(part[index] for part in (below, above, low, high)))]
@@ -537,14 +575,14 @@ class MixedMode(CoupledLaw):
         # open: the principal directions of the second derivative; at a knot of rho the lower one of two
         rows = np.flatnonzero(opens & active.any(axis=1))
         if rows.size:
-            rho, (knots, slopes) = self.effective(r), self._half
+            knots, slopes = self._half
             gaps = np.abs(rho[:, None] - knots)
             nearest = np.argmin(gaps, axis=1)
             jumps = np.take_along_axis(gaps, nearest[:, None], axis=1)[:, 0] <= slack * tau.max(axis=1)
             sides = (row_entries(slopes, nearest), row_entries(slopes, nearest + 1))
             lower = np.where(sides[0] <= sides[1], nearest, nearest + 1)
             jumps &= sides[0] != sides[1]
-            hessian = near.hessian(np.where(jumps, lower, near.piece))[rows]
+            hessian = self._bend(r, np.where(jumps, lower, piece))[rows]
             found += principal_sides(rows, hessian, active[rows], jumps[rows])
         return found
 
@@ -566,3 +604,10 @@ class MixedMode(CoupledLaw):
 
     def resistance(self, r: Array, lam: Array) -> Array:
         return np.where(self.effective(r) < self.opening_at_break, self.beta * self.strength, 0.0)
+
+
+def row_entries(table: Array, index: IntArray) -> Array:
+    """One entry of each row, (m,); a table of one row is that of all."""
+    if len(table) == 1:
+        return np.asarray(table[0].take(index))
+    return np.take_along_axis(table, index[:, None], axis=1)[:, 0]

@@ -15,12 +15,10 @@ from hemivar.errors import ProblemError
 from hemivar.laws.coupled.cohesion import BilinearCohesion
 from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion
 from hemivar.laws.coupled.mixed_mode import MixedMode
-from hemivar.laws.coupled.near_mixed_mode import NearMixedMode
-from hemivar.laws.neighbourhood import lengths
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, OnGraph, Sides, VectorLaw
+from hemivar.laws.vector_law import Linearisation, OnGraph, Sides, VectorLaw, lengths
 
 __all__ = ["KeptModeGlue", "ModeDependentGlue"]
 
@@ -229,7 +227,7 @@ class ModeDependentGlue(VectorLaw):
 
     def traction(self, r: Array) -> Array:
         """Multipliers (m, c) of states whose mode is their own; where the compression leaves a choice, the least."""
-        return self.frozen_at(r).near(r).nearest_multiplier(np.zeros(r.shape))
+        return self.nearest_multiplier(r, np.zeros(r.shape))
 
     @property
     def lipschitz(self) -> Array:
@@ -387,8 +385,11 @@ class ModeDependentGlue(VectorLaw):
 
     # ---- what is asked of a state, in its own mode -------------------------------------------------------
 
-    def near(self, r: Array) -> NearMixedMode:
-        return self.frozen_at(r).near(r)
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        return self.frozen_at(r).nearest_multiplier(r, lam)
+
+    def clamp(self, start: Array, end: Array) -> Array:
+        return self.frozen_at(start).clamp(start, end)
 
     def distance(self, r: Array, lam: Array) -> Array:
         return self.frozen_at(r).distance(r, lam)

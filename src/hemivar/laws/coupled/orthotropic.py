@@ -18,15 +18,13 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw, separable
-from hemivar.laws.coupled.near_mixed_mode import principal_sides
 from hemivar.laws.crossings import length_places
 from hemivar.laws.friction.friction_law import Friction
 from hemivar.laws.friction.orthotropic_friction import OrthotropicFriction
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
-from hemivar.laws.neighbourhood import lengths
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.vector_law import Linearisation, Near, Sides, VectorLaw
+from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths, principal_sides
 
 __all__ = ["OrthotropicLaw", "bounded"]
 
@@ -200,8 +198,15 @@ class OrthotropicLaw(NormalAndFriction):
         normal = super().kinks_along(start, end, bend)
         return np.concatenate([normal, length_places(np.zeros((1, 1)), start[:, 1:], end[:, 1:])], axis=1)
 
-    def near(self, r: Array) -> Near:
-        return _NearOrthotropic(self, r, self._plain.near(r[:, :1]))
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        moves, normal = r[:, 1:].any(axis=1, keepdims=True), self._plain.nearest_multiplier(r[:, :1], lam[:, :1])
+        along = np.where(moves, self.slide(r[:, 1:]), self.project(lam[:, 1:]))
+        return np.concatenate([normal, along], axis=1)
+
+    def clamp(self, start: Array, end: Array) -> Array:
+        backwards = np.einsum("mi,mi->m", start[:, 1:], end[:, 1:]) <= 0.0  # and where nothing slips
+        normal = self._plain.clamp(start[:, :1], end[:, :1])
+        return np.concatenate([normal, np.where(backwards[:, None], 0.0, end[:, 1:])], axis=1)
 
     def linearise(self, r: Array) -> Linearisation:
         line = self._plain.linearise(r[:, :1])
@@ -303,34 +308,6 @@ class OrthotropicLaw(NormalAndFriction):
             along[:, 0] = False
             found += principal_sides(rows, hessian, along, np.zeros(rows.size, dtype=bool))
         return found
-
-
-@dataclass(frozen=True, eq=False)
-class _NearOrthotropic:
-    """The law on the pieces of the penetration, and on the way of the slip."""
-
-    law: OrthotropicLaw
-    r: Array
-    normal: Near
-
-    @cached_property
-    def _moves(self) -> BoolArray:
-        return np.asarray(self.r[:, 1:].any(axis=1))
-
-    def clamp(self, end: Array) -> Array:
-        out = end.copy()
-        out[:, :1] = self.normal.clamp(end[:, :1])
-        backwards = np.einsum("mi,mi->m", self.r[:, 1:], end[:, 1:]) <= 0.0
-        out[~self._moves | backwards, 1:] = 0.0
-        return out
-
-    def gradient(self, place: Array) -> Array:
-        return np.concatenate([self.normal.gradient(place[:, :1]), self.law.slide(place[:, 1:])], axis=1)
-
-    def nearest_multiplier(self, lam: Array) -> Array:
-        rest = self.law.project(lam[:, 1:])
-        along = np.where(self._moves[:, None], self.law.slide(self.r[:, 1:]), rest)
-        return np.concatenate([self.normal.nearest_multiplier(lam[:, :1]), along], axis=1)
 
 
 def bounded(law: VectorLaw) -> ContactLaw:

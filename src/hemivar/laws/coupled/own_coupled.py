@@ -13,8 +13,6 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.local_search import descend
-from hemivar.laws.coupled.near_mixed_mode import principal_sides
-from hemivar.laws.coupled.near_own_coupled import NearOwnCoupled
 from hemivar.laws.coupled.plane_bounds import (
     best_ratio,
     check_plane_potential,
@@ -25,9 +23,8 @@ from hemivar.laws.coupled.plane_bounds import (
 )
 from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotential
 from hemivar.laws.crossings import length_places
-from hemivar.laws.neighbourhood import lengths, polar
 from hemivar.laws.superpotential import Interval
-from hemivar.laws.vector_law import Linearisation, Sides
+from hemivar.laws.vector_law import Linearisation, Sides, lengths, polar, principal_sides
 
 __all__ = ["OwnCoupledLaw", "checked_reach"]
 
@@ -181,15 +178,45 @@ class OwnCoupledLaw(CoupledLaw):
     def value(self, r: Array) -> Array:
         return self.potential_at(*self.split(r)[:2])
 
-    def near(self, r: Array) -> NearOwnCoupled:
-        return NearOwnCoupled(self, np.asarray(r, dtype=float))
+    def clamp(self, start: Array, end: Array) -> Array:
+        out = end.copy()
+        if self.hooked:  # r = 0 counts as penetration: there is contact
+            out[:, 0] = np.where(start[:, 0] >= 0.0, np.maximum(out[:, 0], 0.0), np.minimum(out[:, 0], 0.0))
+        if self.rigid:
+            out[:, 0] = np.minimum(out[:, 0], 0.0)
+        if self.resting:
+            out[np.einsum("mi,mi->m", start[:, 1:], end[:, 1:]) <= 0.0, 1:] = 0.0
+        return out
+
+    def _gradient(self, r: Array) -> Array:
+        """Derivatives (m, c) of the parts that are smooth at ``r (m, c)``, zero at kinks."""
+        normal, size, heading = self.split(self.admissible(r))
+        side = np.where((normal > 0.0) | (self.hooked & (normal == 0.0)), 1.0, -1.0)
+        by_r, by_s = self.slopes_at(normal, size, side)
+        kink = (normal == 0.0) & self.hooked
+        return np.concatenate([np.where(kink, 0.0, by_r)[:, None], by_s[:, None] * heading], axis=1)
+
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        inside = self.admissible(r)
+        normal, size, heading = self.split(inside)
+        by_r, by_s = self.slopes_at(normal, size, np.where(normal > 0.0, 1.0, -1.0))
+        out = np.concatenate([by_r[:, None], by_s[:, None] * heading], axis=1)
+        hook = self.at_normal_kink(inside)
+        if hook.any():
+            above = np.inf if self.rigid else self.slopes_at(normal, size, np.ones(len(normal)))[0]
+            out[:, 0] = np.where(hook, np.clip(lam[:, 0], by_r, np.maximum(by_r, above)), by_r)
+        if lam.shape[1] > 1:
+            pull, along = polar(lam[:, 1:])
+            rest = np.minimum(pull, np.maximum(by_s, 0.0))[:, None] * along
+            out[:, 1:] = np.where(self._at_rest(r)[:, None], rest, out[:, 1:])
+        return out
 
     def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
         shut = super().kinks_along(start, end, bend)
         return np.concatenate([shut, length_places(np.zeros((1, 1)), start[:, 1:], end[:, 1:])], axis=1)
 
     def distance(self, r: Array, lam: Array) -> Array:
-        off = lengths(lam - self.near(r).nearest_multiplier(lam))
+        off = lengths(lam - self.nearest_multiplier(r, lam))
         return np.where(r[:, 0] > 0.0, np.inf, off) if self.rigid else off
 
     def _shut(self, r: Array) -> list[Array]:
@@ -236,7 +263,7 @@ class OwnCoupledLaw(CoupledLaw):
         smooth[:, 1] = ~self._at_rest(r)
         keep = smooth[:, [0, *[1] * (c - 1)]]
         hessian = self.hessian(r) * (keep[:, :, None] & keep[:, None, :])
-        return Linearisation(smooth, self.near(r).gradient(r), hessian)
+        return Linearisation(smooth, self._gradient(r), hessian)
 
     def hessian(self, r: Array, side: Array | None = None) -> Array:
         """Second derivative (m, c, c); at r = 0 that of a side, by default the one of opening."""

@@ -11,9 +11,8 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.coupled_law import CoupledLaw
-from hemivar.laws.neighbourhood import lengths
 from hemivar.laws.superpotential import Interval
-from hemivar.laws.vector_law import Linearisation, Near, Sides, spread
+from hemivar.laws.vector_law import Linearisation, Sides, lengths, spread
 
 __all__ = ["ShiftedLaw"]
 
@@ -79,8 +78,12 @@ class ShiftedLaw(CoupledLaw):
     def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
         return self.base.kinks_along(self.from_shift(start), self.from_shift(end), bend)
 
-    def near(self, r: Array) -> Near:
-        return _NearShifted(self, self.base.near(self.from_shift(r)))
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        own = self.base.nearest_multiplier(self.from_shift(r), self.without_pull(lam))
+        return np.asarray(own + self._whole(self.pull, lam))
+
+    def clamp(self, start: Array, end: Array) -> Array:
+        return self._back(self.base.clamp(self.from_shift(start), self.from_shift(end)))
 
     def linearise(self, r: Array) -> Linearisation:
         line = self.base.linearise(self.from_shift(r))
@@ -169,24 +172,3 @@ class ShiftedLaw(CoupledLaw):
         """Whether a slip is resisted: infinite where the base law grows without bound."""
         slip = np.broadcast_to(self.base.rates[2], (len(r),))
         return np.where(slip > 0.0, slip, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class _NearShifted:
-    """The base law on its pieces."""
-
-    law: ShiftedLaw
-    base: Near
-
-    def clamp(self, end: Array) -> Array:
-        law = self.law
-        moved = self.base.clamp(law.from_shift(end))
-        return np.asarray(moved + (end - law.from_shift(end)))
-
-    def gradient(self, place: Array) -> Array:
-        law = self.law
-        return np.asarray(self.base.gradient(law.from_shift(place)) + law._whole(law.pull, place))
-
-    def nearest_multiplier(self, lam: Array) -> Array:
-        law = self.law
-        return np.asarray(self.base.nearest_multiplier(law.without_pull(lam)) + law._whole(law.pull, lam))
