@@ -58,9 +58,10 @@ class SemismoothNewton(Solver):
     Stadler and Wohlmuth 2008).  The equation is that of the system of the method inside the fixed point: on the
     condensed body it is solved by LU factors, on all unknowns by minimal residuals, preconditioned with the multigrid
     cycle of the law whose bound is frozen.  A step is halved until ``|F|`` falls.  Where it does not, as in a body that
-    nothing holds where it starts, Newton's equation begins anew where one step of the fixed point leads.  Where that
-    fails, the bound is raised from zero in parts, each solved from the one before.  Where that fails, too, or where the
-    bound has no derivatives or the profile falls at once, the fixed point takes over.  ``solution.fallbacks`` counts.
+    nothing holds where it starts, or where a law softens and the whole step does not lower ``|F|``, Newton's equation
+    begins anew where one step of the fixed point leads.  Where that fails, the bound is raised from zero in parts, each
+    solved from the one before.  Where that fails, too, or where the bound has no derivatives or the profile falls at
+    once, the fixed point takes over.  ``solution.fallbacks`` counts.
 
     Where laws soften, a solution must be one that the method inside the fixed point would not leave, the bound being
     frozen; else the fixed point goes on from what that method finds.
@@ -141,7 +142,8 @@ class SemismoothNewton(Solver):
 
     def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:
         equation = GraphEquation.of(system)
-        search = None if equation is None else _Search(equation, self._accuracy)
+        softens = bool(system.vectors.largest(float(system.law.softens))[0])
+        search = None if equation is None else _Search(equation, self._accuracy, softens)
         point = None if search is None else search.at(start.r)
         if search is None or point is None:
             return self._fixed(system, start, start, budget)
@@ -173,7 +175,9 @@ class SemismoothNewton(Solver):
             return replace(state, ended=Status.STALLED)
         fallbacks, new = state.fallbacks, None
         if way.rounds < self.rounds and not _creeps(way.past):
-            new = search.lower(point, self.halvings, budget)
+            # Where glue lets go |F| creeps along; a step of the fixed point, whose energy falls, leads past that.
+            tries = 1 if search.softens and not way.frozen else self.halvings
+            new = search.lower(point, tries, budget)
         if new is None and not way.frozen:
             return self._frozen(system, way, state, budget)
         if new is None:
@@ -308,10 +312,13 @@ class _Search:
     ----------
     equation : GraphEquation
     accuracy : Accuracy
+    softens : bool
+        Whether the law does, anywhere.
     """
 
     equation: GraphEquation
     accuracy: Accuracy
+    softens: bool = False
 
     def times(self, part: float) -> _Search | None:
         """The search with a part of the bound; None where the law has none."""

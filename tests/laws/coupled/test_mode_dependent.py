@@ -254,6 +254,31 @@ def test_a_step_of_newtons_method_across_a_barrier_is_taken_back(monkeypatch: py
     assert broken.local[0, 0] == pytest.approx(-20.0 / 500.0, rel=1e-6)
 
 
+def test_glue_that_a_load_tears_is_not_searched_by_halved_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """|F| creeps where it lets go: each look at it is a mode sought for every point."""
+    looks, at = [0], GraphEquation.at
+
+    def counted(self: GraphEquation, x: Array, force: Array | None = None) -> GraphPoint | None:
+        looks[0] += 1
+        return at(self, x, force)
+
+    monkeypatch.setattr(GraphEquation, "at", counted)
+    torn = hv.ContactProblem(
+        hv.rectangle((2.0, 1.0), (32, 16), pattern="right"),
+        hv.Material.lame(4.0, 4.0),
+        {"bottom": hv.Contact(ModeDependentGlue(0.5, 0.6, 24.0, BenzeggaghKenane(0.01, 0.02, 2.0)))},
+        {"left": hv.Clamped()},
+        body_force=(0.9, 1.2),
+    )
+    found = hv.solve(torn)
+    assert found.method == "semismooth-newton"
+    assert found.fallbacks == 1
+    assert found.debonding["damage"].max() == 1.0
+    assert looks[0] <= 12
+    fixed = hv.solve(torn, hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton()))
+    assert found.local == pytest.approx(fixed.local, abs=1e-7 * np.abs(fixed.local).max())
+
+
 def test_a_stiff_body_has_a_margin_with_the_lipschitz_constant_in_it() -> None:
     """The coupling is L times the largest eigenvalue of the trace over the stiffness, here L/springs; sampled."""
     law = soft()
