@@ -81,6 +81,10 @@ class Points:
         return diagonal
 
     @property
+    def lambda_max(self) -> float:
+        return majorant(self.vectors, self.active, self.diagonal, self.couple)
+
+    @property
     def blocks(self) -> Array:
         m, d = self.active.shape
         return np.asarray(self.matrix.reshape(m, d, m, d)[np.arange(m), :, np.arange(m), :])
@@ -115,7 +119,7 @@ def part(body: Points, own: IntArray, vectors: Vectors) -> Points:
 @pytest.mark.parametrize("normal", [hv.Compliance(5.0), hv.Softening(40.0, 0.02, 20.0)], ids=["convex", "softening"])
 def test_contact_moves(normal: hv.laws.Superpotential) -> None:
     body, r, force = whole(normal)
-    stiff = majorant(body)
+    stiff = body.lambda_max
     move, (best, gained) = diagonal_step(body, r, force, 0.1), best_component(body, r, force)
     assert move.tries > 1
     near = snap_to_kinks(body, np.where(np.arange(M)[:, None] == M - 1, 1e5, 1e-8) * r)
@@ -125,7 +129,7 @@ def test_contact_moves(normal: hv.laws.Superpotential) -> None:
         mine = part(body, own, vectors)
         moved, (point, least) = diagonal_step(mine, r[own], force[own], 0.1), best_component(mine, r[own], force[own])
         scale = np.where(own[:, None] == M - 1, 1e5, 1e-8)
-        return majorant(mine), moved, point, least, snap_to_kinks(mine, scale * r[own])
+        return mine.lambda_max, moved, point, least, snap_to_kinks(mine, scale * r[own])
 
     for own, (found, moved, point, least, close) in zip(HALVES, in_parts(work), strict=True):
         assert found == pytest.approx(stiff, rel=1e-9)

@@ -13,7 +13,7 @@ from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, OutOfTime
 from hemivar.solvers.line_search import LineEnd, SearchLine, energy_scale
 from hemivar.solvers.status import Status
-from hemivar.systems.contact_moves import Search, best_component, diagonal_step, majorant, snap_to_kinks
+from hemivar.systems.contact_moves import Search, best_component, diagonal_step, snap_to_kinks
 from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEquation
 
@@ -248,7 +248,7 @@ def _goes_down(system: ContactSystem, here: LinearisedPoint, new: Array, near: A
 
 def lower_energy(system: ContactSystem, x: Array, steps: int) -> Array:
     """Where some diagonal minimisations lead from a point; methods that are stuck start again from there."""
-    factor, r, pull = majorant(system), system.local(x), system.at_contact(system.out_of_balance(x))
+    factor, r, pull = system.lambda_max, system.local(x), system.at_contact(system.out_of_balance(x))
     for _ in range(steps):
         move = diagonal_step(system, r, pull, factor)
         if move.unbounded:

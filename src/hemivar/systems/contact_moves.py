@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.laws import ContactLaw, VectorLaw
+from hemivar.laws import ContactLaw
 from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.vectors import Vectors
 
+if TYPE_CHECKING:
+    from hemivar.systems.contact_system import ContactSystem
+
 __all__ = [
-    "ContactBody",
     "ContactStep",
-    "ElasticBody",
     "Search",
     "best_component",
     "diagonal_step",
@@ -42,47 +44,6 @@ class Search(Enum):
     """It takes the lowest point of its own energy, over any barrier."""
     DOWNHILL = "downhill"
     """It walks downhill and never crosses a barrier of its own energy: the branch it is on is kept while it lasts."""
-
-
-class ElasticBody(Protocol):
-    """The elastic body as its contact points see it; arrays are those of the contact points of this process."""
-
-    @property
-    def vectors(self) -> Vectors:
-        """How the parts of all processes are looked at together."""
-        ...
-
-    @property
-    def active(self) -> BoolArray:
-        """Components (m, d) that are free to move."""
-        ...
-
-    @property
-    def diagonal(self) -> Array:
-        """Stiffness of every component, positive, one number for the tangential ones of a point, (m, d)."""
-        ...
-
-    def couple(self, step: Array) -> Array:
-        """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
-        ...
-
-
-class ContactBody(ElasticBody, Protocol):
-    """The same with its foundation."""
-
-    @property
-    def law(self) -> VectorLaw: ...
-    @property
-    def weights(self) -> Array: ...
-    @property
-    def fixed(self) -> Array:
-        """Values (m, d) of the components that are not free to move."""
-        ...
-
-    @property
-    def blocks(self) -> Array:
-        """Stiffness between the components of each point, (m, d, d)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +77,7 @@ class ContactStep:
     unbounded: bool = False
 
 
-def gain(body: ContactBody, step: Array, bent: Array, force: Array, change: Array) -> float:
+def gain(body: ContactSystem, step: Array, bent: Array, force: Array, change: Array) -> float:
     """Part of this process of the change of energy with a step, free of the cancellation of two large energies.
 
     ``bent`` is what the step takes away from the elastic ``force``, ``change (m,)`` that of j(r); all other (m, d).
@@ -125,18 +86,18 @@ def gain(body: ContactBody, step: Array, bent: Array, force: Array, change: Arra
     return float(0.5 * flat @ bent.ravel() - force.ravel() @ flat + body.weights @ change)
 
 
-def majorant(body: ElasticBody) -> float:
-    """Largest eigenvalue of the body scaled by its diagonal: what makes the diagonal body stiffer than it."""
-    vectors, active = body.vectors, body.active
+def majorant(vectors: Vectors, active: BoolArray, diagonal: Array, couple: Callable[[Array], Array]) -> float:
+    """Largest eigenvalue of a body scaled by its ``diagonal (m, d)``, ``couple`` being a product with it: what makes
+    the diagonal body stiffer than it."""
     count = int(np.count_nonzero(active))
     v = np.zeros(active.shape)
     v[active] = np.cos(1.0 + (vectors.before(count) + np.arange(count)) ** 1.3)  # no symmetry has a part in this
     size = float(vectors.norms(v.ravel())[0])
     if size == 0.0:
         return 1.0
-    scale = np.where(active, 1.0 / np.sqrt(body.diagonal), 0.0)
+    scale = np.where(active, 1.0 / np.sqrt(diagonal), 0.0)
     for _ in range(_POWERS):
-        v = scale * body.couple(scale * v / size)
+        v = scale * couple(scale * v / size)
         size = float(vectors.norms(v.ravel())[0])
         if size == 0.0:
             return 1.0
@@ -144,7 +105,7 @@ def majorant(body: ElasticBody) -> float:
 
 
 def diagonal_step(
-    body: ContactBody,
+    body: ContactSystem,
     r: Array,
     force: Array,
     factor: float,
@@ -155,7 +116,7 @@ def diagonal_step(
 
     Parameters
     ----------
-    body : ContactBody
+    body : ContactSystem
     r, force : arrays (m, d)
         Local displacements, and the elastic force there.
     factor : float
@@ -189,7 +150,7 @@ def diagonal_step(
     return ContactStep(r, 0.0, attempt, first, value, force)  # what is left to gain is below the rounding
 
 
-def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, float]:
+def best_component(body: ContactSystem, r: Array, force: Array) -> tuple[Array, float]:
     """The best move of one component (the tangential ones of a point together), all others being held: point, gain.
 
     Where the law couples them all components of a point move together. ``force (m, d)`` is the elastic force at ``r``.
@@ -220,7 +181,7 @@ def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, fl
     return new, best
 
 
-def _best_point(body: ContactBody, r: Array, force: Array) -> tuple[Array, float]:
+def _best_point(body: ContactSystem, r: Array, force: Array) -> tuple[Array, float]:
     """The best move of one point in the diagonal body that is stiffer than its block, all other points being held."""
     law, scale = body.law, 1.0 / np.sqrt(body.diagonal)
     lambda_max = np.linalg.eigvalsh(scale[:, :, None] * body.blocks * scale[:, None, :])[:, -1:]
@@ -244,12 +205,12 @@ def smooth_components(line: Linearisation, active: BoolArray) -> BoolArray:
     return np.asarray(active & smooth)
 
 
-def moving_curvature(body: ContactBody, curvature: Array, moving: BoolArray) -> Array:
+def moving_curvature(body: ContactSystem, curvature: Array, moving: BoolArray) -> Array:
     """Second derivatives (m, d, d) of the laws between components that move, weights included."""
     return np.asarray(body.weights[:, None, None] * curvature * (moving[:, :, None] & moving[:, None, :]))
 
 
-def snap_to_kinks(body: ContactBody, r: Array) -> Array:
+def snap_to_kinks(body: ContactSystem, r: Array) -> Array:
     """``r`` with the components that miss a kink by rounding put on it."""
     near = _MISSED * float(body.vectors.largest(np.abs(r).max(initial=0.0))[0])
     return np.where(body.active, body.law.snap_to_kinks(r, near), body.fixed)

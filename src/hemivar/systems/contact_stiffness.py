@@ -74,7 +74,7 @@ class ContactStiffness(ABC):
     @cached_property
     def lambda_max(self) -> float:
         """Largest eigenvalue of the contact block scaled by its diagonal."""
-        return majorant(self)
+        return majorant(self.vectors, self.active, self.diagonal, self.couple)
 
     def spread(self, values: Array) -> Array:
         """Values (k,) of the contact unknowns as (m, d), signs observed."""

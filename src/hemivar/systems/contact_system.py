@@ -15,7 +15,6 @@ from hemivar.discrete.contact_energy import contact_energy, law_forces
 from hemivar.discrete.residual import LoadScale, Residual
 from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import Vectors
-from hemivar.systems.contact_moves import ContactBody
 from hemivar.systems.newton_equation import NewtonEquation
 
 __all__ = ["PASSED", "ContactSystem", "Equilibrium", "PointSystem"]
@@ -143,8 +142,27 @@ class PointSystem(Protocol):
         ...
 
 
-class ContactSystem(PointSystem, ContactBody, Protocol):
+class ContactSystem(PointSystem, Protocol):
     """A linear body with its foundation, as Newton's method sees it."""
+
+    @property
+    def fixed(self) -> Array:
+        """Values (m, d) of the components that are not free to move."""
+        ...
+
+    @property
+    def diagonal(self) -> Array:
+        """Stiffness of every component, positive, one number for the tangential ones of a point, (m, d)."""
+        ...
+
+    @property
+    def blocks(self) -> Array:
+        """Stiffness between the components of each point, (m, d, d)."""
+        ...
+
+    def couple(self, step: Array) -> Array:
+        """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
+        ...
 
     @property
     def lambda_max(self) -> float:

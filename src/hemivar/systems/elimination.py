@@ -187,7 +187,7 @@ class SchurComplement:
     @cached_property
     def lambda_max(self) -> float:
         """Largest eigenvalue of the matrix scaled by its diagonal."""
-        return majorant(self)
+        return majorant(self.vectors, self.active, self.diagonal, self.couple)
 
     @cached_property
     def _factor_of_matrix(self) -> tuple[IntArray, tuple[Array, bool]]:

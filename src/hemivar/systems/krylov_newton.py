@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.discrete.residual import LoadScale
+from hemivar.basics.types import Array, BoolArray
 from hemivar.linear.krylov import conjugate_gradients, minimal_residuals
-from hemivar.systems.contact_moves import ContactBody, moving_curvature
+from hemivar.systems.contact_moves import moving_curvature
 from hemivar.systems.newton_equation import Accuracy, Correction, LinearisedPoint
 
-__all__ = ["KrylovNewton", "SparseBody", "Truncation"]
+if TYPE_CHECKING:
+    from hemivar.systems.body import Body
+
+__all__ = ["KrylovNewton", "Truncation"]
 
 #: How large a residual, by the distance to the contact conditions, conjugate gradients leave when they end early.
 _PATIENCE = 1.5
@@ -63,34 +65,18 @@ class Truncation(Protocol):
         ...
 
 
-class SparseBody(ContactBody, Protocol):
-    """All unknowns of a body, as Newton's equation sees them; see :class:`Body`."""
-
-    @property
-    def unknown(self) -> IntArray: ...
-    @property
-    def stiffness(self) -> Array: ...
-    @property
-    def load_scale(self) -> LoadScale: ...
-    def pull(self, x: Array) -> Array: ...
-    def spread(self, values: Array) -> Array: ...
-    def multiply(self, change: Array) -> Array: ...
-    def gather(self, values: Array) -> Array: ...
-    def refuse_direction(self, direction: Array) -> None: ...
-
-
 @dataclass(frozen=True, eq=False)
 class KrylovNewton:
     """Newton's equation of all unknowns.
 
     Attributes
     ----------
-    body : SparseBody
+    body : Body
     matrix : Truncation
         Changed by :meth:`solve`.
     """
 
-    body: SparseBody
+    body: Body
     matrix: Truncation
 
     def solve(self, at: LinearisedPoint, accuracy: Accuracy) -> Correction:
@@ -166,7 +152,7 @@ class KrylovNewton:
 class _Enough:
     """Forces by which the contact conditions fail: Newton's equation need not be solved much better than that."""
 
-    body: SparseBody
+    body: Body
     at: LinearisedPoint
     due: Callable[[], float]
     share: float

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws.vector_law import OnGraph
-from hemivar.systems.contact_moves import ContactBody, smooth_components
+from hemivar.systems.contact_moves import smooth_components
+
+if TYPE_CHECKING:
+    from hemivar.systems.contact_system import ContactSystem
 
 __all__ = ["Accuracy", "Correction", "LinearisedPoint", "NewtonEquation"]
 
@@ -37,7 +40,7 @@ class LinearisedPoint:
         Second derivatives, at the components that move.
     moving : bool array (m, d)
         Components that are free and off the kinks.
-    body : ContactBody
+    body : ContactSystem
     pushed : array or None
         What a force along the normal adds to the multiplier of each tangential component of its point, (m, d), where
         the normal component is held and a bound follows its force; None where the derivative is symmetric.
@@ -49,17 +52,17 @@ class LinearisedPoint:
     multiplier: Array
     curvature: Array
     moving: BoolArray
-    body: ContactBody
+    body: ContactSystem
     pushed: Array | None = None
 
     @staticmethod
-    def of(body: ContactBody, x: Array, r: Array, force: Array) -> LinearisedPoint:
+    def of(body: ContactSystem, x: Array, r: Array, force: Array) -> LinearisedPoint:
         """The point ``x`` with local displacements ``r``, where the body leaves ``force`` of its load."""
         line = body.law.linearise(r)
         return LinearisedPoint(x, force, r, line.gradient, line.hessian, smooth_components(line, body.active), body)
 
     @staticmethod
-    def on_graph(body: ContactBody, x: Array, force: Array, on: OnGraph, stiffness: Array) -> LinearisedPoint:
+    def on_graph(body: ContactSystem, x: Array, force: Array, on: OnGraph, stiffness: Array) -> LinearisedPoint:
         """The point whose contact points are on the graphs of their laws, ``stiffness (m, d)`` being that of the chart.
 
         A component whose place p does not change is held there.  Between the others ``dlam = (D^-1 - a) dr``.

@@ -15,7 +15,6 @@ from hemivar.errors import ProblemError
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.systems.condensed import CondensedProblem
-from hemivar.systems.contact_moves import majorant
 
 __all__ = ["LBFGS"]
 
@@ -50,7 +49,7 @@ class LBFGS(Solver):
         return None
 
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
-        envelope = _Envelope(system, 0.95 / majorant(system))
+        envelope = _Envelope(system, 0.95 / system.lambda_max)
         point = envelope.at(start.r)
         return _state(system, point, 1, _Memory(envelope, point))
 
