@@ -36,14 +36,8 @@ def algebraic_levels(
     Unknowns of one node are aggregated together; directions that a support takes away from a node are filled up by
     unknowns that nothing couples to.
 
-    Parameters
-    ----------
-    matrix : sparse array, shape (n, n)
-        Symmetric positive definite, or with a kernel that other terms remove.
-    near : array, shape (n, q), optional
-        What it hardly resists; constants by default.
-    slots : NodeSlots, optional
-        By default each unknown is a node of its own.
+    ``matrix (n, n)``: symmetric positive definite, or with a kernel that other terms remove; ``near (n, q)``: what it
+    hardly resists; constants by default; ``slots``: by default each unknown is a node of its own.
     """
     n = matrix.shape[0]
     slots = NodeSlots.single(n) if slots is None else slots

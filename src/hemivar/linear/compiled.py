@@ -24,22 +24,12 @@ _SIZES = (1, 2, 3, 6)
 
 @dataclass(frozen=True, eq=False)
 class NodeSlots:
-    """Where unknowns go in a vector with the same number of entries for every node.
+    """Where unknowns go in a vector with the same number of entries for every node."""
 
-    Attributes
-    ----------
-    places : int array, shape (n,)
-    size : int
-        Entries of a node.
-    nodes : int
-    signs : float array, shape (n,), optional
-        -1 for unknowns that are counted against the direction of their component.
-    """
-
-    places: IntArray
-    size: int
+    places: IntArray  # (n,)
+    size: int  # entries of a node
     nodes: int
-    signs: Array | None = None
+    signs: Array | None = None  # (n,): -1 for unknowns that are counted against the direction of their component
 
     @staticmethod
     def single(n: int) -> NodeSlots:
@@ -61,20 +51,8 @@ class NodeSlots:
 class CompiledLevels:
     """Matrices and transfers of a hierarchy, copied into blocks.
 
-    Parameters
-    ----------
-    kernels : Kernels
-    matrices : sequence of sparse arrays
-        From coarse to fine; of each 32-bit indices in order.
-    transfers : sequence of Transfer
-    contacts : sequence of int arrays
-        Unknowns whose rows a solve may change.
-    slots : sequence of NodeSlots
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    ``matrices``: from coarse to fine; of each 32-bit indices in order; ``contacts``: unknowns whose rows a solve may
+    change. Raises ValueError: an array is not what it should be.
     """
 
     def __init__(

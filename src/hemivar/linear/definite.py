@@ -125,10 +125,7 @@ def below_zero(matrix: sp.csr_array, eigenvalue: float, diagonal: Array | None =
 def refuse_indefinite(lowest: float | None) -> None:
     """Refuse a stiffness matrix with a negative eigenvalue.
 
-    Raises
-    ------
-    ProblemError
-        Naming the eigenvalue.
+    Raises ProblemError: naming the eigenvalue.
     """
     if lowest is not None:
         raise ProblemError(

@@ -26,14 +26,8 @@ def factorisation_bytes(unknowns: int, dimension: int, contact: int, many: bool 
     A fit to measurements with linear elements on uniform meshes, by the factorisation that :func:`factorise` takes
     here; it was off by at most 25 % in 2D up to 1.05 million unknowns and 10 % in 3D up to 0.1 million.
 
-    Parameters
-    ----------
-    unknowns, contact : int
-        Unknowns n, and those of them on the contact boundary.
-    dimension : int
-        Of the body.
-    many : bool
-        For many loads, as of :func:`factorise`.
+    ``unknowns, contact``: unknowns n, and those of them on the contact boundary; ``dimension``: of the body; ``many``:
+    for many loads, as of :func:`factorise`.
     """
     mumps = mumps_available() and not (many and dimension == 2)
     factor, dense = (_MUMPS if mumps else _SUPERLU).get(dimension, (100.0, 8.0))
@@ -45,10 +39,7 @@ def factorisation_bytes(unknowns: int, dimension: int, contact: int, many: bool 
 def check_memory(unknowns: int, dimension: int, contact: int, many: bool = False) -> None:
     """Refuse a condensation that would not fit.
 
-    Raises
-    ------
-    MethodError
-        The prediction, with a safety factor, is more than what is available.
+    Raises MethodError: the prediction, with a safety factor, is more than what is available.
     """
     free = available_bytes()
     needed = _SAFETY * factorisation_bytes(unknowns, dimension, contact, many)

@@ -45,22 +45,12 @@ _abandoned: list[threading.Thread] = []
 
 @dataclass(frozen=True, eq=False)
 class CondensedLoad:
-    """A load f (n,), taken over to the kept unknowns.
+    """A load f (n,), taken over to the kept unknowns."""
 
-    Attributes
-    ----------
-    load : array (n,)
-    force : array (k,)
-        ``f_C - K_CI K_II^-1 f_I``.
-    work : float
-        ``f_I' K_II^-1 f_I``.
-    inner : array (n - k,) or None
-        What a sweep through one half of the factors has left of the load of the other unknowns, if it was one.
-    """
-
-    load: Array
-    force: Array
-    work: float
+    load: Array  # (n,)
+    force: Array  # (k,): ``f_C - K_CI K_II^-1 f_I``
+    work: float  # ``f_I' K_II^-1 f_I``
+    # (n - k,): what a sweep through one half of the factors has left of the load of the other unknowns, if it was one
     inner: Array | None = None
 
 
@@ -92,19 +82,10 @@ class Factorisation(Protocol):
 def factorise(matrix: sp.csr_array, kept: IntArray, many: bool = False) -> Factorisation:
     """Factorise ``matrix`` apart from the ``kept`` unknowns, and form the Schur complement on these.
 
-    Parameters
-    ----------
-    matrix : sparse array (n, n)
-    kept : int array (k,)
-    many : bool
-        Many loads are to come: for at most a fourth more than the factors cost, a load and its way back then take one
-        sweep through each half of the factors, and not a whole solve each.  MUMPS does not lend its halves: in the
-        plane SuperLU is taken then, whose sweeps are faster than MUMPS's solve.
-
-    Raises
-    ------
-    ProblemError
-        A part of the body that is not kept can move freely.
+    ``matrix (n, n)``; ``kept (k,)``; ``many``: many loads are to come: for at most a fourth more than the factors cost,
+    a load and its way back then take one sweep through each half of the factors, and not a whole solve each.  MUMPS
+    does not lend its halves: in the plane SuperLU is taken then, whose sweeps are faster than MUMPS's solve. Raises
+    ProblemError: a part of the body that is not kept can move freely.
     """
     if mumps_available() and not (many and matrix.nnz <= _PLANE * matrix.shape[0]):
         return MumpsFactorisation(matrix, kept)
@@ -233,27 +214,13 @@ class SuperLUFactorisation:
 
 @dataclass(frozen=True, eq=False)
 class _TriangularFactors:
-    """``K = L D L'`` with ``L = [[L_I, 0], [L_CI, 1]]``, the kept unknowns last.
+    """``K = L D L'`` with ``L = [[L_I, 0], [L_CI, 1]]``, the kept unknowns last."""
 
-    Attributes
-    ----------
-    sweeps : RowSweeps or PanelSweeps
-        Through L and its transpose.
-    pivots : array (n - k,)
-        D on the unknowns I; on the kept ones it is the Schur complement.
-    order : int array (n,)
-        The unknown in each place.
-    place : int array (k,)
-        Which of the kept unknowns stands in each of the last places.
-    back : int array (n,)
-        The place of each unknown.
-    """
-
-    sweeps: RowSweeps | PanelSweeps
-    pivots: Array
-    order: IntArray
-    place: IntArray
-    back: IntArray
+    sweeps: RowSweeps | PanelSweeps  # through L and its transpose
+    pivots: Array  # (n - k,): D on the unknowns I; on the kept ones it is the Schur complement
+    order: IntArray  # (n,): the unknown in each place
+    place: IntArray  # (k,): which of the kept unknowns stands in each of the last places
+    back: IntArray  # (n,): the place of each unknown
 
     def forward(self, load: Array) -> CondensedLoad:
         """``L^-1`` of a load (n,)."""

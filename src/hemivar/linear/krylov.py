@@ -31,24 +31,13 @@ class Matrix(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """What conjugate gradients found for ``A x = b``.
+    """What conjugate gradients found for ``A x = b``."""
 
-    Attributes
-    ----------
-    solution : array (n,)
-        The iterate; it lowers ``x'A x / 2 - b'x`` below zero.
-    residual : array (n,)
-        ``b - A x``, as the recursion has it.
-    iterations : int
-        Products with A.
-    negative : array (n,) or None
-        A direction p with ``p'A p <= 0`` (up to rounding: 1e-12 of that of the diagonal of A) and ``b'p >= 0`` where
-        one was met; the iteration ends there.
-    """
-
-    solution: Array
-    residual: Array
-    iterations: int
+    solution: Array  # (n,): the iterate; it lowers ``x'A x / 2 - b'x`` below zero
+    residual: Array  # (n,): ``b - A x``, as the recursion has it
+    iterations: int  # products with A
+    # (n,): a direction p with ``p'A p <= 0`` (up to rounding: 1e-12 of that of the diagonal of A) and ``b'p >= 0``
+    # where one was met; the iteration ends there
     negative: Array | None = None
 
 
@@ -66,28 +55,13 @@ def conjugate_gradients(
 ) -> Descent:
     """Preconditioned conjugate gradients from zero (Hestenes-Stiefel; early ending as in Steihaug 1983).
 
-    Parameters
-    ----------
-    A : sparse array (n, n)
-        Symmetric on the vectors that occur.
-    diagonal : array (n,)
-        Its diagonal, positive; what curvature is compared with.
-    b : array (n,)
-    precondition : function
-        A symmetric positive definite map of residuals (n,).
-    tolerance : float
-        Ends once the 2-norm of the residual is no larger.
-    limit : int
-        Most products with A.
-    enough : function, optional
-        Called with the iteration and the iterate after a step; ends once the residual is smaller than the array it
-        returns, in the 2-norm.
-    vectors : Vectors
-        How the parts of a vector are summed.
-    sparing : bool
-        Where the residual was larger by far than what is enough, that is not asked after the next steps.
-    flexible : bool
-        The preconditioner may change a little from one step to the next (Notay 2000).
+    ``A (n, n)``: symmetric on the vectors that occur; ``diagonal (n,)``: its diagonal, positive; what curvature is
+    compared with; ``b (n,)``; ``precondition``: a symmetric positive definite map of residuals (n,); ``tolerance``:
+    ends once the 2-norm of the residual is no larger; ``limit``: most products with A; ``enough``: called with the
+    iteration and the iterate after a step; ends once the residual is smaller than the array it returns, in the 2-norm;
+    ``vectors``: how the parts of a vector are summed; ``sparing``: where the residual was larger by far than what is
+    enough, that is not asked after the next steps; ``flexible``: the preconditioner may change a little from one step
+    to the next (Notay 2000).
     """
     compiled = kernels() if vectors.alone and b.size >= _LONG else None
     x = np.zeros_like(b)
@@ -152,26 +126,10 @@ def minimal_residuals(
 ) -> tuple[Array, int]:
     """``A^-1 b`` by generalised minimal residuals from zero, preconditioned on the right (Saad and Schultz 1986).
 
-    Parameters
-    ----------
-    A : function
-        Times a vector (n,); it need not be symmetric.
-    b : array (n,)
-    precondition : function
-        A linear map of vectors (n,).
-    tolerance : float
-        Ends once the 2-norm of the residual is no larger.
-    limit : int
-        Most products with A; memory for twice as many vectors is taken.
-    due : function, optional
-        Ends where it is not zero.
-    vectors : Vectors
-        How the parts of a vector are summed.
-
-    Returns
-    -------
-    solution : array (n,)
-    iterations : int
+    ``A``: times a vector (n,); it need not be symmetric; ``b (n,)``; ``precondition``: a linear map of vectors (n,);
+    ``tolerance``: ends once the 2-norm of the residual is no larger; ``limit``: most products with A; memory for twice
+    as many vectors is taken; ``due``: ends where it is not zero; ``vectors``: how the parts of a vector are summed.
+    Returns the solution (n,).
     """
     size = float(vectors.norms(b)[0])
     x, H, first = np.zeros_like(b), np.zeros((limit + 1, limit)), np.zeros(limit + 1)

@@ -45,14 +45,9 @@ _SLOW, _PATIENCE = 0.8, 2
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """Prolongation from one level to the next finer one, and its transpose.
+    """Prolongation from one level to the next finer one, and its transpose."""
 
-    Attributes
-    ----------
-    prolongation : sparse array, shape (n_fine, n_coarse)
-    """
-
-    prolongation: sp.csr_array
+    prolongation: sp.csr_array  # (n_fine, n_coarse)
 
     @cached_property
     def restriction(self) -> sp.csr_array:
@@ -71,22 +66,12 @@ class Levels:
     Nothing in it changes: many solves may work on it at the same time, each with a :class:`Truncated` that it
     borrows.
 
-    Parameters
-    ----------
-    matrices : list of sparse arrays
-        Symmetric, from coarse to fine.
-    transfers : list of Transfer
-        ``transfers[k]`` leads from level k to level k + 1.
-    contacts : list of int arrays
-        For each level, unknowns on which contact laws act there; empty where no problem is posed.
-    points : list of int arrays
-        The contact point that each of these unknowns belongs to; a law couples those of one point.
-    algebraic : int
-        How many of the levels, from the coarsest, are algebraic: no mesh belongs to them, and no contact unknowns.
-    sweeps : int
-        Gauss-Seidel sweeps before and after each coarse correction.
-    slots : list of NodeSlots, optional
-        For each level, the nodes of its unknowns; by default each is one of its own.
+    ``matrices``: symmetric, from coarse to fine; ``transfers``: ``transfers[k]`` leads from level k to level k + 1;
+    ``contacts``: for each level, unknowns on which contact laws act there; empty where no problem is posed; ``points``:
+    the contact point that each of these unknowns belongs to; a law couples those of one point; ``algebraic``: how many
+    of the levels, from the coarsest, are algebraic: no mesh belongs to them, and no contact unknowns; ``sweeps``:
+    Gauss-Seidel sweeps before and after each coarse correction; ``slots``: for each level, the nodes of its unknowns;
+    by default each is one of its own.
     """
 
     def __init__(
@@ -242,14 +227,9 @@ class Levels:
 class Truncated:
     """Levels on which some contact unknowns are held, and more stiffness acts between others; belongs to one solve.
 
-    Parameters
-    ----------
-    levels : Levels
-    top : int
-        The finest level that it is used on.
-    vanishing : bool
-        Leave out every coarse unknown that reaches a held one at all: then what a level knows is a field on the finest
-        mesh that vanishes where it is held, and its matrix that of these fields.
+    ``top``: the finest level that it is used on; ``vanishing``: leave out every coarse unknown that reaches a held one
+    at all: then what a level knows is a field on the finest mesh that vanishes where it is held, and its matrix that of
+    these fields.
     """
 
     def __init__(self, levels: Levels, top: int, vanishing: bool = False) -> None:
@@ -288,12 +268,8 @@ class Truncated:
     def change(self, held: BoolArray, added: sp.csr_array) -> None:
         """Hold contact unknowns of the top level, and add a matrix that acts between them; coarser levels follow.
 
-        Parameters
-        ----------
-        held : bool array
-            Which contact unknowns of that level keep their value; numbered as ``contacts[top]``.
-        added : sparse array
-            Symmetric; rows and columns of held unknowns are zero.
+        ``held``: which contact unknowns of that level keep their value; numbered as ``contacts[top]``; ``added``:
+        symmetric; rows and columns of held unknowns are zero.
         """
         levels, top = self._levels, self.top
         own, count = levels.own[top], levels.levels[top].contact.size

@@ -25,15 +25,7 @@ _SAMPLE = 1000
 def near_each_other(slots: NodeSlots, matrix: sp.csr_array) -> NodeSlots:
     """The same slots with the nodes in another order, by Cuthill and McKee, where the matrix couples distant ones.
 
-    Parameters
-    ----------
-    slots : NodeSlots
-    matrix : sparse array, shape (n, n)
-        Its pattern is symmetric.
-
-    Returns
-    -------
-    NodeSlots
+    ``matrix (n, n)``: its pattern is symmetric.
     """
     node = slots.places // slots.size
     if slots.nodes <= _FEW or _mean_distance(node, matrix) <= _SCATTERED * slots.nodes:

@@ -28,10 +28,7 @@ def diagonal(A: sp.csr_array) -> Array:
 def product(A: sp.csr_array, x: Array) -> Array:
     """``A @ x`` of a matrix of floats by rows, to the last bit.
 
-    Parameters
-    ----------
-    A : sparse array (n, k)
-    x : array (k,)
+    ``A (n, k)``; ``x (k,)``.
     """
     rows, columns = A.shape
     data = A.data

@@ -34,16 +34,9 @@ class _Triangle:
 
 @dataclass(frozen=True, eq=False)
 class RowSweeps:
-    """L by rows and, as a lower triangle too, its transpose from the last unknown to the first.
+    """L by rows and, as a lower triangle too, its transpose from the last unknown to the first."""
 
-    Attributes
-    ----------
-    count : int
-        Columns from this one on are those of the identity.
-    lower, upper : _Triangle
-    """
-
-    count: int
+    count: int  # columns from this one on are those of the identity
     lower: _Triangle
     upper: _Triangle
 
@@ -76,16 +69,8 @@ class RowSweeps:
 class PanelSweeps:
     """The same by the compiled kernels: L once, neighbouring columns with the same rows together.
 
-    Parameters
-    ----------
-    kernels : Kernels
-    columns : sparse array (n, count)
-        The first columns of L, of each the rows in order, the one of the diagonal first; 32-bit indices.
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    ``columns (n, count)``: the first columns of L, of each the rows in order, the one of the diagonal first; 32-bit
+    indices. Raises ValueError: an array is not what it should be.
     """
 
     def __init__(self, kernels: Kernels, columns: sp.csc_array) -> None:

@@ -17,13 +17,8 @@ __all__ = ["CoarseChange", "Coupling", "Level", "TruncatedLevel", "narrow"]
 class Coupling:
     """The places of a symmetric matrix between contact unknowns, and what it is for the next coarser ones.
 
-    Attributes
-    ----------
-    keys : int array (p,)
-        ``row * k + column`` of each place, in order.
-    rows, columns : int arrays (p,)
-    diagonal : int array (k,)
-        Which of them are on the diagonal.
+    ``keys (p,)``: ``row * k + column`` of each place, in order; ``rows, columns (p,)``; ``diagonal (k,)``: which of
+    them are on the diagonal.
     """
 
     def __init__(self, pattern: sp.csr_array) -> None:
@@ -89,11 +84,7 @@ class Level:
 class CoarseChange:
     """What is changed in a Galerkin product by holding and adding on the finer level.
 
-    Parameters
-    ----------
-    level : Level
-    prolongation : sparse array, shape (n, n_coarse)
-        It is cut off where unknowns are held.
+    ``prolongation (n, n_coarse)``: it is cut off where unknowns are held.
     """
 
     def __init__(self, level: Level, prolongation: sp.csr_array) -> None:

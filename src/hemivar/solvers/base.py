@@ -37,44 +37,21 @@ class PosedSystem(PointSystem, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where a method is.
+    """Where a method is."""
 
-    Attributes
-    ----------
-    r : array (m, d) or (n,)
-        The point: local displacements, or all unknowns, as the system has it.
-    lam : array (m, d)
-        Multiplier.
-    evaluations : int
-        Evaluations so far.
-    ended : Status or None
-        Set by a method that ends by its own rule; CONVERGED here means "by my own rule", and the residual decides.
-    energy : float or None
-        Energy at ``r`` where the method knows it more accurately than a fresh evaluation would.
-    residual : Residual or None
-        Residual of the pair where the method has found it.
-    error_bound : float or None
-        Certified bound of the energy-norm distance to the solution.
-    memory : object
-        Whatever the method keeps between steps.
-    contraction : float or None
-        Measured contraction factor of a fixed-point iteration.
-    fallbacks : int
-        How often the method had to take another way.
-    carried : (float, float) or None
-        Part of the load up to which equilibria were found while it grew, and the next at which none was.
-    """
-
-    r: Array
-    lam: Array
-    evaluations: int = 0
+    r: Array  # (m, d) or (n,): the point: local displacements, or all unknowns, as the system has it
+    lam: Array  # (m, d): multiplier
+    evaluations: int = 0  # evaluations so far
+    # set by a method that ends by its own rule; CONVERGED here means "by my own rule", and the residual decides
     ended: Status | None = None
+    # energy at ``r`` where the method knows it more accurately than a fresh evaluation would
     energy: float | None = None
-    residual: Residual | None = None
-    error_bound: float | None = None
-    memory: Any = None
-    contraction: float | None = None
-    fallbacks: int = 0
+    residual: Residual | None = None  # residual of the pair where the method has found it
+    error_bound: float | None = None  # certified bound of the energy-norm distance to the solution
+    memory: Any = None  # whatever the method keeps between steps
+    contraction: float | None = None  # measured contraction factor of a fixed-point iteration
+    fallbacks: int = 0  # how often the method had to take another way
+    # (float, float): part of the load up to which equilibria were found while it grew, and the next at which none was
     carried: tuple[float, float] | None = None
 
 

@@ -25,30 +25,17 @@ def friction_of(multiplier: Array) -> Array:
 
 
 class ContactValues:
-    """What displacements and forces at m contact points with c local components say, of one boundary or of all.
-
-    Attributes
-    ----------
-    contact : ContactPoints
-    gap : array (m,)
-        Distance between body and foundation along the normal.
-    local : array (m, c)
-        Penetration (column 0) and slip.
-    multiplier : array (m, c)
-        Force per area of the body on the foundation: pressure (column 0), and minus the friction.
-    states : ContactStates
-        What each point does, along the normal and along the foundation.
-    debonding : mapping of name to array (m,)
-        What glue has lost; empty where no law is one of glue, nan at points of other laws. ``damage`` is the share of
-        the initial stiffness that is lost, ``dissipated`` the energy per area that unloading along the secant would not
-        give back, and ``mode_ratio`` (mixed-mode glue) the share of the slip in the square of the effective opening.
-    """
+    """What displacements and forces at m contact points with c local components say, of one boundary or of all."""
 
     contact: ContactPoints
-    gap: Array
-    local: Array
+    gap: Array  # (m,): distance between body and foundation along the normal
+    local: Array  # (m, c): penetration (column 0) and slip
+    # (m, c): force per area of the body on the foundation: pressure (column 0), and minus the friction
     multiplier: Array
-    states: ContactStates
+    states: ContactStates  # what each point does, along the normal and along the foundation
+    # (m,): what glue has lost; empty where no law is one of glue, nan at points of other laws. ``damage`` is the share
+    # of the initial stiffness that is lost, ``dissipated`` the energy per area that unloading along the secant would
+    # not give back, and ``mode_ratio`` (mixed-mode glue) the share of the slip in the square of the effective opening.
     debonding: Mapping[str, Array] = MappingProxyType({})
 
     @property

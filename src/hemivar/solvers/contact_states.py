@@ -175,21 +175,11 @@ def contact_states(
 ) -> ContactStates:
     """The states of contact points under a law; what is less than a billionth of the largest is rounding.
 
-    Parameters
-    ----------
-    law : VectorLaw
-        With resolved parameters.
-    local, multiplier : arrays (m, c)
-        Penetration and slip, and force per area of the body on the foundation.
-    sizes : pair of float, optional
-        Largest displacement and multiplier of all points, where these are not all.
-    moves : bool array (m,), optional
-        Which points move sideways; by default those with a slip.
-    past_peak : bool array (m,), optional
-        Where the pull is past its peak; by default as the law says of this pair, see
-        :meth:`hemivar.laws.Superpotential.past_peak`.
-    without_friction : bool array (m,), optional
-        Where the friction of the law is left out.
+    ``law``: with resolved parameters; ``local, multiplier (m, c)``: penetration and slip, and force per area of the
+    body on the foundation; ``sizes``: largest displacement and multiplier of all points, where these are not all;
+    ``moves (m,)``: which points move sideways; by default those with a slip; ``past_peak (m,)``: where the pull is past
+    its peak; by default as the law says of this pair, see :meth:`hemivar.laws.Superpotential.past_peak`;
+    ``without_friction (m,)``: where the friction of the law is left out.
     """
     if sizes is None:
         sizes = float(np.abs(local).max(initial=0.0)), float(np.abs(multiplier).max(initial=0.0))

@@ -159,28 +159,14 @@ class FixedPoint(Solver):
 
 @dataclass(frozen=True, eq=False)
 class Outer:
-    """What the iteration keeps between its steps.
+    """What the iteration keeps between its steps."""
 
-    Attributes
-    ----------
-    r, lam : arrays
-        The point and the multiplier at which the bounds are evaluated next.
-    change : float
-        The size of the last change of them.
-    ratios : tuple of float
-        Of the last changes, each to the one before.
-    inner : object
-        What the inner method remembers; one that can makes use of it.
-    unsolved : int
-        How many of the last ordinary problems in a row were not solved.
-    """
-
-    r: Array
-    lam: Array
-    change: float = np.inf
-    ratios: tuple[float, ...] = ()
-    inner: Any = None
-    unsolved: int = 0
+    r: Array  # the point at which the bounds are evaluated next
+    lam: Array  # (m, d): the multiplier there
+    change: float = np.inf  # the size of the last change of them
+    ratios: tuple[float, ...] = ()  # of the last changes, each to the one before
+    inner: Any = None  # what the inner method remembers; one that can makes use of it
+    unsolved: int = 0  # how many of the last ordinary problems in a row were not solved
 
 
 def _size(system: PointSystem, r: Array, lam: Array) -> float:

@@ -33,13 +33,7 @@ _RELAXED = 0.3
 def others(first: Solver, ended: Status, problem: DiscreteProblem) -> Iterator[Solver]:
     """The methods to be tried after one that failed, in their order; none that refuses the problem.
 
-    Parameters
-    ----------
-    first : Solver
-        The method that failed.
-    ended : Status
-        How it did.
-    problem : DiscreteProblem
+    ``first``: the method that failed; ``ended``: how it did.
     """
     seen = [first]
     for makes in _NEXT.get(ended, ()):

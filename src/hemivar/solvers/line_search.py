@@ -41,26 +41,13 @@ _ENDLESS = 2.0**50
 
 @dataclass(frozen=True, eq=False)
 class LineEnd:
-    """The end of a search along a line.
+    """The end of a search along a line."""
 
-    Attributes
-    ----------
-    x : array (m, d) or (n,)
-    force : array of the shape of x
-        Load minus elastic force there.
-    gain : float
-        Change of the energy, at most zero.
-    tries : int
-        Evaluations of the energy.
-    endless : bool
-        Whether the energy falls without end along the line.
-    """
-
-    x: Array
-    force: Array
-    gain: float
-    tries: int = 0
-    endless: bool = False
+    x: Array  # (m, d) or (n,)
+    force: Array  # of the shape of x: load minus elastic force there
+    gain: float  # change of the energy, at most zero
+    tries: int = 0  # evaluations of the energy
+    endless: bool = False  # whether the energy falls without end along the line
 
 
 @dataclass(frozen=True)
@@ -74,37 +61,18 @@ class Bottom:
 
 @dataclass(frozen=True, eq=False)
 class SearchLine:
-    """A direction from a point, along which the energy costs no more than a look at the contact points.
-
-    Attributes
-    ----------
-    system : ContactSystem
-    at : LinearisedPoint
-        Where it begins.
-    direction, bent : arrays of the shape of a point
-        The direction, and the elastic force that a unit of it takes away.
-    along : array (m, d)
-        Its local displacements.
-    slope, square : float
-        Work of the force along the direction, and its energy ``d'K d``.
-    value : array (m,)
-        j at the beginning.
-    rounding : float
-        What the arithmetic alone makes of the energy.
-    search : Search
-        Whether the lowest bottom is looked for, or the first one.
-    """
+    """A direction from a point, along which the energy costs no more than a look at the contact points."""
 
     system: ContactSystem
-    at: LinearisedPoint
-    direction: Array
-    bent: Array
-    along: Array
-    slope: float
-    square: float
-    value: Array
-    rounding: float
-    search: Search = Search.GLOBAL
+    at: LinearisedPoint  # where it begins
+    direction: Array  # of the shape of a point
+    bent: Array  # of the shape of a point: elastic force that a unit of the direction takes away
+    along: Array  # (m, d): its local displacements
+    slope: float  # work of the force along the direction d
+    square: float  # its energy ``d'K d``
+    value: Array  # (m,): j at the beginning
+    rounding: float  # what the arithmetic alone makes of the energy
+    search: Search = Search.GLOBAL  # whether the lowest bottom is looked for, or the first one
 
     @staticmethod
     def of(
@@ -129,12 +97,8 @@ class SearchLine:
     def lowest(self, convex: bool = True, trusted: bool = False) -> LineEnd:
         """The end of Newton's step: whole where that gains what it promises, else at the lowest bottom.
 
-        Parameters
-        ----------
-        convex : bool
-            Whether Newton's matrix was definite: then a whole step that stays on its pieces ends at their bottom.
-        trusted : bool
-            A whole step that gains less than the rounding of the energy is taken on trust.
+        ``convex``: whether Newton's matrix was definite: then a whole step that stays on its pieces ends at their
+        bottom; ``trusted``: a whole step that gains less than the rounding of the energy is taken on trust.
         """
         cut = self.cut(1.0)
         ends, straight = [self._look(1.0, cut)], self.straight(cut)
@@ -368,16 +332,8 @@ class SearchLine:
 def bottom_of_pieces(knots: Crossings, weights: Array, work: float, square: float, convex: bool, first: bool) -> Bottom:
     """The bottom of ``-t work + t^2/2 square + sum_i weights_i j_i(r_i + t way_i)`` over t > 0.
 
-    Parameters
-    ----------
-    knots : Crossings
-        Of the law.
-    weights : array (m,)
-    work, square : float
-    convex : bool
-        Whether the law is: then its curvature is not negative, whatever rounding makes of sums.
-    first : bool
-        Take the first bottom, not the lowest.
+    ``knots``: of the law; ``weights (m,)``; ``convex``: whether the law is: then its curvature is not negative,
+    whatever rounding makes of sums; ``first``: take the first bottom, not the lowest.
     """
     order = np.argsort(knots.length, kind="stable")
     jump, share = knots.jump[order], weights[knots.point[order]]

@@ -142,31 +142,15 @@ class LoadStepping(Solver):
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """How far the load has grown.
+    """How far the load has grown."""
 
-    Attributes
-    ----------
-    at : State
-        The equilibrium of the largest load that has one; where the body began if there is none.
-    low, failed : float
-        Its load factor; the next one at which none was found, infinite where there is none.
-    length : float
-        Of the next step.
-    status : Status
-        How the last search ended.
-    tried : int
-        Load factors so far.
-    top : float
-        What is called a load factor of 1 here.
-    """
-
-    at: State
-    low: float
-    failed: float
-    length: float
-    status: Status
-    tried: int = 0
-    top: float = 1.0
+    at: State  # the equilibrium of the largest load that has one; where the body began if there is none
+    low: float  # its load factor
+    failed: float  # the next one at which none was found, infinite where there is none
+    length: float  # of the next step
+    status: Status  # how the last search ended
+    tried: int = 0  # load factors so far
+    top: float = 1.0  # what is called a load factor of 1 here
 
     @property
     def carried(self) -> float:
@@ -181,25 +165,13 @@ class Reached:
 
 @dataclass(frozen=True, eq=False)
 class Climb:
-    """Equilibria of a body while its load grows.
-
-    Attributes
-    ----------
-    method : LoadStepping
-    system : PosedSystem
-        That of the full load.
-    line : LoadLine
-        The load, from nothing to the full one.
-    budget : Budget
-    top : float
-        The load factor of the full load, by which is reported.
-    """
+    """Equilibria of a body while its load grows."""
 
     method: LoadStepping
-    system: PosedSystem
-    line: LoadLine
+    system: PosedSystem  # that of the full load
+    line: LoadLine  # the load, from nothing to the full one
     budget: Budget
-    top: float = 1.0
+    top: float = 1.0  # the load factor of the full load, by which is reported
 
     def up(self, start: State) -> Generator[Reached, bool | None, Reached]:
         """Raise the load; yields what is reached after every load factor, and stops after it if it is sent True."""

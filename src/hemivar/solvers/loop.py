@@ -60,17 +60,8 @@ def steps(
     the residual is small the method is asked whether it can do better (:meth:`Solver.settle`); it goes on from there
     if so.
 
-    Parameters
-    ----------
-    solver : Solver
-    system : PointSystem
-    state : State
-        Where to start, or what a run before this one ended with.
-    controls : Controls
-    budget : Budget
-    past : tuple of Progress
-        Steps that a run before this one has done; the last is that of ``state``.
-    watch : function, optional
+    ``state``: where to start, or what a run before this one ended with; ``past``: steps that a run before this one has
+    done; the last is that of ``state``.
     """
     vectors = system.vectors
     limit = solver.default_steps if controls.max_steps is None else controls.max_steps

@@ -162,12 +162,8 @@ def nested_guess(rough: Solver, direct: Solver, system: Body, budget: Budget) ->
     """The solution on the next coarser mesh, which starts from the one below it, and so on; and a status where the
     search for it was stopped.
 
-    Parameters
-    ----------
-    rough, direct : Solver
-        What solves on coarser meshes: on levels, and on a body that is small enough to be condensed, where it ends.
-    system : Body
-    budget : Budget
+    ``rough, direct``: what solves on coarser meshes: on levels, and on a body that is small enough to be condensed,
+    where it ends.
     """
     below = system.posed_below()
     if below is None:

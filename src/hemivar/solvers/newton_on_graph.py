@@ -69,59 +69,30 @@ _DIRECT = Accuracy(0.0, 0.0, 1)
 
 @dataclass(frozen=True, eq=False)
 class ForceResidual:
-    """What the body leaves of its load, the foundation apart.
+    """What the body leaves of its load, the foundation apart."""
 
-    Attributes
-    ----------
-    force : array (n,)
-        ``f - K u``; it belongs to who is given it, and may be changed.
-    size : float
-        Norm of the sizes of what was added up in it, or more: rounding is a part of it.
-    """
-
-    force: Array
-    size: float
+    force: Array  # (n,): ``f - K u``; it belongs to who is given it, and may be changed
+    size: float  # norm of the sizes of what was added up in it, or more: rounding is a part of it
 
 
 @dataclass(frozen=True, eq=False)
 class GraphPoint:
-    """A point, what is in equilibrium with its contact points, and the pairs of the laws at the same p.
+    """A point, what is in equilibrium with its contact points, and the pairs of the laws at the same p."""
 
-    Attributes
-    ----------
-    x : array of the shape of a point
-    r, lam : arrays (m, d)
-        Its local displacements and multipliers.
-    on : OnGraph
-        The pairs of the laws.
-    force : array of the shape of a point, or None
-        Load minus elastic force there, where it is known.
-    """
-
-    x: Array
-    r: Array
-    lam: Array
-    on: OnGraph
-    force: Array | None = None
+    x: Array  # of the shape of a point
+    r: Array  # (m, d): its local displacements
+    lam: Array  # (m, d): the multipliers in equilibrium with it
+    on: OnGraph  # the pairs of the laws
+    force: Array | None = None  # of the shape of a point: load minus elastic force there, where it is known
 
 
 @dataclass(frozen=True, eq=False)
 class GraphEquation:
-    """``F(x) = 0``.
-
-    Attributes
-    ----------
-    system : ContactSystem
-    chart : Chart
-        Of its law.
-    stiffness : array (m, d)
-        That of the chart.
-    equation : NewtonEquation
-    """
+    """``F(x) = 0``."""
 
     system: ContactSystem
-    chart: Chart
-    stiffness: Array
+    chart: Chart  # of its law
+    stiffness: Array  # (m, d): that of the chart
     equation: NewtonEquation
 
     @classmethod
@@ -230,19 +201,10 @@ def active_set_newton(
 ) -> Solution | None:
     """The solution that Newton's equations lead to from a pair, or None where they do not settle at once.
 
-    Parameters
-    ----------
-    system : CondensedProblem
-    r, lam : arrays (m, d)
-        Local displacements and multiplier of a state nearby.
-    controls : Controls
-    cache : NewtonCache
-        Of the same body.
-    out_of_balance : callable, optional
-        What unknowns (n,) leave of the load, if the caller needs the forces of the body anyway.  Where that is more
-        than the tolerance, or rounding might be, the stiffness is asked.
-    rounds : int
-        Newton's equations that are solved at most.
+    ``r, lam (m, d)``: local displacements and multiplier of a state nearby; ``cache``: of the same body;
+    ``out_of_balance``: what unknowns (n,) leave of the load, if the caller needs the forces of the body anyway.  Where
+    that is more than the tolerance, or rounding might be, the stiffness is asked; ``rounds``: Newton's equations that
+    are solved at most.
     """
     began = time.perf_counter()
     equation = cache.equation(system)

@@ -194,29 +194,17 @@ def _state(
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """The energy, and that of the model, along the way from a place to the answer of the model.
-
-    Attributes
-    ----------
-    system : NonlinearSystem
-    x, way : arrays (n,)
-    total, energy, contact : float
-        Residual, energy and its part of the contact points at x.
-    slope, square : float
-        Work of the out of balance force along the way, and twice the energy of the linear body.
-    rounding : float
-        What the arithmetic alone makes of a difference of energies.
-    """
+    """The energy, and that of the model, along the way from a place to the answer of the model."""
 
     system: NonlinearSystem
-    x: Array
-    way: Array
-    total: float
+    x: Array  # (n,)
+    way: Array  # (n,)
+    total: float  # residual at x
     energy: float
-    contact: float
-    slope: float
-    square: float
-    rounding: float
+    contact: float  # the part of the energy that contact points have
+    slope: float  # work of the out of balance force along the way
+    square: float  # twice the energy of the linear body along it
+    rounding: float  # what the arithmetic alone makes of a difference of energies
 
     @staticmethod
     def of(system: NonlinearSystem, state: State, way: Array, model: LinearBody) -> _Line:

@@ -287,38 +287,20 @@ class SemismoothNewton(Solver):
 
 @dataclass(frozen=True, eq=False)
 class _Place(GraphPoint):
-    """A point, and how far it is off the laws and its own equilibrium.
+    """A point, and how far it is off the laws and its own equilibrium."""
 
-    Attributes
-    ----------
-    off : float
-        |F|, as a force.
-    same : bool
-        Whether the components that move are those of the point before.
-    cycles : int
-        What it cost to come there from the point before.
-    """
-
-    off: float = np.inf
-    same: bool = False
-    cycles: int = 0
+    off: float = np.inf  # |F|, as a force
+    same: bool = False  # whether the components that move are those of the point before
+    cycles: int = 0  # what it cost to come there from the point before
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Steps of Newton's equation that lower |F|.
-
-    Attributes
-    ----------
-    equation : GraphEquation
-    accuracy : Accuracy
-    softens : bool
-        Whether the law does, anywhere.
-    """
+    """Steps of Newton's equation that lower |F|."""
 
     equation: GraphEquation
     accuracy: Accuracy
-    softens: bool = False
+    softens: bool = False  # whether the law does, anywhere
 
     def times(self, part: float) -> _Search | None:
         """The search with a part of the bound; None where the law has none."""
@@ -371,30 +353,15 @@ class _Search:
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """Where the method is.
+    """Where the method is."""
 
-    Attributes
-    ----------
-    start : State
-        Where it began.
-    search, point : _Search and _Place, or None
-    rounds : int
-        Newton's equations that were solved; counted from below zero once the bound was raised in parts.
-    frozen : bool
-        Whether it has begun anew from a solution with a frozen bound.
-    outer : State or None
-        That of the fixed point, once it has taken over.
-    past : tuple of float
-        |F| at the points so far.
-    """
-
-    start: State
+    start: State  # where it began
     search: _Search | None = None
     point: _Place | None = None
-    rounds: int = 0
-    frozen: bool = False
-    outer: State | None = None
-    past: tuple[float, ...] = ()
+    rounds: int = 0  # Newton's equations that were solved; counted from below zero once the bound was raised in parts
+    frozen: bool = False  # whether it has begun anew from a solution with a frozen bound
+    outer: State | None = None  # that of the fixed point, once it has taken over
+    past: tuple[float, ...] = ()  # |F| at the points so far
 
     def after(self, point: _Place) -> _Way:
         """One round further."""

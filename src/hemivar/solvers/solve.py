@@ -164,15 +164,7 @@ def solving(
 def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
     """The method where none was asked for; what breaks is followed downhill from rest, as a load that grows does.
 
-    Parameters
-    ----------
-    problem : DiscreteProblem
-    workspace : Workspace
-        One that condenses the problem already makes a condensing method cheap.
-
-    Returns
-    -------
-    Solver
+    ``workspace``: one that condenses the problem already makes a condensing method cheap.
     """
     chosen, reason = choose(problem)
     if workspace.condenses(problem) and not isinstance(chosen, NonsmoothNewton):

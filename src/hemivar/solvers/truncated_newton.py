@@ -29,26 +29,14 @@ _TINY = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class NewtonMemory:
-    """What the method keeps between its steps.
+    """What the method keeps between its steps."""
 
-    Attributes
-    ----------
-    factor : float
-        How much stiffer than its diagonal the body is made for diagonal minimisations.
-    force : array of the shape of a point
-        Load minus elastic force.
-    equation : NewtonEquation
-    settled : bool
-        Whether the next step begins with Newton's equation.
-    share : float
-        How much less than the contact conditions are off Newton's equation leaves: less after each step that did not
-        lower the residual.
-    """
-
-    factor: float
-    force: Array
+    factor: float  # how much stiffer than its diagonal the body is made for diagonal minimisations
+    force: Array  # of the shape of a point: load minus elastic force
     equation: NewtonEquation
-    settled: bool = False
+    settled: bool = False  # whether the next step begins with Newton's equation
+    # how much less than the contact conditions are off Newton's equation leaves: less after each step that did not
+    # lower the residual
     share: float = 1.0
 
 
@@ -65,16 +53,10 @@ class TruncatedNewton(Solver):
 
     How Newton's equation is solved is a matter of the system: :class:`NonsmoothNewton` works on the condensed body
     with dense factors, :class:`NonsmoothMultigrid` on all unknowns with conjugate gradients.
-
-    Parameters
-    ----------
-    sweeps : int
-        Diagonal minimisations before each Newton step.
-    search : Search
-        Whether components cross barriers of their own energy (GLOBAL), or only walk downhill (DOWNHILL).
     """
 
-    sweeps: int = 2
+    sweeps: int = 2  # diagonal minimisations before each Newton step
+    # whether components cross barriers of their own energy (GLOBAL), or only walk downhill (DOWNHILL)
     search: Search = Search.GLOBAL
     descends: ClassVar[bool] = True
     #: Whether a whole step that gains less than the rounding of the energy is taken before the residual judges it.

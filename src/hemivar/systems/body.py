@@ -29,50 +29,22 @@ _FAR = 1.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Body(Equilibrium, ABC):
-    """Energy of all unknowns; arrays are those of this process.
+    """Energy of all unknowns; arrays are those of this process."""
 
-    Attributes
-    ----------
-    vectors : Vectors
-        How the parts of all processes are looked at together.
-    elastic : ContactStiffness
-        What the body knows of its stiffness, whatever its load, gap and law.
-    law : VectorLaw
-    weights : array (m,)
-    offset : array (m, d)
-        Gap, and what stands beside it in the tangential components.
-    unknown : int array (k,)
-        The unknown behind each active component.
-    sign : array (k,)
-        Its sign in the local displacement.
-    active : bool array (m, d)
-        Components that are free to move.
-    load, row_sums : arrays (n,)
-        f, and sums of the absolute entries of the rows of K.
-    constant : float
-        Energy that does not depend on the unknowns.
-    compliance : array (m, 2)
-        Displacement for a unit pressure at a point when all else is held.
-    seconds : float
-        Spent on setting up.
-    below : Body or None
-        The same on the next coarser mesh, where a problem is posed there.
-    """
-
-    vectors: Vectors
-    elastic: ContactStiffness
+    vectors: Vectors  # how the parts of all processes are looked at together
+    elastic: ContactStiffness  # what the body knows of its stiffness, whatever its load, gap and law
     law: VectorLaw
-    weights: Array
-    offset: Array
-    unknown: IntArray
-    sign: Array
-    active: BoolArray
-    load: Array
-    row_sums: Array
-    constant: float
-    compliance: Array
-    seconds: float = 0.0
-    below: Self | None = None
+    weights: Array  # (m,)
+    offset: Array  # (m, d): gap, and what stands beside it in the tangential components
+    unknown: IntArray  # (k,): the unknown behind each active component
+    sign: Array  # (k,): its sign in the local displacement
+    active: BoolArray  # (m, d): components that are free to move
+    load: Array  # (n,)
+    row_sums: Array  # (n,): sums of the absolute entries of the rows of K
+    constant: float  # energy that does not depend on the unknowns
+    compliance: Array  # (m, 2): displacement for a unit pressure at a point when all else is held
+    seconds: float = 0.0  # spent on setting up
+    below: Self | None = None  # the same on the next coarser mesh, where a problem is posed there
 
     # ---- what an engine supplies -------------------------------------------------------------------------
 

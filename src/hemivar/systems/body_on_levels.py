@@ -51,13 +51,8 @@ _FEW = 2500
 class MatrixAtContact(ContactStiffness):
     """The stiffness of a body on one machine.
 
-    Parameters
-    ----------
-    matrix : sparse array, shape (n, n)
-    times : function
-        The matrix times a vector (n,).
-    unknown, sign, active
-        See :class:`ContactStiffness`.
+    ``matrix (n, n)``; ``times``: the matrix times a vector (n,); ``unknown, sign, active``: see
+    :class:`ContactStiffness`.
     """
 
     def __init__(
@@ -95,25 +90,13 @@ class MatrixAtContact(ContactStiffness):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodyProblem(Body):
-    """A discrete problem on one of the levels of its hierarchy.
-
-    Attributes
-    ----------
-    problem : DiscreteProblem
-    hierarchy : ElasticMultigrid
-        Matrices of this and the coarser levels.
-    top : int
-        Number of this level.
-    small : Workspace
-        Where coarse bodies are kept that were condensed.
-    meshes : tuple of BodyProblem
-        The body on the coarser meshes, from coarse to fine, for whoever asks for the problem there.
-    """
+    """A discrete problem on one of the levels of its hierarchy."""
 
     problem: DiscreteProblem
-    hierarchy: ElasticMultigrid
-    top: int
-    small: Workspace
+    hierarchy: ElasticMultigrid  # matrices of this and the coarser levels
+    top: int  # number of this level
+    small: Workspace  # where coarse bodies are kept that were condensed
+    # the body on the coarser meshes, from coarse to fine, for whoever asks for the problem there
     meshes: tuple[BodyProblem, ...] = ()
 
     @staticmethod
@@ -263,10 +246,8 @@ def levels_of(problem: DiscreteProblem, workspace: Workspace) -> ElasticMultigri
 def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
     """The body of a problem on its mesh, and on every coarser one if asked; the workspace keeps the levels.
 
-    Raises
-    ------
-    ProblemError
-        The stiffness has a negative eigenvalue, or the body can move without any contact point noticing it.
+    Raises ProblemError: the stiffness has a negative eigenvalue, or the body can move without any contact point
+    noticing it.
     """
     began = time.perf_counter()
     bodies = workspace.once("bodies", problem.model, lambda: _bodies(problem, workspace))

@@ -19,27 +19,15 @@ _MOST = 200
 
 @dataclass(frozen=True, eq=False)
 class Rounds:
-    """Where rounds of active sets ended.
+    """Where rounds of active sets ended."""
 
-    Attributes
-    ----------
-    count : int
-        Rounds that were made.
-    settled : bool
-        Whether the multiplier of the body misses that of the law by no more than was allowed.
-    r, lam, of_law : arrays (m, d)
-        Local displacements, multiplier of the body and that of the law.
-    missed, force : float
-        By how much it is missed, and the size of the force of the law.
-    """
-
-    count: int
-    settled: bool
-    r: Array
-    lam: Array
-    of_law: Array
-    missed: float
-    force: float
+    count: int  # rounds that were made
+    settled: bool  # whether the multiplier of the body misses that of the law by no more than was allowed
+    r: Array  # (m, d)
+    lam: Array  # (m, d): multiplier of the body
+    of_law: Array  # (m, d): that of the law
+    missed: float  # by how much the multiplier of the law is missed
+    force: float  # the size of its force
 
 
 class CompiledRounds:
@@ -47,21 +35,9 @@ class CompiledRounds:
 
     It belongs to one thread: its memory is used again.
 
-    Parameters
-    ----------
-    kernels : Kernels
-    law : GraphTables
-        Straight on its pieces.
-    matrix : array (m d, m d)
-        Stiffness between the local components, all of which are free to move; symmetric.
-    weights : array (m,)
-    compliance : array (m, d)
-        By which displacements are held against multipliers.
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    ``law``: straight on its pieces; ``matrix (m d, m d)``: stiffness between the local components, all of which are
+    free to move; symmetric; ``weights (m,)``; ``compliance (m, d)``: by which displacements are held against
+    multipliers. Raises ValueError: an array is not what it should be.
     """
 
     def __init__(self, kernels: Kernels, law: GraphTables, matrix: Array, weights: Array, compliance: Array) -> None:
@@ -98,12 +74,7 @@ class CompiledRounds:
 
         None where Newton's equation has no solution, or a number is not finite.
 
-        Parameters
-        ----------
-        load : array (m d,)
-        r, lam : arrays (m, d)
-        most : int
-        atol, rtol, size : float
+        ``load (m d,)``; ``r, lam (m, d)``.
         """
         self._fill(load, r, lam)
         end = self._call.hv_active_sets_run(self._pointer, *self._at[:4], most, atol, rtol, size, self._at[4])

@@ -48,33 +48,15 @@ class Search(Enum):
 
 @dataclass(frozen=True, eq=False)
 class ContactStep:
-    """A step of the local displacements.
+    """A step of the local displacements."""
 
-    Attributes
-    ----------
-    r : array (m, d)
-        Where it leads; where it began if it was given up.
-    gain : float
-        Change of the energy, at most 0 unless the step began outside of the domain of the laws.
-    tries : int
-        Evaluations of the energy.
-    factor : float
-        How much stiffer than its diagonal the body had to be.
-    value : array (m,)
-        j(r) where it leads.
-    force : array (m, d)
-        Elastic force there.
-    unbounded : bool
-        Whether the energy of a point falls without end; ``r`` is where it began then.
-    """
-
-    r: Array
-    gain: float
-    tries: int
-    factor: float
-    value: Array
-    force: Array
-    unbounded: bool = False
+    r: Array  # (m, d): where it leads; where it began if it was given up
+    gain: float  # change of the energy, at most 0 unless the step began outside of the domain of the laws
+    tries: int  # evaluations of the energy
+    factor: float  # how much stiffer than its diagonal the body had to be
+    value: Array  # (m,): j(r) where it leads
+    force: Array  # (m, d): elastic force there
+    unbounded: bool = False  # whether the energy of a point falls without end; ``r`` is where it began then
 
 
 def gain(body: ContactSystem, step: Array, bent: Array, force: Array, change: Array) -> float:
@@ -114,16 +96,8 @@ def diagonal_step(
 ) -> ContactStep:
     """All points minimise their diagonal problem at once; it is stiffened until the energy falls.
 
-    Parameters
-    ----------
-    body : ContactSystem
-    r, force : arrays (m, d)
-        Local displacements, and the elastic force there.
-    factor : float
-        How much stiffer than its diagonal the body is made at first.
-    search : Search
-    value : array (m,), optional
-        j(r) where it is known.
+    ``r, force (m, d)``: local displacements, and the elastic force there; ``factor``: how much stiffer than its
+    diagonal the body is made at first; ``value (m,)``: j(r) where it is known.
     """
     d, vectors, first = r.shape[1], body.vectors, factor
     value = body.law.value(r) if value is None else value

@@ -20,14 +20,8 @@ class ContactStiffness(ABC):
 
     What is posed on a body holds it by reference, so that each quantity is found once.
 
-    Parameters
-    ----------
-    vectors : Vectors
-        How the parts of all processes are looked at together.
-    unknown, sign : arrays (k,)
-        The unknown behind each active component, and its sign in the local displacement.
-    active : bool array (m, d)
-        Components that are free to move.
+    ``vectors``: how the parts of all processes are looked at together; ``unknown, sign (k,)``: the unknown behind each
+    active component, and its sign in the local displacement; ``active (m, d)``: components that are free to move.
     """
 
     def __init__(self, vectors: Vectors, unknown: IntArray, sign: Array, active: BoolArray) -> None:

@@ -212,12 +212,8 @@ class Equilibrium:
     def energy(self: PointSystem, x: Array, lam: Array | None = None, force: Array | None = None) -> float:
         """E(u) of the displacement that a point stands for.
 
-        Parameters
-        ----------
-        x : array (m, d) or (n,)
-        lam : array (m, d), optional
-            Multiplier at which a bound that depends on the solution is taken; by default what is in equilibrium.
-        force : array of the shape of x, optional
+        ``x (m, d) or (n,)``; ``lam (m, d)``: multiplier at which a bound that depends on the solution is taken; by
+        default what is in equilibrium; ``force`` of the shape of x.
         """
         force = self.out_of_balance(x) if force is None else force
         close = PASSED * float(self.vectors.largest(self.magnitude(x))[0])
@@ -238,11 +234,7 @@ class Equilibrium:
     def residual(self: PointSystem, x: Array, lam: Array, force: Array | None = None) -> Residual:
         """The residual of the pair; what is not in the point is in equilibrium.
 
-        Parameters
-        ----------
-        x : array (m, d) or (n,)
-        lam : array (m, d)
-        force : array of the shape of x, optional
+        ``x (m, d) or (n,)``; ``lam (m, d)``; ``force`` of the shape of x.
         """
         force = self.out_of_balance(x) if force is None else force
         contact = self.weights[:, None] * lam

@@ -92,13 +92,7 @@ class DenseFactor:
 
 @dataclass(frozen=True, eq=False)
 class DenseNewton:
-    """Newton's equation of a condensed body: Cholesky's factor, or eigenvectors where the matrix is indefinite.
-
-    Attributes
-    ----------
-    body : CondensedProblem
-    factor : DenseFactor
-    """
+    """Newton's equation of a condensed body: Cholesky's factor, or eigenvectors where the matrix is indefinite."""
 
     body: CondensedProblem
     factor: DenseFactor = field(default_factory=DenseFactor)

@@ -20,21 +20,11 @@ __all__ = ["ElasticMultigrid"]
 
 @dataclass(frozen=True, eq=False)
 class ElasticMultigrid:
-    """A hierarchy of discrete problems with the matrices of all its levels; nothing in it changes.
+    """A hierarchy of discrete problems with the matrices of all its levels; nothing in it changes."""
 
-    Attributes
-    ----------
-    steps : tuple of Coarser
-        From coarse to fine: ``steps[k]`` holds the problem on mesh k and leads to mesh k + 1.
-    hierarchy : Hierarchy
-        The matrices, with algebraic ones below that of the coarsest mesh where that is large.
-    seconds : float
-        Spent on setting up.
-    """
-
-    steps: tuple[Coarser, ...]
-    hierarchy: Hierarchy
-    seconds: float
+    steps: tuple[Coarser, ...]  # from coarse to fine: ``steps[k]`` holds the problem on mesh k and leads to mesh k + 1
+    hierarchy: Hierarchy  # the matrices, with algebraic ones below that of the coarsest mesh where that is large
+    seconds: float  # spent on setting up
 
     @staticmethod
     def of(problem: DiscreteProblem) -> ElasticMultigrid:

@@ -32,41 +32,19 @@ _RAISED = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class SchurComplement:
-    """What the condensation makes of stiffness and trace alone, whatever the load, the gap and the law.
+    """What the condensation makes of stiffness and trace alone, whatever the load, the gap and the law."""
 
-    Attributes
-    ----------
-    factor : Factorisation
-        Of the stiffness, apart from the unknowns ``kept``.
-    kept : int array (k,)
-        The unknowns that contact points see.
-    matrix : array (m d, m d)
-        Stiffness between local displacements; rows and columns of components that a support fixes are zero.
-    active : bool array (m, d)
-        Components that are free to move.
-    compliance : array (m, 2)
-        Displacement for a unit pressure at a contact point when all other unknowns are held.
-    weights : array (m,)
-    spread : array or sparse array (k, m d)
-        Kept unknowns from local displacements.
-    drift : array (k, k) or None
-        Displacement of what no contact point sees, for a force on the kept unknowns.
-    free_unknowns : array (n, a) or None
-        Of the motions without deformation; None where K is not that of a mesh.
-    stiffness : sparse array (n, n)
-        K.
-    """
-
-    factor: Factorisation
-    kept: IntArray
+    factor: Factorisation  # of the stiffness, apart from the unknowns ``kept``
+    kept: IntArray  # (k,): the unknowns that contact points see
+    # (m d, m d): stiffness between local displacements; rows and columns of components that a support fixes are zero
     matrix: Array
-    active: BoolArray
-    compliance: Array
-    weights: Array
-    spread: sp.csr_array
-    drift: Array | None
-    free_unknowns: Array | None
-    stiffness: sp.csr_array
+    active: BoolArray  # (m, d): components that are free to move
+    compliance: Array  # (m, 2): displacement for a unit pressure at a contact point when all other unknowns are held
+    weights: Array  # (m,)
+    spread: sp.csr_array  # (k, m d): kept unknowns from local displacements
+    drift: Array | None  # (k, k): displacement of what no contact point sees, for a force on the kept unknowns
+    free_unknowns: Array | None  # (n, a): of the motions without deformation; None where K is not that of a mesh
+    stiffness: sp.csr_array  # (n, n): K
 
     vectors: Vectors = field(default=WHOLE, init=False)
 
@@ -74,10 +52,8 @@ class SchurComplement:
     def of(problem: DiscreteProblem, many: bool = False) -> SchurComplement:
         """Factorise the body of a problem and reduce it to its local displacements; ``many`` if many loads follow.
 
-        Raises
-        ------
-        ProblemError
-            The interior is singular, the stiffness has a negative eigenvalue, or contact rows depend on one another.
+        Raises ProblemError: the interior is singular, the stiffness has a negative eigenvalue, or contact rows depend
+        on one another.
         """
         refuse_unseen(problem)
         K, B = problem.stiffness, sp.csr_array(problem.contact.trace)
@@ -234,25 +210,13 @@ class SchurComplement:
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """All unknowns from contact unknowns: ``u_I = K_II^-1 (f_I - K_IC y)``, ``y = Y (r + offset) + shift``.
-
-    Attributes
-    ----------
-    body : SchurComplement
-    problem : DiscreteProblem
-    offset : array (m d,)
-        Of the components that are free to move.
-    reduced : CondensedLoad
-        The load.
-    shift : array (k,)
-        Where the load moves what no contact point sees.
-    """
+    """All unknowns from contact unknowns: ``u_I = K_II^-1 (f_I - K_IC y)``, ``y = Y (r + offset) + shift``."""
 
     body: SchurComplement
     problem: DiscreteProblem
-    offset: Array
-    reduced: CondensedLoad
-    shift: Array
+    offset: Array  # (m d,): of the components that are free to move
+    reduced: CondensedLoad  # the load
+    shift: Array  # (k,): where the load moves what no contact point sees
 
     def __call__(self, r: Array) -> Array:
         body, y = self.body, r.ravel() + self.offset

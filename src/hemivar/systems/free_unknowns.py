@@ -32,12 +32,7 @@ def free_unknowns(problem: DiscreteProblem) -> Array | None:
 
 
 def refuse_unseen(problem: DiscreteProblem) -> None:
-    """Refuse a body that can move without deforming and without any contact point noticing it.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse a body that can move without deforming and without any contact point noticing it."""
     free = free_unknowns(problem)
     if free is None or not free.shape[1]:
         return

@@ -37,14 +37,8 @@ class Truncation(Protocol):
     def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
         """Become Newton's matrix at another place.
 
-        Parameters
-        ----------
-        x : array (n,)
-            The place.
-        held : bool array (k,)
-            Active components that keep their value.
-        curvature : array (m, d, d)
-            Second derivatives of the laws, weights included; zero where held.
+        ``x (n,)``: the place; ``held (k,)``: active components that keep their value; ``curvature (m, d, d)``: second
+        derivatives of the laws, weights included; zero where held.
         """
         ...
 
@@ -67,25 +61,15 @@ class Truncation(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class KrylovNewton:
-    """Newton's equation of all unknowns.
-
-    Attributes
-    ----------
-    body : Body
-    matrix : Truncation
-        Changed by :meth:`solve`.
-    """
+    """Newton's equation of all unknowns."""
 
     body: Body
-    matrix: Truncation
+    matrix: Truncation  # changed by :meth:`solve`
 
     def solve(self, at: LinearisedPoint, accuracy: Accuracy) -> Correction:
         """The correction by conjugate gradients, ended early where the contact conditions are further off.
 
-        Raises
-        ------
-        ProblemError
-            A direction without curvature shows that the stiffness is indefinite.
+        Raises ProblemError: a direction without curvature shows that the stiffness is indefinite.
         """
         if at.pushed is not None:
             return self._generalised(at, at.pushed, accuracy)

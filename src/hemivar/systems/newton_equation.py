@@ -24,35 +24,17 @@ _NONE, _SINGULAR = 4.0 * float(np.finfo(float).eps), 1e-13
 
 @dataclass(frozen=True, eq=False)
 class LinearisedPoint:
-    """A point with the derivatives of the laws there.
+    """A point with the derivatives of the laws there."""
 
-    Attributes
-    ----------
-    x : array (m, d) or (n,)
-        The point of the system.
-    force : array of the shape of x
-        Load minus elastic force at x.
-    r : array (m, d)
-        Its local displacements.
-    multiplier : array (m, d)
-        Derivative of the laws at r.
-    curvature : array (m, d) or (m, d, d)
-        Second derivatives, at the components that move.
-    moving : bool array (m, d)
-        Components that are free and off the kinks.
-    body : ContactSystem
-    pushed : array or None
-        What a force along the normal adds to the multiplier of each tangential component of its point, (m, d), where
-        the normal component is held and a bound follows its force; None where the derivative is symmetric.
-    """
-
-    x: Array
-    force: Array
-    r: Array
-    multiplier: Array
-    curvature: Array
-    moving: BoolArray
+    x: Array  # (m, d) or (n,): the point of the system
+    force: Array  # of the shape of x: load minus elastic force at x
+    r: Array  # (m, d): its local displacements
+    multiplier: Array  # (m, d): derivative of the laws at r
+    curvature: Array  # (m, d) or (m, d, d): second derivatives, at the components that move
+    moving: BoolArray  # (m, d): components that are free and off the kinks
     body: ContactSystem
+    # what a force along the normal adds to the multiplier of each tangential component of its point, (m, d), where the
+    # normal component is held and a bound follows its force; None where the derivative is symmetric
     pushed: Array | None = None
 
     @staticmethod
@@ -131,52 +113,26 @@ def _inverse(blocks: Array, stiffness: Array) -> tuple[BoolArray, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """How accurately an iterative method solves Newton's equation; a direct one does not ask.
+    """How accurately an iterative method solves Newton's equation; a direct one does not ask."""
 
-    Attributes
-    ----------
-    tolerance : float
-        Of the residual, relative to the load.
-    absolute : float
-        Beside it, in units of force.
-    iterations : int
-        Most iterations.
-    due : callable or None
-        If given, the iteration may end as soon as the residual is below that of the contact conditions, and ends where
-        this is not zero.
-    share : float
-        Part of the forces by which the contact conditions fail that may be left then.
-    """
-
-    tolerance: float
-    absolute: float
-    iterations: int
+    tolerance: float  # of the residual, relative to the load
+    absolute: float  # beside it, in units of force
+    iterations: int  # most iterations
+    # if given, the iteration may end as soon as the residual is below that of the contact conditions, and ends where
+    # this is not zero
     due: Callable[[], float] | None = None
-    share: float = 1.0
+    share: float = 1.0  # part of the forces by which the contact conditions fail that may be left then
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """A solution of Newton's equation.
+    """A solution of Newton's equation."""
 
-    Attributes
-    ----------
-    step : array of the shape of a point
-        The correction; zero in components at kinks.
-    bent : array of the shape of a point
-        Elastic force that it takes away.
-    cycles : int
-        Iterations that it took, 1 for a direct method, 0 where nothing moves.
-    convex : bool
-        False where the matrix is indefinite and the step a direction of descent instead.
-    negative : array or None
-        A direction along which the matrix has no positive curvature, where an iterative method met one.
-    """
-
-    step: Array
-    bent: Array
-    cycles: int
-    convex: bool = True
+    step: Array  # of the shape of a point: the correction; zero in components at kinks
+    bent: Array  # of the shape of a point: elastic force that it takes away
+    cycles: int  # iterations that it took, 1 for a direct method, 0 where nothing moves
+    convex: bool = True  # False where the matrix is indefinite and the step a direction of descent instead
+    # A direction along which the matrix has no positive curvature, where an iterative method met one
     negative: Array | None = None
 
 

@@ -80,20 +80,11 @@ class _LinearProblem:
 
 @dataclass(frozen=True, eq=False)
 class NonlinearBody(Equilibrium):
-    """Energy of all unknowns of a body whose stored energy need not be quadratic.
-
-    Attributes
-    ----------
-    problem : DiscreteProblem
-    workspace : Workspace
-        Where what belongs to its model is kept.
-    seconds : float
-        Spent on setting up.
-    """
+    """Energy of all unknowns of a body whose stored energy need not be quadratic."""
 
     problem: DiscreteProblem
-    workspace: Workspace
-    seconds: float = 0.0
+    workspace: Workspace  # where what belongs to its model is kept
+    seconds: float = 0.0  # spent on setting up
 
     @staticmethod
     def of(problem: DiscreteProblem, workspace: Workspace) -> NonlinearBody:

@@ -43,20 +43,11 @@ class InnerSolver(ABC):
 
 @dataclass(frozen=True, eq=False)
 class FixedSets:
-    """The problem that is left when every component knows its piece or its knot.
-
-    Attributes
-    ----------
-    system : CondensedProblem
-    laws : tuple of Superpotential
-        Scalar laws of the components: normal, and in 2D tangential.
-    state : int array (m, d)
-        Even entries 2 i: on piece i; odd entries 2 i + 1: at knot i.
-    """
+    """The problem that is left when every component knows its piece or its knot."""
 
     system: CondensedProblem
-    laws: tuple[Superpotential, ...]
-    state: IntArray
+    laws: tuple[Superpotential, ...]  # scalar laws of the components: normal, and in 2D tangential
+    state: IntArray  # (m, d): even entries 2 i: on piece i; odd entries 2 i + 1: at knot i
 
     def held(self) -> tuple[IntArray, Array]:
         """Flat indices of the components that move, and all values with the held ones in place."""
@@ -86,26 +77,14 @@ class RadialSets:
     The normal part is as in the plane.  The tangential part is at rest; or on a piece, where the friction has the size
     that the law gives for the size of the slip, and the direction of the primal-dual variable ``z = r + tau lambda``;
     or at another knot, where the slip has that size and the same direction.
-
-    Attributes
-    ----------
-    system : CondensedProblem
-    laws : tuple of Superpotential
-        Normal, and tangential as a function of the size of the slip.
-    state : int array (m, 2)
-        As in :class:`FixedSets`, for the normal part and the size of the slip.
-    steps : array (m, 2)
-        tau.
-    r, lam : arrays (m, d)
-        Where the step starts.
     """
 
     system: CondensedProblem
-    laws: tuple[Superpotential, ...]
-    state: IntArray
-    steps: Array
-    r: Array
-    lam: Array
+    laws: tuple[Superpotential, ...]  # normal, and tangential as a function of the size of the slip
+    state: IntArray  # (m, 2): as in :class:`FixedSets`, for the normal part and the size of the slip
+    steps: Array  # (m, 2): tau
+    r: Array  # (m, d): where the step starts
+    lam: Array  # (m, d)
 
     def free(self) -> IntArray:
         """Flat indices of the components that move."""

@@ -133,20 +133,12 @@ class _Memory:
 
 @dataclass(frozen=True, eq=False)
 class CuttingPlanes(Superpotential):
-    """The largest of some tangents of convex scalar laws, on the domain of these laws.
+    """The largest of some tangents of convex scalar laws, on the domain of these laws."""
 
-    Parameters
-    ----------
-    points, values, slopes : arrays (m, count)
-        Tangents ``value + slope (r - point)``, ordered by their points.
-    ends : Interval
-        Domain, (m,).
-    """
-
-    points: Array
-    values: Array
-    slopes: Array
-    ends: Interval
+    points: Array  # (m, count): tangents ``value + slope (r - point)``, ordered by their points
+    values: Array  # (m, count)
+    slopes: Array  # (m, count)
+    ends: Interval  # domain, (m,)
     name: str = "cutting planes"
     examined = True
 
