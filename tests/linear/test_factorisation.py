@@ -13,8 +13,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.kernels import kernels
 from hemivar.linear import factorisation
-from hemivar.linear.factorisation import Factorisation, SuperLUFactorisation, factorise
-from hemivar.linear.triangular_sweeps import PanelSweeps, RowSweeps
+from hemivar.linear.factorisation import Factorisation, PanelSweeps, SuperLUFactorisation, factorise
 from hemivar.mechanics import Material
 from hemivar.mesh import box, rectangle
 
@@ -34,12 +33,12 @@ def made(matrix: sp.csr_array, kept: IntArray, many: bool) -> Factorisation:
     return SuperLUFactorisation(matrix, kept, many)
 
 
-@pytest.fixture(params=["whole", "rows", "panels"])
+@pytest.fixture(params=["one load", "without kernels", "halves"])
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Whole solves, sweeps by rows and those of the compiled kernels."""
-    if request.param == "panels" and kernels() is None:
+    """Whole solves, also where the kernels are not there for many loads, and the sweeps of these."""
+    if request.param == "halves" and kernels() is None:
         pytest.skip("the kernels are not compiled here")
-    monkeypatch.setenv("HEMIVAR_KERNELS", "auto" if request.param == "panels" else "none")
+    monkeypatch.setenv("HEMIVAR_KERNELS", "auto" if request.param == "halves" else "none")
     kernels.cache_clear()
     yield request.param
     monkeypatch.undo()
@@ -48,7 +47,7 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 @pytest.mark.parametrize("seed", range(3))
 def test_loads_go_to_the_kept_unknowns_and_back_as_in_dense_algebra(seed: int, way: str) -> None:
-    many = way != "whole"
+    many = way != "one load"
     K, random = body(7, seed), np.random.default_rng(seed + 10)
     n = K.shape[0]
     kept = np.sort(random.choice(n, 12, replace=False)).astype(np.int64)
@@ -78,14 +77,13 @@ def test_loads_go_to_the_kept_unknowns_and_back_as_in_dense_algebra(seed: int, w
         assert not factor.solve_interior(load)[kept].any()
 
 
-def test_sweeps_leave_the_load_as_it_was(way: str) -> None:
+def test_solves_leave_the_load_as_it_was(way: str) -> None:
     K = body(5, 0)
     kept = np.arange(0, 50, 7)
     load, y = np.ones(K.shape[0]), np.ones(kept.size)
-    factor = made(K, kept, True)
+    factor = made(K, kept, way != "one load")
     assert isinstance(factor, SuperLUFactorisation)
-    assert factor._halves is not None
-    assert isinstance(factor._halves.sweeps, PanelSweeps) is (way == "panels")
+    assert (factor._halves is not None) is (way == "halves")
     first = factor.reduce(load)
     inner = np.array(first.inner)
     answers: list[Array] = [factor.extend(first, y) for _ in range(2)]
@@ -109,6 +107,7 @@ def test_a_body_without_kept_unknowns_is_solved_by_both_sweeps() -> None:
     np.testing.assert_allclose(K @ factor.solve_interior(load) / load, 1.0, atol=1e-10)
 
 
+@pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
 @pytest.mark.parametrize(("dim", "order", "swept"), [(2, 1, True), (2, 2, True), (3, 1, False)])
 def test_many_loads_in_the_plane_go_by_halves_whatever_is_installed(
     dim: int, order: int, swept: bool, monkeypatch: pytest.MonkeyPatch
@@ -142,18 +141,20 @@ def triangle(seed: int) -> sp.csc_array:
     return found
 
 
+@pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
 @pytest.mark.parametrize("seed", range(4))
-def test_sweeps_by_panels_and_by_rows_solve_with_the_triangle_and_its_transpose(seed: int) -> None:
+def test_sweeps_by_panels_solve_with_the_triangle_and_its_transpose(seed: int) -> None:
     columns = triangle(seed)
     n, count = columns.shape
     L = np.eye(n)
     L[:, :count] = columns.toarray()
     b, compiled = np.random.default_rng(seed).normal(size=n), kernels()
-    for sweeps in (RowSweeps.of(columns, count), *([] if compiled is None else [PanelSweeps(compiled, columns)])):
-        for solve, matrix in ((sweeps.forward, L), (sweeps.backward, L.T)):
-            x = b.copy()
-            solve(x)
-            np.testing.assert_allclose(matrix @ x, b, atol=1e-12 * np.abs(x).max())
+    assert compiled is not None
+    sweeps = PanelSweeps(compiled, columns)
+    for solve, matrix in ((sweeps.forward, L), (sweeps.backward, L.T)):
+        x = b.copy()
+        solve(x)
+        np.testing.assert_allclose(matrix @ x, b, atol=1e-12 * np.abs(x).max())
 
 
 @pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")

@@ -6,6 +6,7 @@ import atexit
 import importlib
 import importlib.metadata
 import threading
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,13 +19,14 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.kernels import Kernels, kernels
 from hemivar.linear.definite import positive_pivots
-from hemivar.linear.triangular_sweeps import PanelSweeps, RowSweeps, sweeps_of
 
 __all__ = [
     "CondensedLoad",
     "Factorisation",
     "MumpsFactorisation",
+    "PanelSweeps",
     "SuperLUFactorisation",
     "abandoned_work",
     "factorise",
@@ -83,11 +85,12 @@ def factorise(matrix: sp.csr_array, kept: IntArray, many: bool = False) -> Facto
     """Factorise ``matrix`` apart from the ``kept`` unknowns, and form the Schur complement on these.
 
     ``matrix (n, n)``; ``kept (k,)``; ``many``: many loads are to come: for at most a fourth more than the factors cost,
-    a load and its way back then take one sweep through each half of the factors, and not a whole solve each.  MUMPS
-    does not lend its halves: in the plane SuperLU is taken then, whose sweeps are faster than MUMPS's solve. Raises
-    ProblemError: a part of the body that is not kept can move freely.
+    a load and its way back then take one sweep of the compiled kernels through each half of the factors, and not a
+    whole solve each.  MUMPS does not lend its halves: in the plane SuperLU is taken then, whose sweeps are faster than
+    MUMPS's solve. Raises ProblemError: a part of the body that is not kept can move freely.
     """
-    if mumps_available() and not (many and matrix.nnz <= _PLANE * matrix.shape[0]):
+    swept = many and kernels() is not None and matrix.nnz <= _PLANE * matrix.shape[0]
+    if mumps_available() and not swept:
         return MumpsFactorisation(matrix, kept)
     return SuperLUFactorisation(matrix, kept, many)
 
@@ -102,7 +105,8 @@ class SuperLUFactorisation:
     sparsity pattern (the components at a node), which is several times smaller than the matrix.
 
     For many loads the factor ``L_I`` of the other unknowns, with the rows of the kept ones under it, is laid out for
-    compiled sweeps.  Each half of a solve is then one of them, and what SuperLU holds is given back.
+    compiled sweeps.  Each half of a solve is then one of them, and what SuperLU holds is given back.  Without the
+    kernels loads take whole solves.
     """
 
     def __init__(self, matrix: sp.csr_array, kept: IntArray, many: bool = False) -> None:
@@ -129,9 +133,9 @@ class SuperLUFactorisation:
 
     def _halved(self, factor: spla.SuperLU, first: int) -> _TriangularFactors | None:
         """Both sweeps by themselves, if the factors are those of a symmetric elimination, the kept unknowns last."""
-        n = self._order.size
+        n, compiled = self._order.size, kernels()
         columns = factor.perm_c
-        if not (np.array_equal(factor.perm_r, columns) and np.all(columns[first:] >= first)):
+        if compiled is None or not (np.array_equal(factor.perm_r, columns) and np.all(columns[first:] >= first)):
             return None
         pivots = factor.U.diagonal()[:first]
         if not np.all(pivots != 0.0):
@@ -139,7 +143,8 @@ class SuperLUFactorisation:
         full = factor.L
         end = int(full.indptr[first])
         columns_before = full.data[:end], full.indices[:end], full.indptr[: first + 1]
-        sweeps = sweeps_of(sp.csc_array(columns_before, shape=(n, first), copy=True), first)
+        in_order = sp.csr_array(sp.csc_array(columns_before, shape=(n, first)))  # half the time that sorting rows takes
+        sweeps = PanelSweeps(compiled, sp.csc_array(in_order))
         order = self._order[np.argsort(columns)]
         return _TriangularFactors(sweeps, pivots, order, np.searchsorted(self._kept, order[first:]), np.argsort(order))
 
@@ -216,7 +221,7 @@ class SuperLUFactorisation:
 class _TriangularFactors:
     """``K = L D L'`` with ``L = [[L_I, 0], [L_CI, 1]]``, the kept unknowns last."""
 
-    sweeps: RowSweeps | PanelSweeps  # through L and its transpose
+    sweeps: PanelSweeps  # through L and its transpose
     pivots: Array  # (n - k,): D on the unknowns I; on the kept ones it is the Schur complement
     order: IntArray  # (n,): the unknown in each place
     place: IntArray  # (k,): which of the kept unknowns stands in each of the last places
@@ -238,6 +243,53 @@ class _TriangularFactors:
         x = np.concatenate([reduced.inner, kept.take(self.place)])
         self.sweeps.backward(x)
         return x.take(self.back)
+
+
+class PanelSweeps:
+    """Substitution through a unit lower triangle L (n, n) and its transpose: neighbouring columns with the same rows
+    together.
+
+    ``columns (n, count)``: the first columns of L, of each the rows in order, the one of the diagonal first; 32-bit
+    indices. Raises ValueError: an array is not what it should be.
+    """
+
+    def __init__(self, kernels: Kernels, columns: sp.csc_array) -> None:
+        self.kernels, (self.size, count) = kernels, columns.shape
+        starts, rows, data = columns.indptr, columns.indices, columns.data
+        for name, array, kind in (
+            ("indptr", starts, np.int32),
+            ("indices", rows, np.int32),
+            ("data", data, np.float64),
+        ):
+            if array.dtype != kind or array.ndim != 1 or not array.flags.carray:
+                raise ValueError(f"{name} of a triangle must be a contiguous array of {np.dtype(kind).name}")
+        if starts.size != count + 1 or starts[0] != 0 or starts[-1] != rows.size or rows.size != data.size:
+            raise ValueError("indptr of a triangle must rise from 0 to the number of its entries")
+        if np.any(np.diff(starts) < 1) or not np.array_equal(rows[starts[:-1]], np.arange(count)):
+            raise ValueError("every column of a triangle must begin with its diagonal")
+        rising = np.diff(rows) > 0
+        rising[starts[1:-1] - 1] = True
+        if not rising.all() or rows.max(initial=-1) >= self.size:
+            raise ValueError(f"rows of a triangle must rise in each column, up to {self.size - 1}")
+        at = kernels.address
+        self._pointer = kernels.made(kernels.call.hv_panels_new(count, at(starts), at(rows), at(data)))
+        weakref.finalize(self, kernels.call.hv_panels_free, self._pointer)
+
+    def __reduce__(self) -> str:
+        raise TypeError("compiled factors belong to this process")
+
+    def forward(self, x: Array) -> None:
+        """``L^-1 x`` (n,) in place."""
+        self.kernels.call.hv_panels_forward(self._pointer, self._place(x))
+
+    def backward(self, x: Array) -> None:
+        """``L'^-1 x`` (n,) in place."""
+        self.kernels.call.hv_panels_backward(self._pointer, self._place(x))
+
+    def _place(self, x: Array) -> int:
+        if x.shape != (self.size,) or x.dtype != np.float64 or not x.flags.carray:
+            raise ValueError(f"a contiguous vector of {self.size} numbers is needed, not {x.shape} of {x.dtype}")
+        return self.kernels.address(x)
 
 
 class MumpsFactorisation:
