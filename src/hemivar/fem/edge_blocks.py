@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.kernels import BlockGraph
@@ -14,9 +13,6 @@ from hemivar.mesh.keys import EDGES, distinct_pairs
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["EdgeBlocks", "NodeGraph", "node_graph"]
-
-#: Nodes whose rows are formed at a time.
-_ROWS = 1 << 13
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,71 +142,12 @@ class EdgeBlocks:
             matrix = sp.csr_array(parts, shape=(len(parts[2]) - 1,) * 2)
             matrix.has_canonical_format = True  # SciPy would find out by a look at all entries
             return matrix
-        nodes = np.flatnonzero(free.any(axis=1))
-        starts, columns, source = self._rows(nodes)
-        free = free[nodes]
-        width = free.sum(axis=1)
-        lengths = np.repeat(np.add.reduceat(width[columns], starts[:-1]), width) if len(nodes) else width
-        entries, unknowns = int(lengths.sum()), int(width.sum())
-        index = np.int32 if max(entries, unknowns) < np.iinfo(np.int32).max else np.int64
-        indptr = np.zeros(unknowns + 1, dtype=index)
-        np.cumsum(lengths, out=indptr[1:])
-        indices, data = np.empty(entries, dtype=index), np.empty(entries)
-        every = bool(free.all())
-        number: NDArray[np.integer] = np.cumsum(free.ravel(), dtype=index)
-        number -= 1
-        done = 0
-        for first in range(0, len(nodes), _ROWS):
-            last = min(first + _ROWS, len(nodes))
-            part = slice(starts[first], starts[last])
-            blocks = self._gather(source[part], nodes[first:last])
-            rows = starts[first : last + 1] - starts[first]
-            shape = ((last - first) * dim, len(nodes) * dim)
-            here = sp.bsr_array((blocks, columns[part], rows.astype(np.int32)), shape=shape).tocsr()
-            values, where = here.data, here.indices
-            if not every:
-                keep = free.ravel()[where]
-                keep &= np.repeat(free[first:last].ravel(), np.diff(here.indptr))
-                values, where = values[keep], number[where[keep]]
-            data[done : done + len(values)], indices[done : done + len(values)] = values, where
-            done += len(values)
-        return sp.csr_array((data, indices, indptr), shape=(unknowns, unknowns))
-
-    def _rows(self, nodes: IntArray) -> tuple[IntArray, NDArray[np.int32], NDArray[np.int32]]:
-        """Rows of blocks between these nodes: where each starts, columns, and where blocks come from.
-
-        A block comes from edge ``e``, transposed if its source is ``E + e``; on the diagonal the source is ``2 E``. The
-        edges being sorted, the upper triangle is a csr matrix as it stands, and turning it round sorts the lower one.
-        """
-        count, total = len(nodes), len(self.edges)
-        number = np.full(len(self.diagonal), -1, dtype=np.int32)
-        number[nodes] = np.arange(count, dtype=np.int32)
-        low, high = number[self.edges[:, 0]], number[self.edges[:, 1]]
-        edge = np.arange(total, dtype=np.int32)
-        if count < len(self.diagonal):
-            inside = (low >= 0) & (high >= 0)
-            low, high, edge = low[inside], high[inside], edge[inside]
-        above = np.zeros(count + 1, dtype=np.int32)
-        np.cumsum(np.bincount(low, minlength=count), out=above[1:])
-        lower = sp.csr_array((edge, high, above), shape=(count, count)).tocsc()
-        below = lower.indptr.astype(np.int32, copy=False)
-        row = np.arange(count, dtype=np.int32)
-        starts = above.astype(np.int64) + below + np.arange(count + 1)
-        columns, source = np.empty(starts[-1], dtype=np.int32), np.empty(starts[-1], dtype=np.int32)
-        middle = below[1:] + above[:-1] + row
-        columns[middle], source[middle] = row, 2 * total
-        place = np.arange(len(edge)) + np.repeat(above[:-1] + row, np.diff(below))
-        columns[place], source[place] = lower.indices, lower.data + np.int32(total)
-        place = np.arange(len(edge)) + np.repeat(below[1:] + row + 1, np.diff(above))
-        columns[place], source[place] = high, edge
-        return starts, columns, source
-
-    def _gather(self, source: NDArray[np.int32], nodes: IntArray) -> Array:
-        """Blocks from their sources, those on the diagonal being of these nodes."""
-        total = len(self.upper)
-        kind, edge = np.divmod(source, max(total, 1))
-        diagonal, below = kind == 2, kind == 1
-        blocks = self.upper[edge] if total else np.empty((len(source), *self.diagonal.shape[1:]))
-        blocks[below] = blocks[below].transpose(0, 2, 1)
-        blocks[diagonal] = self.diagonal[nodes]
-        return blocks
+        low, high = self.edges.T
+        node, axis, free = np.arange(count), np.arange(dim), free.ravel()
+        blocks = np.concatenate([self.diagonal, self.upper, self.upper.transpose(0, 2, 1)])
+        rows, columns = np.concatenate([node, low, high]) * dim, np.concatenate([node, high, low]) * dim
+        row = np.broadcast_to(rows[:, None, None] + axis[:, None], blocks.shape)
+        column = np.broadcast_to(columns[:, None, None] + axis, blocks.shape)
+        keep, number = free[row] & free[column], np.cumsum(free) - 1
+        place = number[row[keep]], number[column[keep]]
+        return sp.csr_array((blocks[keep], place), shape=(np.count_nonzero(free),) * 2)
