@@ -55,8 +55,8 @@ class Rule:
 
 
 _NO_PATH = (
-    "A load path needs a linear body; and, where a law falls at once, one in the plane, with opening and slip "
-    "apart and a bound that does not depend on the solution."
+    "Where a law falls at once a load path needs a linear body in the plane, with opening and slip apart and a bound "
+    "that does not depend on the solution."
 )
 _NO_BOUND = "The distance to the exact solution is bounded for elastic bodies on supports, without bedding."
 _NO_BOUND_OF_LAW = (
@@ -74,8 +74,7 @@ _SCALAR_LAW = "A scalar body has one component: no pressure beside the slip, and
 _ARRAYS = "A problem made of arrays has no statement and, by default, no mesh."
 
 RULES = (
-    Rule("follow_path needs a linear body", _NO_PATH, ("path",), ("nonlinear",)),
-    Rule("falls at once", _NO_PATH, ("path",), ("space",), ("saw-tooth",)),
+    Rule("falls at once", _NO_PATH, ("path",), ("space", "nonlinear"), ("saw-tooth",)),
     Rule("falls at once", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
     Rule("constants of the body are from the discrete problem", _NO_BOUND, _BOUNDS, ("resting",)),

@@ -84,10 +84,10 @@ def test_a_fault_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         patch.setattr(outcome, "TASKS", {"solve": lambda row, folder: 1 / 0})
         with pytest.raises(ZeroDivisionError):
             check(row, tmp_path)
-    listed = Row("path", "nonlinear")
+    listed = Row("path", "nonlinear", "saw-tooth")
     with monkeypatch.context() as patch:
         patch.setattr(rules, "RULES", ())
-        with pytest.raises(AssertionError, match="is refused: follow_path needs a linear body"):
+        with pytest.raises(AssertionError, match=r"is refused: .* falls at once"):
             check(listed, tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr(rules, "RULES", (rules.Rule("other words", "", ("path",), ("nonlinear",)),))

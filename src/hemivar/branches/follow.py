@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -19,9 +19,11 @@ from hemivar.branches.curves import Curves
 from hemivar.branches.follower import Follower, PathProgress, Quantity, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
 from hemivar.branches.graph_follower import GraphFollower, OutOfChartError
+from hemivar.branches.nonlinear_follower import NonlinearFollower, linear_in_place
 from hemivar.branches.path import Bifurcation, Fold, Path, PathEnd, PathJump
 from hemivar.branches.path_quantities import QUANTITIES, PathQuantity, checked_until
 from hemivar.discrete.model import quadratic
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine, deformation
@@ -138,7 +140,7 @@ def follow_path(
     Raises
     ------
     MethodError
-        A law falls at once, in space, coupled, or beside a bound that depends on the solution.
+        A law falls at once, in space, coupled, beside a bound that depends on the solution, or in a nonlinear body.
     ProblemError
         The range is empty, no equilibrium was found at its lower end, or a name of ``until`` is not known.
     """
@@ -175,12 +177,14 @@ def following(
     Raises
     ------
     MethodError
-        A law falls at once, in space, coupled, or beside a bound that depends on the solution.
+        A law falls at once, in space, coupled, beside a bound that depends on the solution, or in a nonlinear body.
     ProblemError
         There is no contact point that can move, or no equilibrium from which to start within the time.
     """
     problem = posed(problem, "follow_path")
-    quadratic(problem.bulk, "follow_path")
+    nonlinear = isinstance(problem.bulk, Potential)
+    if not nonlinear:
+        quadratic(problem.bulk, "follow_path")
     if unloaded is not None:
         expect(unloaded, DiscreteProblem, "the unloaded problem", "discretise it first, hemivar.discretize(problem)")
     kept = Workspace.given(workspace)
@@ -191,7 +195,7 @@ def following(
         )
     budget = Budget(options.max_time)
     line = LoadLine(problem, unloaded)
-    system = kept.condensed(problem)
+    system = kept.condensed(linear_in_place(problem, np.zeros(problem.unknowns)) if nonlinear else problem)
     if not system.active.any():
         raise ProblemError("the supports hold every contact point, so that no path starts; free some of them")
     # A little above the lower end all components are on definite sides of their kinks, which they may not be at rest.
@@ -207,7 +211,7 @@ def following(
     )
     if begun.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
-    chain = _curves(system, begun)
+    chain = chart_of(system, begun.local, begun.multiplier) if nonlinear else _curves(system, begun)
     for _ in range(_CHARTS):
         try:
             return (yield from _followed(line, chain, begun, options, budget))
@@ -223,16 +227,11 @@ def _followed(
     """The path on some curves, from the first solution."""
     system, (low, high) = chain.system, options.load_factor
     first = low + _FIRST * (high - low)
-    follows = _follower_of(chain)
-    force0 = chain.load_of(system.for_problem(line.at(0.0)))
-    force1 = chain.load_of(system.for_problem(line.at(1.0))) - force0
     theta, segment = chain.nearest(begun.local, begun.multiplier)
     perturbation = np.zeros(chain.size)
     for attempt in range(2):
-        follower = follows(
-            chain, force0 + perturbation, force1, low, high, options.max_points, options.largest_step, budget
-        )
-        corrected = chain.correct(theta, segment, follower.force(first))
+        follower = _follower(line, chain, begun, options, perturbation, budget)
+        corrected = follower.at_the_load(theta, segment, first)
         if corrected is None or not chain.inside(corrected, segment, 1e-7 * chain.length).all():
             raise ProblemError(
                 f"no equilibrium was found at load factor {first:g} ({begun.status.value}); give another start"
@@ -242,7 +241,7 @@ def _followed(
         forth = yield from follower.running(corrected, segment, first, 1.0)
         if not follower.ties or attempt or follower.stopped:
             break
-        size = float(np.abs(force0 + force1).max()) or float(np.abs(force1).max())
+        size = follower.force_size
         perturbation = 1e-9 * size * np.cos(1.0 + np.arange(chain.size) ** 1.7)
     track = back.reversed().joined(forth)
     if follower.stopped is PathEnd.INTERRUPTED and not track.stretches:
@@ -252,18 +251,28 @@ def _followed(
             f"the time limit of {options.max_time:g} s was reached before the path left its first point; give more time"
         )
     if perturbation.any():
-        _unperturb(track, follows(chain, force0, force1, low, high, options.max_points, options.largest_step))
-    return _assemble(line, chain, track, bool(perturbation.any()))
+        _unperturb(track, _follower(line, chain, begun, options, np.zeros(chain.size), budget))
+    return _assemble(line, follower, track, bool(perturbation.any()))
 
 
-def _follower_of(chain: Curves) -> Callable[..., Follower]:
-    """What follows a path on these curves."""
-    return Follower if isinstance(chain, Chain) else GraphFollower
+def _follower(
+    line: LoadLine, chain: Curves, begun: Solution, options: PathOptions, perturbation: Array, budget: Budget
+) -> Follower:
+    """What follows a path on these curves, under a force (n,) besides the load."""
+    force0, force1 = (chain.load_of(chain.system.for_problem(line.at(t))) for t in (0.0, 1.0))
+    force1 = force1 - force0
+    limits = *options.load_factor, options.max_points, options.largest_step, budget
+    if isinstance(chain, Chain):
+        return Follower(chain, force0 + perturbation, force1, *limits)
+    assert isinstance(chain, GraphChart)
+    if isinstance(line.loaded.bulk, Potential):
+        return NonlinearFollower(chain, perturbation, force1, *limits, line=line, start=begun.unknowns)
+    return GraphFollower(chain, force0 + perturbation, force1, *limits)
 
 
 def _starting(problem: DiscreteProblem, low: float, near: bool) -> Solver | None:
     """The method for the first point of a path, ``near`` a guess or not; None for that of the problem."""
-    if problem.law.state_dependent:
+    if problem.law.state_dependent or isinstance(problem.bulk, Potential):
         return None
     return LoadStepping(steps=1).inner if near else LoadStepping(steps=10 if low > 0.0 else 1)
 
@@ -288,8 +297,8 @@ def _unperturb(track: Track, follower: Follower) -> None:
             point.theta, point.t = found
 
 
-def _assemble(line: LoadLine, chain: Curves, track: Track, perturbed: bool) -> Path:
-    system = chain.system
+def _assemble(line: LoadLine, follower: Follower, track: Track, perturbed: bool) -> Path:
+    chain, system = follower.chain, follower.chain.system
     if not track.stretches:
         raise ProblemError(f"the path ends where it begins ({track.ended}); give another start or range")
     t = track.load_factors
@@ -297,40 +306,43 @@ def _assemble(line: LoadLine, chain: Curves, track: Track, perturbed: bool) -> P
     segments = [stretch.segment for stretch in (track.stretches[0], *track.stretches)]
     pairs = [chain.local(point.theta, segment) for point, segment in zip(track.points, segments, strict=True)]
     local, multiplier = np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
-    # The constant part of the energy is quadratic in the load factor, force and held displacements are linear.
-    systems = [system.for_problem(line.at(factor)) for factor in (0.0, 0.5, 1.0)]
-    curve = np.polyfit([0.0, 0.5, 1.0], [s.constant for s in systems], 2)
-    energy = np.empty(t.size)
-    held = ~system.active
+    held, ends = ~system.active, [system.for_problem(line.at(factor)).fixed for factor in (0.0, 1.0)]
     for i, factor in enumerate(t):
-        fixed = (1.0 - factor) * systems[0].fixed + factor * systems[2].fixed
-        local[i][held] = fixed[held]
-        x = local[i].ravel()
-        force = (1.0 - factor) * systems[0].load + factor * systems[2].load
-        answer = np.nan if system.law.state_dependent else float(system.weights @ system.law.value(local[i]))
-        energy[i] = 0.5 * x @ (system.matrix @ x) - force @ x + answer + np.polyval(curve, factor)
-    force0, force1 = chain.load_of(systems[0]), chain.load_of(systems[2])
-    snaps, snap_size = _snaps(chain, track)
+        local[i][held] = ((1.0 - factor) * ends[0] + factor * ends[1])[held]
+    snaps, snap_size = _snaps(follower, track)
     folds = tuple(Fold(float(t[i]), i, bool(snaps[i])) for i in range(1, t.size - 1) if track.points[i].fold)
     return Path(
         line=line,
         load_factor=t,
         local=local,
         multiplier=multiplier,
-        energy=energy,
+        energy=_energies(line, follower, t, local, multiplier),
         stable=np.array(stable, dtype=bool),
         curved=np.array([stretch.curved for stretch in track.stretches], dtype=bool),
         folds=folds,
-        jumps=tuple(
-            replace(jump, snaps=bool(snaps[jump.index]))
-            for jump in _jumps(chain, track, force0, force1 - force0, local)
-        ),
+        jumps=tuple(replace(jump, snaps=bool(snaps[jump.index])) for jump in _jumps(follower, track, local)),
         bifurcations=_bifurcations(track),
         ended=track.ended,
         perturbed=perturbed,
         snap_size=snap_size,
-        warnings=(*line.loaded.notes, *_strained(system, line, t, local, multiplier)),
+        warnings=(*line.loaded.notes, *_strained(line, follower, t, local, multiplier)),
     )
+
+
+def _energies(line: LoadLine, follower: Follower, t: Array, local: Array, multiplier: Array) -> Array:
+    """E(u) at points (k,) of a path; nan where a law depends on the state."""
+    system = follower.chain.system
+    if system.law.state_dependent:
+        return np.full(t.size, np.nan)
+    if isinstance(follower, NonlinearFollower):
+        return np.array([line.at(s).energy(follower.unknowns(r, s)) for s, r in zip(t, local, strict=True)])
+    # The constant part is quadratic in the load factor, force and held displacements are linear.
+    systems = [system.for_problem(line.at(factor)) for factor in (0.0, 0.5, 1.0)]
+    constant = np.polyval(np.polyfit([0.0, 0.5, 1.0], [s.constant for s in systems], 2), t)
+    x = local.reshape(t.size, -1)
+    forces = (1.0 - t)[:, None] * systems[0].load + t[:, None] * systems[2].load
+    answer = np.array([system.weights @ system.law.value(r) for r in local])
+    return np.asarray(0.5 * (x * (x @ system.matrix)).sum(axis=1) - (forces * x).sum(axis=1) + answer + constant)
 
 
 def _bifurcations(track: Track) -> tuple[Bifurcation, ...]:
@@ -346,7 +358,7 @@ def _bifurcations(track: Track) -> tuple[Bifurcation, ...]:
     return tuple(found)
 
 
-def _snaps(chain: Curves, track: Track) -> tuple[BoolArray, float | None]:
+def _snaps(follower: Follower, track: Track) -> tuple[BoolArray, float | None]:
     """Points (k,) of a path beside which one contact point lets go alone; and the size of facets at which none does.
 
     A component lets go alone where its law falls by more than the stiffness of the body with all others held: on an
@@ -356,33 +368,43 @@ def _snaps(chain: Curves, track: Track) -> tuple[BoolArray, float | None]:
     for i, stretch in enumerate(track.stretches):
         if stretch.stable:
             continue
-        fall = chain.falls_beside(0.5 * (track.points[i].theta + track.points[i + 1].theta), stretch.segment)
+        one, other = track.points[i], track.points[i + 1]
+        middle = 0.5 * (one.theta + other.theta)
+        chain = follower.body_at(middle, 0.5 * (one.t + other.t))[0]
+        fall = chain.falls_beside(middle, stretch.segment)
         alone[i] = (chain.weights * fall > 1.0).any()
         steepest = max(steepest, float(fall[chain.weights * fall > 1.0].max(initial=0.0)))
     beside = np.concatenate([[False], alone]) | np.concatenate([alone, [False]])
     return beside, 1.0 / steepest if alone.any() else None
 
 
-def _strained(system: CondensedProblem, line: LoadLine, t: Array, local: Array, multiplier: Array) -> tuple[str, ...]:
+def _strained(line: LoadLine, follower: Follower, t: Array, local: Array, multiplier: Array) -> tuple[str, ...]:
     """That strains or rotations are large at the points of a path where that is to be expected first, if so."""
     stated, end = line.loaded.origin, line.loaded.field
     if not isinstance(stated, ContactProblem) or end is None:
         return ()
-    nothing = np.zeros(system.problem.unknowns)
+    nothing = np.zeros(line.loaded.unknowns)
     moved = end.full(nothing)  # prescribed displacements, which grow with the load
     if line.unloaded is not None and line.unloaded.field is not None:
         moved = moved - line.unloaded.field.full(nothing)
     size = np.linalg.norm(local.reshape(t.size, -1), axis=1)
     worst, told = 0.0, ""
     for i in sorted({int(np.argmax(np.abs(t))), int(np.argmax(size)), t.size - 1}):
-        u, _ = system.for_problem(line.at(float(t[i]))).recover(local[i], multiplier[i])
+        u = _unknowns(line, follower, float(t[i]), local[i], multiplier[i])
         found = deformation(stated, end.full(u) - (1.0 - t[i]) * moved)
         if found.warning is not None and max(found.strain, found.rotation) > worst:
             worst, told = max(found.strain, found.rotation), f"at load factor {t[i]:.6g} {found.warning}"
     return (told,) if told else ()
 
 
-def _jumps(chain: Curves, track: Track, force0: Array, force1: Array, local: Array) -> tuple[PathJump, ...]:
+def _unknowns(line: LoadLine, follower: Follower, t: float, r: Array, lam: Array) -> Array:
+    """All unknowns (n,) of a point of a path."""
+    if isinstance(follower, NonlinearFollower):
+        return follower.unknowns(r, t)
+    return follower.chain.system.for_problem(line.at(t)).recover(r, lam)[0]
+
+
+def _jumps(follower: Follower, track: Track, local: Array) -> tuple[PathJump, ...]:
     """Where stability is lost while the load goes up, or down, and where the next stable stretch at that load is."""
     t = track.load_factors
     stable = [stretch.stable for stretch in track.stretches]
@@ -405,17 +427,17 @@ def _jumps(chain: Curves, track: Track, force0: Array, force1: Array, local: Arr
                 part = (t[i] - t[k]) / (t[k + 1] - t[k])
                 landing = local[k] + part * (local[k + 1] - local[k])
                 if track.stretches[k].curved:
-                    landing, interpolated = _landing(chain, track, k, part, force0 + t[i] * force1, landing)
+                    landing, interpolated = _landing(follower, track, k, part, float(t[i]), landing)
                 break
         jumps.append(PathJump(float(t[i]), i, loading, landing, interpolated=interpolated))
     return tuple(jumps)
 
 
-def _landing(chain: Curves, track: Track, k: int, part: float, force: Array, between: Array) -> tuple[Array, bool]:
+def _landing(follower: Follower, track: Track, k: int, part: float, t: float, between: Array) -> tuple[Array, bool]:
     """The solution (m, d) on a curved stretch, and False; if none is found the point ``between`` its ends, and True."""
-    segment = track.stretches[k].segment
+    chain, segment = follower.chain, track.stretches[k].segment
     first, last = track.points[k].theta, track.points[k + 1].theta
-    theta = chain.correct(first + part * (last - first), segment, force)
+    theta = follower.at_the_load(first + part * (last - first), segment, t)
     if theta is None or not chain.inside(theta, segment, 1e-7 * chain.length).all():
         return between, True
     return np.where(chain.system.active, chain.local(theta, segment)[0], between), False

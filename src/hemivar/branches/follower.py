@@ -15,7 +15,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import AnyArray, Array, BoolArray
 from hemivar.branches.chain import Chain
-from hemivar.branches.curves import CORRECTION, ROUNDING
+from hemivar.branches.curves import CORRECTION, ROUNDING, Curves
 from hemivar.branches.path import PathEnd
 
 __all__ = ["Follower", "Following", "PathEvent", "PathProgress", "Track", "trace"]
@@ -98,8 +98,8 @@ class Track:
 #: Part of a distance by which two changes may differ and be one; changes of stability that a step is searched for.
 _SAME, _CHANGES = 1e-6, 8
 
-#: A number that tells by its sign on which side of a change a point of a segment lies; it also takes the border.
-Measure: TypeAlias = Callable[[Array, AnyArray, Array], float]
+#: A number that tells by its sign on which side of a change a point of a segment lies, by theta, segment, t and border.
+Measure: TypeAlias = Callable[[Array, AnyArray, float, Array], float]
 
 #: A number that an equilibrium has: of local displacements and multipliers (m, d).
 Quantity: TypeAlias = Callable[[Array, Array], float]
@@ -128,8 +128,13 @@ class Follower:
     ties: bool = False
     stopped: PathEnd | None = None
 
-    def force(self, t: float) -> Array:
-        return self.force0 + t * self.force1
+    def body_at(self, theta: Array, t: float) -> tuple[Curves, Array, Array]:
+        """The curves of the body as it is at a place, the force on it (n,), and the rate of the force with the load."""
+        return self.chain, self.force0 + t * self.force1, self.force1
+
+    def negative(self, theta: Array, segment: AnyArray, t: float) -> int:
+        """Number of directions in which the energy falls."""
+        return self.body_at(theta, t)[0].negative(theta, segment)
 
     @cached_property
     def load_unit(self) -> float:
@@ -158,7 +163,7 @@ class Follower:
         chain = self.chain
         border = np.zeros(chain.size + 1)
         border[-1] = sign
-        tangent = self.tangent(theta, segment, border)
+        tangent = self.tangent(theta, segment, t, border)
         turn = sign
         step = self.largest_step * chain.length
         while len(track.points) < self.max_points:
@@ -176,7 +181,7 @@ class Follower:
                 break
             reached = self.reached(theta, segment, t, tangent, new)
             new = reached or new
-            cuts = self.cuts(theta, segment, t, tangent, new) if curved else self.whole(theta, segment, new)
+            cuts = self.cuts(theta, segment, t, tangent, new) if curved else self.whole(theta, segment, t, new)
             for cut in cuts:
                 track.stretches.append(Stretch(segment, cut.negative, curved))
                 track.points.append(cut.point)
@@ -193,7 +198,7 @@ class Follower:
             if new.event is None:
                 step = min(self.largest_step * chain.length, 1.5 * new.length if new.easy else new.length)
             segment = new.segment
-            tangent = self.tangent(theta, segment, new.border)
+            tangent = self.tangent(theta, segment, t, new.border)
 
     def reached(self, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint) -> FollowedPoint | None:
         """The first point of a step at which a quantity of ``until`` is zero, if there is one."""
@@ -229,14 +234,15 @@ class Follower:
             return self.straight_step(theta, segment, t, v), False
         return self.curved_step(theta, segment, t, v, length), True
 
-    def tangent(self, theta: Array, segment: AnyArray, border: Array) -> Array | None:
+    def tangent(self, theta: Array, segment: AnyArray, t: float, border: Array) -> Array | None:
         """Unit tangent (dtheta, dt) on which ``border`` is positive."""
         n = self.chain.size
-        _, J = self.chain.balance(theta, segment, self.force0)
+        chain, force, rate = self.body_at(theta, t)
+        _, J = chain.balance(theta, segment, force)
         scale = np.abs(J).max() or 1.0
         matrix = np.zeros((n + 1, n + 1))
         matrix[:n, :n] = J / scale
-        matrix[:n, n] = -self.force1 / scale / self.load_unit
+        matrix[:n, n] = -rate / scale / self.load_unit
         matrix[n] = border
         rhs = np.zeros(n + 1)
         rhs[n] = 1.0
@@ -256,7 +262,7 @@ class Follower:
         v[:-1][moved < 1e-12 * moved.max(initial=0.0)] = 0.0
         # A load that changes by less than the rounding of the forces does not change: the body moves freely. At however
         # few points the load acts, it takes up the rounding of all forces together.
-        if np.abs(self.force1 * v[-1]).sum() < ROUNDING * (np.abs(J) @ moved).sum():
+        if np.abs(rate * v[-1]).sum() < ROUNDING * (np.abs(J) @ moved).sum():
             v[-1] = 0.0
         return np.asarray(v)
 
@@ -333,7 +339,7 @@ class Follower:
             over = not self.low < new_t < self.high
             if not outside.any() and not over:
                 border = np.append(v[:-1], v[-1] * self.load_unit)
-                tangent = self.tangent(new, segment, border)
+                tangent = self.tangent(new, segment, new_t, border)
                 if tangent is None:
                     length = 0.5 * reach
                     continue
@@ -400,6 +406,16 @@ class Follower:
         found = self.newton(*_onto(theta, t, border, goal), border, segment, steps=30)
         return None if found is None else _onto(found[0], found[1], border, goal)
 
+    def at_the_load(self, theta: Array, segment: AnyArray, t: float) -> Array | None:
+        """The point of the path near a place at which the load is t."""
+        found = self.solve(theta, segment, t, self.load_border, t)
+        return None if found is None else found[0]
+
+    @property
+    def force_size(self) -> float:
+        """Largest entry of the load, or of the part that grows."""
+        return float(np.abs(self.force0 + self.force1).max()) or float(np.abs(self.force1).max())
+
     def newton(
         self, theta: Array, t: float, border: Array, segment: AnyArray, steps: int
     ) -> tuple[Array, float, int] | None:
@@ -407,11 +423,12 @@ class Follower:
         last = np.inf
         for step in range(1, steps + 1):
             with np.errstate(over="ignore", invalid="ignore"):  # far beyond the ends of a segment, where it is lost
-                F, J = self.chain.balance(theta, segment, self.force(t))
-            change = self.bordered(F, J, border)
+                chain, force, rate = self.body_at(theta, t)
+                F, J = chain.balance(theta, segment, force)
+            change = self.bordered(F, J, rate, border)
             if change is None or not np.isfinite(change).all():
                 return None
-            exact = self.chain.rounds(F, theta, segment, self.force(t))
+            exact = chain.rounds(F, theta, segment, force)
             theta, t = theta + change[:-1], float(t + change[-1] / self.load_unit)
             size = float(np.abs(change).max()) / max(self.chain.length, float(np.abs(theta).max()))
             # Corrections that no longer shrink are the rounding of the law.
@@ -420,26 +437,26 @@ class Follower:
             last = size
         return None
 
-    def bordered(self, F: Array, J: Array, border: Array) -> Array | None:
+    def bordered(self, F: Array, J: Array, rate: Array, border: Array) -> Array | None:
         """Newton's step in (theta, t load_unit), normal to ``border``."""
         n = self.chain.size
         matrix = np.zeros((n + 1, n + 1))
         matrix[:n, :n] = J
-        matrix[:n, n] = -self.force1 / self.load_unit
+        matrix[:n, n] = -rate / self.load_unit
         matrix[n] = border * np.abs(J).max()
         try:
             return np.asarray(np.linalg.solve(matrix, np.append(-F, 0.0)))
         except np.linalg.LinAlgError:
             return None
 
-    def whole(self, theta: Array, segment: AnyArray, new: FollowedPoint) -> list[_Cut]:
+    def whole(self, theta: Array, segment: AnyArray, t: float, new: FollowedPoint) -> list[_Cut]:
         """A straight step: the Hessian is the same all along."""
-        return [_Cut(np.inf, new.on_track, self.chain.negative(0.5 * (theta + new.theta), segment))]
+        return [_Cut(np.inf, new.on_track, self.negative(0.5 * (theta + new.theta), segment, 0.5 * (t + new.t)))]
 
     def cuts(self, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint) -> list[_Cut]:
         """A curved step, cut where the load turns and where directions in which the energy falls come or go."""
         fold = self.change(theta, segment, t, v, new, self.rising)
-        count, after = (self.chain.negative(point, segment) for point in _within(theta, new.theta))
+        count, after = (self.negative(point, segment, load) for point, load in _within(theta, t, new))
         inner = [] if fold is None else [_Cut(fold[0], TrackPoint(fold[2], fold[1], fold=True))]
         counts = [(0.0, count)]
         while counts[-1][1] != after and len(counts) <= _CHANGES:
@@ -447,7 +464,7 @@ class Follower:
             beyond = None if place is None else self.arc(theta, segment, t, v, place[0] * (1.0 + _SAME))
             if place is None or beyond is None:
                 break
-            counts.append((place[0], self.chain.negative(beyond[0], segment)))
+            counts.append((place[0], self.negative(beyond[0], segment, beyond[1])))
             if fold is None or abs(place[0] - fold[0]) > _SAME * max(place[0], fold[0]):
                 inner.append(_Cut(place[0], TrackPoint(place[2], place[1])))
         last = after if inner else max(count, after)
@@ -455,14 +472,14 @@ class Follower:
         known = [replace(cut, negative=_count_before(counts, cut.length)) for cut in steps]
         return [*known, _Cut(np.inf, new.on_track, last)]
 
-    def rising(self, theta: Array, segment: AnyArray, border: Array) -> float:
+    def rising(self, theta: Array, segment: AnyArray, t: float, border: Array) -> float:
         """The rate of the load along the path, nan where it has no tangent."""
-        tangent = self.tangent(theta, segment, border)
+        tangent = self.tangent(theta, segment, t, border)
         return np.nan if tangent is None else float(tangent[-1])
 
     def same_count(self, count: int) -> Measure:
         """1 where the energy falls in so many directions, else -1."""
-        return lambda theta, segment, border: 1.0 if self.chain.negative(theta, segment) == count else -1.0
+        return lambda theta, segment, t, border: 1.0 if self.negative(theta, segment, t) == count else -1.0
 
     def change(
         self,
@@ -481,8 +498,8 @@ class Follower:
         border = np.append(v[:-1], v[-1] * self.load_unit)
         far = float(np.append(new.theta - theta, (new.t - t) * self.load_unit) @ border / np.linalg.norm(border))
         a, b = begin, far
-        first, last = _within(theta, new.theta)
-        fa, fb = 1.0 if begin else measure(first, segment, border), measure(last, segment, border)
+        (first, low), (last, high) = _within(theta, t, new)
+        fa, fb = 1.0 if begin else measure(first, segment, low, border), measure(last, segment, high, border)
         if not fa * fb < 0.0:
             return None
         place: tuple[float, Array, float] | None = None
@@ -492,7 +509,7 @@ class Follower:
             if found is None:
                 break
             place = length, found[0], found[1]
-            f = measure(found[0], segment, border)
+            f = measure(found[0], segment, found[1], border)
             if not abs(f) > 0.0 or abs(b - a) <= 1e-13 * abs(far):
                 break
             if f * fa > 0.0:
@@ -550,10 +567,10 @@ def _onto(theta: Array, t: float, border: Array, goal: float) -> tuple[Array, fl
     return theta, t
 
 
-def _within(first: Array, last: Array) -> tuple[Array, Array]:
-    """Two points of a chord a little within its ends, where other segments may begin."""
-    little = 1e-6 * (last - first)
-    return first + little, last - little
+def _within(theta: Array, t: float, new: FollowedPoint) -> tuple[tuple[Array, float], tuple[Array, float]]:
+    """Two points of a chord a little within its ends, where other segments may begin, and their loads."""
+    little, part = 1e-6 * (new.theta - theta), 1e-6 * (new.t - t)
+    return (theta + little, t + part), (new.theta - little, new.t - part)
 
 
 def trace(

@@ -49,10 +49,14 @@ class GraphFollower(Follower):
     def advance(
         self, theta: Array, segment: Array, t: float, v: Array, length: float
     ) -> tuple[FollowedPoint | PathEnd, bool]:
-        if not self.chain.covers(theta):
-            raise OutOfChartError(self.chain.local(theta, segment))
+        self.check_chart(theta)
         found = self.straight(theta, segment, t, v)
         return (self.curved_step(theta, segment, t, v, length), True) if found is None else (found, False)
+
+    def check_chart(self, theta: Array) -> None:
+        """Raise :class:`OutOfChartError` where the law falls too fast."""
+        if not self.chain.covers(theta):
+            raise OutOfChartError(self.chain.local(theta, self.chain.here))
 
     def load_room(self, t: float, v: Array) -> float:
         """How far the load is in its range along ``v``."""
@@ -112,7 +116,7 @@ class GraphFollower(Follower):
         if over:
             return self.end_of_load(theta, side, part * (new - theta), goal, slack)
         old = np.append(v[:-1], v[-1] * self.load_unit)
-        tangent = self.tangent(new, chain.here, old)
+        tangent = self.tangent(new, chain.here, new_t, old)
         if tangent is None:
             return None
         unit = np.append(tangent[:-1], tangent[-1] * self.load_unit)
@@ -137,8 +141,9 @@ class GraphFollower(Follower):
     def nearest_balanced(self, theta: Array, t: float) -> Array | None:
         """The equilibrium nearest to a place, where a load leaves the body free: glue has just broken everywhere."""
         for _ in range(_ROUNDS):
-            F, J = self.chain.balance(theta, self.chain.here, self.force(t))
-            if self.chain.rounds(F, theta, self.chain.here, self.force(t)):
+            chain, force, _ = self.body_at(theta, t)
+            F, J = chain.balance(theta, self.chain.here, force)
+            if chain.rounds(F, theta, self.chain.here, force):
                 return theta
             theta = theta - np.linalg.lstsq(J, F, rcond=_FREE)[0]
         return None
@@ -196,7 +201,7 @@ class GraphFollower(Follower):
         for chosen in _choices(every.size):
             beyond = chain.side_of(together, chosen)
             border = np.append(normals.sum(axis=0), 0.0)
-            v = self.tangent(place, beyond, border)
+            v = self.tangent(place, beyond, t, border)
             if v is None:
                 continue
             rates = np.where(chosen, 1.0, -1.0) * (normals @ v[:-1])

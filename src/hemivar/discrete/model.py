@@ -61,7 +61,7 @@ class Model(PickleMixin):
     parts: Composition | Tangent | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.bulk, Quadratic):  # Python 3.11 computes each property of a protocol
+        if not isinstance(self.bulk, Quadratic | Potential):  # Python 3.11 computes each property of a protocol
             expect(self.bulk, Bulk, "the bulk of a discrete problem", _ARRAYS)
         expect(self.contact, ContactPoints, "the contact of a discrete problem", _ARRAYS)
         n = self.bulk.unknowns

@@ -1,0 +1,144 @@
+"""The path of a body that is not linear: in its place, wherever the path is, the linear body with its tangent there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import cast
+
+import numpy as np
+
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.last_used import Recent
+from hemivar.basics.types import AnyArray, Array
+from hemivar.branches.follower import FollowedPoint
+from hemivar.branches.graph_chart import GraphChart
+from hemivar.branches.graph_follower import GraphFollower
+from hemivar.branches.path import PathEnd
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.fem import LoadLine
+from hemivar.systems.condensed import CondensedProblem, condense
+from hemivar.systems.nonlinear_body import linear_bulk
+
+__all__ = ["NonlinearFollower", "linear_in_place"]
+
+#: Places that are remembered.
+_KEPT = 8
+#: Part of the range of loads over which the rate of the forces is taken.
+_BESIDE = 1e-6
+#: Corrections of the inside with one stiffness, and stiffnesses that are tried.
+_CORRECTIONS, _STIFFNESSES = 30, 20
+#: Part of the largest displacement below which a correction is rounding; and below which it may be what is left of it.
+_ROUNDED, _LEFT = 1e-15, 1e-10
+
+
+class _LostError(Exception):
+    """The inside of the body has no equilibrium near, for displacements of its contact points."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A body where it is: all its unknowns (n,), and the linear body with its forces and stiffness there."""
+
+    unknowns: Array
+    system: CondensedProblem
+
+
+@dataclass(eq=False)
+class NonlinearFollower(GraphFollower):
+    """Follows the equilibria of ``line``, near the unknowns ``start``; ``force0`` is a force that does not grow."""
+
+    line: LoadLine = field(kw_only=True)
+    start: Array = field(kw_only=True)
+
+    @cached_property
+    def _known(self) -> Recent[tuple[bytes, float], tuple[GraphChart, Array, Array]]:
+        return Recent(_KEPT)
+
+    @cached_property
+    def _place(self) -> list[_Place]:
+        """Where the body was last."""
+        return [_Place(self.start, self.chain.system)]
+
+    def advance(
+        self, theta: Array, segment: AnyArray, t: float, v: Array, length: float
+    ) -> tuple[FollowedPoint | PathEnd, bool]:
+        self.check_chart(theta)
+        return self.curved_step(theta, segment, t, v, length), True
+
+    def newton(
+        self, theta: Array, t: float, border: Array, segment: AnyArray, steps: int
+    ) -> tuple[Array, float, int] | None:
+        try:
+            return super().newton(theta, t, border, segment, steps)
+        except _LostError:
+            return None
+
+    def tangent(self, theta: Array, segment: AnyArray, t: float, border: Array) -> Array | None:
+        try:
+            return super().tangent(theta, segment, t, border)
+        except _LostError:
+            return None
+
+    def unknowns(self, r: Array, t: float) -> Array:
+        """All unknowns (n,) for displacements (m, d) of the contact points and a load."""
+        self._place[:] = [self._inside(self.line.at(t), r)]
+        return self._place[0].unknowns
+
+    def body_at(self, theta: Array, t: float) -> tuple[GraphChart, Array, Array]:
+        return self._known.once((theta.tobytes(), t), lambda: self._body_at(theta, t))
+
+    def _body_at(self, theta: Array, t: float) -> tuple[GraphChart, Array, Array]:
+        u = self.unknowns(self.chain.local(theta, self.chain.here)[0], t)
+        self._place[:] = [_Place(u, _condensed(self.line.at(t), u))]
+        chart = replace(self.chain, system=self._place[0].system)
+        force, beside = chart.load_of(chart.system), _BESIDE * (self.high - self.low)
+        after = chart.load_of(_under(self._place[0], self.line.at(t + beside)))
+        return chart, force + self.force0, (after - force) / beside
+
+    def _inside(self, problem: DiscreteProblem, r: Array) -> _Place:
+        """The body in equilibrium but for its contact points: by a stiffness near, or by its own."""
+        place = self._place[0]
+        for _ in range(_STIFFNESSES):
+            u, settled = _settled(place, problem, r)
+            if settled:
+                return _Place(u, place.system)
+            place = _Place(u, _condensed(problem, u))
+        raise _LostError
+
+
+def linear_in_place(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
+    """The linear body that has the forces and the stiffness of a body at unknowns (n,)."""
+    bulk = linear_bulk(problem.bulk, u)
+    return problem.with_(bulk=bulk, load=problem.out_of_balance(u) + bulk.gradient(u))
+
+
+def _condensed(problem: DiscreteProblem, u: Array) -> CondensedProblem:
+    try:
+        return condense(linear_in_place(problem, u))
+    except ProblemError:  # the material has softened
+        raise _LostError from None
+
+
+def _under(place: _Place, problem: DiscreteProblem) -> CondensedProblem:
+    """The linear body of a place with the forces that another load leaves there."""
+    own, u = place.system.problem, place.unknowns
+    load = problem.out_of_balance(u) + own.linear.gradient(u)
+    return place.system.for_problem(own.with_(load=load, offset=problem.offset))
+
+
+def _settled(place: _Place, problem: DiscreteProblem, r: Array) -> tuple[Array, bool]:
+    """The unknowns after corrections by the stiffness of a place, and whether they stand; the last good ones if not."""
+    last = np.inf
+    for _ in range(_CORRECTIONS):
+        found = _under(place, problem).unknowns(r)
+        if not np.isfinite(found).all():
+            break
+        moved, size = float(np.abs(found - place.unknowns).max()), float(np.abs(found).max())
+        place = _Place(found, place.system)
+        if moved <= _ROUNDED * size or (moved >= 0.5 * last and moved <= _LEFT * size):
+            return found, True
+        if moved >= 0.5 * last:
+            break
+        last = moved
+    return cast(Array, place.unknowns), False
