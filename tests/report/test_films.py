@@ -19,8 +19,8 @@ from hemivar.evolution import History
 from hemivar.files import film_of, read_film
 from hemivar.files.film import Film, FilmFrame
 from hemivar.report import animate
+from hemivar.report.animation import write_gif
 from hemivar.report.film_pictures import FilmColour, PlanePicture, SolidPicture
-from hemivar.report.gif import palette_of, write_gif
 from hemivar.report.style import BLUE
 from hemivar.solvers import ContactStates
 from hemivar.solvers.contact_states import KINDS
@@ -129,21 +129,21 @@ def test_a_straight_foundation_is_one_line_as_far_as_the_body_goes() -> None:
     picture = plane(film)
     for number in (0, 3):
         picture.show(film.frame(number))
-        (line,) = picture.foundation.get_segments()
+        (surface,) = picture.foundation.surfaces
+        line = np.asarray(surface.get_xydata())
         assert line[:, 1] == pytest.approx(-0.1)
         assert -0.2 < line[:, 0].min() < 0.0
         assert 3.5 < line[:, 0].max() < 3.7
-        roots = np.array([segment[0] for segment in picture.hatch.get_segments()])
-        ends = np.array([segment[1] for segment in picture.hatch.get_segments()])
-        assert roots[:, 1] == pytest.approx(-0.1)
-        assert np.ptp(np.diff(np.sort(roots[:, 0]))) < 1e-12
-        assert (ends[:, 1] < -0.1).all()
+        ((ground, hatch),) = picture.foundation.grounds
+        assert ground.get_xy()[:, 1].max() == pytest.approx(-0.1)
+        assert ground.get_xy()[:, 1].min() > picture.ax.get_ylim()[0] - 1e-12  # none of it is cut off
+        assert hatch.get_hatch()
 
 
-def test_a_body_that_goes_far_has_few_hatches_and_one_that_goes_too_far_is_refused() -> None:
+def test_a_body_that_goes_too_far_is_refused() -> None:
     picture = plane(flying(2), scale=1e6)
     picture.show(flying(2).frame(3))
-    assert 100 < len(picture.hatch.get_segments()) <= 2000
+    assert np.asarray(picture.foundation.surfaces[0].get_xdata()).max() > 1.5e6
     for scale in (1e12, 1e308):
         with pytest.raises(ProblemError, match=r"cannot be drawn: the body has size 2\.24, and its displacement"):
             plane(flying(2), scale=scale)
@@ -153,24 +153,55 @@ def test_a_body_that_goes_far_has_few_hatches_and_one_that_goes_too_far_is_refus
         plane(point)
 
 
-def test_the_foundation_of_a_round_body_is_drawn_piece_by_piece() -> None:
+def curved(places: Array) -> PlanePicture:
+    """A body with a bent lower side and these contact points, 0.2 above its foundation."""
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.5], [1.0, 1.5]])
-    places = corners[:3]
-    lifted = ContactStates.of_codes(np.zeros(3, dtype=np.int64))
+    lifted = ContactStates.of_codes(np.zeros(len(places), dtype=np.int64))
 
     def frame(number: int) -> FilmFrame:
-        none = np.zeros((3, 2))
-        return FilmFrame(float(number), np.zeros((4, 2)), np.zeros((4, 2)), places, none, none, lifted, np.full(3, 0.2))
+        none, rest = np.zeros((len(places), 2)), np.zeros((4, 2))
+        return FilmFrame(float(number), rest, rest, places, none, none, lifted, np.full(len(places), 0.2))
 
-    film = Film(corners, np.array([[0, 1, 3], [1, 2, 3]]), np.arange(2.0), "", frame)
-    picture = plane(film)
+    picture = plane(Film(corners, np.array([[0, 1, 3], [1, 2, 3]]), np.arange(2.0), "", frame))
     picture.show(frame(1))
-    pieces = np.array(picture.foundation.get_segments())
-    assert len(pieces) == 3
-    away = np.linalg.norm(pieces.mean(axis=1) - places, axis=1)
-    assert away == pytest.approx(0.2)
-    assert pieces[0].mean(axis=0) == pytest.approx([0.0, -0.2])
     assert picture.time(frame(1)) == "t = 1.00 s"
+    return picture
+
+
+@pytest.mark.parametrize("middles", [False, True])
+def test_the_foundation_of_a_bent_body_follows_it(middles: bool) -> None:
+    """Whether contact points are vertices or the middles of edges: as far away as the gap, and a little longer."""
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.5]])
+    picture = curved(0.5 * (corners[1:] + corners[:-1]) if middles else corners)
+    (surface,) = picture.foundation.surfaces
+    line = np.asarray(surface.get_xydata())
+    assert line[1] == pytest.approx(corners[1] + 0.2 * np.array([0.5, -2.0]) / np.hypot(0.5, 2.0))
+    assert line[0, 1] == pytest.approx(-0.2, abs=0.02)
+    assert -0.1 < line[0, 0] < 0.0
+    assert 2.0 < line[-1, 0] < 2.2
+    assert len(picture.normal) == (2 if middles else 3)
+    assert picture.normal[0] == pytest.approx([0.0, -1.0])
+
+
+def test_a_single_contact_point_has_a_foundation() -> None:
+    picture = curved(np.array([[0.0, 0.0]]))
+    (surface,) = picture.foundation.surfaces
+    to_corner = np.linalg.norm(np.asarray(surface.get_xydata()), axis=1)
+    assert 0.19 < to_corner.min() < 0.21
+
+
+def test_a_frame_is_drawn_over_what_rests_as_it_is_drawn_at_once() -> None:
+    """Whatever was shown before: the same points as a picture that is drawn whole."""
+    for film, kind in ((flying(2), PlanePicture), (flying(3), SolidPicture)):
+        picture = kind(film, [0, 1, 2, 3], 1.0, ("", ""), FilmColour.SPEED)
+        picture.image(film.frame(3))
+        again = picture.image(film.frame(1))
+        whole = kind(film, [0, 1, 2, 3], 1.0, ("", ""), FilmColour.SPEED)
+        whole.show(film.frame(1))
+        canvas = FigureCanvasAgg(whole.fig)
+        canvas.draw()
+        other = np.array(canvas.buffer_rgba())[:, :, :3]
+        assert (np.abs(again.astype(int) - other).max(axis=2) > 40).mean() < 2e-3
 
 
 @pytest.mark.parametrize("colour", [FilmColour.SPEED, FilmColour.DISPLACEMENT])
@@ -181,7 +212,7 @@ def test_colours_have_one_scale(colour: FilmColour) -> None:
     frame = film.frame(2)
     picture.show(frame)
     speeds = np.linalg.norm(frame.velocity if colour is FilmColour.SPEED else frame.displacement, axis=1)
-    assert np.asarray(picture.drawn.fill.get_array()) == pytest.approx(speeds[film.cells].mean(axis=1))
+    assert np.asarray(picture.drawn.fill.get_array()) == pytest.approx(speeds)
     assert picture.drawn.fill.get_clim() == limits
     most = np.linalg.norm(film.frame(3).velocity, axis=1) if colour is FilmColour.SPEED else np.full(1, 1.5)
     assert limits == (0.0, pytest.approx(np.quantile(most, 0.98)))
@@ -256,6 +287,7 @@ def test_frames_are_taken_at_even_times(times: Array, most: int, shown: list[int
     watched = replace(film, times=times, frame=frame)
     animate(watched, tmp_path / "film.gif", frames=most, dpi=10, progress=lambda done, of: told.append((done, of)))
     assert told == [(k + 1, len(shown)) for k in range(len(shown))]
+    assert sorted(set(asked)) == sorted(set(shown))
     assert asked[-len(shown) :] == shown
 
 
@@ -272,8 +304,7 @@ def test_a_gif_meets_its_colours(tmp_path: Path) -> None:
         frame[:20] = rng.integers(100, 140, (20, 60, 3))
         frame[30, 5 + k] = blue  # one point only: a rare colour
         frames.append(frame)
-    palette = palette_of(frames[:1], 16, ("white", BLUE))
-    write_gif(tmp_path / "a.gif", frames, palette, 0.123)
+    write_gif(tmp_path / "a.gif", frames, frames[0], 16, 0.123)
     with Image.open(tmp_path / "a.gif") as film:
         assert film.n_frames == 3  # type: ignore[attr-defined]
         for k in range(3):
@@ -285,7 +316,7 @@ def test_a_gif_meets_its_colours(tmp_path: Path) -> None:
             assert len(np.unique(again.reshape(-1, 3), axis=0)) <= 16
             assert np.abs(again[:20].astype(int) - frames[k][:20]).mean() < 20.0
         assert film.info["loop"] == 0
-    write_gif(tmp_path / "b.gif", frames, palette, 1e-6)
+    write_gif(tmp_path / "b.gif", frames, frames[0], 16, 1e-6)
     with Image.open(tmp_path / "b.gif") as film:
         assert film.info["duration"] == 20
 

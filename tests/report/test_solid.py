@@ -15,7 +15,7 @@ from hemivar.laws import Signorini, ThresholdCompliance, Tresca
 from hemivar.mechanics import Contact, Prescribed, Sphere
 from hemivar.mesh import box
 from hemivar.report import plot_contact, plot_solution, save
-from hemivar.report.solid_body import sharp_edges, viewing_direction
+from hemivar.report.bodies import sharp_edges, viewing_direction
 from hemivar.solvers import Solution, TangentialState, solve
 
 from .test_figures import texts

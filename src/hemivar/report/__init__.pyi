@@ -4,9 +4,9 @@ from .adaptive_figures import plot_adaptive as plot_adaptive
 from .adaptive_figures import plot_meshes as plot_meshes
 from .animation import animate as animate
 from .bodies import plot_solution as plot_solution
-from .body_colour import BodyColour as BodyColour
 from .certificate_figure import plot_certificate as plot_certificate
 from .contact_curves import plot_contact as plot_contact
+from .deformed import BodyColour as BodyColour
 from .film_pictures import FilmColour as FilmColour
 from .histories import plot_errors as plot_errors
 from .histories import plot_history as plot_history

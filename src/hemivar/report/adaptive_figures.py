@@ -17,7 +17,7 @@ from hemivar.errors import ProblemError
 from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, write_below, write_foot
-from hemivar.report.mesh_lines import mesh_lines
+from hemivar.report.drawn_body import mesh_lines
 from hemivar.report.picture import new_figure
 from hemivar.report.style import (
     BLUE,

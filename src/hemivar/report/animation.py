@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -16,12 +16,12 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.history import History
-from hemivar.files.film import Film, film_of
-from hemivar.report.film_pictures import FilmColour, PlanePicture, SolidPicture
-from hemivar.report.gif import palette_of, write_gif
+from hemivar.files.film import Film, FilmFrame, film_of
+from hemivar.report.drawn_body import GROUND
+from hemivar.report.film_pictures import FilmColour, FilmPicture, PlanePicture, SolidPicture
 from hemivar.report.style import BLUE, GREY, ORANGE, RED, drawing
 
-__all__ = ["FILMS", "FilmColour", "animate", "check_film"]
+__all__ = ["FILMS", "animate", "check_film", "write_gif"]
 
 FILMS = (".gif", ".mp4")
 #: Frames at most, unless asked for otherwise: a GIF of more is slow to load.
@@ -32,17 +32,13 @@ _SAMPLES = 8
 _FEW_COLOURS = 64
 #: Seconds that one frame can be shown, the most that a GIF has a number for.
 _LONGEST_FRAME = 655.0
-_EXACT = ("white", "black", BLUE, ORANGE, RED, GREY)
+_EXACT = ("white", "black", BLUE, ORANGE, RED, GREY, GROUND, "#eef4f9")  # the last is that of a plain body
+#: Of a scale of colours as many are met exactly.
+_SHADES = 176
 
 
 def check_film(path: str | Path) -> None:
-    """Refuse, before the work, a film that could not be written.
-
-    Raises
-    ------
-    ProblemError
-        Another suffix; MP4 without ffmpeg.
-    """
+    """Refuse, before the work, a film that could not be written: another suffix, MP4 without ffmpeg."""
     suffix = path_of(path).suffix.lower()
     if suffix not in FILMS:
         raise ProblemError(f"'{path}': films are written as {' or '.join(FILMS)}, not '{suffix}'")
@@ -129,8 +125,8 @@ def animate(
         )
     make_folder(path.parent)
     with IMPORTS:
-        from matplotlib.animation import FFMpegWriter
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        import matplotlib
+        from matplotlib.colors import to_hex
 
     try_output(path)
     with drawing(), TemporaryDirectory(prefix="hemivar-film-") as aside:  # it takes a while, and may be killed
@@ -142,34 +138,63 @@ def animate(
         if title or film.title:
             picture.ax.set_title(title or film.title)
         picture.fig.set_dpi(dpi)
-        canvas: Any = FigureCanvasAgg(picture.fig)
 
-        def drawn(number: int) -> Array:
-            picture.show(film.frame(shown[number]))
-            canvas.draw()
-            return np.array(canvas.buffer_rgba())[:, :, :3]
-
-        def told() -> Iterator[int]:
-            for number in range(len(shown)):
-                yield number
+        def told() -> Iterator[FilmFrame]:
+            for number, at in enumerate(shown):
+                yield film.frame(at)
                 if progress is not None:
                     progress(number + 1, len(shown))
 
         if path.suffix.lower() == ".gif":
-            samples = np.unique(np.linspace(0, len(shown) - 1, _SAMPLES).astype(int))
-            few = _FEW_COLOURS if coloured is FilmColour.NONE else 255
-            palette = palette_of([drawn(int(number)) for number in samples], few, _EXACT)
-            write_gif(name, (drawn(number) for number in told()), palette, seconds / len(shown))
+            samples = np.unique(np.linspace(0, len(shown) - 1, _SAMPLES).astype(int)).tolist()
+            sheet = np.vstack([picture.image(film.frame(shown[k])) for k in samples])
+            plain = coloured is FilmColour.NONE
+            scale_of_colours = matplotlib.colormaps["cividis"]
+            shades = [] if plain else [to_hex(scale_of_colours(k / (_SHADES - 1))) for k in range(_SHADES)]
+            write_gif(
+                name, map(picture.image, told()), sheet, _FEW_COLOURS if plain else 255, seconds / len(shown), shades
+            )  # fmt: skip
         else:
-            rate: Any = min(50.0, round(len(shown) / seconds, 3))
-            writer = FFMpegWriter(fps=rate)
-            with writer.saving(picture.fig, str(name), dpi):
-                for number in told():
-                    picture.show(film.frame(shown[number]))
-                    writer.grab_frame()
+            _write_mp4(name, picture, told(), min(50.0, round(len(shown) / seconds, 3)), dpi)
         with whole_file(path) as kept:
             shutil.copyfile(name, kept)
     return path
+
+
+def write_gif(
+    path: Path, frames: Iterable[Array], sheet: Array, colours: int, seconds: float, shades: Sequence[str] = ()
+) -> None:
+    """Frames (rows, columns, 3) as a film that begins again at its end; each is shown for 0.02 seconds at least.
+
+    All have one palette, of the colours of a ``sheet`` of some of them and the exact ones, so that what rests costs
+    nothing; ``shades`` are further exact colours.
+    """
+    with IMPORTS:
+        from matplotlib.colors import to_rgb
+        from PIL import Image
+
+    def image(pixels: Array) -> Image.Image:
+        return Image.fromarray(np.ascontiguousarray(pixels, dtype=np.uint8), "RGB")
+
+    exact = [round(255.0 * part) for name in (*_EXACT, *shades) for part in to_rgb(name)]
+    few = colours - len(exact) // 3
+    found = image(sheet).quantize(few, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(exact + list(found.getpalette() or [])[: 3 * few])
+    first, *others = [image(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    duration = 10 * max(2, round(100.0 * seconds))
+    first.save(path, "GIF", save_all=True, append_images=others, duration=duration, loop=0, disposal=1)
+
+
+def _write_mp4(name: Path, picture: FilmPicture, frames: Iterator[FilmFrame], rate: Any, dpi: int) -> None:
+    with IMPORTS:
+        from matplotlib.animation import FFMpegWriter
+
+    writer = FFMpegWriter(fps=rate)
+    with writer.saving(picture.fig, str(name), dpi):
+        for frame in frames:
+            picture.show(frame)
+            writer.grab_frame()
 
 
 def _shown(times: Array, most: int) -> list[int]:

@@ -1,10 +1,11 @@
-"""What every picture of a deformed body starts from: where its nodes and contact points are drawn."""
+"""What every picture of a deformed body starts from: where its nodes and contact points are, and its colours."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -15,37 +16,48 @@ from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, von_mises
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh.mesh import Mesh
-from hemivar.report.body_colour import BodyColour
-from hemivar.report.style import MANY_CELLS
+from hemivar.report.style import MANY_CELLS, with_unit
 from hemivar.solvers import Solution
 from hemivar.solvers.contact_states import Kind
 
-__all__ = ["DeformedBody", "round_number"]
+__all__ = ["BodyColour", "DeformedBody", "round_number"]
+
+
+class BodyColour(StrEnum):
+    """What colours a body in a figure."""
+
+    STRESS = "stress"
+    """The von Mises stress."""
+    DISPLACEMENT = "displacement"
+    """The size of the displacement."""
+    NONE = "none"
+    """Nothing."""
+
+    def label(self, unit: str, stress_unit: str) -> str:
+        """What the scale of colours says."""
+        return with_unit("von Mises stress", stress_unit) if self is BodyColour.STRESS else with_unit(self.value, unit)
+
+    @classmethod
+    def of(cls, given: BodyColour | str | None, usual: BodyColour) -> BodyColour:
+        """What was asked for, or what is usual; ``ProblemError`` where there is no such colouring."""
+        if given is None:
+            return usual
+        try:
+            return cls(given)
+        except ValueError as error:
+            raise ProblemError(f"colour = {given!r}; choose one of {', '.join(cls)}") from error
 
 
 @dataclass(frozen=True, eq=False)
 class DeformedBody:
-    """The body of a solution, its displacement drawn ``factor`` times as large.
-
-    Attributes
-    ----------
-    solution : Solution
-        Of a problem with a mesh.
-    factor : float
-    """
+    """The body of a solution of a problem with a mesh, its displacement drawn ``factor`` times as large."""
 
     solution: Solution
     factor: float
 
     @classmethod
     def of(cls, solution: Solution, scale: float | str) -> DeformedBody:
-        """With a factor given by number, or chosen (``"auto"``) so that small displacements are visible.
-
-        Raises
-        ------
-        ProblemError
-            The problem was made of arrays and has no mesh; or ``scale`` is not a positive number.
-        """
+        """With a factor given by number, or chosen (``"auto"``) so that small displacements are visible."""
         field = solution.problem.field
         if field is None:
             raise ProblemError(
@@ -102,13 +114,7 @@ class DeformedBody:
             yield kind, here, f"{kind.label} ({np.count_nonzero(here)})"
 
     def colour(self, given: BodyColour | str | None) -> BodyColour:
-        """What colours the body: what was asked for; by itself stress in space and where cells are many, else nothing.
-
-        Raises
-        ------
-        ProblemError
-            There is no such colouring, or no material from which a stress could be computed.
-        """
+        """What colours the body: by itself stress in space and where cells are many, else nothing."""
         material = isinstance(self.problem.origin, ContactProblem)
         usual = BodyColour.STRESS if material else BodyColour.DISPLACEMENT
         if self.mesh.dim == 2 and (not material or self.mesh.number_of_cells <= MANY_CELLS):
@@ -118,16 +124,13 @@ class DeformedBody:
             raise ProblemError("colour = 'stress': the material of this problem is not known; take 'displacement'")
         return chosen
 
-    def cell_stress(self) -> Array:
-        """The von Mises stress of each cell, (M,), of a body with a material."""
-        assert isinstance(self.problem.origin, ContactProblem)
-        return von_mises(self.problem.origin, self.solution.displacement)
-
     def values(self, colour: BodyColour) -> Array:
-        """What colours the vertices, (N,)."""
-        if colour is BodyColour.STRESS:
-            return nodal_average(self.mesh, self.cell_stress())
-        return np.asarray(np.linalg.norm(self.solution.displacement[: self.mesh.number_of_nodes], axis=1))
+        """The von Mises stress of the cells in the plane (M,), of the vertices in space (N,); or their displacement."""
+        if colour is not BodyColour.STRESS:
+            return np.asarray(np.linalg.norm(self.solution.displacement[: self.mesh.number_of_nodes], axis=1))
+        assert isinstance(self.problem.origin, ContactProblem)
+        stress = von_mises(self.problem.origin, self.solution.displacement)
+        return stress if self.mesh.dim == 2 else nodal_average(self.mesh, stress)
 
 
 def _visible(mesh: Mesh, displacement: Array, gap: Array) -> float:

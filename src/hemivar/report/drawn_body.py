@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, cast
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -11,78 +12,91 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh
-from hemivar.report.mesh_lines import mesh_lines, mesh_path
 from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, with_unit
 from hemivar.solvers.contact_states import Kind
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.collections import Collection
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
     from matplotlib.quiver import Quiver
     from mpl_toolkits.mplot3d import Axes3D
 
-__all__ = ["PLAIN", "DrawnPlane", "DrawnSurface", "force_arrows", "mark_size", "mark_states"]
+__all__ = [
+    "GROUND",
+    "PLAIN",
+    "DrawnFoundation",
+    "DrawnPlane",
+    "DrawnSurface",
+    "Filled",
+    "FoundationLine",
+    "force_arrows",
+    "mark_size",
+    "mark_states",
+    "mesh_lines",
+]
 
+Filled = Literal["plainly", "cells", "vertices"]
 #: A body without colours.
 PLAIN = "#d9e6f2"
+#: A foundation.
+GROUND = "#f0f0f0"
 #: Room between an arrow and the mark of its contact point, relative to the body.
 _BESIDE_MARK = 0.012
 #: Of arrows, in inches.
 _THICK = 0.0115
+#: Distance of lines of a mesh in points from which on they are drawn in full.
+_WIDE = 9.0
+#: Depths of a foundation below what it carries, and of its hatches, relative to the body.
+_BELOW, _HATCHED = 0.03, 0.022
 
 
 class DrawnPlane:
-    """A plane body: what fills it, the lines of its mesh where they are few, and its outline.
+    """A plane body, ``inches`` wide: its colours, the lines of its mesh where they are few, and its outline.
 
-    Parameters
-    ----------
-    ax : Axes
-    mesh : Mesh
-        At rest.
-    inches : float
-        Width of the drawn body, about.
-    filled : {"plainly", "by cells", "not"}
-        By cells: with the colours of :meth:`move`.
-    ink : (str, float)
-        Colour of the lines, and how much paler they are.
+    Filled plainly, or with a value for each of its cells or vertices, which :meth:`move` takes.
     """
 
-    def __init__(
-        self, ax: Axes, mesh: Mesh, inches: float, filled: str = "plainly", ink: tuple[str, float] = ("#8f8f8f", 1.0)
-    ) -> None:
+    def __init__(self, ax: Axes, mesh: Mesh, inches: float, filled: Filled = "plainly") -> None:
         with IMPORTS:
-            from matplotlib.collections import LineCollection, PolyCollection
+            from matplotlib.collections import LineCollection, PolyCollection, TriMesh
+            from matplotlib.tri import Triangulation
 
-        self.mesh, self.filled = mesh, filled
+        self.ax, self.mesh, self.filled = ax, mesh, filled
         self.outline = polylines(mesh.boundary_facets)
-        if filled == "by cells":
-            self.fill = PolyCollection(list(mesh.points[mesh.cells]), cmap="cividis", linewidths=0.0, zorder=1.5)
-            self.fill.set_antialiased(False)
-            self.fill.set_array(np.zeros(len(mesh.cells)))
+        self.fill: Collection
+        if filled == "vertices":
+            self.grid = Triangulation(mesh.points[:, 0], mesh.points[:, 1], mesh.cells)
+            self.fill = TriMesh(self.grid, cmap="cividis", zorder=1.5)
+        elif filled == "cells":
+            self.fill = PolyCollection([], cmap="cividis", linewidths=0.0, zorder=1.5, antialiased=False)
         else:
             self.fill = PolyCollection([], facecolors=PLAIN, alpha=0.45, linewidths=0.0, zorder=1.5)
+        self.fill.set_rasterized(filled != "plainly")
         self.border = LineCollection([], colors="black", linewidths=0.9, zorder=3)
         self.lines: PathPatch | None = None
         if mesh.number_of_cells <= MANY_CELLS:
+            ink = ("#8f8f8f", 1.0) if filled == "plainly" else ("black", 0.3)
             self.lines = mesh_lines(mesh.points, mesh.edges, mesh.number_of_cells, inches, *ink)
             ax.add_patch(self.lines)
-        for collection in (self.border,) if filled == "not" else (self.fill, self.border):
+        for collection in (self.fill, self.border):
             ax.add_collection(collection, autolim=False)
-        self.ax = ax
 
     def move(self, vertices: Array, values: Array | None = None) -> None:
-        """Draw it with its vertices (N, 2) there, coloured by values (N,)."""
+        """Draw it with its vertices (N, 2) there, coloured by values of its cells or vertices."""
         around = [vertices[line] for line in self.outline]
-        if self.filled == "plainly":
-            self.fill.set_verts(around)
-        elif self.filled == "by cells":
-            self.fill.set_verts(list(vertices[self.mesh.cells]))
+        if self.filled == "vertices":
+            self.grid.x, self.grid.y = vertices.T
+        else:
+            self.fill.set_verts(around if self.filled == "plainly" else vertices[self.mesh.cells])  # type: ignore[attr-defined]
         if values is not None:
-            self.fill.set_array(values[self.mesh.cells].mean(axis=1))
+            self.fill.set_array(values)
         if self.lines is not None:
-            self.lines.set_path(mesh_path(vertices, self.mesh.edges))
+            self.lines.set_path(_mesh_path(vertices, self.mesh.edges))
         self.border.set_segments(around)
 
     def fit(self) -> None:
@@ -90,31 +104,74 @@ class DrawnPlane:
         self.ax.update_datalim(np.concatenate(self.border.get_segments()))
         self.ax.autoscale_view()
 
+    @property
+    def artists(self) -> list[Artist]:
+        """What moves."""
+        return [self.fill, self.border, *([] if self.lines is None else [self.lines])]
+
+
+class FoundationLine(NamedTuple):
+    """A piece of the boundary of a plane body at rest beside which a foundation is drawn."""
+
+    points: Array  # (k, 2), in order
+    normals: Array  # (k, 2), outward
+    nearest: IntArray  # (k,), the contact points whose gaps it has
+    before: float  # how far the foundation goes on beyond its ends
+    after: float
+
+
+class DrawnFoundation:
+    """The foundations of a plane body of some size, hatched along their surfaces, down to a depth and some more."""
+
+    def __init__(self, ax: Axes, lines: Sequence[FoundationLine], size: float, depth: float) -> None:
+        from matplotlib.patches import Polygon
+
+        self.lines, self.depths = lines, (depth + _BELOW * size, _HATCHED * size)
+        styles = (
+            {"facecolor": GROUND},
+            {"facecolor": "none", "edgecolor": "#8a8a8a", "hatch": "//////"},
+        )
+        self.grounds = [
+            [Polygon([(0.0, 0.0)], closed=True, zorder=0.5, linewidth=0.0, **style) for style in styles] for _ in lines
+        ]
+        self.surfaces = [ax.plot([], [], color="#3a3a3a", lw=1.0, zorder=1)[0] for _ in lines]
+        self.ax = ax
+
+    def move(self, gap: Array, factor: float) -> None:
+        """Draw them so many times the gaps (m,) of the contact points away from the body at rest."""
+        for line, grounds, drawn in zip(self.lines, self.grounds, self.surfaces, strict=True):
+            surface = line.points + factor * gap[line.nearest, None] * line.normals
+            if (line.points[0] != line.points[-1]).any():
+                ends = surface[[0, -1]] + [
+                    line.before * _unit(surface[0] - surface[1]), line.after * _unit(surface[-1] - surface[-2])
+                ]  # fmt: skip
+                surface[0], surface[-1] = ends
+            for ground, depth in zip(grounds, self.depths, strict=True):
+                ground.set_xy(np.vstack([surface, (surface + depth * line.normals)[::-1]]))
+                if ground.axes is None:
+                    self.ax.add_patch(ground)
+            drawn.set_data(*surface.T)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """What moves."""
+        return [*(one for pair in self.grounds for one in pair), *self.surfaces]
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))
+
 
 class DrawnSurface:
-    """The surface of a body in space, on axes of its own.
-
-    Parameters
-    ----------
-    fig : Figure
-    place : (float, float, float, float)
-        Of the axes.
-    facets : int array (k, 3)
-    extent : (array (3,), array (3,))
-        Lowest and highest coordinates that the axes hold.
-    unit : str
-        Of length.
-    zoom : float
-    short : float
-        Axes shorter than this part of the longest have no scale.
-    """
+    """The surface of a body in space, on axes of its own that hold an extent; those shorter than a part of the longest
+    have no scale."""
 
     def __init__(
         self,
         fig: Figure,
         place: tuple[float, float, float, float],
-        facets: IntArray,
-        extent: tuple[Array, Array],
+        facets: IntArray,  # (k, 3)
+        extent: tuple[Array, Array],  # lowest and highest coordinates, (3,)
         unit: str,
         zoom: float = 1.02,
         short: float = 0.0,
@@ -157,6 +214,11 @@ class DrawnSurface:
         if values is not None:
             self.surface.set_array(values[self.facets].mean(axis=1))
 
+    @property
+    def artists(self) -> list[Artist]:
+        """What moves."""
+        return [self.surface]
+
 
 def mark_size(count: int, dim: int = 3) -> float:
     """Size of a mark in points, so that marks on a body leave it visible."""
@@ -187,3 +249,24 @@ def force_arrows(
         headwidth=3.6, headlength=4.6, headaxislength=4.2, minlength=0.5, zorder=zorder,
     )  # fmt: skip
     return quiver, np.vstack([tails, tails + drawn])
+
+
+def mesh_lines(
+    points: Array, edges: IntArray, cells: int, inches: float, colour: str = "#8f8f8f", pale: float = 1.0
+) -> PathPatch:
+    """The edges (k, 2) between vertices (N, 2) as one path: thinner and paler the denser they stand, so that print and
+    screen show a mesh and no pattern; below ``pale = 1`` paler still, over colours."""
+    from matplotlib.patches import PathPatch
+
+    apart = 72.0 * inches / math.sqrt(0.5 * max(cells, 1))
+    return PathPatch(
+        _mesh_path(points, edges), fill=False, edgecolor=colour, zorder=2,
+        linewidth=float(np.clip(0.06 * apart, 0.1, 0.6)), alpha=pale * float(np.clip(apart / _WIDE, 0.3, 1.0)),
+    )  # fmt: skip
+
+
+def _mesh_path(points: Array, edges: IntArray) -> Path:
+    from matplotlib.path import Path
+
+    codes = np.tile(np.array([Path.MOVETO, Path.LINETO], dtype=np.uint8), len(edges))
+    return Path(points[edges].reshape(-1, 2), codes)

@@ -16,12 +16,20 @@ from hemivar.files.boundary import polylines
 from hemivar.files.film import Film, FilmFrame
 from hemivar.mesh import Mesh
 from hemivar.report.deformed import round_number
-from hemivar.report.drawn_body import DrawnPlane, DrawnSurface, force_arrows, mark_states
+from hemivar.report.drawn_body import (
+    DrawnFoundation,
+    DrawnPlane,
+    DrawnSurface,
+    FoundationLine,
+    force_arrows,
+    mark_states,
+)
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, DASHES, GREY, RED, in_rows, state_mark, with_unit
 from hemivar.solvers.contact_states import KINDS
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
@@ -31,11 +39,14 @@ if TYPE_CHECKING:
 __all__ = ["FilmColour", "FilmPicture", "PlanePicture", "SolidPicture"]
 
 _MOST_ARROWS = 70
-_MOST_HATCHES = 2000
 #: How far a body may go, in its own sizes; beyond, its picture is a point.
 _FARTHEST = 1e9
 #: The longest arrow, of the diameter of the body.
 _ARROW = 0.16
+#: How far a foundation goes on beyond what touches it.
+_BEYOND = 0.03
+#: Cosine of the angle by which a boundary that goes on may turn.
+_GOES_ON = 0.9
 #: Axes in space shorter than this part of the longest have no scale.
 _SHORT = 0.3
 #: Part of the vertices that the scale of colours holds in every frame: the rest are corners.
@@ -54,24 +65,14 @@ class FilmColour(StrEnum):
 
 
 class FilmPicture:
-    """What both kinds of films share: the scale, the extent of all frames, the colours, and the time label.
-
-    Parameters
-    ----------
-    film : Film
-    shown : list of int
-        The frames that will be drawn, from which the scales are taken.
-    scale : float or "auto"
-        Factor of the displacement.
-    units : (str, str)
-        Of length and time, for the labels.
-    colour : FilmColour
-    """
+    """What both kinds of films share: scale, extent and colours of all frames that are shown, and the clock."""
 
     fig: Figure
     ax: Any
     label: Text
     drawn: DrawnPlane | DrawnSurface
+    arrows: Quiver | None = None
+    _canvas: Any = None
 
     def __init__(
         self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
@@ -173,6 +174,31 @@ class FilmPicture:
                 mark.set_data(*at)
         self._tell(frame)
 
+    def image(self, frame: FilmFrame) -> Array:
+        """A frame as red, green and blue, (rows, columns, 3); what rests in all of them is drawn once."""
+        self.show(frame)
+        if self._canvas is None:
+            with IMPORTS:
+                from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+            self._canvas = FigureCanvasAgg(self.fig)
+            for artist in self.moving:
+                artist.set_animated(True)
+            self._canvas.draw()
+            self._rest = self._canvas.copy_from_bbox(self.fig.bbox)
+        self._canvas.restore_region(self._rest)
+        for artist in sorted(self.moving, key=lambda one: one.get_zorder()):
+            if artist is self.drawn.artists[0] and isinstance(self.drawn, DrawnSurface):
+                self.drawn.surface.do_3d_projection()
+            self.fig.draw_artist(artist)
+        return np.array(self._canvas.buffer_rgba())[:, :, :3]
+
+    @property
+    def moving(self) -> list[Artist]:
+        """What differs from frame to frame."""
+        arrows = [] if self.arrows is None else [self.arrows]
+        return [*self.drawn.artists, *self.marks.values(), *arrows, self.label, self._now]
+
     def _mark(self) -> None:
         """Marks of the states, without a place."""
         none = np.zeros((0, self.film.points.shape[1]))
@@ -204,14 +230,11 @@ class PlanePicture(FilmPicture):
     ) -> None:
         super().__init__(film, shown, scale, units, colour)
         with IMPORTS:
-            from matplotlib.collections import LineCollection
             from matplotlib.lines import Line2D
 
         places = self.places
-        self.outline = polylines(self.mesh.boundary_facets)
-        self.length = _ARROW * self.size
-        self.normal, self.half = _normals(film, self.outline, places)
-        self.straight = self._straight()
+        self.length = _ARROW * self.size if self.strongest > 0.0 else 0.0
+        lines = self._foundation_lines()
         low, high = self._extent()
         width, height = high - low
         bar = 0.0 if colour is FilmColour.NONE else 0.12
@@ -224,25 +247,21 @@ class PlanePicture(FilmPicture):
         self.fig = new_figure((self.wide, tall))
         self.ax: Axes = self.fig.add_axes((0.12, (1.05 + foot) / tall, 0.85 - bar, 1.0 - (1.4 + foot) / tall))
         ax = self.ax
-        for line in self.outline:
-            ax.plot(*film.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=2.5)
-        self.drawn = DrawnPlane(ax, self.mesh, frame, "by cells" if bar else "plainly")
+        self.drawn = DrawnPlane(ax, self.mesh, frame, "vertices" if bar else "plainly")
+        for line in self.drawn.outline:
+            ax.plot(*film.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=1.4)
         if bar:
             self._bar(self.drawn.fill, (0.87, (1.05 + foot) / tall, 0.022, 1.0 - (1.4 + foot) / tall))
         self._mark()
+        self.foundation = DrawnFoundation(ax, lines, self.size, self.length)
         ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         ax.set_aspect("equal")
         ax.locator_params(axis="y", nbins=max(2, min(6, round(3.0 * (tall - 1.4)))))
         ax.set_xlabel(with_unit("x", units[0]))
         ax.set_ylabel(with_unit("y", units[0]))
         ax.spines[["top", "right"]].set_visible(False)
-        self.arrows: Quiver | None = None
         self.label = self.fig.text(0.12, (0.42 + foot) / tall, "", fontsize=9, family="monospace")
         self._clock(0.12, (0.33 + foot) / tall, 0.85 - bar)
-        self.foundation = LineCollection([], colors="#3a3a3a", linewidths=1.0, zorder=1)
-        self.hatch = LineCollection([], colors="#8a8a8a", linewidths=0.6, zorder=0.9)
-        for collection in (self.foundation, self.hatch):
-            ax.add_collection(collection, autolim=False)
         if len(places):
             handles = [state_mark(kind, kind.label) for kind in self.kinds]
             if self.strongest > 0.0:
@@ -253,12 +272,46 @@ class PlanePicture(FilmPicture):
                 handlelength=1.2, columnspacing=1.0,
             )  # fmt: skip
 
-    def _straight(self) -> bool:
-        """Whether the contact boundary is straight."""
+    def _foundation_lines(self) -> list[FoundationLine]:
+        """The parts of the boundary whose vertices or middles are contact points, with the normals there.
+
+        An edge whose other end is fixed belongs to them if the boundary does not turn there. Where they are straight
+        their foundation goes on as far as the body does.
+        """
         if not len(self.places):
-            return False
-        depth = self.places @ self.normal[0]
-        return bool(np.abs(self.normal - self.normal[0]).max() < 1e-9 and np.ptp(depth) < 1e-9 * self.size)
+            self.normal = self.places
+            return []
+        points, facets, tree = self.film.points, self.mesh.boundary_facets, KDTree(self.places)
+        near = 1e-6 * self.size
+        at_ends = tree.query(points[facets])[0] < near
+        chosen = at_ends.all(axis=1) | (tree.query(points[facets].mean(axis=1))[0] < near)
+        normals, _ = self.mesh.facet_normals(facets)
+        around = np.zeros_like(points)
+        np.add.at(around, facets[chosen].ravel(), np.repeat(normals[chosen], 2, axis=0))
+        ahead = np.einsum("fd,fkd->fk", normals, around[facets]) >= _GOES_ON * np.linalg.norm(around[facets], axis=2)
+        facets = facets[chosen | (at_ends & ahead).any(axis=1)]
+        normals, lengths = self.mesh.facet_normals(facets)
+        used, place = np.unique(facets, return_inverse=True)
+        normal = np.zeros((len(used), 2))
+        np.add.at(normal, place.ravel(), np.repeat(normals * lengths[:, None], 2, axis=0))
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        known = KDTree(np.concatenate([points[used], points[facets].mean(axis=1)]))
+        self.normal = np.concatenate([normal, normals])[known.query(self.places)[1]]
+        depth, tangent = points[used] @ normal[0], np.array([-normal[0, 1], normal[0, 0]])
+        straight = np.abs(normal - normal[0]).max() < 1e-9 and np.ptp(depth) < 1e-9 * self.size
+        ends = np.array([(self.places + self.factor * part) @ tangent for part in (self.travel.low, self.travel.high)])
+        beyond, lines = _BEYOND * self.size, []
+        for line in polylines(facets):
+            at = np.searchsorted(used, line)
+            first, last = points[line[[0, -1]]] @ tangent
+            before, after = (first - ends.min(), ends.max() - last) if straight else (0.0, 0.0)
+            lines.append(
+                FoundationLine(
+                    points[line], normal[at], tree.query(points[line])[1], max(before, 0.0) + beyond,
+                    max(after, 0.0) + beyond,
+                )
+            )  # fmt: skip
+        return lines
 
     def _extent(self) -> tuple[Array, Array]:
         """What all frames show: body, foundation and arrows."""
@@ -268,7 +321,7 @@ class PlanePicture(FilmPicture):
             return low, high
         for gap in (self.gaps.low, self.gaps.high):
             surface = self.places + self.factor * gap[:, None] * self.normal
-            for place in (surface, surface + 0.03 * self.size * self.normal):
+            for place in (surface, surface + (_BEYOND * self.size + self.length) * self.normal):
                 low, high = np.minimum(low, place.min(axis=0)), np.maximum(high, place.max(axis=0))
         if self.strongest > 0.0:
             longest = self.length / self.strongest
@@ -284,12 +337,10 @@ class PlanePicture(FilmPicture):
     def show(self, frame: FilmFrame) -> None:
         """Draw a frame."""
         super().show(frame)
+        self.foundation.move(frame.gap, self.factor)
         if self.arrows is not None:
             self.arrows.remove()
-            self.arrows = None
-        if len(self.places):
-            self._ground(frame)
-        if self.strongest > 0.0 and len(self.places):
+        if self.length and len(self.places):
             places, step = frame.places + self.factor * frame.moved, max(1, len(self.places) // _MOST_ARROWS)
             pulls = np.einsum("pd,pd->p", frame.force, self.normal) > 0.0
             scale = self.strongest / self.length
@@ -297,35 +348,10 @@ class PlanePicture(FilmPicture):
                 self.ax, places[::step], frame.force[::step], pulls[::step], scale, self.size, RED
             )
 
-    def _ground(self, frame: FilmFrame) -> None:
-        """Draw the foundation: one line as far as the body goes where its boundary is straight, else piece by piece."""
-        surface = frame.places + self.factor * frame.gap[:, None] * self.normal
-        along = np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
-        half, spacing = self.half, 0.025 * self.size
-        if self.straight:
-            normal, tangent = self.normal[0], along[0]
-            place, depth = surface @ tangent, surface @ normal
-            order = np.argsort(place)
-            reach = [place + self.factor * part @ tangent for part in (self.travel.low, self.travel.high)]
-            least = min(float(part.min()) for part in reach) - 1.2 * spacing
-            most = max(float(part.max()) for part in reach) + 1.2 * spacing
-            place, depth = np.concatenate([[least], place[order], [most]]), depth[order]
-            depth = np.concatenate([depth[:1], depth, depth[-1:]])
-            line = place[:, None] * tangent + depth[:, None] * normal
-            self.foundation.set_segments([line])
-            apart = max(spacing, (most - least) / _MOST_HATCHES)
-            at = np.arange(least + 0.5 * apart, most, apart)
-            roots = at[:, None] * tangent + np.interp(at, place, depth)[:, None] * normal
-            ends = roots + 0.7 * spacing * (normal + tangent)
-        else:
-            arm = half[:, None] * along
-            self.foundation.set_segments(list(np.stack([surface - arm, surface + arm], axis=1)))
-            count = np.maximum(1, np.round(2.0 * half / spacing).astype(int))
-            owner = np.repeat(np.arange(len(half)), count)
-            number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-            roots = surface[owner] + ((2.0 * number + 1.0) / count[owner] - 1.0)[:, None] * arm[owner]
-            ends = roots + 0.7 * spacing * (self.normal + along)[owner]
-        self.hatch.set_segments(list(np.stack([roots, ends], axis=1)))
+    @property
+    def moving(self) -> list[Artist]:
+        """What differs from frame to frame."""
+        return [*super().moving, *self.foundation.artists]
 
 
 class SolidPicture(FilmPicture):
@@ -367,31 +393,3 @@ class SolidPicture(FilmPicture):
             return (-20.0 if toward[2] < 0.0 else 28.0), -60.0
         side = math.degrees(math.atan2(toward[1], toward[0]))
         return 24.0, side + 50.0 if side > 0.0 else side - 50.0
-
-
-def _normals(film: Film, outline: list[IntArray], places: Array) -> tuple[Array, Array]:
-    """Outward normals of the body at rest at its contact points, (p, 2), and half the distances between them, (p,)."""
-    if not len(places):
-        return places, np.zeros(0)
-    middles, normals = [], []
-    for line in outline:
-        ends = film.points[line]
-        along = np.diff(ends, axis=0)
-        middles.append(0.5 * (ends[1:] + ends[:-1]))
-        normals.append(np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None])
-    middle, normal = np.concatenate(middles), np.concatenate(normals)
-    # the foundation of the contact points decides which of the edges at a corner counts: the one nearer to all of them
-    near = KDTree(middle).query(places, k=2)[1]
-    other = KDTree(places).query(places, k=min(3, len(places)))[0]
-    half = 0.5 * (other.reshape(len(places), -1).max(axis=1))
-    half = np.where(half > 0.0, half, 0.02 * float(np.ptp(film.points, axis=0).max()))
-    both = normal[near].sum(axis=1)
-    size = np.linalg.norm(both, axis=1)
-    turned = size < 1.8  # a corner: the edge on which a neighbour among the contact points lies
-    if turned.any() and len(places) > 1:
-        neighbour = KDTree(places).query(places, k=2)[1][:, 1]
-        toward = places[neighbour] - places
-        for k in np.flatnonzero(turned):
-            across = np.abs(normal[near[k]] @ toward[k])
-            both[k], size[k] = normal[near[k]][int(np.argmin(across))], 1.0
-    return both / size[:, None], half

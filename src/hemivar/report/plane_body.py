@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,16 @@ from scipy.spatial import KDTree
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, polylines
-from hemivar.report.body_colour import BodyColour
-from hemivar.report.deformed import DeformedBody, round_number
-from hemivar.report.drawn_body import DrawnPlane, force_arrows, mark_states
+from hemivar.report.deformed import BodyColour, DeformedBody, round_number
+from hemivar.report.drawn_body import (
+    GROUND,
+    DrawnFoundation,
+    DrawnPlane,
+    Filled,
+    FoundationLine,
+    force_arrows,
+    mark_states,
+)
 from hemivar.report.law_figures import law_captions
 from hemivar.report.paper import NOTE
 from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, RED, figure_of, state_mark
@@ -21,7 +29,6 @@ from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, RED, figure_of
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.collections import Collection
     from matplotlib.quiver import Quiver
 
 __all__ = ["Arrows", "PlaneBody"]
@@ -82,70 +89,48 @@ class PlaneBody:
         return lowest, max(72.0 * drop, _BELOW)
 
     def _body(self, ax: Axes, colour: BodyColour) -> Axes:
+        """The body, cells coloured by their stress or vertices by their displacement; returns the lowest axes."""
         from matplotlib.lines import Line2D
 
-        lowest, plain = ax, colour is BodyColour.NONE
         self.handles.append(Line2D([], [], color="black", lw=0.9, label=self.body.label))
         inches = 0.9 * ax.get_window_extent().width / figure_of(ax).dpi
-        drawn = DrawnPlane(
-            ax, self.mesh, inches, *(("plainly", ("#8f8f8f", 1.0)) if plain else ("not", ("black", 0.3)))
-        )
-        drawn.move(self.body.vertices)
+        values = None if colour is BodyColour.NONE else self.body.values(colour)
+        filled: Filled = "plainly" if values is None else "cells" if colour is BodyColour.STRESS else "vertices"
+        drawn = DrawnPlane(ax, self.mesh, inches, filled)
+        drawn.move(self.body.vertices, values)
         drawn.fit()
-        return lowest if plain else self._colours(ax, colour)
-
-    def _colours(self, ax: Axes, colour: BodyColour) -> Axes:
-        """Cells in one colour by their stress, or vertices by their displacement; returns the axes of the scale."""
-        from matplotlib.tri import Triangulation
-
-        moved = self.body.vertices
-        grid = Triangulation(moved[:, 0], moved[:, 1], self.mesh.cells)
-        extend: str | None = None
-        colours: Collection
-        if colour is BodyColour.STRESS:
-            stress = self.body.cell_stress()
-            # a corner may hold what makes all else dark; of few cells none is left out
-            most = float(np.quantile(stress, 0.999)) if len(stress) > MANY_CELLS else float(stress.max())
-            colours = ax.tripcolor(grid, facecolors=stress, cmap="cividis", vmax=most, zorder=1.8, rasterized=True)
-            extend = "max" if most < stress.max() else None
-        else:
-            values = self.body.values(colour)
-            colours = ax.tripcolor(grid, values, shading="gouraud", cmap="cividis", zorder=1.8, rasterized=True)
-        bar = ax.figure.colorbar(colours, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, extend=extend)
+        if values is None:
+            return ax
+        most = float(values.max())
+        if filled == "cells" and len(values) > MANY_CELLS:  # a corner may hold what makes all else dark
+            most = float(np.quantile(values, 0.999))
+        drawn.fill.set_clim(float(values.min()), most)
+        extend = "max" if most < values.max() else "neither"
+        bar = ax.figure.colorbar(drawn.fill, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, extend=extend)
         bar.set_label(colour.label(*self.units))
         return bar.ax
 
-    def _foundation(self, ax: Axes, boundary: ContactBoundary, reach: float) -> None:
-        """The foundation down to a depth of ``reach`` and some more, hatched along its surface."""
-        from matplotlib.patches import Polygon
-
+    def _foundation_lines(self, boundary: ContactBoundary) -> Iterator[FoundationLine]:
         corners = boundary.corners
         normals, lengths = self.mesh.facet_normals(corners)
         used, place = np.unique(corners, return_inverse=True)
         summed = np.zeros((len(used), 2))
         np.add.at(summed, place.ravel(), np.repeat(normals * lengths[:, None], 2, axis=0))
-        normal = np.full(self.mesh.points.shape, np.nan)
-        normal[used] = summed / np.linalg.norm(summed, axis=1)[:, None]
+        normal = summed / np.linalg.norm(summed, axis=1)[:, None]
         contact = self.problem.contact
         assert contact.points is not None
         nearest = boundary.index[KDTree(contact.points[boundary.index]).query(self.mesh.points[used])[1]]
         if boundary.nodes is not None and contact.frames is not None:
-            normal[used] = contact.frames[nearest, 0]  # that of an obstacle may differ from the body's
-        gap = np.full(self.mesh.number_of_nodes, np.nan)
-        gap[used] = self.problem.gap[nearest]
-        deepest = self.body.factor * float(self.body.solution.penetration[boundary.index].max(initial=0.0))
+            normal = contact.frames[nearest, 0]  # that of an obstacle may differ from the body's
         for line in boundary.lines:
-            surface = self.mesh.points[line] + self.body.factor * gap[line, None] * normal[line]
-            if line[0] != line[-1]:
-                surface[0] += 0.02 * self.size * _unit(surface[0] - surface[1])
-                surface[-1] += 0.02 * self.size * _unit(surface[-1] - surface[-2])
-            for depth, style in (
-                (max(deepest, 0.0) + reach + 0.03 * self.size, {"facecolor": "#f0f0f0", "linewidth": 0.0}),
-                (0.022 * self.size, {"facecolor": "none", "edgecolor": "#8a8a8a", "hatch": "//////", "linewidth": 0.0}),
-            ):
-                below = surface + depth * normal[line]
-                ax.add_patch(Polygon(np.vstack([surface, below[::-1]]), closed=True, zorder=0.5, **style))
-            ax.plot(*surface.T, color="#3a3a3a", lw=1.0, zorder=1)
+            at = np.searchsorted(used, line)
+            yield FoundationLine(self.mesh.points[line], normal[at], nearest[at], *[0.02 * self.size] * 2)
+
+    def _foundation(self, ax: Axes, boundary: ContactBoundary, reach: float) -> None:
+        """The foundation, hatched along its surface, deeper than what penetrates and than arrows reach."""
+        deepest = self.body.factor * float(self.body.solution.penetration[boundary.index].max(initial=0.0))
+        lines = list(self._foundation_lines(boundary))
+        DrawnFoundation(ax, lines, self.size, max(deepest, 0.0) + reach).move(self.problem.gap, self.body.factor)
 
     def _apart(self, distance: float) -> IntArray:
         """Contact points that stand at least so far from each other, in parts of the body, evenly along a boundary.
@@ -242,7 +227,7 @@ class PlaneBody:
 
         if self.boundaries:
             self.handles.append(
-                Patch(facecolor="#f0f0f0", edgecolor="#8a8a8a", hatch="//////", linewidth=0.0, label="foundation")
+                Patch(facecolor=GROUND, edgecolor="#8a8a8a", hatch="//////", linewidth=0.0, label="foundation")
             )
         lines = [line for line in (note, *law_captions(self.problem)) if line]
         fig = figure_of(ax)
@@ -280,7 +265,3 @@ def _spread(where: Array, first: int, distance: float) -> IntArray:
                 break
             chosen.append(last)
     return np.sort(np.array(chosen))
-
-
-def _unit(vector: Array) -> Array:
-    return np.asarray(vector / np.linalg.norm(vector))

@@ -13,10 +13,9 @@ from hemivar.branches import SolutionSet
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Superpotential
 from hemivar.report.bodies import plot_solution
-from hemivar.report.body_colour import BodyColour
 from hemivar.report.certificate_line import FOOT, with_notes, write_foot
 from hemivar.report.contact_curves import plot_contact
-from hemivar.report.deformed import DeformedBody
+from hemivar.report.deformed import BodyColour, DeformedBody
 from hemivar.report.law_figures import draw_graph
 from hemivar.report.picture import new_figure
 from hemivar.report.saving import png
