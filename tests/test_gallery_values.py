@@ -14,7 +14,7 @@ from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution
-from hemivar.mechanics.scalar import Statement
+from hemivar.mechanics.statement import ContactProblem
 
 #: What a function needs that has no standard value.
 NEEDED: dict[str, dict[str, object]] = {name: {"cells": 8} for name in ("moving_bar", "bar_on_wall", "thrown_bar")}
@@ -31,7 +31,7 @@ def functions() -> dict[str, Callable[..., object]]:
 def test_every_problem_of_the_gallery_is_a_statement(name: str) -> None:
     found = functions()[name](**NEEDED.get(name, {}))
     stated = ManufacturedProblem.of(found)
-    assert isinstance(stated, Statement | Evolution | DiscreteProblem)
+    assert isinstance(stated, ContactProblem | Evolution | DiscreteProblem)
     assert isinstance(found, ManufacturedProblem) or found is stated
 
 

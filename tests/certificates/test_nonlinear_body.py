@@ -125,7 +125,7 @@ def test_scalar_problems_have_certificates_too() -> None:
     )
     solution = solve(stated)
     problem = solution.problem
-    linear = discretize(replace(stated, coefficient=power.least))
+    linear = discretize(replace(stated, material=Material.gradient(power.least, stated.kind)))
     weighted = problem.contact.trace.T @ (0.4 * problem.contact.weights[:, None] * problem.contact.trace.toarray())
     top = la.eigvalsh(weighted, linear.stiffness.toarray())[-1]
     exactly, nearly = judged(problem, solution.unknowns, solution.multiplier)

@@ -36,7 +36,7 @@ from hemivar.laws import (
     ViscousFoundation,
     Wear,
 )
-from hemivar.mechanics import ScalarContact, Statement
+from hemivar.mechanics import ContactProblem, ScalarContact
 from hemivar.mesh import Mesh
 
 __all__ = [
@@ -53,7 +53,7 @@ __all__ = [
     "stated",
 ]
 
-Problem = Statement | hv.DiscreteProblem
+Problem = ContactProblem | hv.DiscreteProblem
 
 
 def _spring(r: Array) -> Array:
@@ -176,7 +176,7 @@ def _resting(contact: hv.Contact, up: float) -> hv.ContactProblem:
     return _plane(contact, 0.25 * up, supports={"left": hv.Roller()})
 
 
-def _membrane(contact: hv.Contact, up: float) -> hv.ScalarProblem:
+def _membrane(contact: hv.Contact, up: float) -> hv.ContactProblem:
     """On a foundation beneath its middle."""
     mesh = hv.rectangle((1.0, 1.0), 3)
     middle = np.abs(mesh.points[mesh.cells].mean(axis=1) - 0.5).max(axis=1) < 1.0 / 6.0
@@ -192,7 +192,7 @@ def _membrane(contact: hv.Contact, up: float) -> hv.ScalarProblem:
     )
 
 
-def _antiplane(contact: hv.Contact, up: float) -> hv.ScalarProblem:
+def _antiplane(contact: hv.Contact, up: float) -> hv.ContactProblem:
     return hv.ScalarProblem(
         hv.rectangle((1.0, 1.0), 2),
         40.0,

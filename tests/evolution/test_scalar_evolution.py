@@ -27,7 +27,7 @@ STOP = hv.ScalarContact(hv.Signorini(), 0.1)
 RUBS = hv.ScalarContact(hv.Tresca(0.1))
 
 
-def membrane(**more: Any) -> hv.ScalarProblem:
+def membrane(**more: Any) -> hv.ContactProblem:
     return hv.ScalarProblem(**{"mesh": MESH, "coefficient": 1.0, "supports": {"left": 0.0}, "density": 1.0} | more)
 
 
@@ -261,3 +261,30 @@ def test_a_capacity_leaves_no_constant_without_energy() -> None:
     still = hv.discretize(membrane(kind=ScalarKind.HEAT, density=None, supports={}), check_coercivity=False)
     assert still.model.free_motions.count == 1
     assert np.linalg.eigvalsh(still.stiffness.toarray())[0] < 1e-12
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_a_damped_foundation_under_a_membrane(unit: float) -> None:
+    """Without supports u is uniform: k u + c u' = s."""
+    k, c, s = 3.0, 2.0, 1.5 * unit
+    over = hv.Contact(hv.Compliance(k), damping=hv.Compliance(c))
+    problem = hv.ContactProblem(MESH, hv.Material.gradient(1.0), {"area": over}, body_force=s)
+    with pytest.raises(hv.errors.ProblemError, match="contact 'area' has damping"):
+        hv.solve(problem)
+    history = march(Evolution(problem), until=1.0, scheme=hv.evolution.SDIRK2(), step=0.02)
+    np.testing.assert_allclose(history.moment.body.displacement, s / k * (1.0 - np.exp(-k / c)), rtol=3e-5)
+
+
+@pytest.mark.parametrize(("memory", "force"), [(None, 0.025), ((), 0.1 * 2.0 / 3.0)])
+def test_glue_at_the_end_of_a_strip(memory: tuple[()] | None, force: float) -> None:
+    """Pulled to 0.2 and back to 0.1: the glue unloads along its secant from (0.15, 0.05), or along its own curve."""
+    from hemivar.formula import Formula
+
+    glue = hv.Contact(hv.Adhesive(2.0, 0.1, softening=0.5), memory=memory)
+    strip = hv.ContactProblem(
+        hv.rectangle((1.0, 0.25), (4, 1)), hv.Material.gradient(1.0), {"right": glue},
+        supports={"left": Formula("0.2*abs(t - 1) - 0.2")},
+    )  # fmt: skip
+    history = march(Evolution(strip), until=1.5, step=0.05)
+    assert history["normal_force"][-1] == pytest.approx(-0.25 * force, rel=1e-6)
+    assert history["normal_force"][20] == pytest.approx(-0.25 * 0.05, rel=1e-6)

@@ -13,7 +13,7 @@ from hemivar.fem.area_average import area_average
 from hemivar.files.vtu import write_vtu
 
 
-def membrane(cells: int, pattern: str, region: bool = False) -> hv.ScalarProblem:
+def membrane(cells: int, pattern: str, region: bool = False) -> hv.ContactProblem:
     """A membrane of tension 2 that is pressed onto a hill: where they touch, the pressure is 3.7 + 0.3 x."""
     mesh = hv.rectangle((2.0, 2.0), cells, pattern, origin=(-1.0, -1.0))
     law = hv.ScalarContact(hv.Signorini(), lambda x: 0.12 - 0.4 * (x**2).sum(axis=1), side="below")

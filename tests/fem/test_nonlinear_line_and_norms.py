@@ -44,5 +44,5 @@ def test_norms_of_errors_are_those_of_the_lower_tensor_where_it_is_known() -> No
     assert norm(without) == pytest.approx(norm(hv.Material.young(200.0, 0.3)), rel=1e-9)
     flux = hv.ScalarProblem(hv.rectangle(cells=2), SaturatingFlux(3.0, 0.5, 1.0), supports={"top": 0.0})
     values = np.random.default_rng(3).normal(size=(9, 1))
-    least = hv.ScalarProblem(flux.mesh, flux.coefficient.least, supports={"top": 0.0})
+    least = hv.ScalarProblem(flux.mesh, flux.material.coefficient.least, supports={"top": 0.0})
     assert error_norms(flux, values).energy == pytest.approx(error_norms(least, values).energy, rel=1e-12)

@@ -41,14 +41,16 @@ def test_what_nothing_holds_is_refused() -> None:
     free = hv.ScalarProblem(MESH, 1.0, source=1.0)
     with pytest.raises(SupportError, match="adding a constant"):
         hv.discretize(free)
-    pulled = replace(free, contact={"left": STOP}, source=-1.0)  # away from the stop
+    pulled = replace(free, contact={"left": STOP}, body_force=-1.0)  # away from the stop
     with pytest.raises(SupportError, match="adding a constant"):
         hv.discretize(pulled)
     pushed = replace(free, contact={"left": STOP})
     found = hv.solve(pushed).raise_for_status()
     assert found.normal_force == pytest.approx(1.0)
     assert found.certify().stationary
-    rubbed = replace(free, contact={"left": hv.ScalarContact(hv.Tresca(1.1))}, kind="antiplane")  # type: ignore[arg-type]
+    rubbed = replace(
+        free, contact={"left": hv.ScalarContact(hv.Tresca(1.1))}, material=hv.Material.gradient(1.0, "antiplane")
+    )
     assert hv.solve(rubbed).raise_for_status().friction_force[0] == pytest.approx(-1.0)
     with pytest.raises(SupportError, match="adding a constant"):
         hv.discretize(replace(rubbed, contact={"left": hv.ScalarContact(hv.Tresca(0.9))}))
@@ -141,7 +143,8 @@ def test_contact_points_of_boundaries_and_regions() -> None:
     edge = mixed.on("top")
     np.testing.assert_array_equal(discrete.offset[edge], np.broadcast_to([0.0, 0.2], (len(edge), 2)))
     found = {
-        method: hv.solve(replace(both, source=-1.0), hv.solvers.METHODS[method]) for method in ("newton", "multigrid")
+        method: hv.solve(replace(both, body_force=-1.0), hv.solvers.METHODS[method])
+        for method in ("newton", "multigrid")
     }
     np.testing.assert_allclose(found["newton"].displacement, found["multigrid"].displacement, atol=1e-9)
     assert found["newton"].certify().unique
@@ -167,7 +170,7 @@ def test_loads_and_supports_grow_together() -> None:
         MESH, 1.0, {"right": hv.ScalarContact(hv.Tresca(0.1))}, supports={"left": 0.4}, source=1.0, fluxes={"top": 2.0}
     )
     line = LoadLine.of(problem)
-    half = hv.discretize(replace(problem, supports={"left": 0.2}, source=0.5, fluxes={"top": 1.0}))
+    half = hv.discretize(replace(problem, supports={"left": 0.2}, body_force=0.5, tractions={"top": 1.0}))
     at = line.at(0.5)
     np.testing.assert_allclose(at.load, half.load, atol=1e-15)
     np.testing.assert_allclose(at.offset, half.offset, atol=1e-15)

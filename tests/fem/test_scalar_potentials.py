@@ -19,7 +19,7 @@ ENERGIES = [PowerLaw(4.0, 0.3, 1.5), PowerLaw(1.5, 0.1, 2.0, 3.0), SaturatingFlu
 FLAT = PowerLaw(2.0, 0.1, 1.0, 3.0)
 
 
-def membrane(coefficient: object, cells: int = 4, order: int = 1, top: float = 0.8) -> hv.ScalarProblem:
+def membrane(coefficient: object, cells: int = 4, order: int = 1, top: float = 0.8) -> hv.ContactProblem:
     """A strip held at its top that meets springs at its bottom."""
     return hv.ScalarProblem(
         hv.rectangle((1.0, 1.0), cells),
@@ -77,7 +77,9 @@ def test_a_linear_flux_as_an_energy(order: int) -> None:
     mesh = linear.problem.origin.mesh  # type: ignore[union-attr]
     high = mesh.points[mesh.cells].mean(axis=1)[:, 1] > 0.5
     mesh = dataclasses.replace(mesh, regions={"high": np.flatnonzero(high), "low": np.flatnonzero(~high)})
-    mixed = dataclasses.replace(membrane(1.0, order=order), mesh=mesh, coefficient={"high": 3.0, "low": FLAT})
+    mixed = dataclasses.replace(
+        membrane(1.0, order=order), mesh=mesh, material=hv.Material.gradient({"high": 3.0, "low": FLAT})
+    )
     np.testing.assert_allclose(hv.solve(mixed, rtol=1e-12).displacement, linear.displacement, atol=1e-10)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import meshio
@@ -45,7 +46,7 @@ level = "0.1*x"
 
 def test_a_file_says_what_the_library_says() -> None:
     found = parse_problem(FILE)
-    assert isinstance(found, hv.ScalarProblem)
+    assert found.kind is ScalarKind.MEMBRANE
     same = hv.ScalarProblem(
         hv.rectangle((2.0, 2.0), 8, origin=(-1.0, -1.0)), Formula("2 + x"),
         {"bottom": hv.ScalarContact(hv.laws.ThresholdCompliance(0.1), Formula("0.1*x"))},
@@ -57,7 +58,7 @@ def test_a_file_says_what_the_library_says() -> None:
     assert hv.solve(found).raise_for_status().energy == pytest.approx(hv.solve(same).energy, rel=1e-14)
 
 
-def rich() -> list[hv.ScalarProblem]:
+def rich() -> list[hv.ContactProblem]:
     halves = hv.rectangle((1.0, 1.0), 4)
     tensor = FormulaArray((Formula("2 + x"), 0.5, 0.5, 1.0), (2, 2))
     return [
@@ -169,10 +170,7 @@ def test_records_and_vtu(number: int, tmp_path: Path) -> None:
     problem = rich()[number]
     if not problem.supports and number > 3:
         name = "right" if number == 4 else "top"
-        problem = hv.ScalarProblem(
-            problem.mesh, problem.coefficient, problem.contact, supports={name: 0.3}, kind=problem.kind,
-            order=problem.order,
-        )  # fmt: skip
+        problem = replace(problem, supports={name: 0.3})
     found = hv.solve(problem).raise_for_status()
     record = json.loads(found.to_json(tmp_path / "s.json").read_text())
     assert record["contact_points"] == found.problem.contact_points

@@ -54,10 +54,12 @@ STOP = hv.ScalarContact(hv.Signorini(), 0.1)
         ({"kind": "heat", "viscosity": 1.0}, "heat has no viscosity"),
         ({"kind": "heat", "capacity": -1.0}, "capacity = -1; it must not be negative"),
         ({"contact": {"left": hv.Signorini()}}, r"contact\['left'\] is .*; wrap the law: ScalarContact"),
-        ({"contact": {"left": hv.Contact(hv.Signorini())}}, "wrap the law: ScalarContact"),
+        ({"contact": {"left": hv.Contact(hv.Signorini(), hv.Tresca(1.0))}}, "contact 'left': .* give one of the two"),
+        ({"contact": {"left": hv.Contact(hv.Signorini(), obstacle=hv.Plane((0.0, 0.0), (0.0, 1.0)))}}, "an obstacle"),
+        ({"contact": {"left": hv.Contact(hv.Signorini(), belt=(0.0, 1.0))}}, "a belt, which needs directions"),
         ({"area": hv.Signorini()}, "area is .*; give ScalarContact"),
         ({"area": {"low": STOP}}, "area names region 'low'"),
-        ({"mesh": HALVES, "area": {"low": hv.Signorini()}}, r"area\['low'\] is .*; wrap the law"),
+        ({"mesh": HALVES, "area": {"low": hv.Signorini()}}, r"contact\['low'\] is .*; wrap the law"),
         ({"area": STOP, "order": 2}, "whose corner weights vanish; take order=1"),
         (
             {"contact": {"left": STOP}, "supports": {"left": 0.0}},
@@ -78,6 +80,8 @@ def test_boundaries_that_share_facets_are_refused() -> None:
 
 def test_a_region_and_a_boundary_of_one_name_are_told_apart() -> None:
     mesh = Mesh(MESH.points, MESH.cells, MESH.boundaries, {"left": np.arange(32)})
+    with pytest.raises(hv.errors.ProblemError, match="names 'left', a boundary and a region"):
+        hv.ScalarProblem(mesh, 1.0, area={"left": STOP})
     with pytest.raises(hv.errors.ProblemError, match="'left' names a boundary with contact and a region"):
         hv.ScalarProblem(mesh, 1.0, contact={"left": STOP}, area={"left": STOP})
 

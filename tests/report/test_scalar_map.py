@@ -61,7 +61,7 @@ def test_heat_in_space() -> None:
     with pytest.raises(hv.errors.ProblemError, match="write it with write_vtu"):
         plot_contact(found)
     with pytest.raises(hv.errors.ProblemError, match="write it with write_vtu"):
-        plot_contact(hv.solve(replace(problem, contact={}, area=hv.ScalarContact(hv.laws.ThresholdCompliance(0.1)))))
+        plot_contact(hv.solve(replace(problem, contact={"area": hv.ScalarContact(hv.laws.ThresholdCompliance(0.1))})))
 
 
 def test_what_a_notebook_shows() -> None:

@@ -28,7 +28,7 @@ SIDES = ("left", "right", "bottom", "top")
 def errors(solution: Solution, exact: Callable[[Array], Array], slope: Callable[[Array], Array]) -> tuple[float, float]:
     """L2 norms of the error of u and of its gradient, linear elements, by a rule of degree 6."""
     stated = solution.problem.origin
-    assert isinstance(stated, hv.ScalarProblem)
+    assert isinstance(stated, hv.ContactProblem)
     mesh, u = stated.mesh, solution.displacement[:, 0]
     found, _ = gradient(stated, solution.displacement)
     barycentric, weights = quadrature_rule(2, 6)
@@ -139,7 +139,7 @@ def test_orders_of_stick_and_slip() -> None:
     assert found.certify().unique
 
 
-def membrane(n: int, law: object = None, **changes: object) -> hv.ScalarProblem:
+def membrane(n: int, law: object = None, **changes: object) -> hv.ContactProblem:
     area = hv.ScalarContact(hv.Signorini() if law is None else law, 0.05)  # type: ignore[arg-type]
     stated = {"area": area, "supports": dict.fromkeys(SIDES, 0.0), "source": 2.0} | changes
     return hv.ScalarProblem(hv.rectangle((1.0, 1.0), n), 1.0, **stated)  # type: ignore[arg-type]
@@ -242,7 +242,7 @@ def test_the_margin_of_an_area_is_that_of_the_dense_matrices() -> None:
     assert found.margin == pytest.approx(1.0 - c, rel=1e-5)
     assert found.m_A == 1.0
     assert found.trace_constant == pytest.approx(np.sqrt(c / 12.0), rel=1e-6)
-    twice = hv.certificates.smallness(replace(problem, coefficient=2.0))
+    twice = hv.certificates.smallness(replace(problem, material=hv.Material.gradient(2.0, problem.kind)))
     assert twice.constant == pytest.approx(0.5 * c, rel=1e-6)
     assert twice.m_A == 2.0
     assert twice.trace_constant == pytest.approx(found.trace_constant, rel=1e-9)
@@ -300,7 +300,7 @@ def test_a_large_area_is_chosen_for_multigrid_and_stays_sparse() -> None:
     assert peak < dense / 10
 
 
-def between_plates(n: int, k: float, source: float, warm: float) -> tuple[hv.ScalarProblem, Callable[[Array], Array]]:
+def between_plates(n: int, k: float, source: float, warm: float) -> tuple[hv.ContactProblem, Callable[[Array], Array]]:
     """Heat in a cube with the top held at ``warm`` and a law q + p (T - T0) at the base: T(z), in closed form."""
     q, p, outside = 0.1, 4.0, 0.2
     # k T'(0) = q + p (T(0) - T0), T = b + g z - s z^2/(2k), T(1) = warm

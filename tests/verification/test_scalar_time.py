@@ -135,7 +135,7 @@ def test_a_string_meets_a_spring() -> None:
     assert errors[0] / errors[1] > 1.9
 
 
-def layer(**more: object) -> hv.ScalarProblem:
+def layer(**more: object) -> hv.ContactProblem:
     """A layer of height 1, held on top, that a plate rubs at its bottom; nothing depends on x."""
     given = {"mesh": hv.rectangle((1.0, 1.0), (1, 4)), "coefficient": 2.0, "supports": {"top": 0.0}, **more}
     return hv.ScalarProblem(**given, kind=ScalarKind.ANTIPLANE)  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from enum import StrEnum
 
 from hemivar.basics.arguments import expect, suggest
 from hemivar.errors import ProblemError
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement import ContactProblem, expect_body
 
 __all__ = ["Goal", "GoalKind", "goal_named", "known_goals"]
 
@@ -73,7 +73,7 @@ def known_goals(problem: ContactProblem) -> tuple[str, ...]:
     -------
     tuple of str
     """
-    expect(problem, ContactProblem, "the problem", "give a ContactProblem")
+    expect_body(problem, "the problem", "give a ContactProblem")
     parts = (
         (GoalKind.CONTACT_FORCE, problem.contact),
         (GoalKind.REACTION, problem.supports),

@@ -15,7 +15,7 @@ class ManufacturedProblem(PickleMixin, ABC):
     @property
     @abstractmethod
     def statement(self) -> object:
-        """The ContactProblem, ScalarProblem or Evolution itself."""
+        """The ContactProblem or Evolution itself."""
 
     @staticmethod
     def of(given: object) -> object:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 __all__ = [
+    "OF_ONE",
     "Argument",
     "Form",
     "Stated",
@@ -27,8 +28,12 @@ __all__ = [
     "keys_of",
     "stated",
     "stated_fields",
+    "stated_of_one",
     "stating",
 ]
+
+#: The metadata of fields in files of one component.
+OF_ONE = "one component"
 
 Made = TypeVar("Made", bound=Callable[..., object])
 
@@ -116,23 +121,32 @@ class Stated:
         return next((limit for limit in (self.least, self.above) if limit is not None), -math.inf)
 
 
-def stated(form: Form, says: str = "", **how: object) -> Mapping[str, Stated]:
+def stated(form: Form, says: str = "", **how: object) -> dict[str, Stated]:
     """The metadata of a field that a problem file states; ``how`` are other attributes of :class:`Stated`."""
     return {"stated": Stated(form, says, **how)}  # type: ignore[arg-type]
 
 
+def stated_of_one(form: Form, says: str = "", **how: object) -> dict[str, Stated]:
+    """What a file of one component says of a field, beside :func:`stated` or without it."""
+    return {OF_ONE: Stated(form, says, **how)}  # type: ignore[arg-type]
+
+
 def stated_fields(
-    kind: DataclassInstance | type[DataclassInstance], table: str = ""
+    kind: DataclassInstance | type[DataclassInstance], table: str = "", by: str = "stated"
 ) -> dict[str, tuple[Field[object], Stated]]:
-    """The fields of a dataclass that a problem file states, in one of several tables, by their keys in files."""
-    found = {one.metadata["stated"].key or one.name: one for one in fields(kind) if "stated" in one.metadata}
-    stated = {key: (one, one.metadata["stated"]) for key, one in found.items()}
+    """The fields of a dataclass that a problem file states, in one of several tables, by their keys in files.
+
+    ``by`` is the name of their metadata: files of one component have :data:`OF_ONE`, their materials the kind.
+    """
+    stated = {one.metadata[by].key or one.name: (one, one.metadata[by]) for one in fields(kind) if by in one.metadata}
     return {key: both for key, both in stated.items() if both[1].table == table}
 
 
-def keys_of(*kinds: DataclassInstance | type[DataclassInstance], table: str = "") -> tuple[str, ...]:
+def keys_of(
+    *kinds: DataclassInstance | type[DataclassInstance], table: str = "", by: str = "stated"
+) -> tuple[str, ...]:
     """The keys of dataclasses in a table of a problem file."""
-    return tuple(key for kind in kinds for key in stated_fields(kind, table))
+    return tuple(key for kind in kinds for key in stated_fields(kind, table, by))
 
 
 # ---- what makes something by name ---------------------------------------------------------------------------

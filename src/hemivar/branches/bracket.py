@@ -19,7 +19,7 @@ from hemivar.errors import ProblemError, SupportError
 from hemivar.fem import LoadLine, discretize
 from hemivar.fem.posed import Posable, posed
 from hemivar.linear.threads import one_thread
-from hemivar.mechanics import Statement
+from hemivar.mechanics import ContactProblem
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.solvers.base import PosedSystem, State
 from hemivar.solvers.load_stepping import Climb, Reached
@@ -125,7 +125,7 @@ def load_bracket(
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
         The problem at load factor 1.
     upto : float
         The largest load factor.
@@ -155,7 +155,7 @@ def bracketing(
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     options : BracketOptions
     workspace : Workspace, optional
 
@@ -179,7 +179,7 @@ def bracketing(
 
 def _loaded(problem: Posable) -> DiscreteProblem:
     """The problem at load factor 1; one that only a smaller load leaves in its place is let pass."""
-    if not isinstance(problem, Statement):
+    if not isinstance(problem, ContactProblem):
         return posed(problem, "load_bracket")
     try:
         return discretize(problem)

@@ -28,7 +28,6 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine, deformation
 from hemivar.fem.posed import Posable, posed
-from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls, LoadStepping, Solution, Solver, Status, solve
 from hemivar.systems import CondensedProblem
 from hemivar.systems.workspace import Workspace
@@ -160,7 +159,7 @@ def following(
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     options : PathOptions
     unloaded : DiscreteProblem, optional
         As in :func:`follow_path`.
@@ -381,7 +380,7 @@ def _snaps(follower: Follower, track: Track) -> tuple[BoolArray, float | None]:
 def _strained(line: LoadLine, follower: Follower, t: Array, local: Array, multiplier: Array) -> tuple[str, ...]:
     """That strains or rotations are large at the points of a path where that is to be expected first, if so."""
     stated, end = line.loaded.origin, line.loaded.field
-    if not isinstance(stated, ContactProblem) or end is None:
+    if stated is None or stated.kind or end is None:
         return ()
     nothing = np.zeros(line.loaded.unknowns)
     moved = end.full(nothing)  # prescribed displacements, which grow with the load

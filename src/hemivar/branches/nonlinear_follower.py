@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import cast
 
 import numpy as np
 
@@ -141,4 +140,4 @@ def _settled(place: _Place, problem: DiscreteProblem, r: Array) -> tuple[Array, 
         if moved >= 0.5 * last:
             break
         last = moved
-    return cast(Array, place.unknowns), False
+    return place.unknowns, False

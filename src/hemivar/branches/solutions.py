@@ -195,7 +195,7 @@ def finding(
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     options : SolutionsOptions
     workspace : Workspace, optional
         Where factors and levels are kept.

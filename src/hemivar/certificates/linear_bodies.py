@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import cast
 
@@ -15,13 +14,9 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import barycentric_gradients
 from hemivar.fem.hierarchy import tangent_problem
-from hemivar.mechanics.coefficient import Coefficient
 from hemivar.mechanics.composed_material import lower_elasticity
-from hemivar.mechanics.gradient_energy import GradientEnergy
 from hemivar.mechanics.material_words import BoundsBy
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.mechanics.statement_base import Statement
 
 __all__ = [
     "STATED",
@@ -67,19 +62,9 @@ def _family_below(family: OperatorFamily) -> OperatorFamily:
     return replace(family.below, problem=below(family.problem))
 
 
-def lower_statement(statement: Statement) -> Statement:
+def lower_statement(statement: ContactProblem) -> ContactProblem:
     """The statement of the linear body below that of another one; itself if that is linear."""
-    if isinstance(statement, ContactProblem):
-        return replace(statement, material=lower_elasticity(statement.material))
-    if statement.material.linear or not isinstance(statement, ScalarProblem):
-        return statement
-
-    def lower(part: Coefficient) -> Coefficient:
-        return part.least if isinstance(part, GradientEnergy) else part
-
-    given = statement.coefficient
-    found = {name: lower(part) for name, part in given.items()} if isinstance(given, Mapping) else lower(given)
-    return replace(statement, coefficient=found)
+    return replace(statement, material=lower_elasticity(statement.material))
 
 
 def at_tangent(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
@@ -106,13 +91,13 @@ def lower_bound_by(problem: DiscreteProblem) -> str:
         return ""
     if not isinstance(bulk, Potential) or bulk.lower is None:
         return UNKNOWN
-    return origin.material.bounds_by.value if isinstance(origin, ContactProblem) else STATED
+    return STATED if origin is None or origin.kind else origin.material.bounds_by.value
 
 
 def strain_reach(problem: DiscreteProblem) -> float:
     """The size of the strain up to which the body below is one; inf where it is one at every strain."""
     origin = problem.origin
-    return float(origin.material.reach) if isinstance(origin, ContactProblem) else np.inf
+    return np.inf if origin is None else float(origin.material.reach)
 
 
 def largest_strain(problem: DiscreteProblem, u: Array) -> float:

@@ -27,9 +27,7 @@ from hemivar.laws import ContactLaw, Friction, VectorLaw
 from hemivar.laws.coupled import bounded
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import BoundsBy
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.mechanics.statement_base import Statement
 from hemivar.systems.workspace import Workspace
 
 #: A reach without limits for penetration and slip, and reaches that are tried, in largest displacements.
@@ -255,9 +253,9 @@ def with_survey(
     )
 
 
-def _trace_bound(statement: Statement, workspace: Workspace | None) -> float | None:
+def _trace_bound(statement: ContactProblem, workspace: Workspace | None) -> float | None:
     """Upper bound of the c_gamma of a body; None where there is none."""
-    if not isinstance(statement, ContactProblem):
+    if statement.kind:
         return None
     check_time()
     try:
@@ -484,7 +482,7 @@ def _coupling(law: VectorLaw) -> Array:
     return np.where(rate > 0.0, rate * np.maximum(steepest, np.finfo(float).tiny), 0.0)
 
 
-def ellipticity(statement: Statement) -> float:
+def ellipticity(statement: ContactProblem) -> float:
     """m_A, the smallest eigenvalue of the elasticity tensor over the body: ``eps : C eps >= m_A eps : eps``.
 
     That of the lower tensor of a material that is not linear; that of the coefficient for one component.  What varies
@@ -492,7 +490,7 @@ def ellipticity(statement: Statement) -> float:
 
     Parameters
     ----------
-    statement : ContactProblem or ScalarProblem
+    statement : ContactProblem
 
     Returns
     -------
@@ -548,10 +546,10 @@ def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float
         raise ProblemError("a problem made of arrays has no mesh, so the norm of V is not known")
     check_time()
     origin = problem.origin
-    if isinstance(origin, ScalarProblem):
-        plain = replace(origin, coefficient=1.0, bedding=0.0, density=None, viscosity=None, capacity=None)
+    if origin is not None and origin.kind:
+        plain = replace(origin, material=Material.gradient(1.0, origin.kind), bedding=0.0)
         energy = energy_norm(discretize(plain, check_coercivity=False))
-    elif isinstance(origin, ContactProblem) and not factorises(problem):
+    elif origin is not None and not factorises(problem):
         body = replace(origin, material=_NORM, bedding=0.0)
         energy = energy_norm(discretize(body, check_coercivity=False, evolving=True))
     else:

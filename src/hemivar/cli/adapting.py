@@ -86,10 +86,9 @@ class AdaptRun:
         )
         stated = session.stated
         check_drawable(stated, outputs["--plot-contact"])
-        from hemivar.mechanics import ContactProblem
         from hemivar.workflows import AdaptOptions
 
-        if not isinstance(stated.problem, ContactProblem):
+        if stated.problem.kind:
             raise ProblemError(
                 f"{stated.name}: --adaptive is for elastic bodies, and this is a scalar problem; leave it out"
             )

@@ -22,7 +22,6 @@ from hemivar.engines.petsc.certificate import ESTIMATE, certify_on_ranks
 from hemivar.engines.petsc.ranks import shared
 from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.errors import FileError, HemivarError, MethodError, ProblemError
-from hemivar.mechanics import ContactProblem, ScalarProblem
 from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on_ranks
 from hemivar.report.summary import Summary, contact_rows, extreme_rows
 from hemivar.solvers import Status
@@ -68,7 +67,6 @@ def read_on_ranks(path: Path, ranks: Ranks, given: Sequence[str] = ()) -> Proble
 
     stated, pieces = stated_on_ranks(path, ranks, given)
     problem = stated.problem
-    assert isinstance(problem, ContactProblem)
     bodies: list[BodyOnRanks] = []
     for piece in pieces:
         last = piece is pieces[-1]
@@ -131,7 +129,7 @@ def stated_on_ranks(path: Path, ranks: Ranks, given: Sequence[str] = ()) -> tupl
         return stated
 
     found = ranks.agree(both)
-    if isinstance(found.problem, ScalarProblem):
+    if found.problem.kind:
         raise shared(MethodError(f"{found.name}: kind: the engine 'petsc' has no scalar problems; leave --engine out"))
     return found, pieces
 

@@ -180,9 +180,8 @@ def check_drawable(stated: ProblemFile, plot_contact: Path | None, colour: str |
     """Refuse pictures that this problem has not."""
     if plot_contact is not None and not (stated.problem.contact or getattr(stated.problem, "areas", {})):
         raise ProblemError(f"{stated.name}: --plot-contact draws contact boundaries, and there is none; take --plot")
-    from hemivar.mechanics import ScalarProblem
 
-    scalar = isinstance(stated.problem, ScalarProblem)
+    scalar = stated.problem.kind is not None
     if scalar and plot_contact is not None and stated.problem.mesh.dim == 3:
         raise ProblemError(f"{stated.name}: --plot-contact draws contact of one component in the plane; take --vtu")
     if scalar and colour is not None:

@@ -17,7 +17,7 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     from hemivar.discrete.operator_family import Composition
     from hemivar.discrete.potential import Tangent
-    from hemivar.mechanics.statement_base import Statement
+    from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["Model", "quadratic"]
 
@@ -39,7 +39,7 @@ class Model(PickleMixin):
         The contact points.
     space : Space or None
         The fields that the unknowns describe.
-    origin : ContactProblem, ScalarProblem or None
+    origin : ContactProblem or None
         What was discretised; the same on a coarser mesh serves multigrid.
     resisted : bool
         Whether an elastic bedding of the body, or its inertia in a step in time, resists every motion.
@@ -56,7 +56,7 @@ class Model(PickleMixin):
     bulk: Bulk
     contact: ContactPoints
     space: Space | None = None
-    origin: Statement | None = None
+    origin: ContactProblem | None = None
     resisted: bool = False
     parts: Composition | Tangent | None = None
 

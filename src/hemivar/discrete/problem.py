@@ -28,7 +28,7 @@ from hemivar.laws import VectorLaw
 from hemivar.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
-    from hemivar.mechanics.statement_base import Statement
+    from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["DiscreteProblem", "pushes"]
 
@@ -265,7 +265,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         return self.model.space
 
     @property
-    def origin(self) -> Statement | None:
+    def origin(self) -> ContactProblem | None:
         """What was discretised."""
         return self.model.origin
 

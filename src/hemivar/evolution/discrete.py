@@ -27,14 +27,13 @@ from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
 from hemivar.fem.hierarchy import family_of
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.laws import ContactLaw, Friction, NoFriction, SlipMeasure, Superpotential, VectorLaw
+from hemivar.laws import SlipMeasure, Superpotential, VectorLaw
 from hemivar.laws.memory import MemoryChain
 from hemivar.laws.normal_and_friction import with_friction
 from hemivar.laws.transformed.algebra import homogeneous
 from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.mechanics.scalar import ScalarContact
-from hemivar.mechanics.statement import Contact, ContactProblem
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.foundation import Contact
+from hemivar.mechanics.statement import ContactProblem
 
 __all__ = [
     "DiscreteEvolution",
@@ -42,7 +41,6 @@ __all__ = [
     "StepMatrices",
     "dampings",
     "discretize_evolution",
-    "friction_of",
     "refuse_unmeasured",
 ]
 
@@ -153,7 +151,7 @@ class DiscreteEvolution(PickleMixin):
         found = np.zeros(self.problem.contact_points, dtype=bool)
         for name, index in self.blocks:
             contact = self.contacts[name]
-            found[index] = MemoryChain(contact.remembers).couples or chosen(law_of(contact))
+            found[index] = MemoryChain(contact.remembers).couples or chosen(contact.law)
         return found
 
     def counted(self, local: Array, before: Array, index: IntArray | slice = slice(None)) -> Array:
@@ -166,14 +164,14 @@ class DiscreteEvolution(PickleMixin):
         return found
 
     @property
-    def contacts(self) -> Mapping[str, Contact | ScalarContact]:
+    def contacts(self) -> Mapping[str, Contact]:
         """What acts on each contact boundary, and over areas."""
-        return self.evolution.problem.contacts
+        return self.evolution.problem.contact
 
     @property
     def stores(self) -> bool:
         """Whether it is heat that a capacity stores."""
-        return self.evolution.problem.capacity is not None
+        return self.evolution.problem.material.capacity is not None
 
     @property
     def field(self) -> Field:
@@ -227,27 +225,16 @@ class DiscreteEvolution(PickleMixin):
         return ExternalData(load, conditions.prescribed[self.moved], offset, found, dampings(bound))
 
 
-def law_of(contact: Contact | ScalarContact) -> VectorLaw:
-    """The law of a contact, of all components."""
-    return ContactLaw(contact.normal, friction_of(contact)) if isinstance(contact, ScalarContact) else contact.law
-
-
-def friction_of(contact: Contact | ScalarContact) -> Friction:
-    """The friction of a contact; none where its law is one of the penetration."""
-    law = contact.law if isinstance(contact, ScalarContact) else contact.friction
-    return law if isinstance(law, Friction) else NoFriction()
-
-
-def dampings(bound: Statement) -> dict[str, Superpotential]:
+def dampings(bound: ContactProblem) -> dict[str, Superpotential]:
     """Laws of the normal rate of a problem at one time, by boundary, where there are some."""
-    return {name: contact.damping for name, contact in bound.contacts.items() if contact.damping is not None}
+    return {name: contact.damping for name, contact in bound.contact.items() if contact.damping is not None}
 
 
 def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
     """Matrices, supports and contact points of an evolution."""
     stated = evolution.problem.at_time(evolution.start)
     # What stores heat holds a temperature within a step.
-    held = not (evolution.inertia or stated.capacity is not None)
+    held = not (evolution.inertia or stated.material.capacity is not None)
     problem = discretize(stated, check_coercivity=held, evolving=True)
     family = family_of(problem, evolution.inertia)
     if family.mass is not None and evolution.mass is Mass.REDISTRIBUTED:
@@ -262,18 +249,16 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
 
 
 def refuse_unmeasured(
-    stated: Statement, problem: DiscreteProblem, blocks: tuple[tuple[str, IntArray], ...], heated: bool
+    stated: ContactProblem, problem: DiscreteProblem, blocks: tuple[tuple[str, IntArray], ...], heated: bool
 ) -> None:
     """Refuse friction of which nobody knows whether it follows the slip or its rate, and what goes with one only."""
     for name, index in blocks:
-        _refuse_unmeasured(name, stated.contacts[name], problem, index, heated)
+        _refuse_unmeasured(name, stated.contact[name], problem, index, heated)
 
 
-def _refuse_unmeasured(
-    name: str, contact: Contact | ScalarContact, problem: DiscreteProblem, index: IntArray, heated: bool
-) -> None:
+def _refuse_unmeasured(name: str, contact: Contact, problem: DiscreteProblem, index: IntArray, heated: bool) -> None:
     """See :func:`refuse_unmeasured`."""
-    friction, law = friction_of(contact), problem.law
+    friction, law = contact.friction, problem.law
     where = f"the friction '{friction.name}' of contact '{name}'"
     remembers = MemoryChain(contact.remembers)
     if friction.of is SlipMeasure.SLIP and (contact.remembers or heated):
@@ -288,11 +273,12 @@ def _refuse_unmeasured(
         )
 
 
-def _heat(evolution: Evolution, stated: Statement, problem: DiscreteProblem, moved: IntArray) -> DiscreteHeat | None:
+def _heat(
+    evolution: Evolution, stated: ContactProblem, problem: DiscreteProblem, moved: IntArray
+) -> DiscreteHeat | None:
     """The heat of a body, if there is any."""
     if evolution.heat is None:
         return None
-    assert isinstance(stated, ContactProblem)
     assert evolution.conduction is not None
     return coupled_heat(stated, evolution.heat, problem, moved, discretize_evolution(evolution.conduction))
 

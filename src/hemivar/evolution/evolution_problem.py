@@ -15,9 +15,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import evaluate_components
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.mechanics.statement_base import Statement
 from hemivar.mechanics.thermal import Heat
 
 __all__ = ["Evolution", "Mass"]
@@ -46,7 +44,7 @@ class Evolution(PickleMixin):
 
     Parameters
     ----------
-    problem : ContactProblem or ScalarProblem
+    problem : ContactProblem
         With a density where inertia acts; viscosity and branches of its material act by themselves.
     inertia : bool
         Whether the body has mass; otherwise it is always in equilibrium (quasistatic).
@@ -68,7 +66,7 @@ class Evolution(PickleMixin):
         not fit the mesh.
     """
 
-    problem: Statement
+    problem: ContactProblem
     inertia: bool = False
     displacement: Any = None
     velocity: Any = None
@@ -78,7 +76,7 @@ class Evolution(PickleMixin):
 
     def __post_init__(self) -> None:
         remedy = "give a ContactProblem or a ScalarProblem; hemivar.read_problem(path) reads one from a file"
-        problem = expect(self.problem, Statement, "the problem of an evolution", remedy)
+        problem = expect(self.problem, ContactProblem, "the problem of an evolution", remedy)
         expect(self.inertia, bool, "inertia", "write True or False")
         start = number(self.start, "the start of an evolution", "give a time")
         if not np.isfinite(start):
@@ -93,7 +91,7 @@ class Evolution(PickleMixin):
                 "heat is coupled with the motion of linear materials only, and this material is not linear; leave heat "
                 "out, or give Material.lame(...) or the like"
             )
-        if isinstance(problem, ScalarProblem):
+        if problem.kind:
             self._check_scalar(problem)
         elif self.inertia and not problem.material.inert:
             raise ProblemError(
@@ -130,7 +128,7 @@ class Evolution(PickleMixin):
         if self.heat is None:
             return None
         heat = expect(self.heat, Heat, "the heat of an evolution", "give Heat(conductivity, capacity, ...)")
-        if not isinstance(self.problem, ContactProblem):
+        if self.problem.kind:
             raise ProblemError(
                 "heat= goes with a body, and this is a scalar problem; for heat alone state ScalarProblem(kind='heat')"
             )
@@ -145,14 +143,14 @@ class Evolution(PickleMixin):
         ProblemError
             It is a scalar problem.
         """
-        if not isinstance(self.problem, ContactProblem):
+        if self.problem.kind:
             raise ProblemError(
                 f"this is a scalar problem ({self.problem.unknown}), and an evolution of a body is needed; leave "
                 "the engine out"
             )
         return self.problem
 
-    def _check_scalar(self, problem: ScalarProblem) -> None:
+    def _check_scalar(self, problem: ContactProblem) -> None:
         if self.inertia and problem.thermal:
             raise ProblemError(
                 "heat has no inertia; take inertia=False, what stores heat is the capacity of the problem"
@@ -167,7 +165,7 @@ class Evolution(PickleMixin):
                 "redistributed mass leaves contact nodes without any, and contact over an area has no nodes beside "
                 "them; take mass='consistent' with MoreauJean() or a compliant foundation"
             )
-        rubs = [name for name, one in problem.contacts.items() if one.rubs]
+        rubs = [name for name, one in problem.contact.items() if one.rubs]
         if problem.thermal and rubs:
             raise ProblemError(
                 f"contact '{rubs[0]}' has friction, which acts on a rate, and heat that is exchanged depends on the "

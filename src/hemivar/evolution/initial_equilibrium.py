@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, friction_of
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
@@ -73,7 +73,7 @@ def settled(
 def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
     """What acts, with friction that weakens with the slip rate as strong as it is at rest; that of the slip stays."""
     parts = [part for contact in discrete.contacts.values() for part in contact.remembers]
-    of_slip = any(friction_of(contact).of is SlipMeasure.SLIP for contact in discrete.contacts.values())
+    of_slip = any(contact.friction.of is SlipMeasure.SLIP for contact in discrete.contacts.values())
     law = acting.law if of_slip else acting.law.at_rest()
     weakens = len(acting.offset) > 0 and law is not acting.law
     if any(part.of_slip or part.takes_friction for part in parts) or not discrete.vectors.largest(float(weakens))[0]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hemivar.basics.types import IntArray
-from hemivar.evolution.discrete import DiscreteEvolution, law_of
+from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.state import TimeState
 from hemivar.solvers.boundary_result import friction_of
 
@@ -56,7 +56,7 @@ def healing(discrete: DiscreteEvolution, before: TimeState, after: TimeState) ->
     """The first boundary whose glue is past its strength and closes along the curve that it has opened by, or ""."""
     for name, index in discrete.blocks:
         contact = discrete.contacts[name]
-        elastic = not contact.remembers and law_of(contact).remembers
+        elastic = not contact.remembers and contact.law.remembers
         if elastic and discrete.vectors.largest(float(_closes(discrete, index, before, after)))[0]:
             return name
     return ""

@@ -45,7 +45,7 @@ from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.evolution.steps import StepSizeState
 from hemivar.evolution.thermal_stepper import stepper_of
 from hemivar.evolution.time_error import TimeBound, bound_in_time
-from hemivar.mechanics.statement import Contact
+from hemivar.mechanics.foundation import Contact
 from hemivar.solvers import Controls, Solver, Status, method_for
 from hemivar.systems.workspace import Workspace
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, friction_of
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.schemes import Scheme, StageRule
 from hemivar.evolution.state import TimeState
 from hemivar.laws import NoContact, Signorini, SlipMeasure, Superpotential, VectorLaw
@@ -18,9 +18,8 @@ from hemivar.laws.memory import LocalStep, Memory, MemoryChain, law_of_step
 from hemivar.laws.normal_and_friction import NormalAndFriction, with_friction
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
+from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.instants import error_context
-from hemivar.mechanics.scalar import ScalarContact
-from hemivar.mechanics.statement import Contact
 
 __all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "places", "seen_place", "stage_law"]
 
@@ -215,8 +214,8 @@ def _of_slip(law: VectorLaw) -> NormalAndFriction:
     return parts.with_parts(friction=replace(parts.friction, of=SlipMeasure.SLIP))
 
 
-def _follows_slip(contact: Contact | ScalarContact) -> bool:
-    return friction_of(contact).of is SlipMeasure.SLIP
+def _follows_slip(contact: Contact) -> bool:
+    return contact.friction.of is SlipMeasure.SLIP
 
 
 def _impact(stated: VectorLaw, before: TimeState, step: float, rate: float) -> VectorLaw:

@@ -57,7 +57,6 @@ from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.laws import Bilateral, NoContact
 from hemivar.linear.definite import positive_pivots
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.mechanics.statement_base import Statement
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["TimeBound", "TimeError", "bound_in_time"]
@@ -253,12 +252,12 @@ def _definite(C: sp.csr_array) -> SuperLU | None:
     return factor if positive_pivots(factor) and (factor.U.diagonal()[factor.perm_c] > _FELT * diagonal).all() else None
 
 
-def _fading(stated: Statement) -> float:
+def _fading(stated: ContactProblem) -> float:
     """An a >= 0 with ``K >= a C``: the largest with ``A >= a V``, elasticity and viscosity, at every place of a body.
 
     What varies is looked at in the quadrature points of both matrices.  Of fields of one component none is looked for.
     """
-    if not isinstance(stated, ContactProblem):
+    if stated is None or stated.kind:
         return 0.0
     mesh, material = stated.mesh, stated.material
     points, masks = mesh.points[:1], None

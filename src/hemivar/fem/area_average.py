@@ -11,7 +11,6 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.mechanics.scalar import ScalarContact, ScalarProblem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["area_average"]
@@ -23,17 +22,15 @@ def area_average(problem: DiscreteProblem, values: Array) -> Array:
     Parameters
     ----------
     problem : DiscreteProblem
-        Of a scalar problem; on its contact boundaries values stay what they are.
+        On contact boundaries values stay what they are.
     values : array (m,)
     """
     stated, contact, found = problem.origin, problem.contact, values.copy()
-    if not isinstance(stated, ScalarProblem):
+    if stated is None:
         return found
-    mesh = stated.mesh
-    for name in stated.areas:
+    for name, cells in stated.areas.items():
         points = contact.on(name)
-        cells = np.arange(len(mesh.cells)) if isinstance(stated.area, ScalarContact) else mesh.regions[name]
-        found[points] = _averaged(mesh, cells, contact.node[points], values[points])
+        found[points] = _averaged(stated.mesh, cells, contact.node[points], values[points])
     return found
 
 

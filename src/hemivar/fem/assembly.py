@@ -26,7 +26,7 @@ from hemivar.mechanics.conditions import (
     evaluate_scalar,
 )
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = [
@@ -265,10 +265,10 @@ def load_vector(
     return integrated_load(mesh, order, components, density(body_force, names[0]), stated)
 
 
-def stated_load(problem: Statement) -> Array:
+def stated_load(problem: ContactProblem) -> Array:
     """The load vector of a statement, shape (nodes * c,)."""
-    volume, boundaries, names = problem.volume_load, problem.boundary_loads, problem.load_names
-    return load_vector(problem.mesh, problem.order, volume, boundaries, problem.components, names)
+    loads, names = (problem.body_force, problem.tractions), problem.load_names
+    return load_vector(problem.mesh, problem.order, *loads, problem.components, names)
 
 
 def integrated_load(mesh: Mesh, order: int, components: int, body: Density, boundaries: Mapping[str, Density]) -> Array:

@@ -12,9 +12,8 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.quadrature import at_quadrature_points
-from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["ConstitutiveLaw", "EnergyDensity", "EnergyLaw", "constitutive_law", "elastic", "relaxing", "viscous"]
@@ -111,7 +110,7 @@ class ConstitutiveLaw:
 
 def _strains(material: Material, dim: int) -> IntArray:
     """The strain to which each derivative of each component belongs."""
-    return np.arange(dim)[None] if isinstance(material, GradientMaterial) else voigt_index(dim)
+    return np.arange(dim)[None] if material.scalar else voigt_index(dim)
 
 
 def elastic(material: Material, dim: int) -> ConstitutiveLaw:
@@ -119,7 +118,7 @@ def elastic(material: Material, dim: int) -> ConstitutiveLaw:
     return ConstitutiveLaw(_strains(material, dim), material.stiffness_tensor, material.homogeneous)
 
 
-def constitutive_law(problem: Statement) -> ConstitutiveLaw:
+def constitutive_law(problem: ContactProblem) -> ConstitutiveLaw:
     """The elasticity of a body, or the coefficients of a scalar problem."""
     return elastic(problem.material, problem.mesh.dim)
 

@@ -14,6 +14,7 @@ from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar, evaluate_vector
+from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.obstacles import obstacle_contact
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -21,6 +22,7 @@ from hemivar.mechanics.statement import ContactProblem, Quadrature
 __all__ = [
     "BoundaryContact",
     "boundary_contact",
+    "contacts_of_one",
     "join",
     "local_components",
     "merge_corners",
@@ -95,11 +97,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         normal, weights, points = unit(normals), measures, mesh.points[facets].mean(axis=1)
     if contact.obstacle is None:
         gap = evaluate_scalar(contact.gap, points, f"gap of contact '{name}'")
-        if not (np.abs(gap) < LARGEST).all():
-            raise ProblemError(
-                f"gap of contact '{name}': {gap[np.argmax(np.abs(gap))]:g} is beyond the range of numbers; "
-                "take another unit of length"
-            )
+        _refuse_beyond(gap, f"gap of contact '{name}'", "unit of length")
     else:
         assert contact.normals is not None
         normal, gap = obstacle_contact(contact.obstacle, contact.normals, points, normal, f"contact '{name}'")
@@ -122,9 +120,107 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
 
 
+# ---- one component ----------------------------------------------------------------------------------------
+
+
+def contacts_of_one(problem: ContactProblem, supports: Supports) -> list[BoundaryContact]:
+    """The contact points of each boundary and area: nodes, with the lumped weights of boundary or area.
+
+    A law of the penetration has one local component. If any law is friction, contact points have two: friction acts on
+    the second one, laws of the penetration on the first, and the other one is not there.
+    """
+    nodes = supports.nodes
+    places = _places(problem, len(nodes))
+    _refuse_shared(problem, places, nodes, supports.count == 0)
+    components = 2 if any(place.contact.rubs for place in places) else 1
+    names = tuple(place.name for place in places)
+    found = []
+    for number, place in enumerate(places):
+        contact, at, count = place.contact, nodes[place.nodes], len(place.nodes)
+        where = f"level of contact '{place.name}'"
+        level = evaluate_scalar(contact.gap, at, where)
+        _refuse_beyond(level, where, "unit")
+        sign = 1.0 if contact.side is Side.ABOVE else -1.0
+        with error_context(f"contact '{place.name}'", contact.normal, contact.friction):
+            law = contact.law.at(at)
+        column = int(contact.rubs)
+        rows = np.arange(count) * components + column
+        trace = sp.csr_array((np.full(count, sign), (rows, place.nodes)), shape=(count * components, len(nodes)))
+        boundary = np.full(count, number)
+        points = ContactPoints(trace, place.weights, at, node=place.nodes, boundary=boundary, names=names)
+        offset = np.zeros((count, components))
+        offset[:, column] = sign * level
+        found.append(
+            BoundaryContact(points, offset[:, 0], offset[:, 1:], law, np.zeros((count, components), dtype=bool))
+        )
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """The nodes of one contact, with their weights."""
+
+    name: str
+    contact: Contact
+    nodes: IntArray
+    weights: Array
+
+
+def _places(problem: ContactProblem, count: int) -> list[_Place]:
+    """Boundaries, then areas; a node of two boundaries, or of two areas, belongs to the first of them entirely."""
+    mesh, order = problem.mesh, problem.order
+    found: list[_Place] = []
+
+    def add(name: str, members: IntArray, parts: Array, rivals: slice) -> None:
+        summed = np.bincount(members.ravel(), weights=parts.ravel(), minlength=count)
+        for k in range(rivals.start, len(found)):
+            own = found[k].nodes
+            found[k] = replace(found[k], weights=found[k].weights + summed[own])
+            summed[own] = 0.0
+        nodes = np.flatnonzero(summed)
+        if not len(nodes):
+            raise ProblemError(f"every node of contact '{name}' belongs to another one; join the two")
+        found.append(_Place(name, problem.contact[name], nodes, np.asarray(summed[nodes], dtype=float)))
+
+    boundaries = [name for name in problem.contact if name not in problem.areas]
+    for name in boundaries:
+        facets = mesh.boundaries[name]
+        share, measures = shares(order, mesh.dim), mesh.facet_normals(facets)[1]
+        add(name, mesh.facet_nodes(facets, order), np.outer(measures, share), slice(0, None))
+    share = np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
+    for name, cells in problem.areas.items():
+        add(name, mesh.cells[cells], np.outer(mesh.volumes[cells], share), slice(len(boundaries), None))
+    return found
+
+
+def _refuse_shared(problem: ContactProblem, places: list[_Place], nodes: Array, free: BoolArray) -> None:
+    """Refuse contact over an area at free nodes of a contact boundary: two laws would act on one unknown."""
+    number = len(problem.contact) - len(problem.areas)
+    for first in places[:number]:
+        for second in places[number:]:
+            shared = np.intersect1d(first.nodes, second.nodes)
+            shared = shared[free[shared]]
+            if len(shared):
+                raise ProblemError(
+                    f"contacts '{first.name}' (boundary) and '{second.name}' (area) share {len(shared)} nodes, the "
+                    f"first at x = {in_words(nodes[shared[0]])}; restrict the area to a region without the cells at "
+                    f"'{first.name}'"
+                )
+
+
+# ---- boundaries together ----------------------------------------------------------------------------------
+
+
 def shares(order: int, dim: int) -> Array:
     """Shares of the nodes of a facet in its measure, vertices first."""
     return np.array([1 / 6, 1 / 6, 4 / 6]) if order == 2 else np.full(dim, 1 / dim)
+
+
+def _refuse_beyond(values: Array, where: str, unit: str) -> None:
+    """Refuse places of a foundation whose products are no numbers."""
+    if not (np.abs(values) < LARGEST).all():
+        far = values[np.argmax(np.abs(values))]
+        raise ProblemError(f"{where}: {far:g} is beyond the range of numbers; take another {unit}")
 
 
 def _check_never_touching(law: VectorLaw, name: str, points: Array) -> None:

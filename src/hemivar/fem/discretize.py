@@ -30,8 +30,7 @@ from hemivar.fem.mass import bedding_share, body_blocks, per_volume
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.instants import depends_on_time
 from hemivar.mechanics.obstacles import refuse_inside
-from hemivar.mechanics.statement import Contact, ContactProblem, Quadrature
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem, Quadrature
 
 __all__ = ["bedding_warning", "coarse_problem", "discretize", "friction_warning", "refuse_evolution"]
 
@@ -43,7 +42,7 @@ _SOFT, _DIGITS = 1e-8, 16
 
 @known_keywords
 def discretize(
-    problem: Statement | ManufacturedProblem, *, check_coercivity: bool = True, evolving: bool = False
+    problem: ContactProblem | ManufacturedProblem, *, check_coercivity: bool = True, evolving: bool = False
 ) -> DiscreteProblem:
     """Discretise a contact problem, or a scalar one, by finite elements.
 
@@ -75,7 +74,7 @@ def discretize(
 
     Parameters
     ----------
-    problem : ContactProblem or ScalarProblem
+    problem : ContactProblem
     check_coercivity : bool
         Refuse problems whose energy is not bounded below or not held along a rigid motion. ``False`` lets
         them pass: a local equilibrium may exist all the same.
@@ -98,16 +97,16 @@ def discretize(
     if isinstance(given, DiscreteProblem):
         raise ProblemError("this problem is discrete already; solve it, or discretize its statement")
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
-    return _discretize(expect(given, Statement, "what to discretize", remedy), check_coercivity, evolving)
+    return _discretize(expect(given, ContactProblem, "what to discretize", remedy), check_coercivity, evolving)
 
 
-def coarse_problem(problem: Statement, start: Array) -> DiscreteProblem:
+def coarse_problem(problem: ContactProblem, start: Array) -> DiscreteProblem:
     """The problem below another one; at unknowns zero a nonlinear body has the nodal values (nodes, c) ``start``."""
     return _discretize(problem, False, True, start)
 
 
 def _discretize(
-    problem: Statement, check_coercivity: bool, evolving: bool, start: Array | None = None
+    problem: ContactProblem, check_coercivity: bool, evolving: bool, start: Array | None = None
 ) -> DiscreteProblem:
     refuse_evolution(problem, evolving)
     mesh, order = problem.mesh, problem.order
@@ -133,12 +132,12 @@ def _discretize(
     load = basis.T @ (full_load - body.reaction)
     constant = body.energy - float(field.prescribed @ full_load)
 
-    if check_coercivity and isinstance(problem, ContactProblem):
+    if check_coercivity:
         for name, stated in problem.contact.items():
             if stated.obstacle is not None:
                 at = mesh.points[np.unique(mesh.boundaries[name])]
                 refuse_inside(stated.obstacle, mesh, at, f"contact '{name}'")
-    if isinstance(problem, ContactProblem) and problem.quadrature is Quadrature.MIDPOINT:
+    if problem.quadrature is Quadrature.MIDPOINT:
         refuse_dependent(contact)
     left_out = None if contact.points is None else friction_warning(contact.points[contact.without_friction])
     soft = bedding_warning(body.bedded, field) if check_coercivity else None
@@ -165,7 +164,7 @@ class _DiscreteBody:
     bedded: float
 
 
-def _linear(problem: Statement, conditions: NodalConditions) -> _DiscreteBody:
+def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBody:
     mesh, order, prescribed = problem.mesh, problem.order, conditions.prescribed
     reaction = np.zeros_like(prescribed)
     blocks = body_blocks(mesh, problem.material, problem.bedding, node_graph(mesh, order))
@@ -177,20 +176,20 @@ def _linear(problem: Statement, conditions: NodalConditions) -> _DiscreteBody:
     return _DiscreteBody(bulk, reaction, 0.5 * float(prescribed @ reaction), bedded)
 
 
-def _stored(problem: Statement, conditions: NodalConditions) -> EnergyIntegral:
+def _stored(problem: ContactProblem, conditions: NodalConditions) -> EnergyIntegral:
     """The energy by the unknowns, zero where supports alone are displaced."""
     energy, start = bedded_energy(problem), conditions.supports.value
     return EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free)
 
 
-def _nonlinear(problem: Statement, integral: EnergyIntegral) -> _DiscreteBody:
+def _nonlinear(problem: ContactProblem, integral: EnergyIntegral) -> _DiscreteBody:
     bulk = Potential(integral)
     bedded = 0.0 if integral.body.bedding is None else _bedded(problem, integral.body.blocks(integral.prescribed))
     reaction = integral.forces(np.zeros(integral.unknowns)).ravel()
     return _DiscreteBody(bulk, reaction, bulk.initial_value, bedded)
 
 
-def _bedded(problem: Statement, blocks: EdgeBlocks) -> float:
+def _bedded(problem: ContactProblem, blocks: EdgeBlocks) -> float:
     bedding, diagonal = per_volume(problem.bedding, "bedding"), np.einsum("ncc->nc", blocks.diagonal)
     return bedding_share(problem.mesh, problem.order, bedding, diagonal)
 
@@ -206,14 +205,14 @@ def bedding_warning(share: float, field: Field) -> str | None:
     )
 
 
-def refuse_evolution(problem: Statement, evolving: bool = False) -> None:
+def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
     """Refuse a statement that depends on time, and, unless it is part of an evolution, damping and memory.
 
     Raises
     ------
     ProblemError
     """
-    gaps = [one.gap for one in problem.contacts.values() if isinstance(one, Contact)]
+    gaps = [one.gap for one in problem.contact.values()]
     gap = "a level" if problem.components == 1 else "a gap" if any(map(depends_on_time, gaps)) else "a belt"
     words = {"load": "a load", "supports": "a support", "gap": gap, "law": "a law"}
     depends = [word for part, word in words.items() if part in problem.time_dependent]
@@ -222,9 +221,8 @@ def refuse_evolution(problem: Statement, evolving: bool = False) -> None:
             f"{' and '.join(depends)} of the problem depend{'s' if len(depends) == 1 else ''} on time; take the "
             "problem at one time, problem.at_time(0.0), or go through time (a table [time] in a problem file)"
         )
-    for name, contact in problem.contacts.items():
-        remembers = isinstance(contact, Contact) and contact.memory
-        if (contact.damping is not None or remembers) and not evolving:
+    for name, contact in problem.contact.items():
+        if (contact.damping is not None or contact.memory) and not evolving:
             what = "damping" if contact.damping is not None else "memory"
             raise ProblemError(
                 f"contact '{name}' has {what}, which means something in time only; leave it out, or go through time (a "

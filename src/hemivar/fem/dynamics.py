@@ -26,7 +26,7 @@ from hemivar.fem.mass import MassDensity, body_blocks, inertia, mass_blocks, per
 from hemivar.fem.supports import Supports
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.mechanics.conditions import ScalarData, Support, prescribed_values
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["Reduction", "body_family", "moved_components"]
 
@@ -94,7 +94,7 @@ class Reduction:
 
 
 def body_family(
-    problem: Statement, discrete: DiscreteProblem | None = None, *, with_mass: bool = True
+    problem: ContactProblem, discrete: DiscreteProblem | None = None, *, with_mass: bool = True
 ) -> OperatorFamily:
     """The matrices of a problem: the stiffness is that of :func:`discretize`, the others stand on the same sparsity.
 
@@ -102,7 +102,7 @@ def body_family(
 
     Parameters
     ----------
-    problem : Statement
+    problem : ContactProblem
         At one time, where it depends on time.
     discrete : DiscreteProblem, optional
         What :func:`discretize` made of the same problem.
@@ -114,7 +114,7 @@ def body_family(
     ProblemError
         A density is not positive, a viscosity or a branch not positive semidefinite, or as in :func:`discretize`.
     """
-    problem = expect(problem, Statement, "what to make matrices of", "give the ContactProblem")
+    problem = expect(problem, ContactProblem, "what to make matrices of", "give the ContactProblem")
     discrete = discretize(problem, check_coercivity=False, evolving=True) if discrete is None else discrete
     material, mesh = problem.material, problem.mesh
     conditions, graph = nodal_conditions(problem), node_graph(mesh, problem.order)
@@ -129,15 +129,15 @@ def body_family(
         return reduction.part(mass_blocks(mesh, density, graph, graph.zeros(problem.components)))
 
     viscosity = made(viscous(material, mesh.dim)) if material.viscous else None
-    if problem.capacity is not None:
-        viscosity = massive(per_volume(problem.capacity, "capacity"))
+    if problem.material.capacity is not None:
+        viscosity = massive(per_volume(problem.material.capacity, "capacity"))
     mass = massive(inertia(material)) if with_mass and material.inert else None
     times = material.relaxation_times
     branches = tuple((time, made(relaxing(material, i, mesh.dim))) for i, time in enumerate(times))
     return OperatorFamily(discrete, stiffness, viscosity, mass, branches, moved)
 
 
-def moved_components(problem: Statement, supports: Supports) -> IntArray:
+def moved_components(problem: ContactProblem, supports: Supports) -> IntArray:
     """Nodal components along which a support may move its node; of heat all that are held."""
     # the balance of heat asks for all of them
     names = [name for name, support in problem.supports.items() if problem.thermal or _moves(support)]

@@ -17,7 +17,7 @@ from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives
 from hemivar.fem.mass import mass_blocks, per_volume
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["BeddedEnergy", "EnergyIntegral", "NodalEnergy", "bedded_energy"]
@@ -168,7 +168,7 @@ class BeddedEnergy(PickleMixin):
         return blocks
 
 
-def bedded_energy(problem: Statement) -> BeddedEnergy:
+def bedded_energy(problem: ContactProblem) -> BeddedEnergy:
     """The energy of nodal values, with that of a bedding."""
     mesh, bedding = problem.mesh, per_volume(problem.bedding, "bedding")
     nodal = NodalEnergy(mesh, problem.order, EnergyLaw.of(problem.material, mesh.dim))

@@ -15,7 +15,7 @@ from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.formula import TIME, Formula
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["ErrorNorms", "KnownField", "energy_density", "error_norms"]
 
@@ -81,12 +81,12 @@ class ErrorNorms:
     mean_square: float
 
 
-def error_norms(problem: Statement, values: Array, known: KnownField | None = None) -> ErrorNorms:
+def error_norms(problem: ContactProblem, values: Array, known: KnownField | None = None) -> ErrorNorms:
     """Norms of ``u - known``, or of u, by quadrature: exact without formulas and with a homogeneous material.
 
     Parameters
     ----------
-    problem : ContactProblem or ScalarProblem
+    problem : ContactProblem
         Mesh, order of the elements and material.
     values : array, shape (nodes, components)
         u at the nodes.
@@ -125,7 +125,7 @@ def error_norms(problem: Statement, values: Array, known: KnownField | None = No
     return ErrorNorms(math.sqrt(max(energy, 0.0)), math.sqrt(square))
 
 
-def energy_density(problem: Statement, places: Array, gradient: Array, masks: Mapping[str, BoolArray]) -> Array:
+def energy_density(problem: ContactProblem, places: Array, gradient: Array, masks: Mapping[str, BoolArray]) -> Array:
     """``eps : C eps`` or ``A g . g`` of gradients (k, components, d) at places (k, d), shape (k,); see
     :class:`ErrorNorms` for C of a material that is not linear."""
     strain = constitutive_law(problem).strain(gradient)

@@ -6,14 +6,12 @@ from typing import Protocol
 
 import numpy as np
 
-from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
 from hemivar.fem.quadrature import quadrature_rule, region_masks
-from hemivar.mechanics.scalar import ScalarProblem
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement import ContactProblem, expect_body
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["FieldSource", "gradient", "nodal_average", "strain", "stress", "v_norm", "von_mises"]
@@ -63,7 +61,7 @@ def stress(source: ContactProblem, displacement: Array) -> Array:
     -------
     array, shape (M, d, d)
     """
-    expect(source, ContactProblem, "what the stress is taken of", "it needs the material: pass the ContactProblem")
+    expect_body(source, "what the stress is taken of", "it needs the material: pass the ContactProblem")
     eps = strain(source, displacement)
     mesh, index = source.mesh, voigt_index(source.mesh.dim)
     doubled = np.zeros((len(eps), int(index.max()) + 1))
@@ -101,12 +99,13 @@ def von_mises(source: ContactProblem, displacement: Array) -> Array:
     return np.asarray(np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator)))
 
 
-def gradient(problem: ScalarProblem, values: Array) -> tuple[Array, Array]:
+def gradient(problem: ContactProblem, values: Array) -> tuple[Array, Array]:
     """Gradient of nodal values (nodes, 1) in the middle of each cell, and the flux there, each (M, d).
 
     Parameters
     ----------
-    problem : ScalarProblem
+    problem : ContactProblem
+        Of one component.
     values : array
         Shape (nodes, 1).
 

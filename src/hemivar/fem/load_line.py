@@ -12,7 +12,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Space
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
-from hemivar.mechanics import Clamped, Fixed, Prescribed, Roller, Statement
+from hemivar.mechanics import Clamped, ContactProblem, Fixed, Prescribed, Roller
 from hemivar.mechanics.conditions import ScalarData, Support
 
 __all__ = ["LoadLine"]
@@ -48,7 +48,7 @@ class LoadLine:
             )
 
     @classmethod
-    def of(cls, problem: Statement) -> LoadLine:
+    def of(cls, problem: ContactProblem) -> LoadLine:
         """The line from the body at rest to the problem: forces and prescribed displacements grow together."""
         loaded = discretize(problem)
         rest = _unloaded(problem)
@@ -108,14 +108,12 @@ class LoadLine:
         )
 
 
-def _unloaded(problem: Statement) -> Statement | None:
+def _unloaded(problem: ContactProblem) -> ContactProblem | None:
     """The statement without loads and prescribed displacements; None where it prescribes no displacement."""
     held = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
     if all(held[name] is support for name, support in problem.supports.items()):
         return None
-    volume, boundaries = problem.load_names
-    rest: Statement = replace(problem, supports=held, **{volume: 0.0, boundaries: {}})  # type: ignore[type-var]
-    return rest
+    return replace(problem, supports=held, body_force=0.0, tractions={})
 
 
 def _at_rest(support: Support | ScalarData, dim: int) -> Support | ScalarData:

@@ -6,7 +6,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.fem.quadrature import region_masks
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["LOCKING", "largest_poisson_ratio", "locking_warning"]
 
@@ -14,7 +14,7 @@ __all__ = ["LOCKING", "largest_poisson_ratio", "locking_warning"]
 LOCKING = 0.49
 
 
-def largest_poisson_ratio(problem: Statement) -> float:
+def largest_poisson_ratio(problem: ContactProblem) -> float:
     """Largest Poisson's ratio of the body, taken at the centres of its elements.
 
     Of an anisotropic material, that of the isotropic one with the same volumetric and mean shear stiffness.  Plane
@@ -39,7 +39,7 @@ def _poisson_ratio(tensor: Array, dim: int) -> Array:
     return np.asarray(lam / (2.0 * lam + shear))
 
 
-def locking_warning(problem: Statement) -> str | None:
+def locking_warning(problem: ContactProblem) -> str | None:
     """What to know and to do where linear elements meet a nearly incompressible material; None elsewhere."""
     if problem.order > 1 or problem.components == 1:
         return None

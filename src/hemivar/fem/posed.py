@@ -7,12 +7,12 @@ from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["Posable", "posed"]
 
 #: What a discrete problem can be made of.
-Posable = DiscreteProblem | Statement | ManufacturedProblem
+Posable = DiscreteProblem | ContactProblem | ManufacturedProblem
 
 
 def posed(problem: Posable, function: str) -> DiscreteProblem:
@@ -20,7 +20,7 @@ def posed(problem: Posable, function: str) -> DiscreteProblem:
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem, ScalarProblem or ManufacturedProblem
+    problem : DiscreteProblem, ContactProblem or ManufacturedProblem
     function : str
         Who asks, for messages.
 
@@ -32,7 +32,7 @@ def posed(problem: Posable, function: str) -> DiscreteProblem:
     given = ManufacturedProblem.of(problem)
     if isinstance(given, DiscreteProblem):
         return given
-    if isinstance(given, Statement):
+    if isinstance(given, ContactProblem):
         return discretize(given)
     raise ProblemError(
         f"{function}: the problem is {described(given)}; give a ContactProblem, what hemivar.discretize makes of it, "

@@ -18,7 +18,7 @@ from hemivar.fem.energy_integral import NodalEnergy
 from hemivar.fem.mass import cell_masses, per_volume
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.supports import stated_supports, sum_by
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["internal_forces", "nodal_contact_forces", "support_reactions"]
 
@@ -100,7 +100,7 @@ def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:
     return forces
 
 
-def internal_forces(problem: Statement, displacement: Array, cells: IntArray) -> Array:
+def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:
     """Forces that some cells exert on the nodes against a displacement, shape (nodes, c): their part of ``K U``.
 
     That of a bedding is counted."""
@@ -114,7 +114,7 @@ def internal_forces(problem: Statement, displacement: Array, cells: IntArray) ->
     return forces
 
 
-def _of_material(problem: Statement, displacement: Array, cells: IntArray) -> Array:
+def _of_material(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:
     mesh, order = problem.mesh, problem.order
     if not problem.material.linear:
         energy = NodalEnergy(mesh, order, EnergyLaw.of(problem.material, mesh.dim))

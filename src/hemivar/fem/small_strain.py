@@ -11,7 +11,6 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import scaled_gradients, shape_derivatives
 from hemivar.fem.fields import FieldSource, _mesh_and_order
-from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["SMALL", "Deformation", "deformation", "deformation_of"]
@@ -69,7 +68,7 @@ class Deformation:
 
 def deformation_of(problem: DiscreteProblem, unknowns: Array) -> Deformation | None:
     """Largest strain and rotation of unknowns (n,); None without a mesh, and for scalar problems."""
-    if problem.field is None or not isinstance(problem.origin, ContactProblem):
+    if problem.field is None or problem.origin is None or problem.origin.kind:
         return None
     return deformation(problem.origin, problem.field.full(unknowns))
 

@@ -16,7 +16,7 @@ from hemivar.mechanics.conditions import (
     evaluate_scalar,
     evaluate_vector,
 )
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["DEPENDENT", "SHARP", "Supports", "in_words", "movable", "stated_supports", "sum_by", "unit"]
@@ -77,7 +77,7 @@ class Supports:
         self.count[nodes] += 1
 
 
-def stated_supports(problem: Statement) -> Supports:
+def stated_supports(problem: ContactProblem) -> Supports:
     """What the supports of a problem demand, in the order in which they are stated."""
     supports = Supports(problem.mesh.nodes(problem.order), problem.components)
     for name, support in problem.supports.items():

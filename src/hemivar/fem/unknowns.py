@@ -10,13 +10,10 @@ import scipy.sparse as sp
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact import ContactPoints
-from hemivar.fem.contact_points import BoundaryContact, boundary_contact, join, merge_corners
-from hemivar.fem.scalar_contact import scalar_contacts
+from hemivar.fem.contact_points import BoundaryContact, boundary_contact, contacts_of_one, join, merge_corners
 from hemivar.fem.supports import Supports, movable, stated_supports, unit
 from hemivar.laws import VectorLaw
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem, Quadrature
-from hemivar.mechanics.statement_base import Statement
 
 __all__ = [
     "NodalConditions",
@@ -74,13 +71,12 @@ class NodalConditions:
         )  # fmt: skip
 
 
-def nodal_conditions(problem: Statement) -> NodalConditions:
+def nodal_conditions(problem: ContactProblem) -> NodalConditions:
     """Supports and contact at the nodes of a problem."""
     supports = stated_supports(problem)
-    if isinstance(problem, ScalarProblem):
-        groups = scalar_contacts(problem, supports)
+    if problem.kind:
+        groups = contacts_of_one(problem, supports)
     else:
-        assert isinstance(problem, ContactProblem)
         groups = [boundary_contact(problem, name, supports) for name in problem.contact]
         if problem.quadrature is Quadrature.NODAL:
             groups = merge_corners(groups, supports)

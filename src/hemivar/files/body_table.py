@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.stated import OF_ONE
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.schema import check_named, decode, encode
 from hemivar.files.toml import TomlTable, kind
 from hemivar.formula import VARIABLES
-from hemivar.mechanics.conditions import SUPPORTS, Fixed, Prescribed, Pressure, Support
+from hemivar.mechanics.conditions import SUPPORTS, Fixed, Prescribed, Pressure, ScalarData, Support
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh import Mesh
 
 __all__ = ["loads_record", "read_loads", "read_supports", "supports_record"]
 
 
-def read_loads(table: TomlTable, mesh: Mesh) -> dict[str, object]:
-    """The fields of a body that the table [loads] states."""
+def read_loads(table: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, object]:
+    """The fields of a problem that the table [loads] states."""
+    if of_one:
+        return decode(ContactProblem, table, mesh, "loads", OF_ONE)
     found = decode(ContactProblem, table, mesh, "loads")
     if "pressure" in table:
         tractions = found.setdefault("tractions", {})
@@ -30,6 +33,8 @@ def read_loads(table: TomlTable, mesh: Mesh) -> dict[str, object]:
 
 def loads_record(problem: ContactProblem) -> dict[str, object]:
     """The table [loads]."""
+    if problem.kind:
+        return encode(problem, part="loads", by=OF_ONE)
     pushed = {name: value for name, value in problem.tractions.items() if isinstance(value, Pressure)}
 
     def vectors(tractions: Mapping[str, object]) -> dict[str, object]:
@@ -45,9 +50,17 @@ def loads_record(problem: ContactProblem) -> dict[str, object]:
     return {key: value for key, value in (record | {"pressure": parts}).items() if value}
 
 
-def read_supports(table: TomlTable, mesh: Mesh) -> dict[str, Support]:
+def read_supports(top: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, Support | ScalarData]:
     """Supports by boundary."""
-    found: dict[str, Support] = {}
+    table = top.table("supports", None)
+    if of_one:
+        for name, value in table.data.items():
+            check_named(mesh, table, name)
+            if isinstance(value, dict) or value in SUPPORTS:
+                raise table.error(name, f"must be the value of u, a number or a formula, not {kind(value)}; write 0.0")
+        values: dict[str, Support | ScalarData] = decode(ContactProblem, top, mesh, by=OF_ONE).get("supports", {})
+        return values
+    found: dict[str, Support | ScalarData] = {}
     for name, value in table.data.items():
         check_named(mesh, table, name)
         if isinstance(value, str):
@@ -69,9 +82,12 @@ def read_supports(table: TomlTable, mesh: Mesh) -> dict[str, Support]:
     return found
 
 
-def supports_record(supports: Mapping[str, Support]) -> dict[str, object]:
+def supports_record(problem: ContactProblem) -> dict[str, object]:
     """The table [supports]."""
-    words = {type(one): word for word, one in SUPPORTS.items()}
+    if problem.kind:
+        return encode(problem, by=OF_ONE).get("supports", {})  # type: ignore[return-value]
+    words: dict[type, str] = {type(one): word for word, one in SUPPORTS.items()}
     return {
-        name: words.get(type(support)) or encode(support, f"supports['{name}']") for name, support in supports.items()
+        name: words.get(type(one)) or encode(one, f"supports['{name}']")  # type: ignore[arg-type]
+        for name, one in problem.supports.items()
     }

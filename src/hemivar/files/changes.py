@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 from hemivar.basics.arguments import suggest
 from hemivar.errors import ProblemError
-from hemivar.files.scalar_tables import SCALAR_KEYS
-from hemivar.files.toml import KEYS, kind, printable
+from hemivar.files.toml import KEYS, KEYS_OF_ONE, kind, printable
 
 __all__ = ["Change", "changed", "read_change"]
 
 #: Tables that a file may leave out, and that are made for a value in them.
-_MADE = {*KEYS[""], *SCALAR_KEYS} - {"title", "kind"} | {"traction", "pressure", "flux", "regions"}
+_MADE = {*KEYS[""], *KEYS_OF_ONE} - {"title", "kind"} | {"traction", "pressure", "flux", "regions"}
 
 
 #: A quoted key, or one with a colon, such as the name of a boundary of a part.
@@ -144,7 +143,7 @@ def _put(data: dict[str, object], change: Change, name: str) -> None:
     if isinstance(place, list):
         place[_number(place, last, change, name, ".".join(way))] = change.value
     elif isinstance(place, dict):
-        if not way and last not in KEYS[""] and last not in SCALAR_KEYS:
+        if not way and last not in KEYS[""] and last not in KEYS_OF_ONE:
             raise _error(change, name, f"there is no key '{last}'{suggest(last, list(data))}")
         place[last] = change.value
 

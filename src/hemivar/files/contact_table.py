@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from hemivar.basics.arguments import suggest
-from hemivar.basics.stated import Argument, Form, keys_of
+from hemivar.basics.stated import OF_ONE, Argument, Form, keys_of
 from hemivar.basics.types import Array, Parameter
 from hemivar.files.memory_table import memory_record, read_memory
 from hemivar.files.mesh_table import file_name
@@ -30,27 +30,48 @@ from hemivar.laws import (
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
 from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind
+from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
-from hemivar.mechanics.statement import Contact
+from hemivar.mechanics.scalar import ScalarContact
+from hemivar.mechanics.statement import AREA, ContactProblem
 from hemivar.mesh import Mesh
 
-__all__ = ["SideFiles", "contact_record", "read_contacts"]
+__all__ = ["SideFiles", "contact_records", "read_contacts"]
 
 _OBSTACLES: Mapping[str, type[Plane | Sphere | Cylinder]] = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
 
 #: What may stand under "normal".
 _LAWS = {**NORMAL_LAWS, **COUPLED_LAWS}
+_OF_ONE = ("normal", "friction", *keys_of(Contact, by=OF_ONE))
 _KIND = {"normal": LawKind.NORMAL, "friction": LawKind.FRICTION, "damping": LawKind.NORMAL}
 
 
-def read_contacts(table: TomlTable, mesh: Mesh, folder: Path) -> dict[str, Contact]:
-    """Contacts by boundary; tables of laws are looked for in a folder."""
-    reader = _Reader(mesh.dim, folder)
+def read_contacts(top: TomlTable, mesh: Mesh, folder: Path, of_one: bool) -> dict[str, Contact]:
+    """Contacts by boundary, of one component by region too; tables of laws are looked for in a folder."""
+    reader, table = _Reader(mesh.dim, folder), top.table("contact", None)
     found: dict[str, Contact] = {}
     for name in table.data:
         check_named(mesh, table, name)
-        found[name] = reader.contact(table.table(name, KEYS["contact.*"]))
-    return found
+        read = reader.of_one if of_one else reader.contact
+        found[name] = read(table.table(name, _OF_ONE if of_one else KEYS["contact.*"]))
+    return found | _read_areas(top, mesh, reader) if of_one else found
+
+
+def _read_areas(top: TomlTable, mesh: Mesh, reader: _Reader) -> dict[str, Contact]:
+    """Contacts over the mesh, or over regions of it."""
+    area = top.table("area", None)
+    if any(key in area for key in _OF_ONE):
+        area.only(_OF_ONE)
+        return {AREA: reader.of_one(area)}
+    for name in area.data:
+        if name not in mesh.regions:
+            known = f"{', '.join(mesh.regions) or 'none'}"
+            raise area.error(
+                name, f"is neither of normal, friction, level, side nor a region of the mesh (regions: {known})"
+            )
+        if name in top.table("contact", None):
+            raise area.error(name, "a boundary with contact has this name too; rename one of them in the mesh")
+    return {name: reader.of_one(area.table(name, _OF_ONE)) for name in area.data}
 
 
 class _Reader:
@@ -82,6 +103,18 @@ class _Reader:
             return Contact(
                 normal, friction, obstacle=obstacle, normals=normals, damping=damping, memory=memory, **moved
             )
+
+    def of_one(self, table: TomlTable) -> Contact:
+        """A contact of one component."""
+        if ("normal" in table) == ("friction" in table):
+            given = "both are given" if "normal" in table else "none is given"
+            raise table.error("normal, friction", f"{given}; name one law, of the penetration or of the slip")
+        key = "normal" if "normal" in table else "friction"
+        law = self.law(table, key, NORMAL_LAWS if key == "normal" else FRICTION_LAWS)
+        place = decode(Contact, table, self.dim, by=OF_ONE)
+        with context(f"{table.where(key)}:"):
+            made = ScalarContact(law, place.get("gap", 0.0), place.get("side", Side.ABOVE))  # type: ignore[arg-type]
+        return made
 
     def obstacle(self, table: TomlTable) -> Obstacle:
         """A rigid obstacle: a table with one of plane, sphere, cylinder and distance."""
@@ -188,7 +221,25 @@ class SideFiles:
         return self.put(name, f"{heads[0]},{heads[1]}\n{''.join(lines)}")
 
 
-def contact_record(name: str, contact: Contact, aside: SideFiles) -> dict[str, object]:
+def contact_records(problem: ContactProblem, aside: SideFiles) -> dict[str, object]:
+    """The tables [contact] and [area] of a problem."""
+    if not problem.kind:
+        return {"contact": {name: _contact_record(name, one, aside) for name, one in problem.contact.items()}}
+    records = {name: _record_of_one(name, one, aside) for name, one in problem.contact.items()}
+    area = {name: records.pop(name) for name in problem.areas}
+    return {"contact": records, "area": area.get(AREA, area)}
+
+
+def _record_of_one(name: str, contact: Contact, aside: SideFiles) -> dict[str, object]:
+    where, record = f"contact['{name}']", dict[str, object]()
+    if contact.rubs:
+        record["friction"] = _friction_record(contact.friction, f"{where}.law", name, aside)
+    else:
+        record["normal"] = _law_record(contact.normal, f"{where}.law", name, aside, NORMAL_LAWS)
+    return record | encode(contact, where, by=OF_ONE)
+
+
+def _contact_record(name: str, contact: Contact, aside: SideFiles) -> dict[str, object]:
     """The table [contact.NAME] of a contact."""
     where = f"contact['{name}']"
     record: dict[str, object] = {"normal": _law_record(contact.normal, f"{where}.normal", name, aside, _LAWS)}

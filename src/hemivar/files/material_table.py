@@ -8,18 +8,20 @@ from typing import Any, TypedDict, cast
 import numpy as np
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.stated import stated_fields
 from hemivar.basics.types import Array
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
-from hemivar.files.schema import read_arguments, written
+from hemivar.files.schema import check_named, read_arguments, read_value, written
 from hemivar.files.toml import KEYS, TomlTable, array, context, kind, listed
 from hemivar.formula import Formula
 from hemivar.mechanics.composed_material import ByRegion
 from hemivar.mechanics.function_energy import FunctionEnergy
+from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mechanics.linear_material import Anisotropic, Isotropic
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_registry import MATERIAL_LAWS
-from hemivar.mechanics.material_words import PlaneState
+from hemivar.mechanics.material_words import PlaneState, ScalarKind
 from hemivar.mechanics.moduli import Branch, Moduli, Number
 from hemivar.mechanics.single_material import SingleMaterial
 from hemivar.mechanics.stored_energy import StoredEnergy
@@ -38,9 +40,9 @@ _LINEAR_KEYS = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", *
 _MATRICES = {"tensor": "elasticity", "viscosity": "viscosity"}
 
 
-def read_material(table: TomlTable, mesh: Mesh) -> Material:
+def read_material(table: TomlTable, mesh: Mesh, of: ScalarKind | None = None) -> Material:
     """The material, evaluated once in every cell, so that its errors come before everything else."""
-    material = _material(table, mesh)
+    material = _gradient(table, mesh, of) if of else _material(table, mesh)
     if mesh.number_of_cells:  # a rank may have no part of the body
         masks = {}
         for name, cells in mesh.regions.items():
@@ -74,6 +76,31 @@ def _material(table: TomlTable, mesh: Mesh) -> Material:
         parts[name] = _one_material(regions.table(name, KEYS["material.regions.*"]), mesh.dim)
     with context(f"{table.where('regions')}:"):
         return Material.by_region(parts)
+
+
+def _gradient(table: TomlTable, mesh: Mesh, of: ScalarKind) -> Material:
+    """The material of one component, each of its fields over the whole mesh or in every region of it."""
+    stated = stated_fields(GradientMaterial, by=of.value)
+    table.only(("regions", *stated))
+    regions, found = table.table("regions", None), dict[str, object]()
+    for region in regions.data:
+        check_named(mesh, regions, region, "region")
+    parts = {region: regions.table(region, tuple(stated)) for region in regions.data}
+    for key, (field, said) in stated.items():
+        inside = [region for region, one in parts.items() if key in one]
+        if key in table and inside:
+            raise table.error(key, f"is given for the whole and in region '{inside[0]}'; give one of the two")
+        if key in table:
+            found[field.name] = read_value(table, key, said, mesh.dim)
+        elif inside:
+            for one in parts.values():
+                if key not in one:
+                    raise one.error(key, "is missing; give it in every [material.regions.NAME], or in none")
+            found[field.name] = {region: read_value(one, key, said, mesh.dim) for region, one in parts.items()}
+    if "coefficient" not in found:
+        raise table.error(f"{next(iter(stated))}, regions", "none is given; give one of the two")
+    with context(f"{table.source}: [material]"):
+        return Material.gradient(kind=of, **found)  # type: ignore[arg-type]
 
 
 def _one_material(table: TomlTable, dim: int) -> Material:
@@ -203,6 +230,8 @@ def _tensor(table: TomlTable, dim: int, more: InTime) -> Material:
 def material_record(material: Material, where: str = "material") -> dict[str, object]:
     """The table [material] of a material, or of one region of it."""
     match material:
+        case GradientMaterial():
+            return _gradient_record(material)
         case Isotropic():
             constants = [
                 quantity_record(value, f"{where}.{name}")
@@ -224,6 +253,19 @@ def material_record(material: Material, where: str = "material") -> dict[str, ob
                 "regions": {name: material_record(part, f"{where}['{name}']") for name, part in material.parts.items()}
             }
     raise not_expressible(where, material, "lame, young, tensor and materials by law, by regions if need be")
+
+
+def _gradient_record(material: GradientMaterial) -> dict[str, object]:
+    record: dict[str, object] = {}
+    regions: dict[str, dict[str, object]] = {}
+    for key, (field, said) in stated_fields(material, by=material.scalar.value).items():
+        value = getattr(material, field.name)
+        if isinstance(value, Mapping):
+            for region, one in value.items():
+                regions.setdefault(region, {})[key] = written(one, said.form, f"{key} of '{region}'")
+        elif value is not None:
+            record[key] = written(value, said.form, key)
+    return record | ({"regions": regions} if regions else {})
 
 
 def _nonlinear_record(material: StoredEnergy, where: str) -> dict[str, object]:

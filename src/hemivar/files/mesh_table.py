@@ -14,7 +14,6 @@ from hemivar.basics.stated import keys_of
 from hemivar.errors import ProblemError
 from hemivar.files.schema import decode, encode
 from hemivar.files.toml import TomlTable, context, kind, printable
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh import Assembly, Grid, Mesh, MeshRecipe, Opening
 
@@ -168,7 +167,7 @@ def _grid(table: TomlTable, shape: str) -> Grid:
     return Grid(size, counts, pattern, origin)
 
 
-def mesh_record(recipe: MeshRecipe, problem: ContactProblem | ScalarProblem, folder: Path) -> dict[str, object]:
+def mesh_record(recipe: MeshRecipe, problem: ContactProblem, folder: Path) -> dict[str, object]:
     """The table [mesh] for a mesh that was made like this, in a problem file of a folder."""
     return _recipe_record(recipe, folder) | encode(problem, part="mesh")
 

@@ -20,22 +20,21 @@ from hemivar.basics import disk
 from hemivar.basics.arguments import expect
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.known_statement import ManufacturedProblem
+from hemivar.basics.stated import OF_ONE, keys_of
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
 from hemivar.files.body_table import loads_record, read_loads, read_supports, supports_record
 from hemivar.files.changes import Change, changed
-from hemivar.files.contact_table import SideFiles, _Reader, contact_record, read_contacts
+from hemivar.files.contact_table import SideFiles, _Reader, contact_records, read_contacts
 from hemivar.files.material_table import material_record, read_material
 from hemivar.files.mesh_table import StatedMesh, mesh_record, read_mesh_table
 from hemivar.files.not_expressible import difference, not_expressible
-from hemivar.files.scalar_tables import SCALAR_KEYS, read_scalar, scalar_record
 from hemivar.files.schema import decode, encode
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.files.thermal_table import HEAT_KEYS, heat_record, read_heat
-from hemivar.files.toml import KEYS, TomlTable, context, printable, text_of
-from hemivar.mechanics.scalar import ScalarKind, ScalarProblem
+from hemivar.files.toml import KEYS, KEYS_OF_ONE, TomlTable, context, printable, text_of
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.statement import ContactProblem, Quadrature
-from hemivar.mechanics.statement_base import Statement
 from hemivar.mechanics.thermal import Heat
 from hemivar.mesh import Mesh, MeshRecipe, msh_text
 from hemivar.solvers import METHODS, Controls, Solver
@@ -63,7 +62,7 @@ class ProblemFile:
 
     Attributes
     ----------
-    problem : ContactProblem or ScalarProblem
+    problem : ContactProblem
     solver : SolverSettings
     name : str
         The file, as it is named in messages.
@@ -80,7 +79,7 @@ class ProblemFile:
         Values that were put in place of those of the file.
     """
 
-    problem: Statement
+    problem: ContactProblem
     solver: SolverSettings = field(default_factory=SolverSettings)
     name: str = "problem"
     levels: int = 0
@@ -104,7 +103,7 @@ class ProblemFile:
         return meshes
 
 
-def read_problem(path: str | Path) -> Statement:
+def read_problem(path: str | Path) -> ContactProblem:
     """Read a contact problem from a TOML file.
 
     Parameters
@@ -114,7 +113,7 @@ def read_problem(path: str | Path) -> Statement:
 
     Returns
     -------
-    ContactProblem or ScalarProblem
+    ContactProblem
 
     Raises
     ------
@@ -157,7 +156,7 @@ def read_text(path: str | Path) -> str:
         raise
 
 
-def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> Statement:
+def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> ContactProblem:
     """A contact problem from the text of a problem file.
 
     Parameters
@@ -198,8 +197,8 @@ def parse_problem_file(
     except ValueError as error:
         raise ProblemError(f"{name}: not valid TOML ({error}); correct it") from None
     data = changed(data, changes, name)
-    scalar = "kind" in data
-    top = TomlTable(data, name, "", SCALAR_KEYS if scalar else KEYS[""])
+    of_one = "kind" in data
+    top = TomlTable(data, name, "", KEYS_OF_ONE if of_one else KEYS[""])
     for key in ("mesh", "material"):
         if key not in data:
             raise ProblemError(f"{name}: the table [{key}] is missing; add it")
@@ -209,18 +208,14 @@ def parse_problem_file(
     stated = read_mesh_table(table, folder)
     mesh = stated.build() if place is None else place(stated)
     levels = stated.recipe.halvings + stated.recipe.refine
-    if scalar:
-        if stated.quadrature is Quadrature.MIDPOINT:
-            raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
-        one = replace(read_scalar(top, mesh, stated.order, folder), units=units)
-        through = _read_in_time(top, mesh, one.material.inert, one.kind)
-        return ProblemFile(one, solver, name, levels, *through, changes=tuple(changes))
-    material = read_material(top.table("material", KEYS["material"]), mesh)
-    loads = read_loads(top.table("loads", KEYS["loads"]), mesh)
-    supports = read_supports(top.table("supports", None), mesh)
-    contact = read_contacts(top.table("contact", None), mesh, folder)
-    time, output = _read_in_time(top, mesh, material.inert)
-    if stated.order == 2 and mesh.dim == 3 and contact:
+    field = _field(top, table, stated, mesh) if of_one else None
+    material = read_material(top.table("material", None if of_one else KEYS["material"]), mesh, field)
+    keys = keys_of(ContactProblem, table="loads", by=OF_ONE) if of_one else KEYS["loads"]
+    loads = read_loads(top.table("loads", keys), mesh, of_one)
+    supports = read_supports(top, mesh, of_one)
+    contact = read_contacts(top, mesh, folder, of_one)
+    time, output = _read_in_time(top, mesh, material.inert, field)
+    if stated.order == 2 and mesh.dim == 3 and contact and not of_one:
         raise table.error("order", "contact in 3D needs elements of order 1; write order = 1")
     if stated.quadrature is Quadrature.MIDPOINT and mesh.dim == 3 and contact:
         raise table.error(
@@ -246,6 +241,16 @@ def parse_problem_file(
             raise top.error("heat", "flows in time; add a table [time], or remove it")
         heat = read_heat(top.table("heat", HEAT_KEYS), problem, _Reader(mesh.dim, folder))
     return ProblemFile(problem, solver, name, levels, time, output, heat, tuple(changes))
+
+
+def _field(top: TomlTable, table: TomlTable, stated: StatedMesh, mesh: Mesh) -> ScalarKind:
+    """What the one component of a file is."""
+    if stated.quadrature is Quadrature.MIDPOINT:
+        raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
+    chosen = ScalarKind(top.text("kind", None, [one.value for one in ScalarKind]))
+    if mesh.dim == 3 and chosen is not ScalarKind.HEAT:
+        raise top.error("kind", f"'{chosen}' needs a plane mesh; write a rectangle in [mesh]")
+    return chosen
 
 
 def _refuse_deep(data: object) -> None:
@@ -277,7 +282,7 @@ def _units(table: TomlTable) -> Units:
 
 
 def write_problem(
-    problem: Statement | ManufacturedProblem | ProblemFile,
+    problem: ContactProblem | ManufacturedProblem | ProblemFile,
     path: str | Path,
     *,
     method: str | Solver | None = None,
@@ -292,7 +297,7 @@ def write_problem(
 
     Parameters
     ----------
-    problem : ContactProblem, ScalarProblem or ProblemFile
+    problem : ContactProblem or ProblemFile
         A file that was read keeps its settings for the solver, the time and the output.
     path : str or Path
         The file; its folder must be there.
@@ -326,12 +331,12 @@ def write_problem(
     return path
 
 
-def problem_text(problem: Statement | ManufacturedProblem | ProblemFile, folder: str | Path = ".") -> str:
+def problem_text(problem: ContactProblem | ManufacturedProblem | ProblemFile, folder: str | Path = ".") -> str:
     """The text that :func:`write_problem` writes.
 
     Parameters
     ----------
-    problem : ContactProblem, ScalarProblem or ProblemFile
+    problem : ContactProblem or ProblemFile
     folder : str or Path
         From which files are named.
 
@@ -344,9 +349,9 @@ def problem_text(problem: Statement | ManufacturedProblem | ProblemFile, folder:
     return _read_again(stated, _settings(stated.solver, None, None), Path(folder), "problem", None)
 
 
-def _as_file(problem: Statement | ManufacturedProblem | ProblemFile) -> ProblemFile:
+def _as_file(problem: ContactProblem | ManufacturedProblem | ProblemFile) -> ProblemFile:
     remedy = "give a ContactProblem, a ScalarProblem or a ProblemFile"
-    given = expect(problem, Statement | ProblemFile, "what to write as a problem file", remedy)
+    given = expect(problem, ContactProblem | ProblemFile, "what to write as a problem file", remedy)
     return given if isinstance(given, ProblemFile) else ProblemFile(given)
 
 
@@ -400,19 +405,16 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
             raise not_expressible("mesh", "made of arrays, or changed after it was made", can)
         recipe = MeshRecipe(files.put("mesh.msh", msh_text(problem.mesh)))
     aside = SideFiles(folder, None if files is None else files.table)
-    assert isinstance(problem, ContactProblem | ScalarProblem)
-    data: dict[str, object] = {"kind": problem.kind.value} if isinstance(problem, ScalarProblem) else {}
+    data: dict[str, object] = {"kind": problem.kind.value} if problem.kind else {}
     data |= {"title": problem.title} if problem.title else {}
     data["mesh"] = mesh_record(recipe, problem, folder)
-    if isinstance(problem, ScalarProblem):
-        return _encoded(data | scalar_record(problem, aside) | _time_records(stated, problem.kind), settings)
     data["material"] = material_record(problem.material)
     data["loads"] = loads_record(problem)
-    data["supports"] = supports_record(problem.supports)
-    data["contact"] = {name: contact_record(name, contact, aside) for name, contact in problem.contact.items()}
+    data["supports"] = supports_record(problem)
+    data |= contact_records(problem, aside)
     if stated.heat is not None:
         data["heat"] = heat_record(stated.heat, aside)
-    return _encoded(data | _time_records(stated), settings)
+    return _encoded(data | _time_records(stated, problem.kind), settings)
 
 
 def _mesh_table(top: TomlTable) -> TomlTable:

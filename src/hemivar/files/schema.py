@@ -35,6 +35,7 @@ def decode(
     table: TomlTable,
     dim: int | Mesh = 0,
     part: str = "",
+    by: str = "stated",
     **own: Callable[[TomlTable], object],
 ) -> dict[str, Any]:
     """The fields of a dataclass that a table gives, by their names; the others keep their defaults.
@@ -48,6 +49,8 @@ def decode(
         Directions of the body, or its mesh, where something is given by names of boundaries or regions.
     part : str
         Which table it is, of a class that several state.
+    by : str
+        The name of the metadata, see :func:`hemivar.basics.stated.stated_fields`.
     **own : function
         Readers of fields of the form ``OWN``, by name.
 
@@ -57,7 +60,7 @@ def decode(
         One line that names the file, the table and the key.
     """
     found = {}
-    for key, (one, said) in stated_fields(cls, part).items():
+    for key, (one, said) in stated_fields(cls, part, by).items():
         if key in table:
             found[one.name] = own[one.name](table) if said.form is Form.OWN else _read(table, key, said, dim)
         elif _default(one) is MISSING:
@@ -86,7 +89,7 @@ def check_named(mesh: Mesh, table: TomlTable, name: str, what: str = "boundary")
 
 
 def encode(
-    value: DataclassInstance, where: str = "", part: str = "", **own: Callable[..., object]
+    value: DataclassInstance, where: str = "", part: str = "", by: str = "stated", **own: Callable[..., object]
 ) -> dict[str, object]:
     """The table of a dataclass of stated fields, from which :func:`decode` reads the same.
 
@@ -97,6 +100,8 @@ def encode(
         What messages call it.
     part : str
         Which table it is, of a class that several state.
+    by : str
+        As in :func:`decode`.
     **own : function
         Writers of fields, by name; a field of the form ``OWN`` without one is left out.
 
@@ -106,7 +111,7 @@ def encode(
         A value is one that a file cannot say.
     """
     record = {}
-    for key, (one, said) in stated_fields(value, part).items():
+    for key, (one, said) in stated_fields(value, part, by).items():
         given, default = getattr(value, one.name), _default(one)
         if given is None or (default is not MISSING and not callable(given) and _equal(given, default)):
             continue

@@ -18,7 +18,7 @@ from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.schema import decode, encode, read_value
 from hemivar.files.settings import OutputSettings, TimeSettings
 from hemivar.files.toml import KEYS, TomlTable, context, kind
-from hemivar.mechanics.scalar import ScalarKind
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mesh import Mesh
 
 __all__ = ["output_record", "read_in_time", "time_record"]

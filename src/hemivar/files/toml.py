@@ -24,7 +24,7 @@ from hemivar.mechanics.material_registry import MATERIAL_LAWS
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh import MeshRecipe
 
-__all__ = ["KEYS", "Quantity", "TomlTable", "array", "context", "kind", "listed", "printable", "text_of"]
+__all__ = ["KEYS", "KEYS_OF_ONE", "Quantity", "TomlTable", "array", "context", "kind", "listed", "printable", "text_of"]
 
 _LINEAR = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "density", "viscosity", "branches")
 _BY_LAW = ("law", *(p.key for entry in MATERIAL_LAWS.values() for p in entry.parameters))
@@ -83,6 +83,9 @@ KEYS: Mapping[str, tuple[str, ...]] = _Keys(
         "units": tuple(one.name for one in fields(Units)),
     }
 )
+
+#: Keys of the top of a file of one component.
+KEYS_OF_ONE = ("kind", "area", *(key for key in KEYS[""] if key != "heat"))
 
 #: Tables that get a heading of their own when they are written; all others stand in one line.
 _HEADED = (*KEYS, "supports", "contact", "material.regions", "area", "heat.contact")

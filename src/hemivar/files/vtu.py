@@ -21,7 +21,7 @@ from hemivar.fem.quadrature import region_masks
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.files.record import prepared
 from hemivar.files.snapshot import Snapshot
-from hemivar.mechanics.scalar import ScalarKind, ScalarProblem
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import Solution, Status
@@ -107,7 +107,7 @@ def write_vtu(
             "this problem was made of arrays and has no mesh; give one, of_arrays(..., mesh=...), or use write_json"
         )
     mesh, nodes = field.mesh, field.nodes
-    scalar = isinstance(problem.origin, ScalarProblem)
+    scalar = problem.origin is not None and problem.origin.kind is not None
     point_data, own = (_scalar_fields if scalar else _body_fields)(solution)
     cell_data: dict[str, Array] = {"region": region_numbers(mesh), **own, **_checked(mesh, cell_values)}
     boundaries = [] if scalar else contact_boundaries(problem)
@@ -152,7 +152,7 @@ def _body_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[
         point_data["velocity"] = three_components(solution.velocity)
         if solution.temperature is not None:
             point_data["temperature"] = solution.temperature
-    if isinstance(stated, ContactProblem):
+    if stated is not None:
         tensor = symmetric_stress(stated, solution.displacement)
         point_data["stress"] = nodal_average(stated, tensor)
         cell_data |= {"stress": tensor, "von_mises": von_mises(stated, solution.displacement)}
@@ -164,7 +164,7 @@ def _body_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[
 def _scalar_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[str, Array]]:
     """Point data and cell data of a scalar problem."""
     stated, values = solution.problem.origin, solution.displacement[:, 0]
-    assert isinstance(stated, ScalarProblem)
+    assert stated is not None
     slope, flux = map(three_components, gradient(stated, solution.displacement))
     point_data: dict[str, Array] = {"u_z" if stated.kind is ScalarKind.ANTIPLANE else stated.unknown: values}
     if not stated.thermal:

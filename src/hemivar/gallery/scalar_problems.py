@@ -14,7 +14,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
 from hemivar.laws import Signorini, Tresca
-from hemivar.mechanics import ScalarContact, ScalarKind, ScalarProblem, Side
+from hemivar.mechanics import ContactProblem, ScalarContact, ScalarKind, ScalarProblem, Side
 from hemivar.mesh import rectangle
 
 __all__ = ["KnownScalarProblem", "antiplane_friction", "membrane_obstacle", "membrane_radius"]
@@ -26,7 +26,7 @@ class KnownScalarProblem(ManufacturedProblem):
 
     Attributes
     ----------
-    problem : ScalarProblem
+    problem : ContactProblem
     solution : callable
         Exact u, points (k, 2) -> (k,).
     gradient : callable
@@ -35,13 +35,13 @@ class KnownScalarProblem(ManufacturedProblem):
         Exact force on the foundation per area or length, points (k, 2) -> (k,).
     """
 
-    problem: ScalarProblem
+    problem: ContactProblem
     solution: Callable[[Array], Array]
     gradient: Callable[[Array], Array]
     multiplier: Callable[[Array], Array]
 
     @property
-    def statement(self) -> ScalarProblem:
+    def statement(self) -> ContactProblem:
         """The problem."""
         return self.problem
 

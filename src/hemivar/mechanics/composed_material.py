@@ -13,7 +13,8 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.material import Material, no_matrices
 from hemivar.mechanics.material_description import MaterialDescription
-from hemivar.mechanics.material_words import BoundsBy
+from hemivar.mechanics.material_words import BoundsBy, ScalarKind
+from hemivar.mechanics.per_volume import Regional
 
 __all__ = ["ByRegion", "LowerElasticity", "lower_elasticity"]
 
@@ -38,6 +39,11 @@ class ByRegion(Material):
         for name, part in self.parts.items():
             if not isinstance(part, Material):
                 raise ProblemError(f"region '{name}': {part!r} is not a Material; use Material.lame(...) or the like")
+            if part.scalar:
+                raise ProblemError(
+                    f"region '{name}': a material of one component takes its regions itself, "
+                    "Material.gradient({'region': ...})"
+                )
         light = [name for name, part in self.parts.items() if not part.inert]
         if 0 < len(light) < len(self.parts):
             raise ProblemError(
@@ -187,6 +193,14 @@ class LowerElasticity(Material):
     """
 
     material: Material
+
+    @property
+    def scalar(self) -> ScalarKind | None:
+        return self.material.scalar
+
+    @property
+    def capacity(self) -> Regional | None:
+        return self.material.capacity
 
     @property
     def homogeneous(self) -> bool:

@@ -15,11 +15,13 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws.parameters import word
-from hemivar.mechanics.material_words import BoundsBy, PlaneState, StrainMeasure
+from hemivar.mechanics.material_words import BoundsBy, PlaneState, ScalarKind, StrainMeasure
 from hemivar.mechanics.moduli import Branch, Moduli, Number, Viscosity
 
 if TYPE_CHECKING:
+    from hemivar.mechanics.gradient_material import Coefficient
     from hemivar.mechanics.material_description import MaterialDescription
+    from hemivar.mechanics.per_volume import Regional
 
 __all__ = ["Material", "no_matrices"]
 
@@ -135,6 +137,42 @@ class Material(PickleMixin):
 
         more = {"density": density, "viscosity": viscosity, "branches": branches}
         return Anisotropic(C, out_of_plane, **more)  # type: ignore[arg-type]
+
+    @staticmethod
+    def gradient(
+        coefficient: Coefficient | Mapping[str, Coefficient],
+        kind: ScalarKind | str = ScalarKind.MEMBRANE,
+        *,
+        density: Regional | None = None,
+        viscosity: Regional | None = None,
+        capacity: Regional | None = None,
+    ) -> Material:
+        """The material of one component u: a membrane, antiplane shear or heat, with the flux ``A grad u``.
+
+        Parameters
+        ----------
+        coefficient : float, array (d, d), callable, GradientEnergy, or mapping of region name to one of these
+            A: tension, shear modulus or conductivity, positive.  A tensor is symmetric and positive definite; a
+            callable gets points, shape (k, d), and returns shape (k,) or (k, d, d).  The regions of a mapping must
+            cover the mesh without overlap.
+        kind : ScalarKind or str
+            ``"membrane"`` (default), ``"antiplane"`` or ``"heat"``: what things are called.
+        density : float, callable, mapping of region name to one of these, or None
+            Factor of u'': mass per area of a membrane, or per volume in antiplane shear.
+        viscosity : likewise
+            Factor of grad u', beside ``A grad u``.
+        capacity : likewise
+            Of heat: heat per volume and degree, the factor of u'.
+
+        Raises
+        ------
+        ProblemError
+            A number is not what it must be, or heat has a density or a viscosity, something else a capacity.
+        """
+        with IMPORTS:
+            from hemivar.mechanics.gradient_material import GradientMaterial
+
+        return GradientMaterial(coefficient, kind, density, viscosity, capacity)  # type: ignore[arg-type]
 
     @staticmethod
     def by_region(materials: Mapping[str, Material]) -> Material:
@@ -344,6 +382,19 @@ class Material(PickleMixin):
 
         more = {"density": density, "viscosity": viscosity, "branches": branches}
         return own_energy(energy, stress, tangent, reach, plane, **more)  # type: ignore[arg-type]
+
+    @property
+    def scalar(self) -> ScalarKind | None:
+        """What the field is where it has one component; None of a displacement."""
+        return None
+
+    @property
+    def capacity(self) -> Regional | None:
+        """What stores the field, the factor of its rate: that of heat."""
+        return None
+
+    def check_on(self, dim: int, regions: Sequence[str]) -> None:
+        """Refuse what does not go with a mesh of so many directions and of these regions."""
 
     @property
     def homogeneous(self) -> bool:

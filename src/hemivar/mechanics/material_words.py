@@ -1,4 +1,4 @@
-"""Words of materials: what a plane model assumes, what a locking material limits, how bounds were found."""
+"""Words of materials: what a plane model assumes, what one component is, what locks, how bounds were found."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from hemivar.errors import ProblemError
 
-__all__ = ["BoundsBy", "PlaneState", "StrainMeasure", "plane_state", "strain_measure"]
+__all__ = ["BoundsBy", "PlaneState", "ScalarKind", "StrainMeasure", "plane_state", "scalar_kind", "strain_measure"]
 
 
 class PlaneState(StrEnum):
@@ -27,6 +27,42 @@ def plane_state(value: object) -> PlaneState:
         return PlaneState(value)  # type: ignore[arg-type]
     except ValueError as error:
         raise ProblemError(f"plane = {value!r}; choose 'strain' or 'stress'") from error
+
+
+class ScalarKind(StrEnum):
+    """What the one component of a problem is; names only, the equations are the same."""
+
+    MEMBRANE = "membrane"
+    ANTIPLANE = "antiplane"
+    HEAT = "heat"
+
+    @property
+    def unknown(self) -> str:
+        """What u is called."""
+        return {"membrane": "deflection", "antiplane": "displacement", "heat": "temperature"}[self.value]
+
+    @property
+    def constant(self) -> str:
+        """What the coefficient is called."""
+        return {"membrane": "tension", "antiplane": "shear modulus", "heat": "conductivity"}[self.value]
+
+    @property
+    def flux(self) -> str:
+        """What ``A grad u`` is called."""
+        return {"membrane": "force", "antiplane": "shear stress", "heat": "heat flow"}[self.value]
+
+
+def scalar_kind(value: object) -> ScalarKind:
+    """What one component is, by its word.
+
+    Raises
+    ------
+    ProblemError
+    """
+    try:
+        return ScalarKind(value)  # type: ignore[arg-type]
+    except ValueError:
+        raise ProblemError(f"kind = {value!r}; choose 'membrane', 'antiplane' or 'heat'") from None
 
 
 class StrainMeasure(StrEnum):

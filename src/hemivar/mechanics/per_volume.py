@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -13,27 +13,31 @@ from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, ScalarData, evaluate_scalar, plain_data
 from hemivar.mechanics.instants import refuse_time
 
-__all__ = ["Regional", "at_place", "checked_per_volume", "checked_quantity", "constant_of"]
+__all__ = ["Regional", "at_place", "checked_per_volume", "checked_quantity", "constant_of", "refuse_unknown"]
 
 #: A quantity that may be given by region.
 Regional = ScalarData | Mapping[str, ScalarData]
 
 
-def checked_per_volume(value: object, name: str, regions: list[str]) -> Regional:
+def refuse_unknown(what: str, parts: Mapping[str, object], regions: Sequence[str]) -> None:
+    """Refuse a quantity by region that names one which the mesh does not have."""
+    for region in parts:
+        if region not in regions:
+            near = suggest(str(region), regions, "regions")
+            raise ProblemError(f"{what} names region '{region}', which the mesh does not have{near}")
+
+
+def checked_per_volume(value: object, name: str) -> Regional:
     """A quantity that is not negative: a number, a function of the place, or a mapping of region name to one of these.
 
     Raises
     ------
     ProblemError
-        A number is negative or not finite, a region is not there, or something depends on time.
+        A number is negative or not finite, or something depends on time.
     """
     if isinstance(value, Mapping):
         if not value:
             raise ProblemError(f"{name} is an empty mapping; give a number for each region of the mesh")
-        for region in value:
-            if region not in regions:
-                near = suggest(str(region), regions, "regions")
-                raise ProblemError(f"{name} names region '{region}', which the mesh does not have{near}")
         parts = {region: checked_quantity(one, f"{name} of region '{region}'") for region, one in value.items()}
         return MappingProxyType(parts)
     return checked_quantity(value, name)

@@ -2,50 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import ClassVar, get_args
+from typing import TYPE_CHECKING
 
-from hemivar.basics.arguments import described, suggest
+import numpy as np
+
+from hemivar.basics.arguments import described, expect, number, suggest
+from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.stated import Form, stated
-from hemivar.basics.units import Units
+from hemivar.basics.stated import Form, stated, stated_of_one
+from hemivar.basics.types import IntArray
+from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.errors import ProblemError
-from hemivar.laws import (
-    ContactLaw,
-    Friction,
-    NoFriction,
-    OrthotropicFriction,
-    OrthotropicLaw,
-    Superpotential,
-    VectorLaw,
-)
-from hemivar.laws.memory import Memory, Secant
 from hemivar.mechanics.conditions import (
     LARGEST,
     SUPPORTS,
+    Clamped,
     Fixed,
     Prescribed,
     Pressure,
+    Roller,
     ScalarData,
     Support,
     Traction,
     VectorData,
     check_finite,
+    condition_at_time,
     plain_data,
+    prescribed_values,
+    traction_value,
 )
-from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time
+from hemivar.mechanics.foundation import Contact, Side
+from hemivar.mechanics.instants import depends_on_time, error_context
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import checked_quantity
-from hemivar.mechanics.statement_base import ORDER, Statement
+from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Contact", "ContactProblem", "Quadrature"]
+__all__ = ["AREA", "ContactProblem", "Quadrature", "expect_body"]
+
+#: What contact over the whole mesh is called.
+AREA = "area"
+#: What scalar problems had, and where it stands.
+_RENAMED = {
+    "coefficient": "material.coefficient", "density": "material.density", "viscosity": "material.viscosity",
+    "capacity": "material.capacity", "area": "contact, by region", "contacts": "contact", "source": "body_force",
+    "fluxes": "tractions",
+}  # fmt: skip
 
 
 class Quadrature(StrEnum):
@@ -60,179 +70,11 @@ class Quadrature(StrEnum):
 
 @known_fields
 @dataclass(frozen=True, eq=False)
-class Contact(PickleMixin):
-    """What the foundation does along one contact boundary.
-
-    Attributes
-    ----------
-    normal : Superpotential
-        Law of the penetration ``r_nu = u_nu - gap``.
-    friction : Friction
-        Law of the slip ``u_tau``; none by default.
-    gap : float or callable
-        Distance between body and foundation along the outward normal; a callable gets points, shape (k, d),
-        and returns shape (k,). Negative values mean initial interpenetration. It may depend on time, ``gap(x, t)``,
-        and so may the parameters of both laws.
-    obstacle : Obstacle or None
-        A rigid surface in place of the gap: :class:`Plane`, :class:`Sphere`, :class:`Cylinder` or
-        :class:`SignedDistance`. Gaps are those of the undeformed body; where it overlaps the obstacle they are negative
-        (an interference fit, or an indentation stated by the place of the obstacle). One that lies inside the body is
-        refused by :func:`discretize`.
-    normals : Normals or None
-        Contact normals of the obstacle (``"obstacle"``, the default with an obstacle) or of the body (``"body"``, the
-        default, and all there is, without one).
-    belt : vector, shape (d,), or callable
-        Displacement of the foundation along its surface, from which the slip is counted; its part along the normal does
-        not count. A belt that runs with the velocity v is ``lambda x, t: v * t``; it may vary over the boundary, as on
-        a turning disc.
-    damping : Superpotential or None
-        Law of the rate of the penetration, ``r_nu'``, whose pressure adds to that of the normal law; what does not
-        depend on time refuses it.
-    memory : tuple of Memory or None
-        What the contact points remember, one after the other: wear, a bond, the largest opening so far (see
-        ``hemivar.laws.memory``); what does not depend on time refuses it.  Glue remembers its largest opening by
-        default (``Secant()``), and ``memory=()`` keeps it elastic; any other law remembers nothing.
-
-    Raises
-    ------
-    ProblemError
-        If gap and obstacle are both given, or normals of an obstacle that is not; if damping is no law, or memory no
-        memory.
-    """
-
-    normal: Superpotential | VectorLaw
-    friction: Friction = field(default_factory=NoFriction)
-    gap: ScalarData = field(
-        default=0.0,
-        metadata=stated(
-            Form.QUANTITY,
-            "distance between body and foundation along the outward normal *(f, t)*; negative: they overlap at the "
-            "start",
-            timed=True,
-        ),
-    )
-    obstacle: Obstacle | None = None
-    normals: Normals | None = None
-    damping: Superpotential | None = None
-    memory: tuple[Memory, ...] | None = None
-    belt: VectorData | float = field(
-        default=0.0,
-        metadata=stated(
-            Form.VECTOR,
-            "displacement of the foundation along its surface, a list of numbers or formulas *(f, t)*: slip is counted "
-            'from it. A belt that runs at 2 along x: `["2*t", 0]`',
-            timed=True,
-            left_out="at rest",
-        ),
-    )
-
-    def __post_init__(self) -> None:
-        _ = self.law
-        self._check_evolving()
-        object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False, most=LARGEST))
-        belt = plain_data(self.belt, "belt", most=LARGEST)
-        if isinstance(belt, float) and belt != 0.0:
-            raise ProblemError(f"belt = {belt:g} has no direction; give a vector, such as belt=({belt:g}, 0.0)")
-        object.__setattr__(self, "belt", belt)
-        self._check_obstacle()
-
-    def _check_evolving(self) -> None:
-        if self.damping is not None:
-            if not isinstance(self.damping, Superpotential):
-                raise ProblemError(
-                    f"damping is {described(self.damping)}; give a law of the rate of the penetration, such as "
-                    "Compliance(2.0)"
-                )
-            _ = ContactLaw(self.damping)
-        if self.memory is None:
-            return
-        memory = self.memory if isinstance(self.memory, Sequence) else (self.memory,)
-        for one in memory:
-            if not isinstance(one, Memory):
-                raise ProblemError(
-                    f"memory holds {described(one)}; give what contact points may remember, a list of Secant(), "
-                    "Wear(...) and the like"
-                )
-            for part in fields(one):  # type: ignore[arg-type]
-                if law_depends_on_time(getattr(one, part.name)) or depends_on_time(getattr(one, part.name)):
-                    raise ProblemError(
-                        f"{part.name} of memory '{one.name}' depends on time, which it cannot; of a foundation that "
-                        "changes with time state the law, the damping or the gap so"
-                    )
-        object.__setattr__(self, "memory", tuple(memory))
-
-    def _check_obstacle(self) -> None:
-        if self.obstacle is None:
-            if self.normals not in (None, Normals.BODY):
-                raise ProblemError(f"normals = {self.normals!r} needs an obstacle; give one or leave normals out")
-            object.__setattr__(self, "normals", Normals.BODY)
-            return
-        if not isinstance(self.obstacle, Obstacle):
-            raise ProblemError(
-                f"obstacle is {described(self.obstacle)}; pass Plane(...), Sphere(...), Cylinder(...) or "
-                f"SignedDistance(...)"
-            )
-        if callable(self.gap) or self.gap != 0.0:
-            raise ProblemError("gap and obstacle are both given; the gap follows from the obstacle: leave one out")
-        if isinstance(self.obstacle, SignedDistance) and depends_on_time(self.obstacle.function):
-            raise ProblemError(
-                "the signed distance of an obstacle depends on time, which it cannot; for a foundation that moves "
-                "state a gap that depends on t"
-            )
-        try:
-            object.__setattr__(self, "normals", Normals(self.normals or Normals.OBSTACLE))
-        except ValueError:
-            raise ProblemError(f"normals = {self.normals!r}; choose Normals.OBSTACLE or Normals.BODY") from None
-
-    @property
-    def law(self) -> VectorLaw:
-        """Normal and friction law together; a law that couples opening and slip stands for both."""
-        if not isinstance(self.normal, VectorLaw):
-            if isinstance(self.friction, OrthotropicFriction):
-                return OrthotropicLaw(self.normal, self.friction)
-            return ContactLaw(self.normal, self.friction)
-        if isinstance(self.normal, ContactLaw):
-            raise ProblemError("a contact is given a ContactLaw; give its parts, Contact(normal, friction)")
-        if self.friction.acts:
-            damaged = ", or in time let its damaged share rub, memory=(Secant(friction=0.5),)"
-            raise ProblemError(
-                f"law '{self.normal.name}' couples opening and slip, and is the law of both components; leave "
-                f"the friction '{self.friction.name}' out{damaged if self.normal.remembers else ''}"
-            )
-        return self.normal
-
-    @cached_property
-    def remembers(self) -> tuple[Memory, ...]:
-        """What the contact points remember in time: what is stated, and of glue by default its largest opening."""
-        if self.memory is None:
-            return (Secant(),) if self.law.remembers else ()
-        return self.memory
-
-    @property
-    def time_dependent(self) -> frozenset[str]:
-        """What depends on time: "gap" (of which the way of a belt is a part), "law", or both."""
-        laws = any(law_depends_on_time(law) for law in (self.normal, self.friction, self.damping))
-        moves = depends_on_time(self.gap) or depends_on_time(self.belt)
-        return frozenset((["gap"] if moves else []) + (["law"] if laws else []))
-
-    def at_time(self, t: float) -> Contact:
-        """The contact at a time; itself if it does not depend on time."""
-        if not self.time_dependent:
-            return self
-        return replace(
-            self,
-            normal=law_at_time(self.normal, t),
-            friction=law_at_time(self.friction, t),
-            gap=at_time(self.gap, t),
-            damping=law_at_time(self.damping, t),
-            belt=at_time(self.belt, t),
-        )
-
-
-@known_fields
-@dataclass(frozen=True, eq=False)
-class ContactProblem(Statement):
+class ContactProblem(PickleMixin, ReprMixin):
     """An elastic body, its supports and loads, and the foundations it may touch.
+
+    With :meth:`Material.gradient` it has one component: a membrane, antiplane shear or heat, which
+    :func:`ScalarProblem` states in its own words.
 
     Loads, prescribed displacements, gaps and the parameters of laws may depend on time: as functions of place and time,
     ``f(x, t)``, or as formulas with t. :meth:`at_time` gives the problem at one time, which is what
@@ -242,10 +84,11 @@ class ContactProblem(Statement):
     ----------
     mesh : Mesh
     material : Material
-    contact : mapping of boundary name to Contact
+    contact : mapping of name to Contact
+        By boundary, and of one component by region too; :data:`AREA` is the whole mesh.
     supports : mapping of boundary name to Support
         :class:`Clamped`, :class:`Roller`, :class:`Fixed` or :class:`Prescribed`; ``"clamped"`` and ``"roller"`` are
-        turned into the first two.
+        turned into the first two.  Of one component a number or a callable that returns shape (k,), as the loads are.
     body_force : vector, shape (d,), or callable
         Force per volume; a callable gets points, shape (k, d), and returns shape (k, d).
     tractions : mapping of boundary name to vector, callable or Pressure
@@ -268,28 +111,33 @@ class ContactProblem(Statement):
         sense.
     """
 
-    load_names: ClassVar[tuple[str, str]] = "body_force", "tractions"
-
     mesh: Mesh
     material: Material
     contact: Mapping[str, Contact] = field(default_factory=dict)
-    supports: Mapping[str, Support] = field(default_factory=dict)
-    body_force: VectorData | float = field(
+    supports: Mapping[str, Support | ScalarData] = field(
+        default_factory=dict, metadata=stated_of_one(Form.QUANTITY, timed=True, by="boundary")
+    )
+    body_force: VectorData | ScalarData = field(
         default=0.0,
         metadata=stated(
             Form.VECTOR, "force per volume, one number for each direction *(f, t)*",
             key="body", timed=True, table="loads",
-        ),
+        ) | stated_of_one(Form.QUANTITY, key="source", timed=True, table="loads"),
     )  # fmt: skip
     tractions: Mapping[str, Traction] = field(
         default_factory=dict,
         metadata=stated(
             Form.VECTOR, "force per area of boundary, by name: `traction = { top = [0.0, -2.0] }` *(f, t)*",
             key="traction", timed=True, by="boundary", table="loads",
-        ),
+        ) | stated_of_one(Form.QUANTITY, key="flux", timed=True, by="boundary", table="loads"),
     )  # fmt: skip
     title: str = ""
-    order: int = field(default=1, metadata=ORDER)
+    order: int = field(
+        default=1,
+        metadata=stated(
+            Form.WHOLE, "1: linear elements; 2: quadratic ones (contact in 3D needs 1)", least=1, most=2, table="mesh"
+        ),
+    )
     quadrature: Quadrature = field(
         default=Quadrature.NODAL,
         metadata=stated(
@@ -307,75 +155,255 @@ class ContactProblem(Statement):
             "stiffness per volume of springs all over the body, a force `-bedding u` per volume (Winkler), >= 0 *(f)*; "
             "such a body needs no support, and a warning says what digits a soft one costs",
             least=0.0, table="loads",
-        ),
+        ) | stated_of_one(Form.QUANTITY, least=0.0, table="loads"),
     )  # fmt: skip
     units: Units = field(default_factory=Units)
 
     def __post_init__(self) -> None:
         self._check_frame()
-        if not isinstance(self.material, Material) or type(self.material) is Material:
-            raise ProblemError(
-                f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
-            )
-        try:
-            object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
-        except ValueError as error:
-            raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
-        for name in ("contact", "supports", "tractions"):
+        for name in ("supports", "tractions"):
             self._check_boundaries(name)
-        if self.contact and self.order == 2 and self.mesh.dim == 3:
-            raise ProblemError(
-                "contact with elements of order 2 in 3D is not available (corner weights vanish); take order=1"
-            )
-        if self.contact and self.quadrature is Quadrature.MIDPOINT and self.mesh.dim == 3:
-            raise ProblemError(
-                "quadrature at midpoints is for plane bodies: in 3D a contact boundary has about twice as many facets "
-                "as nodes, more pressures than displacements can tell apart; take Quadrature.NODAL"
-            )
-        stated = {name: SUPPORTS.get(one, one) if isinstance(one, str) else one for name, one in self.supports.items()}
-        object.__setattr__(self, "supports", MappingProxyType(stated))
+        self._check_contacts()
         self._check_values()
-        object.__setattr__(self, "body_force", plain_data(self.body_force, "body_force"))
-        object.__setattr__(self, "bedding", checked_quantity(self.bedding, "bedding"))
-        forces = {
-            name: value if isinstance(value, Pressure) else plain_data(value, f"tractions['{name}']")
-            for name, value in self.tractions.items()
-        }
-        object.__setattr__(self, "tractions", MappingProxyType(forces))
         self._check_overlaps()
 
     def __repr__(self) -> str:
         parts = [repr(self.title)] if self.title else []
-        parts += [repr(self.mesh), type(self.material).__name__.lstrip("_").lower() + " material"]
-        parts += [f"contact on {name}: {contact.law.name}" for name, contact in self.contact.items()]
-        parts += [f"{type(support).__name__} on {name}" for name, support in self.supports.items()]
-        return f"ContactProblem({', '.join(parts)})"
+        what = self.kind.value if self.kind else type(self.material).__name__.lstrip("_").lower() + " material"
+        parts += [what, repr(self.mesh)] if self.kind else [repr(self.mesh), what]
+        for name, contact in self.contact.items():
+            law = contact.friction if self.kind and contact.rubs else contact.law
+            parts.append(f"contact {'over' if name in self.areas else 'on'} {name}: {law.name}")
+        for name, support in self.supports.items():
+            parts.append(f"{'held' if self.kind else type(support).__name__} on {name}")
+        return f"{'Scalar' if self.kind else 'Contact'}Problem({', '.join(parts)})"
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            now = f"; it is {_RENAMED[name]}" if name in _RENAMED else ""
+            raise AttributeError(f"a ContactProblem has no attribute '{name}'{now}")
+
+    @property
+    def kind(self) -> ScalarKind | None:
+        """What the field is where it has one component; None of a displacement."""
+        return self.material.scalar
+
+    @property
+    def components(self) -> int:
+        """Components of the field: those of a displacement, or 1."""
+        return 1 if self.kind else self.mesh.dim
+
+    @property
+    def unknown(self) -> str:
+        """What the field is called."""
+        return self.kind.unknown if self.kind else "displacement"
+
+    @property
+    def thermal(self) -> bool:
+        """Whether the field is a temperature."""
+        return self.kind is ScalarKind.HEAT
+
+    @property
+    def load_names(self) -> tuple[str, str]:
+        """What the load per volume and the loads by boundary are called."""
+        return ("source", "fluxes") if self.kind else ("body_force", "tractions")
+
+    @cached_property
+    def areas(self) -> Mapping[str, IntArray]:
+        """The cells of contacts over areas, by name, in their order."""
+        regions = {AREA: np.arange(self.mesh.number_of_cells), **self.mesh.regions}
+        return {name: regions[name] for name in self.contact if name not in self.mesh.boundaries}
+
+    def on(self, mesh: Mesh) -> ContactProblem:
+        """The same problem on another mesh, which must have the same names."""
+        return replace(self, mesh=mesh)
+
+    @property
+    def time_dependent(self) -> frozenset[str]:
+        """What depends on time: some of "load", "supports", "gap" and "law"; empty at rest."""
+        found = {part for contact in self.contact.values() for part in contact.time_dependent}
+        loads = (self.body_force, *map(traction_value, self.tractions.values()))
+        held = (value for support in self.supports.values() for value in prescribed_values(support))
+        found |= {"load"} if any(map(depends_on_time, loads)) else set()
+        return frozenset(found | ({"supports"} if any(map(depends_on_time, held)) else set()))
+
+    def at_time(self, t: float) -> ContactProblem:
+        """The problem at a time: itself if nothing depends on time.
+
+        Raises
+        ------
+        ProblemError
+            The time is not a finite number.
+        """
+        t = number(t, "the time", "give a finite number")
+        if not np.isfinite(t):
+            raise ProblemError(f"the time is {t!r}; give a finite number")
+        if not self.time_dependent:
+            return self
+        bound = copy.copy(self)  # what holds of the statement holds at every time, and is not checked again
+
+        def put(name: str, value: object) -> None:
+            object.__setattr__(bound, name, value)
+
+        put("body_force", condition_at_time(self.body_force, t))
+        put("contact", MappingProxyType({name: one.at_time(t) for name, one in self.contact.items()}))
+        for name in ("supports", "tractions"):
+            parts = {key: condition_at_time(one, t) for key, one in getattr(self, name).items()}
+            put(name, MappingProxyType(parts))
+        return bound
+
+    # ---- what is checked ------------------------------------------------------------------------------------
+
+    def _check_frame(self) -> None:
+        """Refuse what is no mesh, no order, no units or no material."""
+        expect(self.units, Units, "units", UNITS_REMEDY)
+        if not isinstance(self.mesh, Mesh):
+            raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
+        if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
+            raise ProblemError(f"order = {self.order!r}; give 1 or 2")
+        if not isinstance(self.material, Material) or type(self.material) is Material:
+            raise ProblemError(
+                f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
+            )
+        if self.kind not in (None, ScalarKind.HEAT) and self.mesh.dim == 3:
+            raise ProblemError(f"kind = '{self.kind}' needs a plane mesh, and this one lies in space; take a rectangle")
+        self.material.check_on(self.mesh.dim, list(self.mesh.regions))
+        try:
+            object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
+        except ValueError as error:
+            raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
+
+    def _check_contacts(self) -> None:
+        """Refuse contact that is none, or that the mesh, the order or the field does not take."""
+        self._check_mapping("contact")
+        for name, contact in self.contact.items():
+            self._check_contact(name, contact)
+        areas = [name for name in self.contact if name not in self.mesh.boundaries]
+        if self.kind and self.order == 2 and (areas or (self.contact and self.mesh.dim == 3)):
+            raise ProblemError(
+                "contact over an area (or on a boundary in space) is not available with elements of order 2, "
+                "whose corner weights vanish; take order=1"
+            )
+        if self.contact and self.order == 2 and self.mesh.dim == 3:
+            raise ProblemError(
+                "contact with elements of order 2 in 3D is not available (corner weights vanish); take order=1"
+            )
+        midpoint = self.quadrature is Quadrature.MIDPOINT
+        if self.kind and midpoint:
+            raise ProblemError("a scalar problem has its laws at the nodes; take Quadrature.NODAL")
+        if self.contact and midpoint and self.mesh.dim == 3:
+            raise ProblemError(
+                "quadrature at midpoints is for plane bodies: in 3D a contact boundary has about twice as many facets "
+                "as nodes, more pressures than displacements can tell apart; take Quadrature.NODAL"
+            )
+
+    def _check_contact(self, name: str, contact: object) -> None:
+        in_region = name == AREA or name in self.mesh.regions
+        if not self.kind or not in_region:
+            self._check_name("contact", name, "boundary", "boundaries")
+        elif name in self.mesh.boundaries:
+            raise ProblemError(f"contact names '{name}', a boundary and a region; rename one of them in the mesh")
+        if not isinstance(contact, Contact):
+            wrap = "ScalarContact(Signorini(), level=0.1)" if self.kind else "Contact(law, friction)"
+            raise ProblemError(f"contact['{name}'] is {described(contact)}; wrap the law: {wrap}")
+        if self.kind:
+            with error_context(f"contact '{name}'"):
+                contact.refuse_directions()
+        elif contact.side is not Side.ABOVE:
+            raise ProblemError(f"contact['{name}'] has a side, which is for one component; leave it out")
+        dim = self.mesh.dim
+        if contact.obstacle is not None and contact.obstacle.dim not in (None, dim):
+            raise ProblemError(
+                f"the obstacle of contact['{name}'] has {contact.obstacle.dim} coordinates, the mesh has {dim}; "
+                f"give its vectors {dim} components"
+            )
 
     def _check_values(self) -> None:
-        dim = self.mesh.dim
-        _check_vector(self.body_force, dim, "body_force", allow_zero=True)
-        for name, contact in self.contact.items():
-            if not isinstance(contact, Contact):
-                raise ProblemError(f"contact['{name}'] is {described(contact)}; wrap the law: Contact(law, friction)")
-            if contact.obstacle is not None and contact.obstacle.dim not in (None, dim):
-                raise ProblemError(
-                    f"the obstacle of contact['{name}'] has {contact.obstacle.dim} coordinates, the mesh has {dim}; "
-                    f"give its vectors {dim} components"
-                )
-        for name, support in self.supports.items():
-            if not isinstance(support, get_args(Support)):
-                near = suggest(support, list(SUPPORTS), "words") if isinstance(support, str) else ""
-                raise ProblemError(
-                    f"supports['{name}'] is {described(support)}{near}; "
-                    "pass Clamped(), Roller(), Fixed(...) or Prescribed(...)"
-                )
-            if isinstance(support, Prescribed):
-                _check_vector(support.value, dim, f"supports['{name}']")
-            if isinstance(support, Fixed) and dim == 2 and support.z is not None:
-                raise ProblemError(f"supports['{name}'] fixes z, but the mesh is plane; remove z")
-        for name, traction in self.tractions.items():
-            if not isinstance(traction, Pressure):
-                _check_vector(traction, dim, f"tractions['{name}']", allow_zero=True)
+        """Refuse supports and loads that do not fit the field, and keep them as plain data."""
+        loads = self.load_names
+        supports = {name: self._support(f"supports['{name}']", one) for name, one in self.supports.items()}
+        tractions = {
+            name: one if isinstance(one, Pressure) and not self.kind else self._plain(f"{loads[1]}['{name}']", one)
+            for name, one in self.tractions.items()
+        }
+        for name, value in {
+            "supports": MappingProxyType(supports),
+            "tractions": MappingProxyType(tractions),
+            "body_force": self._plain(loads[0], self.body_force),
+            "bedding": checked_quantity(self.bedding, "bedding"),
+        }.items():
+            object.__setattr__(self, name, value)
+
+    def _plain(self, name: str, value: object) -> VectorData | ScalarData:
+        """A load as plain data of as many components as the field has."""
+        if self.kind:
+            return plain_data(value, name, vector=False, most=LARGEST)
+        _check_vector(value, self.mesh.dim, name, allow_zero=True)
+        return plain_data(value, name)
+
+    def _support(self, name: str, given: object) -> Support | ScalarData:
+        if self.kind:
+            return plain_data(given, name, vector=False, most=LARGEST)
+        support = SUPPORTS.get(given, given) if isinstance(given, str) else given
+        if not isinstance(support, Support):
+            near = suggest(support, list(SUPPORTS), "words") if isinstance(support, str) else ""
+            raise ProblemError(
+                f"{name} is {described(support)}{near}; pass Clamped(), Roller(), Fixed(...) or Prescribed(...)"
+            )
+        if isinstance(support, Prescribed):
+            _check_vector(support.value, self.mesh.dim, name)
+        if isinstance(support, Fixed) and self.mesh.dim == 2 and support.z is not None:
+            raise ProblemError(f"{name} fixes z, but the mesh is plane; remove z")
+        return support
+
+    def _check_boundaries(self, name: str) -> None:
+        """Refuse a field that does not map boundaries of the mesh to conditions."""
+        self._check_mapping(name)
+        for boundary in getattr(self, name):
+            self._check_name(name, boundary, "boundary", "boundaries")
+
+    def _check_mapping(self, name: str) -> None:
+        given = getattr(self, name)
+        if not isinstance(given, Mapping):
+            raise ProblemError(
+                f"{name} must map boundary names to conditions, {{'left': ...}}; it is {described(given)}"
+            )
+        object.__setattr__(self, name, MappingProxyType(dict(given)))
+
+    def _check_name(self, what: str, name: object, one: str, many: str) -> None:
+        """Refuse the name of a boundary or region that the mesh does not have."""
+        known = list(getattr(self.mesh, many))
+        if name not in known:
+            near = suggest(str(name), known, many)
+            raise ProblemError(f"{what} names {one} '{name}', which the mesh does not have{near}")
+
+    def _check_overlaps(self) -> None:
+        """Refuse facets of two foundations, and of one where a support holds everything."""
+        on_boundaries = [name for name in self.contact if name not in self.areas]
+        used = [*{*on_boundaries, *self.supports}]
+        facets = [self.mesh.boundaries[name] for name in used]
+        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
+        keys = {
+            name: facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
+        }
+        names = on_boundaries
+        for i, first in enumerate(names):
+            for second in names[i + 1 :]:
+                shared = int(np.isin(keys[first], keys[second]).sum())
+                if shared:
+                    raise ProblemError(
+                        f"contact boundaries '{first}' and '{second}' share {shared} facets; a facet can "
+                        f"touch one foundation only: separate them"
+                    )
+            for other, support in self.supports.items():
+                shared = int(np.isin(keys[first], keys[other]).sum())
+                if shared and not isinstance(support, Roller | Fixed):
+                    how = "clamped" if isinstance(support, Clamped) else f"held by a prescribed {self.unknown}"
+                    raise ProblemError(
+                        f"contact boundary '{first}' is {how} (support '{other}', {shared} common facets), so no "
+                        "contact can happen there; remove one of the two"
+                    )
 
 
 def _check_vector(value: object, dim: int, name: str, allow_zero: bool = False) -> None:
@@ -386,3 +414,16 @@ def _check_vector(value: object, dim: int, name: str, allow_zero: bool = False) 
         return
     if array.shape != (dim,):
         raise ProblemError(f"{name} has shape {array.shape}; on this mesh it needs {dim} components")
+
+
+def expect_body(problem: object, what: str, remedy: str) -> ContactProblem:
+    """The problem, if it is one of an elastic body.
+
+    Raises
+    ------
+    ProblemError
+    """
+    found = expect(problem, ContactProblem, what, remedy)
+    if found.kind:
+        raise ProblemError(f"{what} is a ScalarProblem; {remedy}")
+    return found

@@ -21,11 +21,12 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import NoContact, PiecewiseQuadratic, Superpotential
 from hemivar.laws.consistency import check_own
-from hemivar.mechanics.coefficient import Coefficient
 from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
+from hemivar.mechanics.gradient_material import Coefficient
 from hemivar.mechanics.instants import law_depends_on_time
-from hemivar.mechanics.per_volume import Regional, checked_per_volume
-from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem
+from hemivar.mechanics.material_words import ScalarKind
+from hemivar.mechanics.per_volume import Regional, checked_per_volume, refuse_unknown
+from hemivar.mechanics.scalar import ScalarContact, ScalarProblem
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 
 __all__ = ["Heat", "HeatContact", "Touching"]
@@ -302,7 +303,7 @@ class Heat(PickleMixin):
             one.share > 0.0 or one.depends_on_state for one in self.contact.values()
         )
 
-    def conduction(self, problem: ContactProblem) -> ScalarProblem:
+    def conduction(self, problem: ContactProblem) -> ContactProblem:
         """The heat in the body of a problem, without what its motion does to it.
 
         Raises
@@ -327,7 +328,8 @@ class Heat(PickleMixin):
         for name in ("expansion", "thermal_stress"):
             value = getattr(self, name)
             if value is not None:
-                checked_per_volume(value, name, list(mesh.regions))
+                checked_per_volume(value, name)
+                refuse_unknown(name, value if isinstance(value, Mapping) else {}, list(mesh.regions))
         exchanged = {name: ScalarContact(one.law, one.temperature) for name, one in self.contact.items()}
         if isinstance(self.capacity, int | float) and not self.capacity > 0.0:
             raise ProblemError(f"capacity = {self.capacity:g} of Heat; it must be positive")

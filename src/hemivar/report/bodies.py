@@ -11,7 +11,6 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, write_below, write_foot
 from hemivar.report.deformed import BodyColour, DeformedBody
@@ -88,7 +87,7 @@ def plot_solution(
         colours; or a scalar problem, which has colours of its own, is given some.
     """
     line, title = certificate_line(solution, certificate), title_of(solution, title)
-    if isinstance(solution.problem.origin, ScalarProblem):
+    if solution.problem.origin and solution.problem.origin.kind:
         if colour is not None:
             raise ProblemError(f"colour = {str(colour)!r}: a scalar problem is coloured by its unknown; leave it out")
         with drawing():

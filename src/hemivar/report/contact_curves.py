@@ -13,7 +13,6 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import contact_boundaries
 from hemivar.laws import ContactLaw
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, with_notes, write_foot
 from hemivar.report.contact_maps import contact_maps
 from hemivar.report.picture import new_figure
@@ -68,7 +67,7 @@ def plot_contact(
         contact = problem.contact
         if over_area(solution).any():
             return area_maps(solution, title, unit, stress_unit, line)
-        if isinstance(problem.origin, ScalarProblem) and problem.origin.mesh.dim == 3:
+        if problem.origin and problem.origin.kind and problem.origin.mesh.dim == 3:
             raise ProblemError("contact of one component in space is not drawn along a line; write it with write_vtu")
         if contact.components == 3 and problem.field is not None and contact_boundaries(problem):
             return contact_maps(solution, title, unit, stress_unit, line)

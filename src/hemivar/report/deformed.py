@@ -14,7 +14,6 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, von_mises
-from hemivar.mechanics import ContactProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.style import MANY_CELLS, with_unit
 from hemivar.solvers import Solution
@@ -115,7 +114,7 @@ class DeformedBody:
 
     def colour(self, given: BodyColour | str | None) -> BodyColour:
         """What colours the body: by itself stress in space and where cells are many, else nothing."""
-        material = isinstance(self.problem.origin, ContactProblem)
+        material = self.problem.origin is not None and not self.problem.origin.kind
         usual = BodyColour.STRESS if material else BodyColour.DISPLACEMENT
         if self.mesh.dim == 2 and (not material or self.mesh.number_of_cells <= MANY_CELLS):
             usual = BodyColour.NONE
@@ -128,7 +127,7 @@ class DeformedBody:
         """The von Mises stress of the cells in the plane (M,), of the vertices in space (N,); or their displacement."""
         if colour is not BodyColour.STRESS:
             return np.asarray(np.linalg.norm(self.solution.displacement[: self.mesh.number_of_nodes], axis=1))
-        assert isinstance(self.problem.origin, ContactProblem)
+        assert self.problem.origin is not None
         stress = von_mises(self.problem.origin, self.solution.displacement)
         return stress if self.mesh.dim == 2 else nodal_average(self.mesh, stress)
 

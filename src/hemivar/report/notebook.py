@@ -19,7 +19,7 @@ from hemivar.errors import HemivarError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.fem import discretize
 from hemivar.laws import ContactLaw
-from hemivar.mechanics import Contact, ScalarContact, ScalarProblem, Statement
+from hemivar.mechanics import Contact, ContactProblem
 from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.adaptive_figures import plot_adaptive
@@ -249,36 +249,33 @@ def _solution_set(found: SolutionSet) -> _Shown:
     return heading, lambda: [plot_solutions(found)] if drawn else [], table
 
 
-def _problem(problem: Statement) -> _Shown:
+def _problem(problem: ContactProblem) -> _Shown:
     material = problem.material
     what, told = "material", type(material).__name__.strip("_").lower()
     if isinstance(material, GradientMaterial):
         by_region = isinstance(material.coefficient, Mapping)
-        what, told = material.constant, "by region" if by_region else _told(material.coefficient)
+        what, told = material.scalar.constant, "by region" if by_region else _told(material.coefficient)
     rows: list[_Row] = [
         ("mesh", f"{problem.mesh.number_of_cells} cells, {problem.mesh.number_of_nodes} vertices"),
         ("elements", f"of order {problem.order}"),
         (what, told),
-        (problem.load_names[0].replace("_", " "), _told(problem.volume_load)),
+        (problem.load_names[0].replace("_", " "), _told(problem.body_force)),
         ("bedding", None if problem.bedding == 0.0 else _told(problem.bedding)),
         *((f"support: {name}", _told(support)) for name, support in problem.supports.items()),
-        *((f"load: {name}", _told(load)) for name, load in problem.boundary_loads.items()),
-        *((f"contact: {name}", _laws(contact)) for name, contact in problem.contacts.items()),
+        *((f"load: {name}", _told(load)) for name, load in problem.tractions.items()),
+        *((f"contact: {name}", _laws(contact)) for name, contact in problem.contact.items()),
         *_stated_margin(problem),
     ]
-    heading = problem.title or (
-        f"Scalar problem: {problem.kind}" if isinstance(problem, ScalarProblem) else "Contact problem"
-    )
+    heading = problem.title or (f"Scalar problem: {problem.kind}" if problem.kind else "Contact problem")
     return heading, lambda: [plot_problem(problem)] if _small(problem.mesh) else [], _rows(rows)
 
 
-def _laws(contact: Contact | ScalarContact) -> str:
-    if isinstance(contact, ScalarContact):
-        return contact.law.name
-    return contact.normal.name + (f"; friction {contact.friction.name}" if contact.friction.acts else "")
+def _laws(contact: Contact) -> str:
+    rubs = f"friction {contact.friction.name}" if contact.friction.acts else ""
+    return rubs if contact.rubs else "; ".join(filter(None, (contact.normal.name, rubs)))
 
 
-def _stated_margin(problem: Statement) -> list[_Row]:
+def _stated_margin(problem: ContactProblem) -> list[_Row]:
     if problem.mesh.number_of_cells > MANY_CELLS:
         return []
     try:
@@ -386,7 +383,7 @@ _KINDS: Mapping[type, Callable[..., _Shown]] = {
     Certificate: _certificate,
     Path: _path,
     SolutionSet: _solution_set,
-    Statement: _problem,
+    ContactProblem: _problem,
     DiscreteProblem: _discrete,
     History: _history,
     Study: _study,
@@ -399,7 +396,7 @@ _PICTURES: Mapping[type, Callable[..., Figure]] = {
     Certificate: plot_certificate,
     Path: plot_path,
     SolutionSet: plot_solutions,
-    Statement: plot_problem,
+    ContactProblem: plot_problem,
     DiscreteProblem: _stated_of,
     History: plot_march,
     Study: plot_study,

@@ -10,7 +10,8 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.fem.area_average import area_average
 from hemivar.files.boundary import polylines
-from hemivar.mechanics.scalar import ScalarProblem, Side
+from hemivar.mechanics.foundation import Side
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.report.certificate_line import FOOT, write_below, write_foot
 from hemivar.report.drawn_body import DrawnSurface, mark_states
 from hemivar.report.law_figures import law_captions
@@ -31,7 +32,7 @@ _LEVELS = 10
 def over_area(solution: Solution) -> BoolArray:
     """Which contact points belong to a contact over an area, (m,)."""
     contact, stated = solution.problem.contact, solution.problem.origin
-    areas = set(stated.areas) if isinstance(stated, ScalarProblem) else set()
+    areas = set(stated.areas) if stated else set()
     return np.isin(contact.boundary, [k for k, name in enumerate(contact.names) if name in areas])
 
 
@@ -51,7 +52,7 @@ def plot_scalar(
     is coloured.
     """
     stated = solution.problem.origin
-    assert isinstance(stated, ScalarProblem)
+    assert stated is not None
     if stated.mesh.dim == 3:
         return _surface(solution, stated, title, unit, line)
     from matplotlib.lines import Line2D
@@ -67,7 +68,7 @@ def plot_scalar(
     )
     bar = fig.colorbar(colours, ax=ax, location="bottom", shrink=0.8, pad=0.13, aspect=35)
     named = {"membrane": "deflection u", "antiplane": "displacement u across the plane", "heat": "temperature u"}
-    bar.set_label(with_unit(named[stated.kind.value], "" if stated.kind.value == "heat" else unit))
+    bar.set_label(with_unit(named[str(stated.kind)], "" if stated.thermal else unit))
     if np.ptp(values) > 1e-12 * np.abs(values).max(initial=0.0):
         ax.tricontour(grid, values, _LEVELS, colors="white", linewidths=0.5, alpha=0.8, linestyles="solid")
     for edge in polylines(mesh.boundary_facets):
@@ -93,7 +94,7 @@ def plot_scalar(
             mark_states(ax, kind, contact.points[beside[here]], len(beside))
             handles.append(state_mark(kind, f"{kind.label} ({np.count_nonzero(here)})"))
     if legend:
-        sides = {one.side for one in (*stated.contact.values(), *stated.areas.values()) if not one.rubs}
+        sides = {one.side for one in stated.contact.values() if not one.rubs}
         lines = [note] if note else []
         lines += [text for text in law_captions(solution.problem) if not text.lower().startswith("none law")]
         lines += ["foundation below"] if sides == {Side.BELOW} else []
@@ -107,13 +108,13 @@ def plot_scalar(
     return fig
 
 
-def _surface(solution: Solution, stated: ScalarProblem, title: str | None, unit: str, line: str) -> Figure:
+def _surface(solution: Solution, stated: ContactProblem, title: str | None, unit: str, line: str) -> Figure:
     mesh = stated.mesh
     fig = new_figure((6.3, 5.0))
     extent = mesh.points.min(axis=0), mesh.points.max(axis=0)
     drawn = DrawnSurface(fig, (0.02, 0.06, 0.74, 0.82), mesh.boundary_facets, extent, unit, zoom=1.0)
     drawn.move(mesh.points, solution.displacement[: mesh.number_of_nodes, 0])
-    fig.colorbar(drawn.surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(stated.kind.unknown)
+    fig.colorbar(drawn.surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(stated.unknown)
     if title:
         drawn.ax.set_title(title)
     if line:
@@ -134,14 +135,14 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     from matplotlib.tri import Triangulation
 
     problem, stated = solution.problem, solution.problem.origin
-    assert isinstance(stated, ScalarProblem)
+    assert stated is not None
     mesh, contact = stated.mesh, problem.contact
     if mesh.dim == 3:
         raise ProblemError("contact over a volume is not drawn as a flat map; write it with write_vtu")
     over = np.flatnonzero(over_area(solution))
     acts = area_average(problem, solution.pressure + solution.friction.sum(axis=1))[over]  # each has one of the two
     r = solution.local[over].sum(axis=1)
-    rubs = any(one.rubs for one in stated.areas.values())
+    rubs = any(stated.contact[name].rubs for name in stated.areas)
     held = np.ones(mesh.number_of_nodes, dtype=bool)
     held[contact.node[over]] = False
     cells = mesh.cells[(~held[mesh.cells]).all(axis=1)]

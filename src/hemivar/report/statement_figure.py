@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import IntArray
-from hemivar.mechanics import Statement
+from hemivar.mechanics import ContactProblem
 from hemivar.report.drawn_body import PLAIN, DrawnPlane, DrawnSurface
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREEN, RED, body_axes, drawing
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 __all__ = ["painted", "plot_problem"]
 
 
-def plot_problem(problem: Statement, *, unit: str = "", legend: bool = True) -> Figure:
+def plot_problem(problem: ContactProblem, *, unit: str = "", legend: bool = True) -> Figure:
     """The body at rest, with the boundaries that have a condition: supports, loads and contact in colour.
 
     Parameters
     ----------
-    problem : ContactProblem or ScalarProblem
+    problem : ContactProblem
     unit : str
         Unit of length for the labels.
     legend : bool
@@ -33,7 +33,7 @@ def plot_problem(problem: Statement, *, unit: str = "", legend: bool = True) -> 
     from matplotlib.lines import Line2D
 
     roles = {
-        "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, problem.boundary_loads),
+        "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, problem.tractions),
         "contact": (RED, 1.8, problem.contact),
     }  # fmt: skip
     with drawing():
@@ -50,7 +50,7 @@ def plot_problem(problem: Statement, *, unit: str = "", legend: bool = True) -> 
     return fig
 
 
-def _plane(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
+def _plane(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
     """The cells, and the boundaries as lines; of two conditions the narrower line lies above."""
     from matplotlib.collections import LineCollection
 
@@ -65,7 +65,7 @@ def _plane(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -
     return fig, ax
 
 
-def _solid(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
+def _solid(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
     """The surface seen from obliquely below, facets coloured by their last condition, the others transparent."""
     mesh = problem.mesh
     fig = new_figure((6.3, 5.0))
@@ -78,7 +78,7 @@ def _solid(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -
     return fig, drawn.ax
 
 
-def painted(problem: Statement, marks: list[tuple[str, str, float]]) -> tuple[IntArray, list[str]]:
+def painted(problem: ContactProblem, marks: list[tuple[str, str, float]]) -> tuple[IntArray, list[str]]:
     """Facets of the surface (k, 3), and the colour of each: that of the last boundary that holds it, or a plain one."""
     mesh = problem.mesh
     parts = [(f"{PLAIN}50", mesh.boundary_facets)]

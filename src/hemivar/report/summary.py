@@ -14,7 +14,6 @@ from hemivar.basics.types import Array
 from hemivar.basics.units import Units
 from hemivar.certificates import Certificate
 from hemivar.errors import ProblemError
-from hemivar.mechanics import ContactProblem
 from hemivar.solvers import NormalState, Solution, Status, TangentialState
 from hemivar.solvers.contact_states import state_words
 
@@ -126,7 +125,7 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
 
 def _body_part(solution: Solution, units: Units) -> Iterator[Row]:
     """Forces of the supports and the largest stress, of a body whose material and supports are known."""
-    if not isinstance(solution.problem.origin, ContactProblem):
+    if solution.problem.origin is None or solution.problem.origin.kind:
         return
     size = _force_size(solution)
     with contextlib.suppress(ProblemError):  # under another load than the stated one reactions are not known

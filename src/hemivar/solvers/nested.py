@@ -10,7 +10,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.fem.transfer import interpolate
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.base import Solver
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.solution import Solution
@@ -58,7 +58,7 @@ def solve_nested(
 
     Parameters
     ----------
-    problems : sequence of DiscreteProblem, ContactProblem or ScalarProblem
+    problems : sequence of DiscreteProblem or ContactProblem
         From coarse to fine.
     method, controls, rtol
         As in :func:`solve`, for every mesh.
@@ -75,7 +75,7 @@ def solve_nested(
     ProblemError
         The problems are no list, or there is none.
     """
-    if isinstance(problems, DiscreteProblem | Statement | str) or not isinstance(problems, Sequence):
+    if isinstance(problems, DiscreteProblem | ContactProblem | str) or not isinstance(problems, Sequence):
         raise ProblemError(f"the problems are {described(problems)}; give a list of them, from coarse to fine")
     if not problems:
         raise ProblemError("no problem to solve: give the discrete problems from coarse to fine")

@@ -27,7 +27,6 @@ from hemivar.errors import ProblemError
 from hemivar.fem.fields import strain, stress, von_mises
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.small_strain import Deformation, deformation_of
-from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.boundary_result import BoundaryResult, ContactValues, contact_table, table_columns
 from hemivar.solvers.contact_states import ContactStates, contact_states, state_words
@@ -195,9 +194,9 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     def _elastic(self, what: str) -> ContactProblem:
         """What the problem was made of, if it has a material."""
         origin = self.problem.origin
-        if isinstance(origin, ContactProblem):
+        if origin is not None and not origin.kind:
             return origin
-        made = "a scalar problem" if isinstance(origin, ScalarProblem) else "made of arrays"
+        made = "made of arrays" if origin is None else "a scalar problem"
         raise ProblemError(f"there is no {what}: the problem is {made}; state a ContactProblem with a material")
 
     def summary(self, certificate: Certificate | None = None, units: Units | None = None) -> Summary:
@@ -212,7 +211,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     def measured(self) -> str:
         """What :attr:`contact_length` is: a "length", an "area" or a "volume"."""
         stated = self.problem.origin
-        if isinstance(stated, ScalarProblem):
+        if stated is not None and stated.kind:
             return ("length", "area", "volume")[stated.mesh.dim - 2 + bool(stated.areas)]
         return "area" if self.problem.contact.components == 3 else "length"
 

@@ -72,7 +72,7 @@ def solve(
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
         From :func:`hemivar.discretize`, or made of the user's own arrays; a statement is discretised.
     method : Solver or str, optional
         The method with its options, or the name of one, as ``hemivar methods`` lists them; by name, it is made
@@ -119,7 +119,7 @@ def solving(
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     method : Solver or str, optional
         As in :func:`solve`, like all that follow.
     controls : Controls, optional

@@ -14,7 +14,6 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, von_mises
 from hemivar.files.boundary import contact_boundaries
-from hemivar.mechanics import ContactProblem, ScalarProblem
 from hemivar.solvers import ContactStates
 from hemivar.solvers.boundary_result import friction_of
 from hemivar.solvers.contact_states import KINDS
@@ -73,7 +72,7 @@ class BodyShape:
                 "this problem was made of arrays and has no mesh to show; give one, of_arrays(..., mesh=...)"
             )
         mesh, contact = problem.field.mesh, problem.contact
-        scalar = isinstance(problem.origin, ScalarProblem)
+        scalar = problem.origin is not None and problem.origin.kind is not None
         if mesh.dim == 2:
             vertex, triangles, lines = np.arange(mesh.number_of_nodes), mesh.cells, mesh.boundary_facets
         else:
@@ -139,7 +138,7 @@ def fields_of(
     moved_all = displacement.reshape(field.number_of_nodes, -1)
     vertices = moved_all[shape.vertex]
     arrays: dict[str, AnyArray] = {"displacement": _in_space(vertices, height=shape.kind == "scalar")}
-    if isinstance(problem.origin, ContactProblem):
+    if problem.origin is not None and not problem.origin.kind:
         stress = nodal_average(field.mesh, von_mises(problem.origin, displacement))
         arrays["stress"] = stress[shape.vertex]
     penetration = np.full(field.mesh.number_of_nodes, np.nan)

@@ -11,7 +11,7 @@ from hemivar.basics import disk
 from hemivar.errors import ProblemError
 from hemivar.files.problem_file import ProblemFile, problem_text, read_text
 from hemivar.files.sample import template
-from hemivar.mechanics.statement_base import Statement
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.studio.binary_message import Message
 from hemivar.studio.jobs import Bench
 from hemivar.studio.page_worker import Desk
@@ -61,7 +61,7 @@ def show(problem: object = None) -> anywidget.AnyWidget:
 
 def _stated(problem: object) -> str:
     """The problem file that states a problem."""
-    if not isinstance(problem, Statement | ProblemFile):
+    if not isinstance(problem, ContactProblem | ProblemFile):
         kind = type(problem).__name__
         raise ProblemError(f"the studio shows a ContactProblem, a ScalarProblem or a problem file; this is a {kind}")
     return problem_text(problem)

@@ -437,7 +437,7 @@ def condense(problem: Posable, many: bool = False) -> CondensedProblem:
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     many : bool
         The same body will be asked for under many loads: the factors are split in two for a fourth of their price,
         and every load and its way back cost half of a sparse solve each.

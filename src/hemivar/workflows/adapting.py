@@ -7,13 +7,14 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 
 from hemivar.adapt import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
-from hemivar.basics.arguments import expect, expecting
+from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.certificates import Certificate
 from hemivar.certificates.continuous.exact_certificate import statement_of
 from hemivar.errors import HemivarError
 from hemivar.mechanics import ContactProblem
+from hemivar.mechanics.statement import expect_body
 from hemivar.solvers import Controls, Solver
 from hemivar.workflows.events import CertificateEvent, Notice, Work
 from hemivar.workflows.solving import certificate_of
@@ -117,7 +118,7 @@ def adapt(problem: ContactProblem | ManufacturedProblem, options: AdaptOptions |
     """
     options = AdaptOptions() if options is None else options
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
-    problem = expect(problem, ContactProblem, "what to solve adaptively", remedy)
+    problem = expect_body(problem, "what to solve adaptively", remedy)
     given = {name: getattr(options, name) for name in vars(options)}
     found = yield from _levels(problem, given)
     complaint, certificate = "", None

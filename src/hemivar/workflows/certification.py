@@ -52,7 +52,7 @@ def certify(
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     unknowns : array (n,), optional
     multiplier : array (m, d), optional
         Recomputed from equilibrium if not given.

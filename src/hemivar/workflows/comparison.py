@@ -114,7 +114,7 @@ def compare(problem: Posable, options: CompareOptions | None = None) -> Work[Com
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     options : CompareOptions, optional
 
     Yields

@@ -18,7 +18,7 @@ from hemivar.branches import (
 )
 from hemivar.fem import LoadLine
 from hemivar.fem.posed import Posable, posed
-from hemivar.mechanics import Statement
+from hemivar.mechanics import ContactProblem
 from hemivar.solvers.load_stepping import Reached
 from hemivar.workflows.events import FoundEvent, WarningEvent, Work
 
@@ -44,7 +44,7 @@ def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     options : SolutionsOptions, optional
 
     Yields
@@ -75,7 +75,7 @@ def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     options : PathOptions, optional
 
     Yields
@@ -89,7 +89,7 @@ def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
         As :func:`hemivar.follow_path`.
     """
     options = PathOptions() if options is None else options
-    line = LoadLine.of(problem) if isinstance(problem, Statement) else LoadLine(posed(problem, "path"))
+    line = LoadLine.of(problem) if isinstance(problem, ContactProblem) else LoadLine(posed(problem, "path"))
     for warning in line.loaded.notes:
         yield WarningEvent(warning)
     return (yield from following(line.loaded, options, unloaded=line.unloaded))
@@ -104,7 +104,7 @@ def bracket(problem: Posable, options: BracketOptions | None = None) -> Work[Loa
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     options : BracketOptions, optional
 
     Yields

@@ -35,7 +35,7 @@ class RunOptions:
         The method, or its name; chosen by predicted cost and memory if not given.
     controls : Controls
         Tolerances and limits of each solve; the certificate has as much time again.
-    coarser : sequence of DiscreteProblem, ContactProblem or ScalarProblem
+    coarser : sequence of DiscreteProblem or ContactProblem
         The same body on coarser meshes, the coarsest first: each solution is the first guess on the next mesh.
     exact : bool
         Whether the certificate bounds the distance to the exact solution, too.
@@ -81,7 +81,7 @@ def run(problem: Posable, options: RunOptions | None = None, workspace: Workspac
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem or ContactProblem
     options : RunOptions, optional
     workspace : Workspace, optional
         What is known of the body, and stays known; by default the certificate gets the levels of the solve, and factors

@@ -37,7 +37,7 @@ from hemivar.files.kept_solution import KeptSolution
 from hemivar.files.kept_work import KeptWork
 from hemivar.files.problem_file import read_problem_file
 from hemivar.linear.threads import one_thread
-from hemivar.mechanics import ContactProblem, Statement
+from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status, as_method, solving, suited, transfer_solution
 from hemivar.systems import Workspace
@@ -261,7 +261,9 @@ class Study(ReprMixin, PickleMixin):
 
 
 @expecting(options=StudyOptions)
-def studying(problem: Statement | ManufacturedProblem | str | Path, options: StudyOptions | None = None) -> Work[Study]:
+def studying(
+    problem: ContactProblem | ManufacturedProblem | str | Path, options: StudyOptions | None = None
+) -> Work[Study]:
     """Solve a problem on meshes that are halved, each from the solution on the one before, and measure the errors.
 
     Yields :class:`WarningEvent`, :class:`MethodEvent`, for every mesh :class:`Phase`, :class:`StartEvent`, the steps
@@ -273,7 +275,7 @@ def studying(problem: Statement | ManufacturedProblem | str | Path, options: Stu
 
     Parameters
     ----------
-    problem : ContactProblem, ScalarProblem, or path of a problem file
+    problem : ContactProblem, or path of a problem file
     options : StudyOptions, optional
 
     Yields
@@ -289,12 +291,12 @@ def studying(problem: Statement | ManufacturedProblem | str | Path, options: Stu
     """
     options = StudyOptions() if options is None else options
     stated = read_problem_file(problem).problem if isinstance(problem, str | Path) else ManufacturedProblem.of(problem)
-    if not isinstance(stated, Statement):
+    if not isinstance(stated, ContactProblem):
         raise ProblemError(
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
             "whose mesh can be refined"
         )
-    if options.exact and not isinstance(stated, ContactProblem):
+    if options.exact and stated.kind:
         raise ProblemError(
             "study: exact=True (--exact) bounds errors of elastic bodies, not of scalar problems; leave it out"
         )
@@ -329,14 +331,14 @@ def studying(problem: Statement | ManufacturedProblem | str | Path, options: Stu
     return _measured(options, levels, stated, known, interrupted, "" if kept is None else kept.unkept)
 
 
-def study_digest(problem: Statement, options: StudyOptions) -> str:
+def study_digest(problem: ContactProblem, options: StudyOptions) -> str:
     """What tells whether two studies solve the same problems: of the statement with its mesh, the method, the controls.
 
     How often the mesh is halved, and what the solutions are compared with, do not count.
 
     Parameters
     ----------
-    problem : ContactProblem or ScalarProblem
+    problem : ContactProblem
     options : StudyOptions
     """
     digest = hashlib.sha256()
@@ -348,7 +350,7 @@ def study_digest(problem: Statement, options: StudyOptions) -> str:
 
 @known_keywords
 def study(
-    problem: Statement | ManufacturedProblem | str | Path,
+    problem: ContactProblem | ManufacturedProblem | str | Path,
     refine: int = 4,
     *,
     known: KnownField | Sequence[str] | None = None,
@@ -362,7 +364,7 @@ def study(
 
     Parameters
     ----------
-    problem : ContactProblem, ScalarProblem, or path of a problem file
+    problem : ContactProblem, or path of a problem file
     refine, known, method, controls, jobs, checkpoint, exact
         As in :class:`StudyOptions`.
 
@@ -385,7 +387,7 @@ def study(
 
 
 def _levels(
-    stated: Statement, options: StudyOptions, kept: KeptWork[KeptSolution] | None, levels: list[StudyLevel]
+    stated: ContactProblem, options: StudyOptions, kept: KeptWork[KeptSolution] | None, levels: list[StudyLevel]
 ) -> Work[bool]:
     """All meshes from coarse to fine, put into the list when they are done; returns whether it was interrupted."""
     count = options.refine + 1
@@ -455,7 +457,7 @@ def _level(solution: Solution, mesh: Mesh, options: StudyOptions) -> StudyLevel:
     if not isinstance(options.known, KnownField):
         return level
     stated = solution.problem.origin
-    assert isinstance(stated, Statement)
+    assert isinstance(stated, ContactProblem)
     return _against(level, stated, options.known)
 
 
@@ -464,7 +466,7 @@ class _Task:
     """One mesh, with all that a process needs for it."""
 
     number: int
-    stated: Statement
+    stated: ContactProblem
     options: StudyOptions
     folder: Path
     first: int
@@ -472,7 +474,7 @@ class _Task:
 
 
 def _by_processes(
-    stated: Statement, options: StudyOptions, kept: KeptWork[KeptSolution] | None, levels: list[StudyLevel]
+    stated: ContactProblem, options: StudyOptions, kept: KeptWork[KeptSolution] | None, levels: list[StudyLevel]
 ) -> Work[bool]:
     """The meshes that are not in the list yet, by several processes; returns whether the work was interrupted.
 
@@ -534,7 +536,7 @@ def _on(solution: Solution) -> Mesh:
     return solution.problem.field.mesh
 
 
-def _against(level: StudyLevel, stated: Statement, known: KnownField) -> StudyLevel:
+def _against(level: StudyLevel, stated: ContactProblem, known: KnownField) -> StudyLevel:
     """A level with its errors against formulas."""
     norms = error_norms(stated, _nodal(level.solution), known)
     contact = level.solution.contact
@@ -548,7 +550,7 @@ def _nodal(solution: Solution) -> Array:
     return solution.displacement.reshape(-1, solution.problem.field.components)
 
 
-def _pressure(solution: Solution, stated: Statement, known: KnownField) -> Array:
+def _pressure(solution: Solution, stated: ContactProblem, known: KnownField) -> Array:
     """The pressure ``-n . sigma n`` of a known field at the contact points, n their normal; (m,)."""
     contact = solution.contact
     if not contact.count or contact.points is None or contact.frames is None:
@@ -571,7 +573,7 @@ def _bounded(levels: list[StudyLevel]) -> Work[bool]:
         for number, level in enumerate(levels):
             yield Phase(f"h = {level.size:.4g}: bound of the error", number, len(levels))
             stated = level.solution.problem.origin
-            assert isinstance(stated, ContactProblem)
+            assert stated is not None
             try:
                 found = exact_distance(stated, level.solution.displacement, constants)
                 bound = found.distance if found.guaranteed or found.conditions else math.inf
@@ -588,7 +590,7 @@ def _bounded(levels: list[StudyLevel]) -> Work[bool]:
 def _measured(
     options: StudyOptions,
     levels: list[StudyLevel],
-    stated: Statement,
+    stated: ContactProblem,
     known: KnownField | None,
     interrupted: bool,
     unkept: str,
@@ -608,7 +610,7 @@ def _measured(
     return Study(options, tuple(levels), MappingProxyType(sizes), reference, interrupted, unkept)
 
 
-def _against_finest(level: StudyLevel, finest: Solution, fine: Statement) -> StudyLevel:
+def _against_finest(level: StudyLevel, finest: Solution, fine: ContactProblem) -> StudyLevel:
     """A level with its errors against the solution on the finest mesh, on which its own is interpolated exactly."""
     source, target = level.solution.problem.field, finest.problem.field
     assert source is not None

@@ -16,8 +16,9 @@ from hemivar.fem.supports import DEPENDENT
 from hemivar.laws import NoContact
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Roller
+from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.obstacles import Normals, Plane
-from hemivar.mechanics.statement import Contact, ContactProblem
+from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["bare_body", "contact_normals", "facet_cover", "has_constant_normals", "held_facets"]
 

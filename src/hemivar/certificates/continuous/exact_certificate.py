@@ -53,7 +53,7 @@ def distance_to_exact(
     stated = problem.origin
     if problem.field is None or stated is None:
         return nothing("the problem was made of arrays, and no continuous one is known to which it belongs")
-    if not isinstance(stated, ContactProblem):
+    if stated.kind:
         return nothing("stresses in equilibrium are made of elastic bodies, and this is a scalar problem")
     if max_time <= 0.0:
         return nothing("the time limit was reached")

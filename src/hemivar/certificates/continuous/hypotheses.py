@@ -10,7 +10,6 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.bulk_gap import strain_sizes
@@ -24,7 +23,7 @@ from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.parametrised import ParameterLaw
 from hemivar.mechanics.conditions import Roller
 from hemivar.mechanics.obstacles import Plane
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement import ContactProblem, expect_body
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["STRAIGHT", "body_shape", "facet_angles", "inexact_data", "stated_conditions", "unmet_hypotheses"]
@@ -72,7 +71,7 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     ``displacement`` is (nodes, d).
     """
     remedy = "give the ContactProblem that states it: bounds are for elastic bodies at rest"
-    expect(problem, ContactProblem, "the problem of the bound", remedy)
+    expect_body(problem, "the problem of the bound", remedy)
     refuse_evolution(problem)
     found: list[str] = []
     if displacement is not None and _well_formed(problem, displacement):

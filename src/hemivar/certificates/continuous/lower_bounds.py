@@ -44,7 +44,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from hemivar.basics.arguments import expect, whole_number
+from hemivar.basics.arguments import whole_number
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.bare_body import (
     bare_body,
@@ -61,7 +61,7 @@ from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.directed_matrix import directed_matrix
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values, voigt_index
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement import ContactProblem, expect_body
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems.workspace import Workspace
 
@@ -365,7 +365,7 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
         The problem has no contact boundary, supports do not hold the body without it, its material varies within
         cells, or its coarsest mesh has too many.
     """
-    expect(problem, ContactProblem, "the problem of a lower bound", "give the ContactProblem that states the body")
+    expect_body(problem, "the problem of a lower bound", "give the ContactProblem that states the body")
     if cells is not None:
         whole_number(cells, "cells", 1)
     if not problem.contact:

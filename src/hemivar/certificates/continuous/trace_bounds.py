@@ -113,7 +113,7 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
     those of linear ones on the same mesh: constants belong to the body.
     """
     origin = problem.origin
-    if isinstance(origin, ContactProblem) and origin.order != 1:
+    if origin is not None and not origin.kind and origin.order != 1:
         problem = discretize(replace(origin, order=1), check_coercivity=False)
     kept = Workspace.given(workspace)
     energy = energy_norm(problem, kept)
@@ -127,7 +127,7 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
         assert problem.field is not None
         mesh = problem.field.mesh
         at = np.zeros((mesh.number_of_nodes, 2))
-        assert isinstance(problem.origin, ContactProblem)
+        assert problem.origin is not None
         own = np.concatenate([mesh.boundaries[name] for name in problem.origin.contact])
         over = facet_cover(mesh.points[own], facets)
         for column, values in enumerate((normal, tangential)):
@@ -149,7 +149,7 @@ def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | Non
     expect(problem, DiscreteProblem, "the problem of the constants", "give hemivar.discretize(problem)")
     kept = Workspace.given(workspace)
     origin = problem.origin
-    if not isinstance(origin, ContactProblem):
+    if origin is None or origin.kind:
         raise ProblemError("lower bounds of trace constants need the statement of a body; discretize a ContactProblem")
     found = lower_bounds(origin, workspace=kept)
     body = body_bound(origin, kept)
@@ -231,7 +231,7 @@ def body_constants(problem: DiscreteProblem, workspace: Workspace) -> TraceBound
     """
     stated = problem.origin
     known = discrete_trace_bounds(problem, workspace)
-    if isinstance(stated, ContactProblem) and not stated.contact:
+    if stated is not None and not stated.kind and not stated.contact:
         return replace(known, guaranteed=True)
     if known.both == 0.0:
         return known

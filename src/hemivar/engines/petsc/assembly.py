@@ -31,7 +31,6 @@ from hemivar.fem.locking import largest_poisson_ratio, locking_warning
 from hemivar.fem.mass import body_blocks
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.statement import ContactProblem, Quadrature
-from hemivar.mechanics.statement_base import Statement
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["assemble"]
@@ -192,8 +191,8 @@ def _named(contact: ContactPoints, names: tuple[str, ...]) -> ContactPoints:
     return replace(contact, names=names, boundary=place[contact.boundary])
 
 
-def _check_suited(problem: Statement) -> None:
-    if not isinstance(problem, ContactProblem):
+def _check_suited(problem: ContactProblem) -> None:
+    if problem.kind:
         raise MethodError("the engine 'petsc' has no scalar problems; leave --engine out")
     if problem.order != 1:
         raise MethodError("the engine 'petsc' has linear elements only; write order = 1, or leave --engine out")

@@ -1,0 +1,259 @@
+"""What a foundation does to a body: laws, where it stands, and what contact points remember."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from enum import StrEnum
+
+import numpy as np
+
+from hemivar.basics.arguments import described
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.known_keywords import known_fields
+from hemivar.basics.portable import PickleMixin
+from hemivar.basics.stated import Form, stated, stated_of_one
+from hemivar.errors import ProblemError
+from hemivar.laws import (
+    ContactLaw,
+    Friction,
+    NoContact,
+    NoFriction,
+    OrthotropicFriction,
+    OrthotropicLaw,
+    Superpotential,
+    VectorLaw,
+)
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.memory import Memory, Secant
+from hemivar.mechanics.conditions import LARGEST, ScalarData, VectorData, plain_data
+from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time
+from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
+
+__all__ = ["Contact", "Side"]
+
+
+class Side(StrEnum):
+    """Where a foundation lies, seen from the membrane."""
+
+    ABOVE = "above"
+    """It is met by growing u: ``r = u - level``."""
+    BELOW = "below"
+    """It is met by falling u: ``r = level - u``."""
+
+
+@known_fields
+@dataclass(frozen=True, eq=False)
+class Contact(PickleMixin):
+    """What the foundation does along one contact boundary, or over one region of a body.
+
+    Of one component, as of a membrane, a law acts on the penetration ``u - gap``, or ``gap - u`` where the foundation
+    lies below, and friction on the slip ``u - gap``; one of the two acts.  There is no obstacle and no belt.
+
+    Attributes
+    ----------
+    normal : Superpotential
+        Law of the penetration ``r_nu = u_nu - gap``.
+    friction : Friction
+        Law of the slip ``u_tau``; none by default.
+    gap : float or callable
+        Distance between body and foundation along the outward normal; a callable gets points, shape (k, d),
+        and returns shape (k,). Negative values mean initial interpenetration. It may depend on time, ``gap(x, t)``,
+        and so may the parameters of both laws.
+    obstacle : Obstacle or None
+        A rigid surface in place of the gap: :class:`Plane`, :class:`Sphere`, :class:`Cylinder` or
+        :class:`SignedDistance`. Gaps are those of the undeformed body; where it overlaps the obstacle they are negative
+        (an interference fit, or an indentation stated by the place of the obstacle). One that lies inside the body is
+        refused by :func:`discretize`.
+    normals : Normals or None
+        Contact normals of the obstacle (``"obstacle"``, the default with an obstacle) or of the body (``"body"``, the
+        default, and all there is, without one).
+    belt : vector, shape (d,), or callable
+        Displacement of the foundation along its surface, from which the slip is counted; its part along the normal does
+        not count. A belt that runs with the velocity v is ``lambda x, t: v * t``; it may vary over the boundary, as on
+        a turning disc.
+    damping : Superpotential or None
+        Law of the rate of the penetration, ``r_nu'``, whose pressure adds to that of the normal law; what does not
+        depend on time refuses it.
+    memory : tuple of Memory or None
+        What the contact points remember, one after the other: wear, a bond, the largest opening so far (see
+        ``hemivar.laws.memory``); what does not depend on time refuses it.  Glue remembers its largest opening by
+        default (``Secant()``), and ``memory=()`` keeps it elastic; any other law remembers nothing.
+    side : Side
+        Of one component: where the foundation lies, ``"above"`` (default) or ``"below"``.
+
+    Raises
+    ------
+    ProblemError
+        If gap and obstacle are both given, or normals of an obstacle that is not; if damping is no law, or memory no
+        memory.
+    """
+
+    normal: Superpotential | VectorLaw
+    friction: Friction = field(default_factory=NoFriction)
+    gap: ScalarData = field(
+        default=0.0,
+        metadata=stated(
+            Form.QUANTITY,
+            "distance between body and foundation along the outward normal *(f, t)*; negative: they overlap at the "
+            "start",
+            timed=True,
+        )
+        | stated_of_one(Form.QUANTITY, "where the foundation stands *(f, t)*", key="level", timed=True),
+    )
+    obstacle: Obstacle | None = None
+    normals: Normals | None = None
+    damping: Superpotential | None = None
+    memory: tuple[Memory, ...] | None = None
+    belt: VectorData | float = field(
+        default=0.0,
+        metadata=stated(
+            Form.VECTOR,
+            "displacement of the foundation along its surface, a list of numbers or formulas *(f, t)*: slip is counted "
+            'from it. A belt that runs at 2 along x: `["2*t", 0]`',
+            timed=True,
+            left_out="at rest",
+        ),
+    )
+    side: Side = field(
+        default=Side.ABOVE, metadata=stated_of_one(Form.TEXT, '`"above"` or `"below"`', choices=tuple(Side))
+    )
+
+    def __post_init__(self) -> None:
+        _ = self.law
+        self._check_evolving()
+        object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False, most=LARGEST))
+        belt = plain_data(self.belt, "belt", most=LARGEST)
+        if isinstance(belt, float) and belt != 0.0:
+            raise ProblemError(f"belt = {belt:g} has no direction; give a vector, such as belt=({belt:g}, 0.0)")
+        object.__setattr__(self, "belt", belt)
+        self._check_obstacle()
+        try:
+            object.__setattr__(self, "side", Side(self.side))
+        except ValueError:
+            raise ProblemError(f"side = {self.side!r}; choose 'above' or 'below'") from None
+
+    def refuse_directions(self) -> None:
+        """Refuse what is there in several components only.
+
+        Raises
+        ------
+        ProblemError
+        """
+        if isinstance(self.friction, OrthotropicFriction):
+            raise ProblemError("orthotropic friction has a direction, and a scalar problem none; take Tresca")
+        if isinstance(self.friction.bound, StateBound):
+            raise ProblemError(
+                f"the bound of friction law '{self.friction.name}' depends on penetration or pressure, which a scalar "
+                f"problem does not have; give a number, a formula or a function of x"
+            )
+        if not isinstance(self.normal, Superpotential):
+            raise ProblemError(
+                f"the law of a scalar contact is {described(self.normal)}; give a superpotential such as Signorini(), "
+                "or friction such as Tresca(0.5)"
+            )
+        if self.friction.acts and not self.rubs:
+            raise ProblemError(
+                f"a scalar contact has the law '{self.normal.name}' and the friction '{self.friction.name}', and its "
+                "one component is a penetration or a slip; give one of the two"
+            )
+        if self.obstacle is not None or callable(self.belt) or np.any(self.belt):
+            what = "a belt" if self.obstacle is None else "an obstacle"
+            raise ProblemError(f"a scalar contact has {what}, which needs directions; give gap, where it stands")
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction and nothing else."""
+        return self.friction.acts and isinstance(self.normal, NoContact)
+
+    def _check_evolving(self) -> None:
+        if self.damping is not None:
+            if not isinstance(self.damping, Superpotential):
+                raise ProblemError(
+                    f"damping is {described(self.damping)}; give a law of the rate of the penetration, such as "
+                    "Compliance(2.0)"
+                )
+            _ = ContactLaw(self.damping)
+        if self.memory is None:
+            return
+        memory = self.memory if isinstance(self.memory, Sequence) else (self.memory,)
+        for one in memory:
+            if not isinstance(one, Memory):
+                raise ProblemError(
+                    f"memory holds {described(one)}; give what contact points may remember, a list of Secant(), "
+                    "Wear(...) and the like"
+                )
+            for part in fields(one):  # type: ignore[arg-type]
+                if law_depends_on_time(getattr(one, part.name)) or depends_on_time(getattr(one, part.name)):
+                    raise ProblemError(
+                        f"{part.name} of memory '{one.name}' depends on time, which it cannot; of a foundation that "
+                        "changes with time state the law, the damping or the gap so"
+                    )
+        object.__setattr__(self, "memory", tuple(memory))
+
+    def _check_obstacle(self) -> None:
+        if self.obstacle is None:
+            if self.normals not in (None, Normals.BODY):
+                raise ProblemError(f"normals = {self.normals!r} needs an obstacle; give one or leave normals out")
+            object.__setattr__(self, "normals", Normals.BODY)
+            return
+        if not isinstance(self.obstacle, Obstacle):
+            raise ProblemError(
+                f"obstacle is {described(self.obstacle)}; pass Plane(...), Sphere(...), Cylinder(...) or "
+                f"SignedDistance(...)"
+            )
+        if callable(self.gap) or self.gap != 0.0:
+            raise ProblemError("gap and obstacle are both given; the gap follows from the obstacle: leave one out")
+        if isinstance(self.obstacle, SignedDistance) and depends_on_time(self.obstacle.function):
+            raise ProblemError(
+                "the signed distance of an obstacle depends on time, which it cannot; for a foundation that moves "
+                "state a gap that depends on t"
+            )
+        try:
+            object.__setattr__(self, "normals", Normals(self.normals or Normals.OBSTACLE))
+        except ValueError:
+            raise ProblemError(f"normals = {self.normals!r}; choose Normals.OBSTACLE or Normals.BODY") from None
+
+    @property
+    def law(self) -> VectorLaw:
+        """Normal and friction law together; a law that couples opening and slip stands for both."""
+        if not isinstance(self.normal, VectorLaw):
+            if isinstance(self.friction, OrthotropicFriction):
+                return OrthotropicLaw(self.normal, self.friction)
+            return ContactLaw(self.normal, self.friction)
+        if isinstance(self.normal, ContactLaw):
+            raise ProblemError("a contact is given a ContactLaw; give its parts, Contact(normal, friction)")
+        if self.friction.acts:
+            damaged = ", or in time let its damaged share rub, memory=(Secant(friction=0.5),)"
+            raise ProblemError(
+                f"law '{self.normal.name}' couples opening and slip, and is the law of both components; leave "
+                f"the friction '{self.friction.name}' out{damaged if self.normal.remembers else ''}"
+            )
+        return self.normal
+
+    @cached_property
+    def remembers(self) -> tuple[Memory, ...]:
+        """What the contact points remember in time: what is stated, and of glue by default its largest opening."""
+        if self.memory is None:
+            return (Secant(),) if self.law.remembers else ()
+        return self.memory
+
+    @property
+    def time_dependent(self) -> frozenset[str]:
+        """What depends on time: "gap" (of which the way of a belt is a part), "law", or both."""
+        laws = any(law_depends_on_time(law) for law in (self.normal, self.friction, self.damping))
+        moves = depends_on_time(self.gap) or depends_on_time(self.belt)
+        return frozenset((["gap"] if moves else []) + (["law"] if laws else []))
+
+    def at_time(self, t: float) -> Contact:
+        """The contact at a time; itself if it does not depend on time."""
+        if not self.time_dependent:
+            return self
+        return replace(
+            self,
+            normal=law_at_time(self.normal, t),
+            friction=law_at_time(self.friction, t),
+            gap=at_time(self.gap, t),
+            damping=law_at_time(self.damping, t),
+            belt=at_time(self.belt, t),
+        )
