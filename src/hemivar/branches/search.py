@@ -24,7 +24,7 @@ from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import residual
 from hemivar.laws import MixedMode
-from hemivar.laws.coupled import CoupledLaw
+from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.systems import CondensedProblem
 from hemivar.systems.nonlinear_body import linear_bulk
@@ -279,7 +279,7 @@ class SolutionSearch:
         """
         system = self.system
         m, d = system.shape
-        if not isinstance(system.law, CoupledLaw):
+        if isinstance(system.law, NormalAndFriction) or system.law.depends_on_whole_state:
             return []
         if m <= _COMBINED:
             broken = np.array(list(itertools.product((False, True), repeat=m)))

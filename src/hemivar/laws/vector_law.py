@@ -12,9 +12,14 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import MethodError
 from hemivar.laws.crossings import Crossings, level_places
+from hemivar.laws.minimisers import FAR
+from hemivar.laws.sides import Sides, lengths, most_resisted, polar, rest_forces, sides_of
 from hemivar.laws.superpotential import Interval, Superpotential
 
-__all__ = ["Chart", "Linearisation", "OnGraph", "Sides", "VectorLaw", "lengths", "polar", "principal_sides", "spread"]
+__all__ = ["Chart", "Linearisation", "OnGraph", "Sides", "VectorLaw", "lengths", "polar", "spread"]
+
+#: Steps downhill at most, and the part of a displacement that is rounding.
+_STEPS, _SAME = 400, 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,35 +57,6 @@ class Linearisation:
     smooth: BoolArray
     gradient: Array
     hessian: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Sides(PickleMixin):
-    """Directions of contact points in which a law is looked at, and its derivatives to both sides along them.
-
-    Attributes
-    ----------
-    point : int array (k,)
-    axis : array (k, c)
-        A unit vector of local components each.
-    multiplier : array (k,)
-        Of the pair, along the axis.
-    below, above : arrays (k,)
-        Derivatives against and along the axis; equal where the law is smooth.
-    curvature_below, curvature_above : arrays (k,)
-    """
-
-    point: IntArray
-    axis: Array
-    multiplier: Array
-    below: Array
-    above: Array
-    curvature_below: Array
-    curvature_above: Array
-
-    def where(self, chosen: BoolArray) -> Sides:
-        """Some of them, ``chosen (k,)``."""
-        return Sides(*(values[chosen] for values in vars(self).values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,9 +242,9 @@ class VectorLaw(PickleMixin, ABC):
     # ---- whether it depends on the state ----------------------------------------------------------------
 
     @property
-    @abstractmethod
     def state_dependent(self) -> bool:
         """Whether the friction bound, or the whole law, depends on the state, so that J(w, v) has two arguments."""
+        return False
 
     @property
     def depends_on_whole_state(self) -> bool:
@@ -278,7 +254,6 @@ class VectorLaw(PickleMixin, ABC):
         """
         return False
 
-    @abstractmethod
     def frozen(self, r: Array, lam: Array) -> VectorLaw:
         """The ordinary law J(w, .) that holds in a state w; the law itself if it does not depend on the state.
 
@@ -287,33 +262,52 @@ class VectorLaw(PickleMixin, ABC):
         r, lam : arrays (m, c)
             Local displacement and multiplier of the state; penetration and pressure are their first columns.
         """
+        return self
 
-    @abstractmethod
     def frozen_at(self, r: Array) -> VectorLaw:
         """Like :meth:`frozen`, at the pressure of the normal law: the element of dj_nu(r_nu) nearest to zero."""
+        return self
 
     @property
-    @abstractmethod
     def lipschitz(self) -> Array:
         """Lipschitz constant of the friction bound in the penetration, shape (m or 1,); 0 if it has none.
 
         See ``depends_on_whole_state``.
         """
+        return np.zeros(1)
 
     @property
-    @abstractmethod
     def lipschitz_sampled(self) -> bool:
         """Whether a constant of friction that depends on the penetration is sampled: that of the bound, or c0, c1."""
+        return False
 
     @abstractmethod
     def value(self, r: Array) -> Array:
         """j(r), shape (m,); +inf outside the domain."""
 
-    @abstractmethod
     def distance(self, r: Array, lam: Array) -> Array:
         """Distance of the multiplier to the Clarke subdifferential dj(r), shape (m,)."""
+        off, ends = lengths(lam - self.nearest_multiplier(r, lam)), self.penetrations
+        return np.where((r[:, 0] < ends.lower) | (r[:, 0] > ends.upper), np.inf, off)
 
-    @abstractmethod
+    def kinks(self, r: Array) -> tuple[Array, Array]:
+        """The penetration (m,) and the slip (m, c - 1) next to ``r (m, c)`` at which the law may have a kink."""
+        knots = np.broadcast_to(self.penetration_knots, (len(r), self.penetration_knots.shape[1]))
+        nearest = np.argmin(np.abs(r[:, :1] - knots), axis=1)[:, None]
+        return np.take_along_axis(knots, nearest, axis=1)[:, 0], np.zeros(r[:, 1:].shape)
+
+    def _offers(self, r: Array, lam: Array, tau: Array) -> tuple[Array, Array]:
+        """``r`` itself, and with the penetration, the slip and both at their kinks, (k, m, c); how well a pair fits."""
+        places, (normal, slip) = [r], self.kinks(r)
+        for part, kink in ((slice(0, 1), normal[:, None]), (slice(1, None), slip)):
+            there = np.isfinite(kink)
+            for one in list(places) if there.any() else ():
+                places.append(one.copy())
+                places[-1][:, part] = np.where(there, kink, one[:, part])
+        each = spread(tau, r.shape[1])
+        off = [np.hypot(lengths((r - place) / each), self.distance(place, lam)) for place in places]
+        return np.stack(places), np.stack(off)
+
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         """Distance of ``(r, lam)`` to an exact pair of the law, in units of ``lam``; see the scalar law.
 
@@ -324,6 +318,7 @@ class VectorLaw(PickleMixin, ABC):
             Compliance (length per force per area) that weighs displacement against multiplier, for the normal and
             the tangential part.
         """
+        return np.asarray(self.frozen_at(r)._offers(r, lam, tau)[1].min(axis=0))
 
     def crossings(self, r: Array, way: Array) -> Crossings | None:
         """Where the law bends along ``r + t way``, ``(m, c)`` each; None where it is not quadratic in between."""
@@ -361,9 +356,11 @@ class VectorLaw(PickleMixin, ABC):
     def clamp(self, start: Array, end: Array) -> Array:
         """``end (m, c)``, cut back to the smooth pieces on which ``start (m, c)`` lies."""
 
-    @abstractmethod
     def admissible(self, r: Array) -> Array:
         """The local displacement nearest to ``r (m, c)`` in the domain of the laws."""
+        out, ends = np.array(r, dtype=float), self.penetrations
+        out[:, 0] = np.clip(out[:, 0], ends.lower, ends.upper)
+        return out
 
     @abstractmethod
     def recession(self, direction: Array) -> Array:
@@ -373,20 +370,26 @@ class VectorLaw(PickleMixin, ABC):
         """
 
     @property
-    @abstractmethod
     def rates(self) -> tuple[Array, Array, Array]:
         """Growth rates far away, (m or 1,) each: with the penetration, with the opening, with the length of the slip.
 
         The rate along a direction is at most what these give; friction whose bound depends on the state counts 0.
         """
+        up, down, slip = (self.recession(np.array([way])) for way in ([1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]))
+        return up, down, slip
 
-    @abstractmethod
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         """The most that the law resists on ways of length ``size`` from ``rest (m, c)``, as :attr:`rates`; (m,)."""
+        return most_resisted(self, rest, size)
 
-    @abstractmethod
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
         """Curvature far away in the direction of one sign, of the normal and of the tangential part, (m or 1,)."""
+        far = [sign * FAR * np.eye(2)[k : k + 1] for k in range(2)]
+        with np.errstate(all="ignore"):
+            normal, tangential = (
+                np.where(np.isfinite(self.recession(at / FAR)), 0.0, 2.0 * self.value(at) / FAR**2) for at in far
+            )
+        return normal, tangential
 
     @property
     @abstractmethod
@@ -469,35 +472,50 @@ class VectorLaw(PickleMixin, ABC):
         return any(bool((alpha > 0.0).any()) for alpha in self.weak_convexity)
 
     @property
-    @abstractmethod
     def penetrations(self) -> Interval:
         """The penetrations that the law allows."""
+        return Interval(np.full(1, -np.inf), np.full(1, np.inf))
 
     @property
-    @abstractmethod
     def penetration_knots(self) -> Array:
         """Penetrations without slip at which the law changes, increasing, (m or 1, K); unused entries are +inf."""
+        return np.zeros((1, 1))
 
     @property
-    @abstractmethod
     def rubs(self) -> BoolArray:
         """Whether something may resist slip, bool (m or 1,)."""
+        return np.ones(1, dtype=bool)
 
     # ---- where a pair lies ------------------------------------------------------------------------------
 
-    @abstractmethod
     def downhill(self, a: Array, b: Array, r: Array) -> Array:
-        """The local minimiser of the problem of :meth:`local_argmin` that is reached from ``r (m, c)`` downhill."""
+        """The local minimiser of the problem of :meth:`local_argmin` that is reached from ``r (m, c)`` downhill.
 
-    @abstractmethod
+        By steps that are held back so much that each has one minimiser.
+        """
+        alphas = np.stack([np.broadcast_to(alpha, (len(r),)) for alpha in self.weak_convexity], axis=1)
+        more = np.where(a > alphas, 0.0, 2.0 * alphas - a)
+        for _ in range(_STEPS):
+            last, r = r, self.local_argmin(a + more, b + spread(more, r.shape[1]) * r)
+            if (np.abs(r - last) <= _SAME * np.abs(r)).all() or not more.any():
+                break
+        return r
+
     def snap_to_kinks(self, r: Array, near: float) -> Array:
         """``r (m, c)`` with the parts that miss a kink by no more than ``near`` put on it."""
+        out, law = r.copy(), self.frozen_at(r)
+        normal, slip = law.kinks(r)
+        out[:, 0] = np.where(np.abs(r[:, 0] - normal) <= near, normal, r[:, 0])
+        out[:, 0] = np.where(law.at_normal_kink(out), out[:, 0], r[:, 0])
+        if r.shape[1] > 1:
+            out[:, 1:] = np.where((lengths(r[:, 1:] - slip) <= near)[:, None], slip, r[:, 1:])
+        return out
 
-    @abstractmethod
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         """Where the law fits a pair best, (m, c): ``r`` itself or, part by part, a knot; as :meth:`graph_distance`."""
+        places, off = self.frozen_at(r)._offers(r, lam, tau)
+        return np.asarray(places[np.argmin(off, axis=0), np.arange(len(r))])
 
-    @abstractmethod
     def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
         """The directions of all points in which the law has two sides, or bends, at ``r (m, c)``.
 
@@ -511,22 +529,26 @@ class VectorLaw(PickleMixin, ABC):
         slack : float
             What is nothing, of a multiplier.
         """
+        return sides_of(self.frozen_at(r), r, lam, active, tau, slack)
 
-    @abstractmethod
     def at_normal_kink(self, r: Array) -> BoolArray:
         """Whether the penetration of ``r (m, c)`` sits on a kink, (m,)."""
+        return ~self.linearise(r).smooth[:, 0]
 
     def moves(self, r: Array, small: float) -> BoolArray:
         """Which points count as moving sideways, (m,): those with a slip above ``small``."""
         return np.asarray(np.linalg.norm(r[:, 1:], axis=1) > small)
 
-    @abstractmethod
     def pulls(self, r: Array) -> BoolArray:
         """Whether the law can pull at ``r (m, c)``, cut at the ends of its domain."""
+        return np.asarray(self.pressures(r).lower < 0.0)
 
-    @abstractmethod
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        """Whether the law has let go of some of its ``pull (m,)``; see :meth:`Superpotential.past_peak`."""
+        """Whether the law has let go of some of its ``pull (m,)``; see :meth:`Superpotential.past_peak`.
+
+        Unless a law knows better, where it is open and pulls less the more it opens.
+        """
+        return np.asarray((r[:, 0] < 0.0) & (self.linearise(r).hessian[:, 0, 0] < 0.0))
 
     def debonding(self, r: Array) -> dict[str, Array]:
         """What glue has lost at ``r (m, c)``, (m,) each; nan where there is no glue, empty if there is none.
@@ -537,9 +559,10 @@ class VectorLaw(PickleMixin, ABC):
         """
         return {}
 
-    @abstractmethod
     def resistance(self, r: Array, lam: Array) -> Array:
         """The most that resists a slip at a pair (m, c) that does not slip, (m or 1,); 0 where it is free."""
+        slip = lam[:, 1:]
+        return rest_forces(self, r, slip, np.ones(slip.shape, dtype=bool))[1] if slip.size else np.zeros(1)
 
     def on_graph(self, p: Array, a: Array) -> OnGraph:
         """The pair of the law at ``p = a r + lam``, for every point (Minty's chart of the graph).
@@ -587,30 +610,3 @@ class VectorLaw(PickleMixin, ABC):
 def spread(tau: Array, c: int) -> Array:
     """(m, 2) normal and tangential numbers as (m, c)."""
     return np.concatenate([tau[:, :1], np.repeat(tau[:, 1:2], c - 1, axis=1)], axis=1)
-
-
-def lengths(x: Array) -> Array:
-    """Length of each row."""
-    return np.abs(x[:, 0]) if x.shape[1] == 1 else np.sqrt(np.einsum("mi,mi->m", x, x))
-
-
-def polar(x: Array) -> tuple[Array, Array]:
-    """Length and direction of each row; the direction of a zero row is zero."""
-    size = lengths(x)
-    return size, x / np.where(size > 0.0, size, 1.0)[:, None]
-
-
-def principal_sides(rows: IntArray, hessian: Array, active: BoolArray, jumps: BoolArray) -> list[Sides]:
-    """Principal directions (k, c) of second derivatives between active components; weak ones where these jump."""
-    d = hessian.shape[1]
-    both = active[:, :, None] & active[:, None, :]
-    apart = 10.0 * (1.0 + np.abs(hessian).max(axis=(1, 2)))
-    masked = np.where(both, hessian, 0.0) + np.where(active, 0.0, apart[:, None])[:, :, None] * np.eye(d)
-    values, vectors = np.linalg.eigh(masked)
-    found = []
-    for k in range(d):
-        own = np.flatnonzero(k < active.sum(axis=1))  # those of held components are the last ones
-        bend, none = values[own, k], np.zeros(own.size)
-        higher = np.where(jumps[own], bend + apart[own], bend)
-        found.append(Sides(rows[own], vectors[own, :, k], none, none, none, bend, higher))
-    return found

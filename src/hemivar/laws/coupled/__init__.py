@@ -1,7 +1,6 @@
 """Laws that couple opening and slip."""
 
 from hemivar.laws.coupled.cohesion import BilinearCohesion, ExponentialCohesion, TrapezoidalCohesion, cohesion_table
-from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion, PowerCriterion
 from hemivar.laws.coupled.joined import JoinedLaw, join_laws
 from hemivar.laws.coupled.mixed_mode import MixedMode
@@ -15,7 +14,6 @@ __all__ = [
     "BilinearCohesion",
     "CoupledFormulaLaw",
     "CoupledFunctionLaw",
-    "CoupledLaw",
     "ExponentialCohesion",
     "FractureCriterion",
     "JoinedLaw",

@@ -15,9 +15,8 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.superpotential import Interval
-from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths, polar, spread
+from hemivar.laws.vector_law import Linearisation, VectorLaw, lengths, polar, spread
 
 __all__ = ["FrictionBeside"]
 
@@ -28,7 +27,7 @@ _ROUNDED = 4.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionBeside(CoupledLaw):
+class FrictionBeside(VectorLaw):
     """A coupled law with resolved parameters, and friction of at most ``bound`` of the slip from ``start`` on.
 
     Attributes
@@ -101,20 +100,11 @@ class FrictionBeside(CoupledLaw):
         rubbed = self._most(r) * (lengths(self._way(r)) - lengths(np.broadcast_to(self.start, r[:, 1:].shape)))
         return np.asarray(self.base.value(r) + rubbed)
 
-    def distance(self, r: Array, lam: Array) -> Array:
-        return self.base.distance(r, lam - self._friction(r, lam))
-
     def _at_start(self, r: Array) -> Array:
         """Points with their slip where it was, where there is friction, (m, c)."""
         out = r.copy()
         out[:, 1:] = np.where((self._most(r) > 0.0)[:, None], self.start, r[:, 1:])
         return out
-
-    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
-        rest = self._at_start(r)
-        far = lengths(r[:, 1:] - rest[:, 1:]) / tau[:, 1]
-        moving, resting = (self.base.graph_distance(at, lam - self._friction(at, lam), tau) for at in (r, rest))
-        return np.asarray(np.minimum(moving, np.hypot(far, resting)))
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
         friction = self._friction(r, lam)
@@ -180,12 +170,7 @@ class FrictionBeside(CoupledLaw):
     # ---- far away, and what is the base's -----------------------------------------------------------------
 
     def recession(self, direction: Array) -> Array:
-        return np.asarray(self.base.recession(direction) + self._most(direction) * lengths(direction[:, 1:]))
-
-    @property
-    def rates(self) -> tuple[Array, Array, Array]:
-        up, down, slip = self.base.rates
-        return up, down, np.asarray(slip + self.bound)
+        return np.asarray(self.base.recession(direction) + self.bound * lengths(direction[:, 1:]))
 
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         up, down, slip = self.base.strongest(rest, size)
@@ -217,12 +202,6 @@ class FrictionBeside(CoupledLaw):
     def rubs(self) -> BoolArray:
         return np.asarray(self.base.rubs | (self.bound > 0.0))
 
-    def at_normal_kink(self, r: Array) -> BoolArray:
-        return self.base.at_normal_kink(r)
-
-    def pulls(self, r: Array) -> BoolArray:
-        return self.base.pulls(r)
-
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return self.base.past_peak(r, pull, near, slack)
 
@@ -234,33 +213,9 @@ class FrictionBeside(CoupledLaw):
 
     # ---- where a pair lies ------------------------------------------------------------------------------
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        out = self.base.snap_to_kinks(r, near)
-        close = lengths(self._way(r)) <= near
-        return np.where(close[:, None], self._at_start(out), out)
-
-    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
-        rest = self._at_start(r)
-        far = lengths(r[:, 1:] - rest[:, 1:]) / tau[:, 1]
-        resting = np.hypot(far, self.distance(rest, lam)) <= self.distance(r, lam)
-        out = np.where(resting[:, None], rest, r)
-        return self._stuck(self.base.fitted(out, lam - self._friction(out, lam), tau), self._held(out))
-
-    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
-        held, friction = self._held(r), self._friction(r, lam)
-        own = self.base.sides(r, lam - friction, active & ~self._tangents(held, r), tau, slack)
-        rest, column = np.nonzero((active & self._tangents(held, r))[:, 1:])
-        line, most = self.base.linearise(r), self._most(r)[rest]
-        bend, slope = line.hessian[rest, column + 1, column + 1], line.gradient[rest, column + 1]
-        axis = np.eye(r.shape[1])[1:][column]
-        return [*own, Sides(rest, axis, lam[rest, column + 1], slope - most, slope + most, bend, bend)]
-
-    @staticmethod
-    def _tangents(rows: BoolArray, r: Array) -> BoolArray:
-        """The tangential components of some points, (m, c)."""
-        chosen = np.zeros(r.shape, dtype=bool)
-        chosen[:, 1:] = rows[:, None]
-        return chosen
+    def kinks(self, r: Array) -> tuple[Array, Array]:
+        normal, slip = self.base.kinks(r)
+        return normal, np.where((self._most(r) > 0.0)[:, None], self.start, slip)
 
 
 @dataclass(frozen=True, eq=False)

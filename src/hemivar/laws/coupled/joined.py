@@ -12,7 +12,6 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
-from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw
 from hemivar.laws.stacked import gathered_debonding
 from hemivar.laws.superpotential import Interval
@@ -22,7 +21,7 @@ __all__ = ["JoinedLaw", "join_laws"]
 
 
 @dataclass(frozen=True, eq=False)
-class JoinedLaw(CoupledLaw):
+class JoinedLaw(VectorLaw):
     """Law ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once.
 
     Raises

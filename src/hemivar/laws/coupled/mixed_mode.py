@@ -12,7 +12,6 @@ from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
-from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.criteria import FractureCriterion
 from hemivar.laws.coupled.opening import OpeningProblem
 from hemivar.laws.crossings import length_places, level_places
@@ -20,9 +19,9 @@ from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import evaluate, positive
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.scalar_graph import downhill, is_continuous, one_sided, radial_sides, steepest
+from hemivar.laws.scalar_graph import downhill, is_continuous, steepest
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, Sides, lengths, polar, principal_sides
+from hemivar.laws.vector_law import Linearisation, VectorLaw, lengths, polar
 
 __all__ = ["MixedMode"]
 
@@ -33,7 +32,7 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class MixedMode(CoupledLaw):
+class MixedMode(VectorLaw):
     """Glue that opens and slips: ``j(r) = Phi(rho)`` and a normal law in compression.
 
     The effective opening is ``rho = sqrt(<w>^2 + ratio^2 |s|^2)`` with the opening w = -r_nu and the slip s = r_tau;
@@ -342,15 +341,6 @@ class MixedMode(CoupledLaw):
         slips = [way[:, 1:] for way in ways]
         return np.concatenate([shut, length_places(self._half[0], *ways), length_places(self._half[0], *slips)], axis=1)
 
-    def distance(self, r: Array, lam: Array) -> Array:
-        off = lengths(lam - self.nearest_multiplier(r, lam))
-        return np.where(r[:, 0] > self.compression.domain.upper, np.inf, off)
-
-    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
-        shut = r.copy()
-        shut[:, 0] = 0.0
-        return np.minimum(self.distance(r, lam), np.hypot(r[:, 0] / tau[:, 0], self.distance(shut, lam)))
-
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
         out, law = self._gradient(r), self.compression
         interval = law.subdifferential(np.clip(r[:, 0], 0.0, law.domain.upper))
@@ -390,7 +380,7 @@ class MixedMode(CoupledLaw):
         along[:, 0] = np.where(opens, along[:, 0], 0.0)
         hessian = (slope - secant)[:, None, None] * along[:, :, None] * along[:, None, :]
         hessian += (secant[:, None] * metric)[:, :, None] * np.eye(r.shape[1])
-        pushed = self.compression.curvature(np.maximum(r[:, 0], 0.0))
+        pushed = self.compression.curvature(np.maximum(r[:, 0], np.finfo(float).tiny))  # shut is pressed
         hessian[:, 0, 0] = np.where(opens, hessian[:, 0, 0], pushed)
         return hessian
 
@@ -401,11 +391,6 @@ class MixedMode(CoupledLaw):
         hessian[~smooth[:, 0], 0, :] = hessian[~smooth[:, 0], :, 0] = 0.0
         return Linearisation(smooth, self._gradient(r), hessian)
 
-    def admissible(self, r: Array) -> Array:
-        out, ends = np.array(r, dtype=float), self.compression.domain
-        out[:, 0] = np.clip(out[:, 0], ends.lower, ends.upper)
-        return out
-
     # ---- far away ---------------------------------------------------------------------------------------
 
     def recession(self, direction: Array) -> Array:
@@ -415,10 +400,6 @@ class MixedMode(CoupledLaw):
     def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         c0, c1 = self.compression.growth
         return (np.maximum(self.strength, c0), c1), (self.beta * self.strength, np.zeros(1))
-
-    @property
-    def rates(self) -> tuple[Array, Array, Array]:
-        return self.compression.recession(np.ones(1)), np.zeros(1), np.zeros(1)
 
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         up = steepest(self.compression, rest[:, 0], 1.0, size)
@@ -452,10 +433,6 @@ class MixedMode(CoupledLaw):
     @property
     def penetration_knots(self) -> Array:
         return np.concatenate([-self._half[0][:, ::-1], np.zeros((len(self._half[0]), 1))], axis=1)
-
-    @property
-    def rubs(self) -> BoolArray:
-        return np.ones(1, dtype=bool)
 
     # ---- the local problem ------------------------------------------------------------------------------
 
@@ -546,45 +523,9 @@ class MixedMode(CoupledLaw):
 
     # ---- where a pair lies ------------------------------------------------------------------------------
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        out = r.copy()
-        knot = self.compression.kink_within(r[:, 0], near)
-        out[:, 0] = np.where(np.isfinite(knot), knot, r[:, 0])
-        return out
-
-    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
-        shut = r.copy()
-        shut[:, 0] = 0.0
-        better = np.hypot(r[:, 0] / tau[:, 0], self.distance(shut, lam)) < self.distance(r, lam)
-        return np.where(better[:, None], shut, r)
-
-    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
-        d = r.shape[1]
-        opens, rho = r[:, 0] < 0.0, self.effective(r)
-        piece = self.piece_of(rho)
-        # shut: the penetration and the slip are laws of their own
-        below, above, low, high = one_sided(self.compression, r[:, 0], tau[:, 0], slack)
-        touches = r[:, 0] == 0.0
-        low = np.where(touches, self.curve_on(rho, piece)[0], low)
-        index = np.flatnonzero(active[:, 0] & ~opens)
-        axis = np.broadcast_to(np.eye(d)[0], (index.size, d))
-        found = [Sides(index, axis, lam[index, 0], *(part[index] for part in (below, above, low, high)))]
-        if d > 1:
-            radial = radial_sides(self.tangential, r, lam, active, tau[:, 1], slack)
-            found += [one.where(~opens[one.point]) for one in radial]
-        # open: the principal directions of the second derivative; at a knot of rho the lower one of two
-        rows = np.flatnonzero(opens & active.any(axis=1))
-        if rows.size:
-            knots, slopes = self._half
-            gaps = np.abs(rho[:, None] - knots)
-            nearest = np.argmin(gaps, axis=1)
-            jumps = np.take_along_axis(gaps, nearest[:, None], axis=1)[:, 0] <= slack * tau.max(axis=1)
-            sides = (row_entries(slopes, nearest), row_entries(slopes, nearest + 1))
-            lower = np.where(sides[0] <= sides[1], nearest, nearest + 1)
-            jumps &= sides[0] != sides[1]
-            hessian = self._bend(r, np.where(jumps, lower, piece))[rows]
-            found += principal_sides(rows, hessian, active[rows], jumps[rows])
-        return found
+    def kinks(self, r: Array) -> tuple[Array, Array]:
+        knot = self.compression.kink_within(r[:, 0], np.inf)
+        return np.where(np.isfinite(knot), knot, 0.0), np.full(r[:, 1:].shape, np.nan)
 
     def at_normal_kink(self, r: Array) -> BoolArray:
         return self.compression.at_kink(r[:, 0])
@@ -592,9 +533,6 @@ class MixedMode(CoupledLaw):
     def moves(self, r: Array, small: float) -> BoolArray:
         """Which points slip: those whose glue is past its strength."""
         return np.asarray(self.effective(r) > self._peak * (1.0 + 1e-9))
-
-    def pulls(self, r: Array) -> BoolArray:
-        return np.asarray((r[:, 0] < 0.0) & (self.effective(r) < self.opening_at_break))
 
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return np.asarray(self.effective(r) > self._peak * (1.0 + 1e-9))

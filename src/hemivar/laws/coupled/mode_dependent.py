@@ -18,7 +18,7 @@ from hemivar.laws.coupled.mixed_mode import MixedMode
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, OnGraph, Sides, VectorLaw, lengths
+from hemivar.laws.vector_law import Linearisation, OnGraph, VectorLaw, lengths
 
 __all__ = ["KeptModeGlue", "ModeDependentGlue"]
 
@@ -391,36 +391,12 @@ class ModeDependentGlue(VectorLaw):
     def clamp(self, start: Array, end: Array) -> Array:
         return self.frozen_at(start).clamp(start, end)
 
-    def distance(self, r: Array, lam: Array) -> Array:
-        return self.frozen_at(r).distance(r, lam)
-
-    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
-        return self.frozen_at(r).graph_distance(r, lam, tau)
-
     def linearise(self, r: Array) -> Linearisation:
         """At the mode of r, which counts as constant."""
         return self.frozen_at(r).linearise(r)
 
-    def admissible(self, r: Array) -> Array:
-        return self._frozen(np.zeros(1)).admissible(r)
-
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        return self.frozen_at(r).snap_to_kinks(r, near)
-
-    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
-        return self.frozen_at(r).fitted(r, lam, tau)
-
-    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
-        return self.frozen_at(r).sides(r, lam, active, tau, slack)
-
-    def at_normal_kink(self, r: Array) -> BoolArray:
-        return self.compression.at_kink(r[:, 0])
-
     def moves(self, r: Array, small: float) -> BoolArray:
         return self.frozen_at(r).moves(r, small)
-
-    def pulls(self, r: Array) -> BoolArray:
-        return self.frozen_at(r).pulls(r)
 
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return self.frozen_at(r).past_peak(r, pull, near, slack)
@@ -439,10 +415,6 @@ class ModeDependentGlue(VectorLaw):
 
     def recession(self, direction: Array) -> Array:
         return self._pure[0].recession(direction)
-
-    @property
-    def rates(self) -> tuple[Array, Array, Array]:
-        return self._pure[0].rates
 
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         one, two = (law.strongest(rest, size) for law in self._pure)
@@ -473,10 +445,6 @@ class ModeDependentGlue(VectorLaw):
     @property
     def penetration_knots(self) -> Array:
         return self._pure[0].penetration_knots
-
-    @property
-    def rubs(self) -> BoolArray:
-        return np.ones(1, dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)

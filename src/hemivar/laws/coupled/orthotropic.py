@@ -24,7 +24,7 @@ from hemivar.laws.friction.orthotropic_friction import OrthotropicFriction
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths, principal_sides
+from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths
 
 __all__ = ["OrthotropicLaw", "bounded"]
 
@@ -186,9 +186,6 @@ class OrthotropicLaw(NormalAndFriction):
         moving = lengths(lam[:, 1:] - self.slide(r[:, 1:]))
         return np.where(r[:, 1:].any(axis=1), moving, self._rest_distance(lam))
 
-    def distance(self, r: Array, lam: Array) -> Array:
-        return np.hypot(self._plain.distance(r[:, :1], lam[:, :1]), self._tangential_distance(r, lam))
-
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         normal = self._plain.graph_distance(r[:, :1], lam[:, :1], tau)
         resting = np.hypot(lengths(r[:, 1:]) / tau[:, 1], self._rest_distance(lam))
@@ -286,28 +283,16 @@ class OrthotropicLaw(NormalAndFriction):
         return out
 
     def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
-        found = []
-        for one in self._plain.sides(r[:, :1], lam[:, :1], active[:, :1], tau, slack):
-            axis = np.zeros((one.point.size, 3))
-            axis[:, 0] = one.axis[:, 0]
-            found.append(replace(one, axis=axis))
-        moves: BoolArray = np.asarray(r[:, 1:].any(axis=1))
-        # at rest: every direction that is not held, by the share of the friction that is used
+        """At rest by the share of the friction that is used: multipliers fill an ellipse there."""
+        resting = active & ~r[:, 1:].any(axis=1, keepdims=True)
+        resting[:, 0] = False
         most = np.broadcast_to(self._axes.max(axis=1), (len(r),))
         own = _turned(self._frame, np.where(active[:, 1:], lam[:, 1:], 0.0))
         used = lengths(own / np.where(self._axes > 0.0, self._axes, 1.0)) * most
-        rest, column = np.nonzero(active[:, 1:] & ~moves[:, None])
+        rest, column = np.nonzero(resting[:, 1:])
         none = np.zeros(rest.size)
-        found.append(Sides(rest, np.eye(3)[1:][column], used[rest], -most[rest], most[rest], none, none))
-        # on the move: the principal directions of the second derivative
-        rows = np.flatnonzero(moves & active[:, 1:].any(axis=1))
-        if rows.size:
-            hessian = self.linearise(r).hessian[rows]
-            hessian[:, 0, 0] = 0.0
-            along = active[rows].copy()
-            along[:, 0] = False
-            found += principal_sides(rows, hessian, along, np.zeros(rows.size, dtype=bool))
-        return found
+        still = Sides(rest, np.eye(3)[1:][column], used[rest], -most[rest], most[rest], none, none)
+        return [*super().sides(r, lam, active & ~resting, tau, slack), still]
 
 
 def bounded(law: VectorLaw) -> ContactLaw:

@@ -11,7 +11,6 @@ from hemivar.basics.arguments import described, number
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.coupled.local_search import descend
 from hemivar.laws.coupled.plane_bounds import (
     best_ratio,
@@ -24,7 +23,7 @@ from hemivar.laws.coupled.plane_bounds import (
 from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotential
 from hemivar.laws.crossings import length_places
 from hemivar.laws.superpotential import Interval
-from hemivar.laws.vector_law import Linearisation, Sides, lengths, polar, principal_sides
+from hemivar.laws.vector_law import Linearisation, VectorLaw, polar
 
 __all__ = ["OwnCoupledLaw", "checked_reach"]
 
@@ -49,7 +48,7 @@ def checked_reach(reach: object, name: str) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class OwnCoupledLaw(CoupledLaw):
+class OwnCoupledLaw(VectorLaw):
     """``j(r) = f(r_nu, |r_tau|) - f(0, 0)``, the same at all contact points; see :func:`CoupledFormulaLaw`.
 
     Attributes
@@ -215,30 +214,9 @@ class OwnCoupledLaw(CoupledLaw):
         shut = super().kinks_along(start, end, bend)
         return np.concatenate([shut, length_places(np.zeros((1, 1)), start[:, 1:], end[:, 1:])], axis=1)
 
-    def distance(self, r: Array, lam: Array) -> Array:
-        off = lengths(lam - self.nearest_multiplier(r, lam))
-        return np.where(r[:, 0] > 0.0, np.inf, off) if self.rigid else off
-
-    def _shut(self, r: Array) -> list[Array]:
-        """r itself, and with what is a kink closed."""
-        found = [r]
-        for there, columns in ((self.hooked, slice(0, 1)), (self.resting, slice(1, None))):
-            if there:
-                for one in list(found):
-                    shut = one.copy()
-                    shut[:, columns] = 0.0
-                    found.append(shut)
-        return found
-
-    def _offers(self, r: Array, lam: Array, tau: Array) -> tuple[list[Array], Array]:
-        places = self._shut(r)
-        columns = [0, *[1] * (r.shape[1] - 1)]
-        offers = [np.hypot(lengths((r - place) / tau[:, columns]), self.distance(place, lam)) for place in places]
-        return places, np.stack(offers)
-
-    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
-        """An upper bound: the distance to the pair at r itself, or with the opening or the slip closed."""
-        return np.asarray(self._offers(r, lam, tau)[1].min(axis=0))
+    def kinks(self, r: Array) -> tuple[Array, Array]:
+        none = np.full(r.shape, np.nan)
+        return (none if not self.hooked else 0.0 * r)[:, 0], (none if not self.resting else 0.0 * r)[:, 1:]
 
     def graph_distance_bracket(self, r: Array, lam: Array, tau: Array) -> tuple[Array, Array]:
         """Between what the distance to the graph lies, (m,) each, for displacements within the reach.
@@ -250,11 +228,6 @@ class OwnCoupledLaw(CoupledLaw):
         steep = float(np.max(0.5 * np.abs(rr + ss) + np.hypot(0.5 * (rr - ss), rs)))
         high = self.graph_distance(r, lam, tau)
         return high / (1.0 + steep * tau.max(axis=1)), high
-
-    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
-        places, offers = self._offers(r, lam, tau)
-        best = np.argmin(offers, axis=0)
-        return np.asarray(np.stack(places)[best, np.arange(len(r))])
 
     def linearise(self, r: Array) -> Linearisation:
         c = r.shape[1]
@@ -282,12 +255,6 @@ class OwnCoupledLaw(CoupledLaw):
 
     def _at_rest(self, r: Array) -> BoolArray:
         return np.asarray(~r[:, 1:].any(axis=1) & self.resting)
-
-    def admissible(self, r: Array) -> Array:
-        out = np.array(r, dtype=float)
-        if self.rigid:
-            out[:, 0] = np.minimum(out[:, 0], 0.0)
-        return out
 
     # ---- the local problem -------------------------------------------------------------------------------
 
@@ -375,48 +342,11 @@ class OwnCoupledLaw(CoupledLaw):
             return 0.0
         return last if abs(last - near) <= 0.5 * abs(near) else float(np.copysign(np.inf, last))
 
-    @cached_property
-    def rates(self) -> tuple[Array, Array, Array]:
-        """Growth rates far away, (1,) each: with the penetration, with the opening, with the length of the slip."""
-        up = np.inf if self.rigid else self._growth(1.0, 0.0)
-        return np.array([up]), np.array([self._growth(-1.0, 0.0)]), np.array([self._growth(0.0, 1.0)])
-
     def recession(self, direction: Array) -> Array:
         normal, size, _ = self.split(direction)
         found, back = np.unique(np.column_stack([normal, size]), axis=0, return_inverse=True)
         grown = [np.inf if self.rigid and r > 0.0 else self._growth(r, s) for r, s in found.tolist()]
         return np.array(grown)[back.ravel()]
-
-    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
-        """By samples: the largest slopes along ways of every direction, less where ways aslant meet less."""
-        normal, slip, _ = self.split(self.admissible(rest))
-        far = max(size, self.reach) * _ALONG
-        angle = np.linspace(0.0, np.pi, _TURNS)
-        most = np.zeros((_TURNS, len(rest)))
-        for i, (up, along) in enumerate(zip(np.cos(angle).tolist(), np.sin(angle).tolist(), strict=True)):
-            if up > 0.0 and self.rigid:
-                most[i] = np.inf
-                continue
-            at_r, at_s = normal[:, None] + up * far, slip[:, None] + along * far
-            with np.errstate(all="ignore"):
-                by_r, by_s = self.slopes_at(at_r.ravel(), at_s.ravel(), 1.0 if up > 0.0 else -1.0)
-                slope = np.nan_to_num((up * by_r + along * by_s).reshape(at_r.shape), posinf=np.inf)
-            most[i] = np.maximum(slope.max(axis=1), 0.0)
-        middle = _TURNS // 2
-        up, slide, down = most[0], most[middle], most[-1]
-        shares = []
-        for ends, rows in ((up, range(middle + 1)), (down, range(middle, _TURNS))):
-            share = np.ones(len(rest))
-            for i in rows:
-                with np.errstate(invalid="ignore"):
-                    whole = np.where(np.isinf(ends), 0.0, ends * abs(np.cos(angle[i]))) + slide * np.sin(angle[i])
-                    share = np.minimum(share, np.where(whole > 0.0, most[i] / np.where(whole > 0.0, whole, 1.0), 1.0))
-            shares.append(share)
-        with np.errstate(invalid="ignore"):
-            held = [
-                np.where(np.isinf(ends), np.inf, ends * share) for ends, share in zip((up, down), shares, strict=True)
-            ]
-        return held[0], held[1], slide * np.minimum(*shares)
 
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
         far = self.reach * np.array(_FAR[:2])
@@ -425,6 +355,9 @@ class OwnCoupledLaw(CoupledLaw):
             normal = self.bends_at(sign * far, zero, sign)[0] if not (self.rigid and sign > 0.0) else zero
             tangential = self.bends_at(zero, far, -1.0)[2]
         return tuple(np.array([float(np.nan_to_num(part).min())]) for part in (normal, tangential))  # type: ignore[return-value]
+
+    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
+        return super().strongest(self.admissible(rest), max(size, self.reach))
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:
@@ -448,10 +381,6 @@ class OwnCoupledLaw(CoupledLaw):
     def penetrations(self) -> Interval:
         return Interval(np.array([-np.inf]), np.array([0.0 if self.rigid else np.inf]))
 
-    @property
-    def penetration_knots(self) -> Array:
-        return np.zeros((1, 1))
-
     @cached_property
     def rubs(self) -> BoolArray:
         """Whether the slip meets any force, (1,)."""
@@ -460,65 +389,12 @@ class OwnCoupledLaw(CoupledLaw):
 
     # ---- where a pair lies -------------------------------------------------------------------------------
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        out = r.copy()
-        if self.hooked:
-            out[np.abs(r[:, 0]) <= near, 0] = 0.0
-        if self.resting:
-            out[lengths(r[:, 1:]) <= near, 1:] = 0.0
-        return out
-
     def at_normal_kink(self, r: Array) -> BoolArray:
         return np.asarray((r[:, 0] == 0.0) & self.hooked)
-
-    def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
-        c = r.shape[1]
-        normal, size, _ = self.split(r)
-        hooked, resting = self.at_normal_kink(r), self._at_rest(r)
-        found = []
-        index = np.flatnonzero(hooked & active[:, 0])
-        below, above = (self.slopes_at(normal[index], size[index], side)[0] for side in (-1.0, 1.0))
-        bends = [self.bends_at(normal[index], size[index], side)[0] for side in (-1.0, 1.0)]
-        above = np.full(index.size, np.inf) if self.rigid else above
-        axis = np.broadcast_to(np.eye(c)[0], (index.size, c))
-        found.append(Sides(index, axis, lam[index, 0], below, above, *bends))
-        if c > 1:
-            still, column = np.nonzero(active[:, 1:] & resting[:, None])
-            most = self.slopes_at(normal[still], size[still], -1.0)[1]
-            bend = self.bends_at(normal[still], size[still], -1.0)[2]
-            force = lengths(np.where(active[still, 1:], lam[still, 1:], 0.0))
-            found.append(Sides(still, np.eye(c)[1:][column], force, -most, most, bend, bend))
-        free = active & ~np.concatenate([hooked[:, None], np.repeat(resting[:, None], c - 1, axis=1)], axis=1)
-        rows = np.flatnonzero(free.any(axis=1))
-        if rows.size:
-            hessian, jumps = self._lowest_hessian(r[rows])
-            found += principal_sides(rows, hessian, free[rows], jumps)
-        return found
-
-    def _lowest_hessian(self, r: Array) -> tuple[Array, BoolArray]:
-        """The second derivative with the least eigenvalue right beside r (m, c), and whether it jumps there."""
-        step, best = 1e-9 * self.reach, self.hessian(r)
-        least = np.linalg.eigvalsh(best)[:, 0]
-        jumps = np.zeros(len(r), dtype=bool)
-        sides = [(way, sign) for way in range(r.shape[1]) for sign in (-1.0, 1.0)]
-        for way, sign in sides:
-            beside = r.copy()
-            beside[:, way] += sign * step
-            other = self.hessian(self.admissible(beside), np.where(beside[:, 0] > 0.0, 1.0, -1.0))
-            jumps |= np.abs(other - best).max(axis=(1, 2)) > 1e-4 * np.abs(best).max(axis=(1, 2))
-            low = np.linalg.eigvalsh(other)[:, 0]
-            best = np.where((low < least)[:, None, None], other, best)
-            least = np.minimum(low, least)
-        return best, jumps
 
     def pulls(self, r: Array) -> BoolArray:
         normal, size, _ = self.split(self.admissible(r))
         return np.asarray(self.slopes_at(normal, size, -1.0)[0] < -1e-9 * self.size)
-
-    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        """Where the law is open and pulls less the more it opens."""
-        normal, size, _ = self.split(self.admissible(r))
-        return np.asarray((normal < 0.0) & (self.bends_at(normal, size, -1.0)[0] < 0.0))
 
     def resistance(self, r: Array, lam: Array) -> Array:
         normal, _, _ = self.split(self.admissible(r))

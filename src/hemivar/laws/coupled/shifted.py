@@ -10,15 +10,14 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
-from hemivar.laws.coupled.coupled_law import CoupledLaw
 from hemivar.laws.superpotential import Interval
-from hemivar.laws.vector_law import Linearisation, Sides, lengths, spread
+from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths, spread
 
 __all__ = ["ShiftedLaw"]
 
 
 @dataclass(frozen=True, eq=False)
-class ShiftedLaw(CoupledLaw):
+class ShiftedLaw(VectorLaw):
     """A law with resolved parameters, its slip counted from ``shift``, and a constant friction ``pull``.
 
     Attributes
@@ -68,9 +67,6 @@ class ShiftedLaw(CoupledLaw):
         zero = self.base.value(self.from_shift(np.zeros(r.shape)))
         work = (self._whole(self.pull, r) * r).sum(axis=1)
         return np.asarray(self.base.value(self.from_shift(r)) - zero + work)
-
-    def distance(self, r: Array, lam: Array) -> Array:
-        return self.base.distance(self.from_shift(r), self.without_pull(lam))
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         return self.base.graph_distance(self.from_shift(r), self.without_pull(lam), tau)
