@@ -13,6 +13,7 @@ from hemivar.errors import MethodError, ProblemError
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.friction_law import Friction, SlipMeasure, friction_in_increments
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
+from hemivar.laws.glue import Glue
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed import plus, secant
 from hemivar.laws.transformed.algebra import secant_stiffness
@@ -21,7 +22,7 @@ from hemivar.laws.vector_law import VectorLaw, lengths
 __all__ = ["NormalAndFriction", "with_friction"]
 
 
-class NormalAndFriction(VectorLaw):
+class NormalAndFriction(Glue):
     """A dataclass with the fields ``normal`` and ``friction``: a part of the penetration plus one of the slip."""
 
     normal: Superpotential
@@ -90,10 +91,6 @@ class NormalAndFriction(VectorLaw):
         along = of_law(shut) + 0.5 * known["stiffness"] * w**2
         return np.where((w < 0.0) & (w >= -known["opening"]), along, of_law(r))
 
-    def spent_by(self, known: Mapping[str, Array]) -> Array:
-        opening = known["opening"]
-        return np.asarray(self.normal.value(-opening) - 0.5 * known["stiffness"] * opening**2)
-
     def lost_by(self, known: Mapping[str, Array]) -> Array:
         told = self.normal.debonding(-known["opening"])
         if "damage" not in told or np.isnan(told["damage"]).any():
@@ -102,9 +99,6 @@ class NormalAndFriction(VectorLaw):
                 "MixedMode(...)"
             )
         return told["damage"]
-
-    def softened(self, known: Mapping[str, Array]) -> BoolArray:
-        return self.normal.past_peak(-known["opening"])
 
     # ---- the bound --------------------------------------------------------------------------------------
 

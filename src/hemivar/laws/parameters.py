@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +15,9 @@ from hemivar.basics.stated import Form, Stated, stated
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 __all__ = [
     "COMPRESSION",
     "FRICTION",
@@ -21,6 +26,7 @@ __all__ = [
     "PRESSURE",
     "RATE",
     "evaluate",
+    "field_values",
     "numbers",
     "parameter",
     "positive",
@@ -110,6 +116,19 @@ def evaluate(
     if above is not None and (result <= above).any():
         raise ProblemError(f"{what} is {result.min():g}; it must be positive")
     return result
+
+
+def field_values(owner: DataclassInstance, points: Array | None, whose: str) -> dict[str, Array]:
+    """The parameters that the fields of a law or a memory are, by name, within the limits that they state.
+
+    A field that is left out, None, is none of them.
+    """
+    found: dict[str, Array] = {}
+    for one in fields(owner):
+        given, said = getattr(owner, one.name), one.metadata.get("stated", Stated(Form.QUANTITY))
+        if given is not None or one.default is not None:
+            found[one.name] = evaluate(given, points, f"{one.name} of {whose}", said.least, above=said.above)
+    return found
 
 
 def _where(bad: np.ndarray, points: Array | None) -> str:

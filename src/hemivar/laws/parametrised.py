@@ -12,7 +12,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.parameters import evaluate
+from hemivar.laws.parameters import field_values
 from hemivar.laws.piecewise import PiecewiseQuadratic, TabulatedLaw
 from hemivar.laws.superpotential import Superpotential
 
@@ -31,13 +31,7 @@ class ParameterLaw(Superpotential):
     """
 
     def _values(self, points: Array | None) -> dict[str, Array]:
-        found: dict[str, Array] = {}
-        for f in fields(self):  # type: ignore[arg-type]
-            given = getattr(self, f.name)
-            if given is None and f.default is None:
-                continue
-            said = f.metadata["stated"]
-            found[f.name] = evaluate(given, points, f"{f.name} of law '{self.name}'", said.least, above=said.above)
+        found = field_values(self, points, f"law '{self.name}'")  # type: ignore[arg-type]
         rows = {value.size for value in found.values()} - {1}
         if len(rows) > 1:
             raise ProblemError(

@@ -74,7 +74,7 @@ def sides_of(law: VectorLaw, r: Array, lam: Array, active: BoolArray, tau: Array
     rows = np.flatnonzero(free.any(axis=1))
     hessians = [line.hessian]
     for other in (one for both in beside for one in both):  # but those at a kink that r is not at
-        same = (other.smooth >= line.smooth).all(axis=1)
+        same: BoolArray = np.all(other.smooth | ~line.smooth, axis=1)
         hessians.append(np.where(same[:, None, None], other.hessian, line.hessian))
     return found + _principal(rows, np.stack(hessians)[:, rows], free[rows]) if rows.size else found
 
@@ -94,7 +94,7 @@ def rest_forces(law: VectorLaw, r: Array, pull: Array, active: BoolArray) -> tup
 
     middle = 0.5 * (end(first) + end(-first))
     used, heading = polar(np.where(active, pull - middle, 0.0))
-    heading = np.where(used[:, None] > 0.0, heading, first)
+    heading = np.where((used > 0.0)[:, None], heading, first)
     return used, ((end(heading) - middle) * heading).sum(axis=1)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -180,52 +180,10 @@ class VectorLaw(PickleMixin, ABC):
         """Energy (m,) that the law stores at ``r (m, c)`` in time: all of :meth:`value` but that of friction."""
         return self.value(r)
 
-    # ---- glue that remembers ----------------------------------------------------------------------------
-
     @property
     def remembers(self) -> bool:
         """Whether it is glue, which in time remembers the largest opening unless it is told not to."""
         return False
-
-    def damaged(self, known: Mapping[str, Array] | None, r: Array) -> dict[str, Array]:
-        """What glue remembers after it has come to ``r (m, c)``, arrays (m,): its largest effective ``opening``, and
-        its ``stiffness`` from there back to rest.
-
-        Parameters
-        ----------
-        known : mapping or None
-            What it has remembered before; None of intact glue.
-        r : array (m, c)
-
-        Raises
-        ------
-        MethodError
-            The law has no effective opening.
-        """
-        raise MethodError(
-            f"law '{self.name}' has no effective opening whose largest value glue could remember; leave the memory "
-            "out, or take MixedMode(...)"
-        )
-
-    def unloading(self, known: Mapping[str, Array]) -> VectorLaw:
-        """The law of glue that remembers: along the secant up to the largest opening, as it is beyond."""
-        raise NotImplementedError
-
-    def unloading_energy(self, known: Mapping[str, Array], r: Array, of_law: Callable[[Array], Array]) -> Array:
-        """Energy (m,) that this law stores at ``r (m, c)``, where the law stores ``of_law(r)`` without memory."""
-        return self.unloading(known).stored_energy(r)
-
-    def spent_by(self, known: Mapping[str, Array]) -> Array:
-        """Energy per area (m,) that glue has lost since it was intact."""
-        raise NotImplementedError
-
-    def lost_by(self, known: Mapping[str, Array]) -> Array:
-        """Share (m,) of its first stiffness that glue which remembers has lost: 0 intact, 1 broken."""
-        raise NotImplementedError
-
-    def softened(self, known: Mapping[str, Array]) -> BoolArray:
-        """Whether glue that remembers is past its peak, (m,)."""
-        raise NotImplementedError
 
     # ---- at a displacement ------------------------------------------------------------------------------
 

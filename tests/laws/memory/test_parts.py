@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from hemivar.basics.types import Array
-from hemivar.errors import ProblemError
-from hemivar.laws import Compliance, ContactLaw, NoContact, PiecewiseQuadratic, Signorini, SlipWeakening, Tresca
+from hemivar.errors import MethodError, ProblemError
+from hemivar.laws import (
+    Compliance,
+    ContactLaw,
+    CoupledFormulaLaw,
+    NoContact,
+    PiecewiseQuadratic,
+    Signorini,
+    SlipWeakening,
+    Tresca,
+)
 from hemivar.laws.memory import (
     Bonding,
     DampedContact,
@@ -209,3 +220,38 @@ def test_friction_of_the_slip_sum_sees_no_rate_in_a_chain(order: int) -> None:
     assert not alone.of_slip
     slope = law_of_step(law, alone, alone.start(law, np.zeros((1, 2))), step).tangential.derivative(d)[0]
     assert slope == pytest.approx(2.0 * (0.4 + 0.6 * np.exp(-3.0 * 0.5)), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("memory", "words"),
+    [
+        (Bonding(-1.0, 1.0, 1.0), "stiffness of memory 'bonding' is -1; it must be at least 0"),
+        (Bonding(1.0, -1.0, 1.0), "energy of memory 'bonding' is -1; it must be at least 0"),
+        (Bonding(1.0, 1.0, 0.0), "viscosity of memory 'bonding' is 0; it must be positive"),
+        (PenetrationMemory(-1.0, 0.0), "time of memory 'penetration-memory' is 0; it must be positive"),
+        (Secant(friction=-0.1), "friction of memory 'secant' is -0.1; it must be at least 0"),
+        (Wear(-1.0), "coefficient of memory 'wear' is -1; it must be at least 0"),
+        (ViscousFoundation(0.0), "viscosity of memory 'viscous-foundation' is 0; it must be positive"),
+        *(
+            (
+                replace(RateAndState(1.0, -1.0, 1.0, -1.0, 1.0, 1.0), **{key: 0.0}),
+                f"{key} of memory 'rate-and-state' is 0; it must be positive",
+            )
+            for key in ("direct", "length", "rate", "age")
+        ),
+    ],
+)
+def test_a_parameter_beyond_its_limits_is_refused(memory: Memory, words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        memory.at(None)
+
+
+def test_limits_that_nobody_reads_are_refused() -> None:
+    with pytest.raises(ProblemError, match=r"memory 'own' has limits .* give each field its own"):
+        type("Own", (Memory,), {"name": "own", "positive": ("size",)})
+
+
+def test_a_law_without_an_effective_opening_has_no_largest_one() -> None:
+    law = CoupledFormulaLaw("r^2 + s^2", reach=1.0)
+    with pytest.raises(MethodError, match="has no effective opening whose largest value glue could remember"):
+        Secant().start(law, np.zeros((1, 2)))

@@ -15,13 +15,14 @@ from hemivar.errors import ProblemError
 from hemivar.laws.coupled.criteria import FractureCriterion
 from hemivar.laws.coupled.opening import OpeningProblem
 from hemivar.laws.crossings import length_places, level_places
+from hemivar.laws.glue import Glue
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import evaluate, positive
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import downhill, is_continuous, steepest
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, VectorLaw, lengths, polar
+from hemivar.laws.vector_law import Linearisation, lengths, polar
 
 __all__ = ["MixedMode"]
 
@@ -32,7 +33,7 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class MixedMode(VectorLaw):
+class MixedMode(Glue):
     """Glue that opens and slips: ``j(r) = Phi(rho)`` and a normal law in compression.
 
     The effective opening is ``rho = sqrt(<w>^2 + ratio^2 |s|^2)`` with the opening w = -r_nu and the slip s = r_tau;
@@ -256,9 +257,6 @@ class MixedMode(VectorLaw):
         rho = self.effective(r)
         return np.asarray(1.0 - self.curve_on(rho, self.piece_of(rho))[0] / self._half[1][:, 0])
 
-    def lost_by(self, known: Mapping[str, Array]) -> Array:
-        return np.where(known["opening"] > 0.0, 1.0 - known["stiffness"] / self._half[1][:, 0], 0.0)
-
     def spent(self, r: Array) -> Array:
         """Energy per area that an unloading with the secant stiffness would not give back, (m,)."""
         rho = self.effective(r)
@@ -273,10 +271,6 @@ class MixedMode(VectorLaw):
         return is_continuous(self.compression)
 
     # ---- glue that remembers ----------------------------------------------------------------------------
-
-    @property
-    def remembers(self) -> bool:
-        return True
 
     def damaged(self, known: Mapping[str, Array] | None, r: Array) -> dict[str, Array]:
         rho = self.effective(r)
@@ -321,13 +315,6 @@ class MixedMode(VectorLaw):
         piece = (middle[:, :, None] > knots[:, None, :]).sum(axis=2)
         inside = np.where(middle < far, secant, np.take_along_axis(slopes, piece, axis=1))
         return at, np.concatenate([inside, np.zeros((rows, 1))], axis=1), np.where(at < far, secant * at, pull)
-
-    def spent_by(self, known: Mapping[str, Array]) -> Array:
-        opening = known["opening"]
-        return np.asarray(self._table.value(opening) - 0.5 * known["stiffness"] * opening**2)
-
-    def softened(self, known: Mapping[str, Array]) -> BoolArray:
-        return np.asarray(known["opening"] > self._peak * (1.0 + 1e-9))
 
     # ---- value and subdifferential ----------------------------------------------------------------------
 

@@ -15,10 +15,11 @@ from hemivar.errors import ProblemError
 from hemivar.laws.coupled.cohesion import BilinearCohesion
 from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion
 from hemivar.laws.coupled.mixed_mode import MixedMode
+from hemivar.laws.glue import Glue
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, OnGraph, VectorLaw, lengths
+from hemivar.laws.vector_law import Linearisation, OnGraph, lengths
 
 __all__ = ["KeptModeGlue", "ModeDependentGlue"]
 
@@ -31,7 +32,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class ModeDependentGlue(VectorLaw):
+class ModeDependentGlue(Glue):
     """Bilinear glue with a fracture energy for opening and another one for shear, as ``J(w, v)``.
 
     In a state w the mode is ``B(w) = ratio^2 s^2 / max(rho, rho_min)^2`` with the effective opening
@@ -290,10 +291,6 @@ class ModeDependentGlue(VectorLaw):
         )
 
     # ---- glue that remembers ----------------------------------------------------------------------------
-
-    @property
-    def remembers(self) -> bool:
-        return True
 
     def damaged(self, known: Mapping[str, Array] | None, r: Array) -> dict[str, Array]:
         """Beside the opening and the stiffness the ``mode`` at which damage began, -1 where it has not.

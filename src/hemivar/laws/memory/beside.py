@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, BoolArray, Parameter
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
+from hemivar.laws.parameters import LINE, RATE, parameter, positive
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed import bonded
@@ -35,13 +36,11 @@ class Bonding(Memory):
         > 0 (energy per area, times time).
     """
 
-    stiffness: Parameter
-    energy: Parameter
-    viscosity: Parameter
+    stiffness: Parameter = field(metadata=parameter("stiffness of the bond", RATE, least=0.0))
+    energy: Parameter = field(metadata=parameter("energy beneath which nothing breaks", LINE, least=0.0))
+    viscosity: Parameter = field(metadata=positive("viscosity of the bond", "force/length time"))
     name: ClassVar[str] = "bonding"
     of_state = True
-    minimum: ClassVar[dict[str, float]] = {"stiffness": 0.0, "energy": 0.0}
-    positive: ClassVar[tuple[str, ...]] = ("viscosity",)
 
     def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept(bond=np.ones(len(r)))
@@ -90,9 +89,8 @@ class PenetrationMemory(Memory):
     """
 
     stiffness: Parameter
-    time: Parameter
+    time: Parameter = field(metadata=positive("time in which it forgets", "time"))
     name: ClassVar[str] = "penetration-memory"
-    positive: ClassVar[tuple[str, ...]] = ("time",)
 
     def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept(integral=np.zeros(len(r)), last=r[:, 0])

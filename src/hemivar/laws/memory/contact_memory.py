@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar, Self
 
@@ -22,7 +22,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.normal_and_friction import NormalAndFriction, with_friction
-from hemivar.laws.parameters import evaluate
+from hemivar.laws.parameters import field_values
 from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["Energy", "LocalStep", "Memory", "MemoryState", "energy_of", "kept", "slide"]
@@ -93,15 +93,12 @@ class LocalStep(PickleMixin):
 class Memory(PickleMixin, ABC):
     """What contact points remember; a frozen object whose dataclass fields are parameters.
 
-    A parameter is a number, one for each contact point, or a function of x, which :meth:`at` evaluates.
+    A parameter is a number, one for each contact point, or a function of x, which :meth:`at` evaluates.  Its field may
+    say its limits, as those of laws do: ``field(metadata=parameter(...))`` of :mod:`hemivar.laws.parameters`.
     """
 
     #: Short name used in messages, files and tables.
     name: ClassVar[str] = "memory"
-
-    #: Smallest value of parameters, and those that must be positive.
-    minimum: ClassVar[dict[str, float]] = {}
-    positive: ClassVar[tuple[str, ...]] = ()
 
     #: Whether the law of the step depends on the solution of the step, so that it is made anew until it stands.
     iterates: bool = False
@@ -118,6 +115,14 @@ class Memory(PickleMixin, ABC):
     #: Whether the law of the step couples opening and slip, and is one of the whole slip.
     couples: bool = False
 
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if vars(cls).keys() & {"minimum", "positive"}:
+            raise ProblemError(
+                f"memory '{cls.name}' has limits in minimum or positive, which are not read; give each field its own, "
+                "field(metadata=parameter(..., least=0.0)) of hemivar.laws.parameters"
+            )
+
     def values(self, points: Array | None = None) -> dict[str, Array]:
         """The parameters at the contact points, checked, each of shape (1,) or (m,)."""
         return self._resolved if points is None else self._evaluated(points)
@@ -127,13 +132,7 @@ class Memory(PickleMixin, ABC):
         return self._evaluated(None)
 
     def _evaluated(self, points: Array | None) -> dict[str, Array]:
-        found: dict[str, Array] = {}
-        for f in fields(self):  # type: ignore[arg-type]
-            what = f"{f.name} of memory '{self.name}'"
-            found[f.name] = evaluate(getattr(self, f.name), points, what, self.minimum.get(f.name))
-            if f.name in self.positive and np.any(found[f.name] <= 0.0):
-                raise ProblemError(f"{what} is {found[f.name].min():g}; it must be positive")
-        return found
+        return field_values(self, points, f"memory '{self.name}'")  # type: ignore[arg-type]
 
     def at(self, points: Array | None) -> Self:
         """The memory with every parameter evaluated at ``points (m, d)``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -11,8 +11,10 @@ from hemivar.basics.types import Array, BoolArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled.friction_beside import FrictionBeside
 from hemivar.laws.friction import Friction
+from hemivar.laws.glue import glue_of
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
 from hemivar.laws.normal_and_friction import NormalAndFriction
+from hemivar.laws.parameters import parameter
 from hemivar.laws.transformed import slipped
 from hemivar.laws.transformed.transformed_law import as_examined
 from hemivar.laws.vector_law import VectorLaw
@@ -38,9 +40,10 @@ class Secant(Memory):
         Friction coefficient of the damaged share, >= 0.
     """
 
-    friction: Parameter = 0.0
+    friction: Parameter = field(
+        default=0.0, metadata=parameter("friction coefficient of the damaged share", "1", least=0.0)
+    )
     name: ClassVar[str] = "secant"
-    minimum: ClassVar[dict[str, float]] = {"friction": 0.0}
 
     @property
     def rubs(self) -> bool:
@@ -58,10 +61,11 @@ class Secant(Memory):
         return not self.rubs
 
     def start(self, law: VectorLaw, r: Array) -> MemoryState:
-        state = kept(**law.damaged(None, r))
+        glue = glue_of(law)
+        state = kept(**glue.damaged(None, r))
         if self.rubs:
             self._refuse(law)
-            law.lost_by(state)
+            glue.lost_by(state)
         return state
 
     def _refuse(self, law: VectorLaw) -> None:
@@ -77,7 +81,7 @@ class Secant(Memory):
             )
 
     def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
-        made = law.unloading(state)
+        made = glue_of(law).unloading(state)
         if not self.rubs:
             return made
         bound = self._coefficient(law, state) * np.maximum(step.pressing, 0.0)
@@ -87,23 +91,24 @@ class Secant(Memory):
 
     def _coefficient(self, law: VectorLaw, state: MemoryState) -> Array:
         """Friction over pressure with the damage of a state, (m,)."""
-        return np.asarray(self.values()["friction"] * law.lost_by(state))
+        return np.asarray(self.values()["friction"] * glue_of(law).lost_by(state))
 
     def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
-        return kept(**law.damaged(state, r))
+        return kept(**glue_of(law).damaged(state, r))
 
     def past_peak(self, law: VectorLaw, state: MemoryState) -> BoolArray:
-        return law.softened(state)
+        return glue_of(law).softened(state)
 
     def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
-        return law.unloading_energy(state, r, energy_of(law, inner))
+        return glue_of(law).unloading_energy(state, r, energy_of(law, inner))
 
     def dissipated(
         self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         """What the law takes up between the old and the new opening, less what the triangle beneath the secant grows;
         and friction of the whole slip, which is not counted elsewhere."""
-        lost = law.spent_by(new) - law.spent_by(old)
+        glue = glue_of(law)
+        lost = glue.spent_by(new) - glue.spent_by(old)
         if not self.rubs or not law.follows_slip:
             return lost
         rubbed = self._coefficient(law, old) * np.maximum(lam[:, 0], 0.0)

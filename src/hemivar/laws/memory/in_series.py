@@ -8,13 +8,14 @@ r - w.
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
 from hemivar.basics.types import Array, Parameter
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
+from hemivar.laws.parameters import parameter, positive
 from hemivar.laws.transformed import affine, envelope
 from hemivar.laws.vector_law import VectorLaw
 
@@ -70,10 +71,9 @@ class Wear(_Series):
         >= 0 (length per length of slip and force per area, 1/pressure).
     """
 
-    coefficient: Parameter
+    coefficient: Parameter = field(metadata=parameter("wear for pressure and slip", "area/force", least=0.0))
     name: ClassVar[str] = "wear"
     iterates: ClassVar[bool] = True  # type: ignore[misc]
-    minimum: ClassVar[dict[str, float]] = {"coefficient": 0.0}
 
     def _worn(self, slid: Array, pressure: Array) -> Array:
         return np.where(pressure > 0.0, self.values()["coefficient"] * slid, 0.0)
@@ -97,9 +97,8 @@ class ViscousFoundation(_Series):
         > 0 (pressure per velocity).
     """
 
-    viscosity: Parameter
+    viscosity: Parameter = field(metadata=positive("viscosity in series", "force/area/length time"))
     name: ClassVar[str] = "viscous-foundation"
-    positive: ClassVar[tuple[str, ...]] = ("viscosity",)
 
     def _compliance(self, step: LocalStep) -> Array:
         return np.broadcast_to(step.tau / self.values()["viscosity"], (len(step.before),))

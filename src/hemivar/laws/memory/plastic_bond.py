@@ -16,7 +16,7 @@ which is convex, so that the part has one solution in a body that is held.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -27,6 +27,7 @@ from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.shifted import ShiftedLaw
 from hemivar.laws.friction import Friction
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
+from hemivar.laws.parameters import LINE, PRESSURE, RATE, positive
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.transformed import plus
 from hemivar.laws.vector_law import VectorLaw
@@ -56,18 +57,17 @@ class PlasticBond(Memory):
         kappa, > 0 (force per area and length).
     """
 
-    stiffness: Parameter
-    shear_stiffness: Parameter
-    energy: Parameter
-    yield_traction: Parameter
-    hardening: Parameter
+    stiffness: Parameter = field(metadata=positive("stiffness of the bond in opening", RATE))
+    shear_stiffness: Parameter = field(metadata=positive("stiffness in shear", RATE))
+    energy: Parameter = field(metadata=positive("fracture energy in opening", LINE))
+    yield_traction: Parameter = field(metadata=positive("traction from which it slips", PRESSURE))
+    hardening: Parameter = field(metadata=positive("hardening of the plastic slip", RATE))
     name: ClassVar[str] = "plastic-bond"
     iterates: ClassVar[bool] = True  # type: ignore[misc]
     couples: ClassVar[bool] = True  # type: ignore[misc]
-    positive: ClassVar[tuple[str, ...]] = ("stiffness", "shear_stiffness", "energy", "yield_traction", "hardening")
 
     def __post_init__(self) -> None:
-        if not any(callable(getattr(self, what)) for what in self.positive):
+        if not any(map(callable, vars(self).values())):
             self.values()
 
     @classmethod

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -11,6 +11,7 @@ from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.friction import ABSOLUTE_VALUE, Friction
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState, kept, slide
+from hemivar.laws.parameters import LENGTH, positive
 from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.vector_law import VectorLaw
 
@@ -106,16 +107,15 @@ class RateAndState(Memory):
         theta at the beginning, > 0 (time).
     """
 
-    direct: Parameter
+    direct: Parameter = field(metadata=positive("effect of the rate", "1"))
     evolution: Parameter
-    length: Parameter
+    length: Parameter = field(metadata=positive("slip that renews contacts", LENGTH))
     reference: Parameter
-    rate: Parameter
-    age: Parameter
+    rate: Parameter = field(metadata=positive("rate of the reference", "length/time"))
+    age: Parameter = field(metadata=positive("age at the beginning", "time"))
     name: ClassVar[str] = "rate-and-state"
     iterates: ClassVar[bool] = True  # type: ignore[misc]
     takes_friction = True
-    positive: ClassVar[tuple[str, ...]] = ("direct", "length", "rate", "age")
 
     def start(self, law: VectorLaw, r: Array) -> MemoryState:
         return kept(age=np.broadcast_to(self.values()["age"], (len(r),)))
