@@ -256,14 +256,15 @@ class VectorLaw(PickleMixin, ABC):
 
     def _offers(self, r: Array, lam: Array, tau: Array) -> tuple[Array, Array]:
         """``r`` itself, and with the penetration, the slip and both at their kinks, (k, m, c); how well a pair fits."""
-        places, (normal, slip) = [r], self.kinks(r)
-        for part, kink in ((slice(0, 1), normal[:, None]), (slice(1, None), slip)):
-            there = np.isfinite(kink)
-            for one in list(places) if there.any() else ():
+        places, gaps = [r], [np.zeros(len(r))]
+        normal, slip = self.kinks(r)
+        for k, kink in enumerate((normal[:, None], slip)):
+            there, part = np.isfinite(kink), slice(k, None if k else 1)
+            for one, gap in list(zip(places, gaps, strict=True)) if there.any() else ():
                 places.append(one.copy())
                 places[-1][:, part] = np.where(there, kink, one[:, part])
-        each = spread(tau, r.shape[1])
-        off = [np.hypot(lengths((r - place) / each), self.distance(place, lam)) for place in places]
+                gaps.append(np.hypot(gap, lengths(r[:, part] - places[-1][:, part]) / tau[:, k]))
+        off = [np.hypot(gap, self.distance(place, lam)) for gap, place in zip(gaps, places, strict=True)]
         return np.stack(places), np.stack(off)
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:

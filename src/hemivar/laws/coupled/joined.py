@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -18,6 +18,38 @@ from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
 
 __all__ = ["JoinedLaw", "join_laws"]
+
+
+def _by_points(question: str, fill: float | None = None) -> Callable[..., np.ndarray]:
+    """The answer to a question about each point, whose arrays are those of all points."""
+
+    def asked(law: JoinedLaw, *given: object) -> np.ndarray:
+        return law.gather([getattr(part, question)(*own) for part, own in _given(law, given)], fill)
+
+    return asked
+
+
+def _several(question: str) -> Callable[..., tuple[np.ndarray, ...]]:
+    """The same where several arrays are the answer."""
+
+    def asked(law: JoinedLaw, *given: object) -> tuple[np.ndarray, ...]:
+        found = [getattr(part, question)(*own) for part, own in _given(law, given)]
+        return tuple(law.gather(parts) for parts in zip(*found, strict=True))
+
+    return asked
+
+
+def _given(law: JoinedLaw, given: tuple[object, ...]) -> list[tuple[VectorLaw, list[object]]]:
+    """The parts, and what they are asked of their own points."""
+    return [
+        (part, [one[index] if isinstance(one, np.ndarray) else one for one in given])
+        for part, index in zip(law.parts, law.indices, strict=True)
+    ]
+
+
+def _whether(question: str) -> property:
+    """Whether it is so for some part."""
+    return property(lambda law: any(getattr(part, question) for part in law.parts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,21 +80,18 @@ class JoinedLaw(VectorLaw):
                 "take a bound that does not"
             )
 
-    def _gather(self, ask: Callable[[VectorLaw, IntArray], Array]) -> Array:
-        found: Array | None = None
-        for law, index in zip(self.parts, self.indices, strict=True):
-            values = np.asarray(ask(law, index))
-            if found is None:
-                found = np.empty((self._count, *values.shape[1:]), dtype=values.dtype)
-            found[index] = values if values.ndim and len(values) == index.size else np.broadcast_to(values, index.shape)
-        assert found is not None
+    def gather(self, parts: Sequence[np.ndarray], fill: float | None = None) -> np.ndarray:
+        """What the parts say of their contact points, (their points or 1, ...), as one for all points.
+
+        Rows may be of different lengths, if there is something to ``fill`` them with.
+        """
+        if fill is not None:
+            width = max(part.shape[1] for part in parts)
+            parts = [np.pad(one, ((0, 0), (0, width - one.shape[1])), constant_values=fill) for one in parts]
+        found = np.empty((self._count, *parts[0].shape[1:]), dtype=np.result_type(*parts))
+        for part, index in zip(parts, self.indices, strict=True):
+            found[index] = part
         return found
-
-    def _whether(self, ask: Callable[[VectorLaw, IntArray], BoolArray]) -> BoolArray:
-        return np.asarray(self._gather(lambda law, i: np.asarray(ask(law, i), dtype=float)) > 0.0)
-
-    def _several(self, ask: Callable[[VectorLaw, IntArray], tuple[Array, ...]], count: int) -> list[Array]:
-        return [self._gather(lambda law, i, k=k: ask(law, i)[k]) for k in range(count)]  # type: ignore[misc]
 
     @cached_property
     def _count(self) -> int:
@@ -94,160 +123,93 @@ class JoinedLaw(VectorLaw):
     def at_rest(self) -> VectorLaw:
         return self._each(lambda law: law.at_rest())
 
-    def stored_energy(self, r: Array) -> Array:
-        return self._gather(lambda law, i: law.stored_energy(r[i]))
-
     def is_function(self, components: int) -> bool:
         return all(law.is_function(components) for law in self.parts)
 
-    def value(self, r: Array) -> Array:
-        return self._gather(lambda law, i: law.value(r[i]))
+    # ---- asked point by point ---------------------------------------------------------------------------
 
-    def distance(self, r: Array, lam: Array) -> Array:
-        return self._gather(lambda law, i: law.distance(r[i], lam[i]))
-
-    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
-        return self._gather(lambda law, i: law.graph_distance(r[i], lam[i], tau[i]))
-
-    def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
-        own = [law.kinks_along(start[i], end[i], bend[i]) for law, i in zip(self.parts, self.indices, strict=True)]
-        return self._padded(own, np.nan)
-
-    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
-        return self._gather(lambda law, i: law.nearest_multiplier(r[i], lam[i]))
-
-    def clamp(self, start: Array, end: Array) -> Array:
-        return self._gather(lambda law, i: law.clamp(start[i], end[i]))
-
-    def local_argmin(self, a: Array, b: Array) -> Array:
-        return self._gather(lambda law, i: law.local_argmin(a[i], b[i]))
-
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
-        return self._gather(lambda law, i: law.downhill(a[i], b[i], r[i]))
+    value = _by_points("value")
+    stored_energy = _by_points("stored_energy")
+    distance = _by_points("distance")
+    graph_distance = _by_points("graph_distance")
+    nearest_multiplier = _by_points("nearest_multiplier")
+    clamp = _by_points("clamp")
+    local_argmin = _by_points("local_argmin")
+    downhill = _by_points("downhill")
+    admissible = _by_points("admissible")
+    recession = _by_points("recession")
+    derivative_error = _by_points("derivative_error")
+    snap_to_kinks = _by_points("snap_to_kinks")
+    fitted = _by_points("fitted")
+    at_normal_kink = _by_points("at_normal_kink")
+    moves = _by_points("moves")
+    pulls = _by_points("pulls")
+    past_peak = _by_points("past_peak")
+    resistance = _by_points("resistance")
+    kinks_along = _by_points("kinks_along", np.nan)
+    strongest = _several("strongest")  # type: ignore[assignment]
+    asymptotic_curvature = _several("asymptotic_curvature")  # type: ignore[assignment]
+    weak_convexity_within = _several("weak_convexity_within")  # type: ignore[assignment]
 
     def linearise(self, r: Array) -> Linearisation:
-        lines = [law.linearise(r[i]) for law, i in zip(self.parts, self.indices, strict=True)]
-        smooth, m, d = np.empty((len(r), 2), dtype=bool), *r.shape
-        gradient, hessian = np.empty((m, d)), np.empty((m, d, d))
-        for line, index in zip(lines, self.indices, strict=True):
-            smooth[index], gradient[index], hessian[index] = line.smooth, line.gradient, line.hessian
-        return Linearisation(smooth, gradient, hessian)
-
-    def admissible(self, r: Array) -> Array:
-        return self._gather(lambda law, i: law.admissible(r[i]))
-
-    def recession(self, direction: Array) -> Array:
-        return self._gather(lambda law, i: law.recession(direction[i]))
-
-    @property
-    def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        normal = self._several(lambda law, i: law.growth[0], 2)
-        tangential = self._several(lambda law, i: law.growth[1], 2)
-        return (normal[0], normal[1]), (tangential[0], tangential[1])
-
-    @property
-    def growth_sampled(self) -> bool:
-        return any(law.growth_sampled for law in self.parts)
-
-    @property
-    def rates(self) -> tuple[Array, Array, Array]:
-        up, down, slip = self._several(lambda law, i: law.rates, 3)
-        return up, down, slip
-
-    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
-        up, down, slip = self._several(lambda law, i: law.strongest(rest[i], size), 3)
-        return up, down, slip
-
-    def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
-        normal, tangential = self._several(lambda law, i: law.asymptotic_curvature(sign), 2)
-        return normal, tangential
-
-    @cached_property
-    def _alphas(self) -> tuple[Array, Array]:
-        normal, tangential = self._several(lambda law, i: law.weak_convexity, 2)
-        return normal, tangential
-
-    @property
-    def weak_convexity(self) -> tuple[Array, Array]:
-        return self._alphas
-
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        normal, tangential = self._several(lambda law, i: law.weak_convexity_within(reach), 2)
-        return normal, tangential
-
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        reaches = [law.alpha_reach for law in self.parts]
-        return min(normal for normal, _ in reaches), min(tangential for _, tangential in reaches)
-
-    @property
-    def alpha_sampled(self) -> bool:
-        return any(law.alpha_sampled for law in self.parts)
-
-    @property
-    def constants_sampled(self) -> bool:
-        return any(law.constants_sampled for law in self.parts)
-
-    @property
-    def by_differences(self) -> bool:
-        return any(law.by_differences for law in self.parts)
-
-    def derivative_error(self, r: Array) -> Array:
-        return self._gather(lambda law, i: law.derivative_error(r[i]))
-
-    @property
-    def penetrations(self) -> Interval:
-        return Interval(
-            self._gather(lambda law, i: law.penetrations.lower), self._gather(lambda law, i: law.penetrations.upper)
-        )
-
-    @property
-    def penetration_knots(self) -> Array:
-        return self._padded([law.penetration_knots for law in self.parts], np.inf)
-
-    def _padded(self, tables: Sequence[Array], fill: float) -> Array:
-        """Tables of the parts, (their points or 1, K) with K of their own, as one for all points."""
-        found = np.full((self._count, max(table.shape[1] for table in tables)), fill)
-        for table, index in zip(tables, self.indices, strict=True):
-            found[index, : table.shape[1]] = table
-        return found
-
-    @property
-    def rubs(self) -> BoolArray:
-        return self._whether(lambda law, i: law.rubs)
-
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        return self._gather(lambda law, i: law.snap_to_kinks(r[i], near))
-
-    def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
-        return self._gather(lambda law, i: law.fitted(r[i], lam[i], tau[i]))
+        lines = [vars(law.linearise(r[i])) for law, i in zip(self.parts, self.indices, strict=True)]
+        return Linearisation(*(self.gather([line[name] for line in lines]) for name in lines[0]))
 
     def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
         return [
-            Sides(index[one.point], *list(vars(one).values())[1:])
+            replace(one, point=index[one.point])
             for law, index in zip(self.parts, self.indices, strict=True)
             for one in law.sides(r[index], lam[index], active[index], tau[index], slack)
         ]
-
-    def at_normal_kink(self, r: Array) -> BoolArray:
-        return self._whether(lambda law, i: law.at_normal_kink(r[i]))
-
-    def moves(self, r: Array, small: float) -> BoolArray:
-        return self._whether(lambda law, i: law.moves(r[i], small))
-
-    def pulls(self, r: Array) -> BoolArray:
-        return self._whether(lambda law, i: law.pulls(r[i]))
-
-    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        return self._whether(lambda law, i: law.past_peak(r[i], None if pull is None else pull[i], near, slack))
 
     def debonding(self, r: Array) -> dict[str, Array]:
         return gathered_debonding(
             [law.debonding(r[i]) for law, i in zip(self.parts, self.indices, strict=True)], self.indices
         )
 
-    def resistance(self, r: Array, lam: Array) -> Array:
-        return self._gather(lambda law, i: law.resistance(r[i], lam[i]))
+    # ---- what is known of all ---------------------------------------------------------------------------
+
+    @property
+    def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        (n0, n1), (t0, t1) = ([self.gather([law.growth[k][i] for law in self.parts]) for i in (0, 1)] for k in (0, 1))
+        return (n0, n1), (t0, t1)
+
+    @property
+    def rates(self) -> tuple[Array, Array, Array]:
+        up, down, slip = (self.gather([law.rates[k] for law in self.parts]) for k in range(3))
+        return up, down, slip
+
+    @cached_property
+    def _alphas(self) -> tuple[Array, Array]:
+        normal, tangential = (self.gather([law.weak_convexity[k] for law in self.parts]) for k in range(2))
+        return normal, tangential
+
+    @property
+    def weak_convexity(self) -> tuple[Array, Array]:
+        return self._alphas
+
+    @property
+    def alpha_reach(self) -> tuple[float, float]:
+        reaches = [law.alpha_reach for law in self.parts]
+        return min(normal for normal, _ in reaches), min(tangential for _, tangential in reaches)
+
+    growth_sampled = _whether("growth_sampled")
+    alpha_sampled = _whether("alpha_sampled")
+    constants_sampled = _whether("constants_sampled")
+    by_differences = _whether("by_differences")
+
+    @property
+    def penetrations(self) -> Interval:
+        ends = [law.penetrations for law in self.parts]
+        return Interval(self.gather([one.lower for one in ends]), self.gather([one.upper for one in ends]))
+
+    @property
+    def penetration_knots(self) -> Array:
+        return self.gather([law.penetration_knots for law in self.parts], np.inf)
+
+    @property
+    def rubs(self) -> BoolArray:
+        return self.gather([law.rubs for law in self.parts])
 
 
 def join_laws(laws: Sequence[tuple[VectorLaw, int]]) -> VectorLaw:

@@ -511,8 +511,11 @@ class MixedMode(Glue):
     # ---- where a pair lies ------------------------------------------------------------------------------
 
     def kinks(self, r: Array) -> tuple[Array, Array]:
+        shut, none = np.zeros(len(r)), np.full(r[:, 1:].shape, np.nan)
+        if not self.compression.knots.any():
+            return shut, none
         knot = self.compression.kink_within(r[:, 0], np.inf)
-        return np.where(np.isfinite(knot), knot, 0.0), np.full(r[:, 1:].shape, np.nan)
+        return np.where(np.isfinite(knot), knot, shut), none
 
     def at_normal_kink(self, r: Array) -> BoolArray:
         return self.compression.at_kink(r[:, 0])
