@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws.superpotential import Interval
+from hemivar.laws.coupled.law_beside import LawBeside
 from hemivar.laws.vector_law import Linearisation, VectorLaw, lengths, polar, spread
 
 __all__ = ["FrictionBeside"]
@@ -27,7 +27,7 @@ _ROUNDED = 4.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionBeside(VectorLaw):
+class FrictionBeside(LawBeside):
     """A coupled law with resolved parameters, and friction of at most ``bound`` of the slip from ``start`` on.
 
     Attributes
@@ -49,8 +49,9 @@ class FrictionBeside(VectorLaw):
     def not_separable(self) -> str:
         return self.base.not_separable
 
-    def at(self, points: Array | None) -> FrictionBeside:
-        return self
+    @property
+    def beside(self) -> Array:
+        return self.bound
 
     def take(self, index: IntArray) -> FrictionBeside:
         bound, start = (part if len(part) == 1 else part[index] for part in (self.bound, self.start))
@@ -124,9 +125,6 @@ class FrictionBeside(VectorLaw):
         hessian[held, 1:, :] = hessian[held, :, 1:] = 0.0
         return Linearisation(smooth, gradient, hessian)
 
-    def admissible(self, r: Array) -> Array:
-        return self.base.admissible(r)
-
     # ---- the local problem ------------------------------------------------------------------------------
 
     def local_argmin(self, a: Array, b: Array) -> Array:
@@ -171,42 +169,6 @@ class FrictionBeside(VectorLaw):
 
     def recession(self, direction: Array) -> Array:
         return np.asarray(self.base.recession(direction) + self.bound * lengths(direction[:, 1:]))
-
-    def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
-        up, down, slip = self.base.strongest(rest, size)
-        return up, down, np.asarray(slip + self.bound)
-
-    def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
-        return self.base.asymptotic_curvature(sign)
-
-    @property
-    def weak_convexity(self) -> tuple[Array, Array]:
-        return self.base.weak_convexity
-
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        return self.base.weak_convexity_within(reach)
-
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        return self.base.alpha_reach
-
-    @property
-    def penetrations(self) -> Interval:
-        return self.base.penetrations
-
-    @property
-    def penetration_knots(self) -> Array:
-        return self.base.penetration_knots
-
-    @property
-    def rubs(self) -> BoolArray:
-        return np.asarray(self.base.rubs | (self.bound > 0.0))
-
-    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        return self.base.past_peak(r, pull, near, slack)
-
-    def debonding(self, r: Array) -> dict[str, Array]:
-        return self.base.debonding(r)
 
     def resistance(self, r: Array, lam: Array) -> Array:
         return np.asarray(self.base.resistance(r, lam) + self.bound)
