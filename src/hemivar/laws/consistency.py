@@ -23,13 +23,7 @@ _SEEN: WeakSet[Superpotential] = WeakSet()
 
 
 def check_own(law: Superpotential) -> None:
-    """Look at a law of a class that is not hemivar's, once, if its parameters are numbers.
-
-    Raises
-    ------
-    ProblemError
-        See :func:`check_consistency`.
-    """
+    """Look at a law of a class that is not hemivar's, once, if its parameters are numbers."""
     if type(law).__module__.startswith("hemivar."):
         return
     try:
@@ -51,21 +45,7 @@ def check_own(law: Superpotential) -> None:
 def check_consistency(law: Superpotential, reach: float, alpha: float | None = None, remedy: str = _REMEDY) -> None:
     """Refuse a law of one contact point whose value, derivative and curvature do not belong to each other.
 
-    Parameters
-    ----------
-    law : Superpotential
-    reach : float
-        Places between ``-reach`` and ``reach`` are tried.
-    alpha : float, optional
-        Weak convexity as the user states it, to be checked too.
-    remedy : str
-        What to do about a curvature that does not fit.
-
-    Raises
-    ------
-    ProblemError
-        The derivative is not that of the value, the curvature not that of the derivative, j(0) is not zero, or the
-        derivative falls faster than alpha allows; the message names the place.
+    Places up to ``reach`` are tried, and ``alpha`` as the user states it; messages name the place.
     """
     with np.errstate(all="ignore"):
         look = _QuickLook(law, reach, f" of law '{law.name}'")

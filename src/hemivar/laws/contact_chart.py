@@ -37,23 +37,12 @@ _STEPS, _EXACT = 100, 1e-7
 
 @dataclass(frozen=True, eq=False)
 class ContactChart(Chart):
-    """The chart of a law that splits.
-
-    Attributes
-    ----------
-    law : ContactLaw
-    tables : GraphTables
-        Of penetration and slip; of the penetration alone where the friction bound depends on the state.
-    slip : GraphTables or None
-        Of friction with the bound 1, where the bound depends on the state.
-    part : float
-        The part of such a bound that counts.
-    """
+    """The chart of a law that splits."""
 
     law: ContactLaw
-    tables: GraphTables
-    slip: GraphTables | None = None
-    part: float = 1.0
+    tables: GraphTables  # of both parts; of the penetration alone where a bound depends on the state
+    slip: GraphTables | None = None  # of friction with the bound 1, there
+    part: float = 1.0  # of such a bound that counts
 
     def at(self, p: Array, near: Array | None = None) -> OnGraph:
         pull = _lengths(p)
@@ -207,49 +196,28 @@ class GraphTables:
     """Scalar laws of all components, and the stiffness a that sorts them.
 
     The components of the points follow one another, ``N = m c``; a law has K knots at most, and 2 K + 1 states: pieces
-    (even) and kinks (odd) in turn.
-
-    Attributes
-    ----------
-    shape : (m, c)
-    stiffness : array (N,)
-        a.
-    bounds : array (2 K, N)
-        p from which on a component is in the next state.
-    knots, low, high : arrays (K, N)
-        Knots and the ends of the subdifferentials there.
-    anchor, base, slope : arrays (2 K + 1, N)
-        The lines ``base + slope (r - anchor)`` of straight pieces; the anchor of a kink is the kink.
-    domain : arrays (N,)
-        Ends of the domains.
-    falls : bool
-        Whether p does not grow along some straight piece.
+    (even) and kinks (odd) in turn.  Straight pieces are lines ``base + slope (r - anchor)``; a kink is its anchor.
     """
 
     shape: tuple[int, int]
-    stiffness: Array
-    bounds: Array
-    knots: Array
-    low: Array
+    stiffness: Array  # a, (N,)
+    bounds: Array  # p from which on a component is in the next state, (2 K, N)
+    knots: Array  # (K, N)
+    low: Array  # end of the subdifferential there
     high: Array
-    anchor: Array
+    anchor: Array  # (2 K + 1, N)
     base: Array
     slope: Array
-    domain: tuple[Array, Array]
+    domain: tuple[Array, Array]  # ends, (N,) each
     curved: tuple[_Curved, ...]
-    falls: bool
+    falls: bool  # whether p does not grow along some straight piece
     _number: IntArray = field(repr=False)
 
     @classmethod
     def of(cls, laws: Sequence[Superpotential], stiffness: Array) -> Self | None:
-        """The tables of the laws of one or two components; None where there are too many knots for tables.
+        """The tables of the laws of one or two components, with a ``stiffness (m, 2)`` above their weak convexity.
 
-        Parameters
-        ----------
-        laws : sequence of Superpotential
-            With resolved parameters.
-        stiffness : array (m, 2)
-            Of the normal and of the tangential part, larger than the weak convexity of the law.
+        None where there are too many knots for tables.
         """
         if any(one.searched for one in laws):
             return None
@@ -358,14 +326,7 @@ class GraphTables:
         return np.asarray(found)
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
-        """Distance (m, c) of each component of a pair to the graph of its law, in units of ``lam``.
-
-        Parameters
-        ----------
-        r, lam : arrays (m, c)
-        tau : array (m, c)
-            Compliance, as in :meth:`hemivar.laws.ContactLaw.graph_distance`.
-        """
+        """Distance (m, c) of each component of a pair to the graph of its law, in units of ``lam``; ``tau (m, c)``."""
         line, force = r.ravel(), lam.ravel()
         ends = self.domain
         with np.errstate(all="ignore"):

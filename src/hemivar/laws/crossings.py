@@ -19,30 +19,16 @@ __all__ = ["Crossings", "crossings", "length_places", "level_places"]
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """``j(r + t way)`` for t > 0: its derivative is straight between the lengths t at which it meets knots.
+    """``j(r + t way)`` for t > 0: its derivative is straight between the lengths t at which it meets knots."""
 
-    Attributes
-    ----------
-    slope, bend : arrays (m,)
-        First and second derivative in t, just behind t = 0.
-    point, component : int arrays (k,)
-        The component that meets a knot.
-    length : array (k,)
-        Where, ahead of t = 0; in no order.
-    place : array (k,)
-        The knot.
-    jump, change : arrays (k,)
-        By how much the first and the second derivative jump up there; the first is +inf at an end of the domain.
-    """
-
-    slope: Array
-    bend: Array
-    point: IntArray
-    component: IntArray
-    length: Array
-    place: Array
-    jump: Array
-    change: Array
+    slope: Array  # first derivative just behind t = 0, (m,)
+    bend: Array  # second derivative there
+    point: IntArray  # that meets a knot, (k,)
+    component: IntArray  # of it that does
+    length: Array  # where, ahead of t = 0; in no order
+    place: Array  # the knot
+    jump: Array  # of the first derivative up; +inf at an end of the domain
+    change: Array  # of the second derivative
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:

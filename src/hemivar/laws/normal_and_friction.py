@@ -210,19 +210,7 @@ class NormalAndFriction(Glue):
 
 
 def with_friction(law: VectorLaw, what: str) -> NormalAndFriction:
-    """The law as a normal law with friction beside it, whichever way the friction may point.
-
-    Parameters
-    ----------
-    law : VectorLaw
-    what : str
-        Who asks for it, as the subject of the message.
-
-    Raises
-    ------
-    MethodError
-        Opening and slip act together.
-    """
+    """The law as a normal law with friction beside it, whichever way it may point; ``what`` asks for it in messages."""
     if not isinstance(law, NormalAndFriction):
         raise MethodError(f"{law.not_separable}, and {what} needs a normal law with friction beside it")
     return law

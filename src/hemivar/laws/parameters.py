@@ -74,28 +74,9 @@ def evaluate(
     *,
     above: float | None = None,
 ) -> Array:
-    """The values of a parameter at the contact points, checked.
+    """The values (1,) or (m,) of a parameter at ``points (m, d)``, finite, at least ``minimum`` and ``above`` a limit.
 
-    Parameters
-    ----------
-    parameter : number, array (m,) or function x (m, d) -> (m,)
-    points : array (m, d) or None
-        Contact points; without them functions are refused.
-    what : str
-        Name used in messages, such as ``"q_max of law 'survey'"``.
-    minimum : float, optional
-        Smallest value allowed.
-    above : float, optional
-        Largest value that is too small, zero.
-
-    Returns
-    -------
-    array of shape (1,) or (m,)
-
-    Raises
-    ------
-    ProblemError
-        Wrong shape, not a number, nan or infinite, or too small.
+    Without points functions are refused; messages name ``what`` it is, such as ``"q_max of law 'survey'"``.
     """
     if callable(parameter):
         if points is None:

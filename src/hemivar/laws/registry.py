@@ -71,25 +71,13 @@ class LawKind(StrEnum):
 
 @dataclass(frozen=True)
 class LawEntry:
-    """A law or a material as it is known by name.
-
-    Attributes
-    ----------
-    kind : LawKind
-    name : str
-    build : callable
-        Makes the law from its parameters, which it states.
-    summary : str
-        What the foundation or the material does, in words.
-    formula : str
-        The superpotential j; of a material the stress or the stored energy.
-    """
+    """A law or a material as it is known by name."""
 
     kind: LawKind
     name: str
-    build: Callable[..., object]
-    summary: str
-    formula: str
+    build: Callable[..., object]  # makes it from its parameters, which it states
+    summary: str  # what the foundation or the material does
+    formula: str  # j; of a material the stress or the stored energy
 
     @property
     def parameters(self) -> tuple[Argument, ...]:
@@ -107,13 +95,7 @@ class LawEntry:
         return tuple(p.key for p in self.parameters if p.required)
 
     def make(self, **values: object) -> object:
-        """The law or the material with these parameters, by their names in files.
-
-        Raises
-        ------
-        ProblemError
-            If a parameter is missing or unknown.
-        """
+        """The law or the material with these parameters, by their names in files."""
         known = {p.key: p.name for p in self.parameters}
         for key in values:
             if key not in known and not (key == "where" and "potential" in known):

@@ -60,19 +60,11 @@ class RescaledLaw(ResolvedLaw):
     """The law ``factor j(theta r + c)/theta``, whose derivative is ``factor j'(theta r + c)``, j that of ``base``.
 
     Many knots are not copied for each point: they are searched where the base has them.
-
-    Parameters
-    ----------
-    base : Superpotential
-    factor : array (m,) or (1,)
-        At least 0.
-    theta, c : arrays (m,) or (1,)
-        theta > 0.
     """
 
     base: Superpotential
-    factor: Array
-    theta: Array = field(default_factory=lambda: np.ones(1))
+    factor: Array  # (m,) or (1,), at least 0
+    theta: Array = field(default_factory=lambda: np.ones(1))  # (m,) or (1,), > 0
     c: Array = field(default_factory=lambda: np.zeros(1))
 
     def __post_init__(self) -> None:

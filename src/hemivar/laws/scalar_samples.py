@@ -20,13 +20,7 @@ _FINER, _MOST = 64, 12
 class Samples:
     """A law of one contact point on cells, parts of its pieces, and what is wrong with it there, in words.
 
-    Parameters
-    ----------
-    law : Superpotential
-    reach : float
-        Largest size of a place.
-    whose : str
-        What messages say after *the derivative*.
+    Places up to ``reach`` are tried; messages say ``whose`` after *the derivative*.
     """
 
     #: Places of the grid, in equal steps and on both sides of each knot, from how near on.

@@ -27,26 +27,14 @@ _UP = np.sin(np.linspace(0.5, -0.5, _TURNS) * np.pi)  # exactly 0 in the middle
 
 @dataclass(frozen=True, eq=False)
 class Sides(PickleMixin):
-    """Directions of contact points in which a law is looked at, and its derivatives to both sides along them.
+    """Directions of contact points in which a law is looked at, and its derivatives to both sides along them."""
 
-    Attributes
-    ----------
-    point : int array (k,)
-    axis : array (k, c)
-        A unit vector of local components each.
-    multiplier : array (k,)
-        Of the pair, along the axis.
-    below, above : arrays (k,)
-        Derivatives against and along the axis; equal where the law is smooth.
-    curvature_below, curvature_above : arrays (k,)
-    """
-
-    point: IntArray
-    axis: Array
-    multiplier: Array
-    below: Array
-    above: Array
-    curvature_below: Array
+    point: IntArray  # (k,)
+    axis: Array  # (k, c), a unit vector of local components each
+    multiplier: Array  # of the pair, along the axis, (k,)
+    below: Array  # derivative against the axis, (k,)
+    above: Array  # along the axis; the same where the law is smooth
+    curvature_below: Array  # (k,)
     curvature_above: Array
 
     def where(self, chosen: BoolArray) -> Sides:

@@ -24,20 +24,11 @@ _STEPS, _SAME = 400, 1e-15
 
 @dataclass(frozen=True, eq=False)
 class OnGraph:
-    """The pairs of a law in Minty's chart ``p = a r + lam``, and how they move with p.
+    """The pairs of a law in Minty's chart ``p = a r + lam``, and how they move with p."""
 
-    Attributes
-    ----------
-    r, multiplier : arrays (m, c)
-        The pair of each point on the graph of its law.
-    jacobian : array (m, c, c)
-        A generalised derivative of ``r`` in ``p``; symmetric where the law has a potential.  That of the multiplier is
-        the unit matrix less ``a`` times it.
-    """
-
-    r: Array
-    multiplier: Array
-    jacobian: Array
+    r: Array  # (m, c)
+    multiplier: Array  # (m, c)
+    jacobian: Array  # of r in p, (m, c, c), symmetric for a potential; of the multiplier: 1 - a times it
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,17 +52,10 @@ class Linearisation:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """:meth:`VectorLaw.on_graph` with one stiffness.
-
-    Attributes
-    ----------
-    law : VectorLaw
-    stiffness : array (m, 2)
-        a.
-    """
+    """:meth:`VectorLaw.on_graph` with one stiffness."""
 
     law: VectorLaw
-    stiffness: Array
+    stiffness: Array  # a, (m, 2)
 
     def at(self, p: Array, near: Array | None = None) -> OnGraph:
         """The pair at ``p (m, c)``.

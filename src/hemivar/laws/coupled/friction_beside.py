@@ -30,19 +30,12 @@ _ROUNDED = 4.0 * float(np.finfo(float).eps)
 class FrictionBeside(LawBeside):
     """A coupled law with resolved parameters, and friction of at most ``bound`` of the slip from ``start`` on.
 
-    Attributes
-    ----------
-    base : VectorLaw
-        It depends on no state, and on the length of the slip alone.
-    bound : array (m or 1,)
-        h >= 0 (force per area).
-    start : array (m or 1, c - 1 or 1)
-        s_0, the slip from which the increment counts.
+    The base depends on no state, and on the length of the slip alone.
     """
 
     base: VectorLaw
-    bound: Array
-    start: Array
+    bound: Array  # h >= 0, force per area, (m or 1,)
+    start: Array  # s_0, from which the increment counts, (m or 1, c - 1 or 1)
     name: ClassVar[str] = "glue with friction"  # type: ignore[misc]
 
     @property

@@ -100,15 +100,7 @@ def _moved(law: SearchedPotential, x: Array, way: Array) -> Array:
 def descend(law: SearchedPotential, a: Array, b: Array, x: Array) -> Array:
     """Where the way downhill from ``x (k, 2)`` ends: a stationary point (k, 2) whose energy is not higher.
 
-    Parameters
-    ----------
-    law : SearchedPotential
-    a : array (k, 2)
-        Stiffnesses of r and s, > 0.
-    b : array (k, 2)
-        Forces; that of s at least 0.
-    x : array (k, 2)
-        Starts, in the domain.
+    Stiffnesses ``a (k, 2)`` of r and s, > 0, and forces ``b (k, 2)``, that of s at least 0.
     """
     x = np.array(x, dtype=float)
     going = np.arange(len(x))

@@ -446,18 +446,10 @@ class ModeDependentGlue(Glue):
 
 @dataclass(frozen=True, eq=False)
 class KeptModeGlue(ModeDependentGlue):
-    """The law of a step of glue that keeps the mode at which damage began: :meth:`ModeDependentGlue.damaged`.
+    """The law of a step of glue that keeps the mode at which damage began: :meth:`ModeDependentGlue.damaged`."""
 
-    Parameters
-    ----------
-    kept : array (m,)
-        The mode of each contact point; -1 where it is that of the state still.
-    reached : array (m,)
-        Largest effective opening so far.
-    """
-
-    kept: Array = field(kw_only=True)
-    reached: Array = field(kw_only=True)
+    kept: Array = field(kw_only=True)  # the mode of each contact point, (m,); -1 where it is that of the state still
+    reached: Array = field(kw_only=True)  # largest effective opening so far, (m,)
 
     def take(self, index: IntArray) -> Self:
         return replace(super().take(index), kept=self.kept[index], reached=self.reached[index])

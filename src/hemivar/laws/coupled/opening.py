@@ -28,25 +28,13 @@ _SECULAR, _BRACKETED = 100, 120
 
 @dataclass(frozen=True, eq=False)
 class OpeningProblem:
-    """Local problems in ``w`` and ``sigma = beta s``, so that ``rho^2 = w^2 + sigma^2``.
+    """Local problems in ``w`` and ``sigma = beta s``, so that ``rho^2 = w^2 + sigma^2``."""
 
-    Attributes
-    ----------
-    stiffness : array (n, 2)
-        a_n and a_t/beta^2, at least 0.
-    force : array (n, 2)
-        c > 0 and |b|/beta.
-    knots, tractions : arrays (n, K)
-        rho at the ends of the pieces, and Phi' there; the last one is 0.
-    slopes : array (n, K + 1)
-        Phi'' on the pieces, the last one 0.
-    """
-
-    stiffness: Array
-    force: Array
-    knots: Array
-    tractions: Array
-    slopes: Array
+    stiffness: Array  # a_n and a_t/beta^2, (n, 2)
+    force: Array  # c > 0 and |b|/beta, (n, 2)
+    knots: Array  # rho at the ends of the pieces, (n, K)
+    tractions: Array  # Phi' there; the last one is 0
+    slopes: Array  # Phi'' on the pieces, (n, K + 1), the last one 0
 
     def rho(self, m: Array) -> Array:
         """rho of secants ``m (n, ...)``."""

@@ -58,18 +58,7 @@ def sample_places(reach: float, rigid: bool, count: int = 61) -> tuple[Array, Ar
 def check_plane_potential(f: PlanePotential, reach: float, rigid: bool) -> tuple[bool, bool, float]:
     """Refuse a potential that is no law.
 
-    Returns
-    -------
-    kinked, resting : bool
-        Whether the derivative jumps at r = 0, and whether something resists the first slip.
-    size : float
-        Largest slope that was seen.
-
-    Raises
-    ------
-    ProblemError
-        It is not finite, jumps, falls with the slip at s = 0, its derivative falls at r = 0 or jumps elsewhere, or is
-        not that of the potential.
+    Else whether the derivative jumps at r = 0, whether something resists the first slip, and the largest slope seen.
     """
     r, s = sample_places(reach, rigid)
     value, (by_r, by_s) = f.value(r, s), f.gradient(r, s)

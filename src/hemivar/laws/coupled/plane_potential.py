@@ -116,22 +116,11 @@ class FormulaPotential:
 
 @dataclass(frozen=True, eq=False)
 class FunctionPotential:
-    """Python functions of r and s; second derivatives by differences that stay on one side of 0 if they are not given.
-
-    Attributes
-    ----------
-    potential : callable
-    slopes : callable
-        Returns f_r and f_s.
-    bends : callable or None
-        Returns f_rr, f_rs and f_ss.
-    reach : float
-    name : str
-    """
+    """Python functions of r and s; second derivatives that are not given by differences on one side of 0."""
 
     potential: PotentialFunction
-    slopes: PotentialFunction
-    bends: PotentialFunction | None
+    slopes: PotentialFunction  # f_r and f_s
+    bends: PotentialFunction | None  # f_rr, f_rs and f_ss
     reach: float
     name: str
 

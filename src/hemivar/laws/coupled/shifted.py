@@ -18,19 +18,11 @@ __all__ = ["ShiftedLaw"]
 
 @dataclass(frozen=True, eq=False)
 class ShiftedLaw(LawBeside):
-    """A law with resolved parameters, its slip counted from ``shift``, and a constant friction ``pull``.
+    """A law with resolved parameters, its slip counted from ``shift``, and a constant friction ``pull``."""
 
-    Attributes
-    ----------
-    base : ContactLaw
-        Its bound depends on no state.
-    shift, pull : arrays (m or 1, c - 1 or 1)
-        Slip (length) and multiplier (force per area).
-    """
-
-    base: ContactLaw
-    shift: Array
-    pull: Array
+    base: ContactLaw  # its bound depends on no state
+    shift: Array  # slip, (m or 1, c - 1 or 1)
+    pull: Array  # multiplier, force per area
     name: ClassVar[str] = "shifted law"  # type: ignore[misc]
 
     @property

@@ -45,25 +45,10 @@ class Differences:
 def differences(
     function: Callable[[Array], Array], r: Array, low: float, high: float, scale: float, order: int
 ) -> Differences:
-    """Derivatives of a function inside a piece.
+    """Derivatives of a function inside a piece from ``low`` to ``high``, exact for the ``order`` 1 or 2.
 
-    Parameters
-    ----------
-    function : callable
-        Values (k,) at places (k,).
-    r : array
-        Places, of any shape; those outside of the piece are taken from the polynomial at its end.
-    low, high : float
-        Ends of the piece, perhaps infinite.
-    scale : float
-        Length over which the function may differ.
-
-    order : int
-        1 or 2: the derivative that has to be exact.
-
-    Returns
-    -------
-    Differences
+    The function has values (k,) at places (k,) and differs over the length ``scale``; places ``r`` outside of the piece
+    are taken from the polynomial at its end.
     """
     shape, r = np.shape(r), np.ravel(np.asarray(r, dtype=float))
     found, error, enough = _on_levels(function, r, low, high, scale, _USUAL)

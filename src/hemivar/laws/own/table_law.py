@@ -174,18 +174,10 @@ def even_table(
     name: str = "table",
     stated: Mapping[str, object] | None = None,
 ) -> PiecewiseQuadratic:
-    """The even law whose derivative for r >= 0 is linear between the points ``(slips, values)``.
+    """The even law whose derivative for r >= 0 is linear between the points ``(slips, values)``, (K,) each.
 
-    Parameters
-    ----------
-    slips, values : arrays (K,)
-        Slips >= 0, not falling (a repeated one is a jump), and j' there; before the first and beyond the last one
-        j' is constant. The value at r = 0+ is half the jump at zero: the resistance against the first slip.
-    extend : {"constant", "linear"}
-        How j' goes on beyond the last slip.
-    name : str
-    stated : mapping, optional
-        See :attr:`hemivar.laws.Superpotential.stated`.
+    Slips are >= 0 and do not fall, a repeated one is a jump; before the first one j' is constant, beyond the last one
+    it goes on by ``extend``. The value at r = 0+ is half the jump at zero: the resistance against the first slip.
     """
     slips, values = np.asarray(slips, dtype=float), np.asarray(values, dtype=float)
     if slips[0] > 0.0:

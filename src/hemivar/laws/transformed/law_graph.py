@@ -27,20 +27,11 @@ __all__ = ["LawGraph", "Region", "Term", "between", "law_graph", "spliced"]
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """What one law adds to the pieces of another one.
-
-    Attributes
-    ----------
-    law : Superpotential
-    piece : int array (m or 1, K + 1)
-        Its piece that acts on each piece, -1 where none does.
-    shift : array (m, K + 1), optional
-        Its argument is r + shift.
-    """
+    """What one law adds to the pieces of another one."""
 
     law: Superpotential
-    piece: IntArray
-    shift: Array | None = None
+    piece: IntArray  # of it that acts on each piece, (m or 1, K + 1), -1 where none does
+    shift: Array | None = None  # (m, K + 1); its argument is r + shift
 
     @cached_property
     def everywhere(self) -> bool:
@@ -174,31 +165,16 @@ def law_graph(
 
 @dataclass(frozen=True, eq=False)
 class LawGraph(ResolvedLaw):
-    """A law whose derivative on every piece is the sum of derivatives of other laws.
+    """A law whose derivative on every piece is the sum of derivatives of other laws."""
 
-    Attributes
-    ----------
-    places : array (m, K)
-        Knots, +inf where unused.
-    terms : tuple of Term
-    below, above : arrays (m, K)
-        j' on both sides of the knots, inside the domain.
-    ends : Interval
-        The domain.
-    springs : array (m, K + 1), optional
-        Stiffness of a spring beside them on each piece; the constants of growth of the laws are to hold there.
-    cuts : array (m or 1, n)
-        Where other laws begin to act, in increasing order.
-    """
-
-    places: Array
+    places: Array  # knots (m, K), +inf where unused
     terms: tuple[Term, ...]
-    below: Array
+    below: Array  # j' below and above the knots, inside the domain
     above: Array
-    ends: Interval
+    ends: Interval  # the domain
     name: str = "law"
-    springs: Array | None = None
-    cuts: Array = field(default_factory=lambda: np.zeros((1, 0)))
+    springs: Array | None = None  # stiffness beside the terms on each piece, (m, K + 1)
+    cuts: Array = field(default_factory=lambda: np.zeros((1, 0)))  # where other laws begin to act
 
     @property
     def made_of(self) -> tuple[Superpotential, ...]:
