@@ -11,7 +11,7 @@ from hemivar.basics.types import Array
 from hemivar.certificates import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import ContactLaw, FunctionLaw, Superpotential
-from hemivar.laws.own.differences import differences
+from hemivar.laws.own.function_law import differences
 from hemivar.laws.stacked import stack
 from hemivar.solvers import Controls, Status, solve
 

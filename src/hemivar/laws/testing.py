@@ -12,9 +12,9 @@ import numpy as np
 
 from hemivar.basics.conformance import failures_of
 from hemivar.basics.types import Array, IntArray
+from hemivar.laws.consistency import Samples
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.friction.friction_law import Friction
-from hemivar.laws.scalar_samples import Samples
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_testing import LawError, LawReport, Questions
 

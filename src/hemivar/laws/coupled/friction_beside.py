@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws.coupled.law_beside import LawBeside
+from hemivar.laws.coupled.shifted import LawBeside
 from hemivar.laws.vector_law import Linearisation, VectorLaw, lengths, polar, spread
 
 __all__ = ["FrictionBeside"]

@@ -19,8 +19,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw, separable
 from hemivar.laws.crossings import length_places
-from hemivar.laws.friction.friction_law import Friction
-from hemivar.laws.friction.orthotropic_friction import OrthotropicFriction
+from hemivar.laws.friction.friction_law import Friction, OrthotropicFriction
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.superpotential import Superpotential

@@ -35,8 +35,6 @@ _GRID, _STARTS = 70, 8
 _TOGETHER = 200
 #: Lengths, as parts of the reach, at which growth far away is looked at.
 _FAR = (1e4, 1e6, 1e8)
-#: Directions and places at which is looked how much resists at rest.
-_TURNS, _ALONG = 9, np.concatenate([[1e-9], np.geomspace(1e-4, 1.0, 60)])
 
 
 def checked_reach(reach: object, name: str) -> float:

@@ -1,7 +1,7 @@
 """Friction: even profiles of the slip, bounds that may depend on the state, and the laws that they make."""
 
 from hemivar.laws.friction.bounds import CoulombBound, PenetrationBound, StateBound
-from hemivar.laws.friction.friction_law import Friction, SlipMeasure, friction_in_increments
+from hemivar.laws.friction.friction_law import Friction, OrthotropicFriction, SlipMeasure, friction_in_increments
 from hemivar.laws.friction.named_frictions import (
     Coulomb,
     Logarithmic,
@@ -11,7 +11,6 @@ from hemivar.laws.friction.named_frictions import (
     StaticKinetic,
     Tresca,
 )
-from hemivar.laws.friction.orthotropic_friction import OrthotropicFriction
 from hemivar.laws.friction.profiles import (
     ABSOLUTE_VALUE,
     ExponentialWeakening,

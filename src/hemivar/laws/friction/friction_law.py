@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Self
@@ -11,6 +12,7 @@ from weakref import WeakSet
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray, Parameter
@@ -25,7 +27,7 @@ from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed.algebra import affine, homogeneous
 from hemivar.laws.transformed.transformed_law import as_examined
 
-__all__ = ["Friction", "SlipMeasure", "friction_in_increments"]
+__all__ = ["Friction", "OrthotropicFriction", "SlipMeasure", "friction_in_increments"]
 
 #: Knots of a profile next to which it is tried out.
 _MOST_KNOTS = 2000
@@ -228,3 +230,72 @@ def _check_one(profile: Superpotential) -> None:
             f"law '{profile.name}' is negative friction, {forward[i]:.6g} at the slip r = {s[i]:.6g}; it must be "
             f"at least 0 to oppose the slip"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class OrthotropicFriction(Friction):
+    """Friction at most ``bound`` along an axis of the surface and ``ratio * bound`` across it, in space.
+
+    ``j_tau(s) = bound sqrt(s_1^2 + ratio^2 s_2^2)`` with the slip s_1 along the axis and s_2 across it: the friction
+    lies in an ellipse, and slip is normal to it (associated).
+
+    Parameters
+    ----------
+    bound : Parameter or StateBound
+        Friction bound along the axis, >= 0 (force per area); ``CoulombBound(mu)`` for Coulomb's law.
+    ratio : Parameter
+        Bound across the axis over that along it, > 0.
+    axis : sequence of float, shape (3,)
+        A direction; its projection on the surface is the axis.
+
+    Raises
+    ------
+    ProblemError
+        The axis is no direction, or the ratio is not positive.
+    """
+
+    profile: Superpotential = field(default=ABSOLUTE_VALUE, init=False)
+    ratio: Parameter = 1.0
+    axis: Sequence[float] = (1.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        axis = real_array(self.axis, "axis of the orthotropic friction", 1)
+        if axis.shape != (3,) or not np.abs(axis).max() > 0.0:
+            raise ProblemError(
+                f"axis of the orthotropic friction is {axis.tolist()}; give a direction in space, such as (1, 0, 0)"
+            )
+        object.__setattr__(self, "axis", tuple(axis.tolist()))
+        if not callable(self.ratio):
+            self._ratio_at(None)
+
+    def _ratio_at(self, points: Array | None) -> Array:
+        ratio = evaluate(self.ratio, points, "ratio of the orthotropic friction")
+        if (ratio <= 0.0).any():
+            raise ProblemError(
+                f"ratio of the orthotropic friction is {ratio.min():g}; it must be positive: the bound across the axis "
+                "over that along it"
+            )
+        return ratio
+
+    @property
+    def name(self) -> str:
+        return "orthotropic"
+
+    @property
+    def stated(self) -> Mapping[str, object]:
+        """The law by its name and parameters, the bound apart, as problem files have it."""
+        return {"law": self.name, "ratio": self.ratio, "axis": self.axis}
+
+    @property
+    def ratios(self) -> Array:
+        """Values of the ratio, (m or 1,), for resolved parameters."""
+        return self._ratio_at(None)
+
+    def at(self, points: Array | None) -> Self:
+        return replace(self, bound=Friction(self.bound).at(points).bound, ratio=self._ratio_at(points))
+
+    def take(self, index: IntArray) -> Self:
+        ratio = self.ratios
+        bound = Friction(self.bound).take(index).bound
+        return replace(self, bound=bound, ratio=ratio if ratio.size == 1 else ratio[index])

@@ -4,10 +4,9 @@
 the contact law of a step of the law stated, its memory and its damping.
 """
 
-from hemivar.laws.memory.beside import Bonding, PenetrationMemory
+from hemivar.laws.memory.beside import Bonding, DampedContact, PenetrationMemory
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState
 from hemivar.laws.memory.damage import Secant, SlipSum
-from hemivar.laws.memory.damped import DampedContact
 from hemivar.laws.memory.in_series import ViscousFoundation, Wear
 from hemivar.laws.memory.plastic_bond import PlasticBond
 from hemivar.laws.memory.rate_and_state import RateAndState

@@ -1,4 +1,4 @@
-"""Memories that act beside a law: a bond that fades, a foundation that remembers how deep it has been pressed."""
+"""Memories that act beside a law: a bond that fades, a foundation that remembers its penetration, a damper."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from typing import ClassVar
 
 import numpy as np
 
+from hemivar.basics.arguments import described
 from hemivar.basics.relaxation import squares_of_relaxation
-from hemivar.basics.types import Array, BoolArray, Parameter
+from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
+from hemivar.errors import ProblemError
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
 from hemivar.laws.parameters import LINE, RATE, parameter, positive
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Superpotential
-from hemivar.laws.transformed import bonded
+from hemivar.laws.transformed import affine, bonded, pushing
 from hemivar.laws.vector_law import VectorLaw
 
-__all__ = ["Bonding", "PenetrationMemory"]
+__all__ = ["Bonding", "DampedContact", "PenetrationMemory"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,3 +140,50 @@ def _spring(slope: Array, force: Array) -> Superpotential:
     zero = np.zeros((len(force), 1))
     force, ends = force[:, None], (-np.inf, np.inf)
     return PiecewiseQuadratic.with_sides(zero, np.repeat(slope, 2, axis=-1), force, force, ends, "memory")
+
+
+@dataclass(frozen=True, eq=False)
+class DampedContact(Memory):
+    """A damper of the foundation that cannot pull: pressure ``max(0, j'(r) + psi'(r'))`` while r > 0, none beside.
+
+    Damping stated as such acts on every rate, in contact or not, and holds a body back that leaves; this one lets it go
+    when springs and dashpot together would pull.  There is no state.
+
+    Parameters
+    ----------
+    damping : Superpotential
+        psi, a monotone law of the rate of the penetration; ``table_law`` or ``PiecewiseQuadratic`` for a dashpot that
+        resists in both directions.
+    """
+
+    damping: Superpotential
+    name: ClassVar[str] = "damped-contact"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.damping, Superpotential):
+            raise ProblemError(f"the damping must be a superpotential of the rate, not {described(self.damping)}")
+
+    def at(self, points: Array | None) -> DampedContact:
+        return DampedContact(self.damping.at(points))
+
+    def take(self, index: IntArray) -> DampedContact:
+        return DampedContact(self.damping.take(index))
+
+    def start(self, law: VectorLaw, r: Array) -> MemoryState:
+        return kept()
+
+    def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
+        parts = self.parts_of(law)
+        return parts.with_parts(pushing(parts.normal, affine(self.damping, step.rate, step.shift)))
+
+    def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+        return state
+
+    def dissipated(
+        self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+    ) -> Array:
+        """The work of what the law does not give; when the damper is cut off, springs that relax by themselves lose."""
+        way, there = r[:, 0] - step.before[:, 0], r.copy()
+        there[:, 0] = step.before[:, 0] + step.at * way
+        bound = law.pressures(there)
+        return np.asarray((lam[:, 0] - np.clip(lam[:, 0], bound.lower, bound.upper)) * way)
