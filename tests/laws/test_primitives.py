@@ -9,7 +9,16 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array, IntArray
-from hemivar.laws import BilinearCohesion, Compliance, ContactLaw, CoupledFormulaLaw, MixedMode, Softening, VectorLaw
+from hemivar.laws import (
+    BilinearCohesion,
+    Compliance,
+    ContactLaw,
+    CoupledFormulaLaw,
+    MixedMode,
+    PiecewiseQuadratic,
+    Softening,
+    VectorLaw,
+)
 from hemivar.laws.coupled.friction_beside import FrictionBeside
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, Sides
@@ -132,6 +141,23 @@ def test_a_kink_has_two_sides() -> None:
     normal, slip = seen(rigid.sides(still, lam, active, tau, 1e-9))
     assert (normal.below[0], normal.above[0], normal.curvature_below[0]) == (0.0, np.inf, 5.0)
     np.testing.assert_allclose((slip.curvature_below[0], slip.curvature_above[0]), 5.0)
+
+
+def test_a_law_that_lets_go_at_once_falls_at_its_kink() -> None:
+    """Glue of stiffness 5 breaks at the opening 0.4: it pulls with 2 before, with nothing beyond."""
+    law = ContactLaw(PiecewiseQuadratic([-0.4, 0.0], [0.0, 5.0, 0.0], [-2.0, 0.0])).at(None)
+    r, active, tau = np.array([[-0.4]]), np.ones((1, 1), dtype=bool), np.full((1, 2), 0.1)
+    for one in (law, Primitive(law)):
+        (side,) = seen(one.sides(r, np.array([[-1.0]]), active, tau, 1e-9))
+        np.testing.assert_allclose((side.below[0], side.above[0]), (0.0, -2.0))
+
+
+def test_springs_end_where_nothing_goes_deeper() -> None:
+    law = ContactLaw(PiecewiseQuadratic([0.0, 0.1], [0.0, 2.0, 0.0], [0.0, 0.0], upper=0.1)).at(None)
+    r, active, tau = np.array([[0.1]]), np.ones((1, 1), dtype=bool), np.full((1, 2), 0.1)
+    for one in (law, Primitive(law)):
+        (side,) = seen(one.sides(r, np.array([[1.0]]), active, tau, 1e-9))
+        np.testing.assert_allclose((side.below[0], side.above[0]), (0.2, np.inf))
 
 
 def test_where_a_curvature_jumps_the_lower_one_counts() -> None:

@@ -51,12 +51,15 @@ def sides_of(law: VectorLaw, r: Array, lam: Array, active: BoolArray, tau: Array
     smooth = np.repeat(line.smooth, [1, c - 1], axis=1)
     beside = [[law.linearise(law.admissible(r + sign * step * way)) for sign in (-1.0, 1.0)] for way in unit]
     index, ends = np.flatnonzero(active[:, 0] & ~smooth[:, 0]), law.pressures(r)
-    normal = (np.broadcast_to(unit[0], (index.size, c)), lam[index, 0], ends.lower[index], ends.upper[index])
+    before, after = beside[0]
+    falls = before.smooth[:, 0] & after.smooth[:, 0] & (before.gradient[:, 0] > after.gradient[:, 0])
+    below, above = (np.where(falls, *both)[index] for both in ((ends.upper, ends.lower), (ends.lower, ends.upper)))
+    normal = (np.broadcast_to(unit[0], (index.size, c)), lam[index, 0], below, above)
     found = [Sides(index, *normal, *(other.hessian[index, 0, 0] for other in beside[0]))]
     if (active & ~smooth)[:, 1:].any():
         force, most = rest_forces(law, r, np.where(active[:, 1:], lam[:, 1:], 0.0), active[:, 1:])
         rest, column = np.nonzero((active & ~smooth)[:, 1:])
-        bend = np.stack([after.hessian for _, after in beside[1:]])[column, rest, column + 1, column + 1]
+        bend = np.stack([other.hessian for _, other in beside[1:]])[column, rest, column + 1, column + 1]
         found.append(Sides(rest, unit[1:][column], force[rest], -most[rest], most[rest], bend, bend))
     free = active & smooth
     rows = np.flatnonzero(free.any(axis=1))
