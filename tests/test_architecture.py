@@ -284,7 +284,7 @@ UNTYPED = {
     "files.material_table": (1, "keywords of a dataclass, read from a file"),
     "files.memory_table": (3, "dataclasses found by their names"),
     "files.schema": (1, "keywords of a dataclass, read from a file"),
-    "linear.pyamg_kernels": (1, "compiled kernels without types"),
+    "linear.truncated_level": (1, "compiled kernels without types"),
     "linear.threads": (4, "libraries of threadpoolctl"),
     "report.adaptive_figures": (1, "axes in the plane or in space"),
     "report.animation": (1, "writer of matplotlib"),

@@ -13,7 +13,7 @@ import hemivar as hv
 from hemivar.certificates import energy_norm, norms, smallness
 from hemivar.discrete import DiscreteProblem, Loading, Model, Space
 from hemivar.discrete.bulk import Quadratic
-from hemivar.systems import Workspace, elastic_multigrid, elimination
+from hemivar.systems import Workspace, body_on_levels, elimination
 from tests.problems import bar, square
 
 STATEMENT = square(n=6)
@@ -35,7 +35,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     watch(spla, "splu", "factor")
     watch(elimination, "factorise", "condensation")
-    watch(elastic_multigrid, "coarser", "level")
+    watch(body_on_levels, "coarser", "level")
     return calls
 
 

@@ -26,7 +26,7 @@ from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import Levels, Preconditioner, Transfer, Truncated
 from hemivar.linear.products import diagonal
 from hemivar.linear.truncated_level import narrow
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.body_on_levels import ElasticMultigrid
 from tests.samples import slow
 
 built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
@@ -193,7 +193,7 @@ def test_bits_do_not_depend_on_the_number_of_threads(counts: tuple[str, ...]) ->
 _FORK = """
 import os, sys, threading, numpy as np, hemivar as hv
 from hemivar import gallery
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.body_on_levels import ElasticMultigrid
 problem = hv.discretize(gallery.survey("5.1", 96, "right"))
 levels = ElasticMultigrid.of(problem).levels
 top = len(levels.sizes) - 1

@@ -9,11 +9,11 @@ import scipy.sparse.linalg as spla
 
 import hemivar as hv
 from hemivar.fem.near_kernel import node_slots
+from hemivar.linear.algebraic import near_each_other
 from hemivar.linear.compiled import NodeSlots
 from hemivar.linear.levels import COARSEST
-from hemivar.linear.node_order import near_each_other
 from hemivar.mesh import Mesh, box
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.body_on_levels import ElasticMultigrid
 from tests import bodies
 from tests.own_mesh import bracket_on_a_plate
 

@@ -11,7 +11,7 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.fem.near_kernel import near_kernel, node_slots
 from hemivar.linear import Hierarchy
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.body_on_levels import ElasticMultigrid
 
 
 def laplacian(n: int) -> sp.csr_array:

@@ -16,7 +16,7 @@ from hemivar.discrete.contact import contact_unknowns
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import Truncated
 from hemivar.mesh.mesh import Mesh
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.body_on_levels import ElasticMultigrid
 
 
 def square(n: int = 16) -> hv.DiscreteProblem:

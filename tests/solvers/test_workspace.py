@@ -14,7 +14,7 @@ from hemivar.discrete import Quadratic
 from hemivar.laws import ContactLaw
 from hemivar.linear.factorisation import mumps_available
 from hemivar.systems import elimination
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.body_on_levels import ElasticMultigrid
 
 from ..counting import sparse_factors
 from ..problems import discrete_square

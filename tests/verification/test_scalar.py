@@ -20,7 +20,7 @@ from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mechanics import Side
 from hemivar.mesh import Mesh
 from hemivar.solvers import Solution
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.body_on_levels import ElasticMultigrid
 
 SIDES = ("left", "right", "bottom", "top")
 

@@ -382,7 +382,7 @@ def test_controls_reach_the_solve() -> None:
 
 def test_solve_and_certificate_share_their_levels(monkeypatch: pytest.MonkeyPatch) -> None:
     from hemivar.certificates import norms
-    from hemivar.systems.elastic_multigrid import ElasticMultigrid
+    from hemivar.systems.body_on_levels import ElasticMultigrid
 
     made: list[int] = []
     original = ElasticMultigrid.of

@@ -8,8 +8,7 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array
 from hemivar.coercivity.rigid_modes import rigid_basis
 from hemivar.discrete.space import Field
-from hemivar.linear.algebraic import NodeSlots
-from hemivar.linear.node_order import near_each_other
+from hemivar.linear.algebraic import NodeSlots, near_each_other
 
 __all__ = ["near_kernel", "node_slots", "rigid_motions"]
 

@@ -22,10 +22,8 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.kernels import kernels as compiled_kernels
 from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
-from hemivar.linear.point_smoother import Points
 from hemivar.linear.products import product
-from hemivar.linear.pyamg_kernels import kernels
-from hemivar.linear.truncated_level import CoarseChange, Level, TruncatedLevel, narrow
+from hemivar.linear.truncated_level import CoarseChange, Level, Points, TruncatedLevel, narrow, sweeps
 
 __all__ = ["COARSEST", "LevelMatrix", "Levels", "Preconditioner", "Transfer", "Truncated"]
 
@@ -353,7 +351,7 @@ class Truncated:
         if patch is not None:
             patch.smooth(x, right, forward=True)
         for _ in range(levels.sweeps):
-            kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
+            sweeps().gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
         rest = self.multiply(k, x)
         np.subtract(right, rest, out=rest)
         coarse = transfer.restriction @ rest
@@ -362,7 +360,7 @@ class Truncated:
         x += transfer.prolongation @ self._cycle(k - 1, coarse)
         x[changed.level.contact[changed.held]] = 0.0
         for _ in range(levels.sweeps):
-            kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, x.size - 1, -1, -1)
+            sweeps().gauss_seidel(A.indptr, A.indices, A.data, x, right, x.size - 1, -1, -1)
         if patch is not None:
             patch.smooth(x, right, forward=False)
         return x
