@@ -7,8 +7,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.branches import find_solutions, follow, follow_path
-from hemivar.branches.chain import Chain
-from hemivar.branches.follower import Track
+from hemivar.branches.follower import Follower, Track
 from hemivar.branches.path import Path
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.residual import residual
@@ -87,10 +86,10 @@ def test_a_jump_to_a_curved_branch_lands_on_a_solution_or_says_interpolated(
     problem = shear_column(1.0, 0.1, 0.5)
     assemble = follow._assemble
 
-    def without_corrector(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Path:
+    def without_corrector(line: LoadLine, follower: Follower, track: Track, perturbed: bool) -> Path:
         if not corrected:
-            monkeypatch.setattr(Chain, "correct", lambda *given: None)
-        return assemble(line, chain, track, perturbed)
+            monkeypatch.setattr(Follower, "at_the_load", lambda *given: None)
+        return assemble(line, follower, track, perturbed)
 
     monkeypatch.setattr(follow, "_assemble", without_corrector)
     up = next(jump for jump in follow_path(problem, (0.0, 8.0)).jumps if jump.loading)

@@ -29,7 +29,7 @@ from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine, deformation
 from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, LoadStepping, Solution, Solver, Status, solve
-from hemivar.systems import CondensedProblem
+from hemivar.systems import CondensedProblem, condense
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["PathOptions", "follow_path", "following"]
@@ -123,7 +123,7 @@ def follow_path(
     max_points : int
         Limit of points.
     largest_step : float
-        Largest step on curved pieces, relative to the range and to a typical displacement.
+        Largest step on curved pieces, relative to the range and to a typical displacement at its largest load.
     max_time : float
         Limit in seconds; the path then ends where it is, and says so.
     until : mapping of name to value, optional
@@ -194,7 +194,11 @@ def following(
         )
     budget = Budget(options.max_time)
     line = LoadLine(problem, unloaded)
-    system = kept.condensed(linear_in_place(problem, np.zeros(problem.unknowns)) if nonlinear else problem)
+    largest = line.at(max(low, high, key=abs))  # by whose displacements steps are measured
+    if nonlinear:
+        system = condense(linear_in_place(largest, np.zeros(problem.unknowns)))
+    else:
+        system = kept.condensed(problem).for_problem(largest)
     if not system.active.any():
         raise ProblemError("the supports hold every contact point, so that no path starts; free some of them")
     # A little above the lower end all components are on definite sides of their kinks, which they may not be at rest.

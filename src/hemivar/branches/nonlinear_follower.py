@@ -13,6 +13,7 @@ from hemivar.branches.follower import FollowedPoint
 from hemivar.branches.graph_chart import GraphChart
 from hemivar.branches.graph_follower import GraphFollower
 from hemivar.branches.path import PathEnd
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine
@@ -128,12 +129,13 @@ def _under(place: _Place, problem: DiscreteProblem) -> CondensedProblem:
 
 def _settled(place: _Place, problem: DiscreteProblem, r: Array) -> tuple[Array, bool]:
     """The unknowns after corrections by the stiffness of a place, and whether they stand; the last good ones if not."""
-    last = np.inf
+    bulk, last = cast(Potential, problem.bulk), np.inf
+    held = float(np.abs(bulk.energy.origin).max())
     for _ in range(_CORRECTIONS):
         found = _under(place, problem).unknowns(r)
         if not np.isfinite(found).all():
             break
-        moved, size = float(np.abs(found - place.unknowns).max()), float(np.abs(found).max())
+        moved, size = float(np.abs(found - place.unknowns).max()), max(float(np.abs(found).max()), held)
         place = _Place(found, place.system)
         if moved <= _ROUNDED * size or (moved >= 0.5 * last and moved <= _LEFT * size):
             return found, True
