@@ -23,8 +23,8 @@ __version__ = "0.1.0"
 _HANDED_ON = {
     "ReprMixin._repr_html_": "report.notebook.html_of",
     "ReprMixin.plot": "report.notebook.picture_of",
-    "ReprMixin.show": "report.window.show",
-    "ReprMixin.to_dataframe": "report.frames.frame_of",
+    "ReprMixin.show": "report.notebook.show",
+    "ReprMixin.to_dataframe": "report.notebook.frame_of",
     "Solution.summary": "report.summary.summary_of",
     "Fit.plot": "report.plot_fit",
     "Fit.summary": "report.identification_figure.fit_summary",

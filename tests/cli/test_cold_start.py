@@ -51,7 +51,7 @@ def test_a_command_leaves_alone_what_it_does_not_use(command: str, tmp_path: Pat
 
 def test_a_name_loaded_on_first_use_is_not_hidden_by_a_module_of_its_name() -> None:
     code = """
-import hemivar.evolution.march, hemivar.workflows.study, hemivar.workflows.sweep, hemivar.report.paper
+import hemivar.evolution.march, hemivar.workflows.study, hemivar.workflows.sweep
 import hemivar
 for found in (hemivar.evolution.march, hemivar.workflows.study, hemivar.workflows.sweep, hemivar.march):
     assert callable(found), found

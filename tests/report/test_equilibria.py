@@ -8,8 +8,8 @@ from matplotlib.quiver import Quiver
 import hemivar as hv
 from hemivar.gallery import elastic_bar
 from hemivar.report import plot_path, plot_solutions, plot_study
+from hemivar.report.loglog import _line, _meet
 from hemivar.report.path_diagrams import fitting_quantity
-from hemivar.report.study_figures import _line, _meet
 
 
 def block(law: hv.Softening) -> hv.ContactProblem:

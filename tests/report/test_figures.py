@@ -24,10 +24,10 @@ from hemivar.laws import Adhesive, Compliance, ContactLaw, CoulombBound, Frictio
 from hemivar.mechanics import Clamped, Contact, ContactProblem
 from hemivar.mesh import rectangle
 from hemivar.report import Arrows, BodyColour, plot_contact, plot_errors, plot_history, plot_solution, save
+from hemivar.report.bodies import painted, plot_problem
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.drawn_body import mesh_lines
 from hemivar.report.law_figures import law_captions
-from hemivar.report.statement_figure import painted, plot_problem
 from hemivar.solvers import Controls, Solution, Status, solve
 from hemivar.solvers.contact_states import KINDS
 from tests import bodies

@@ -12,9 +12,9 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.fem.area_average import area_average
 from hemivar.report import plot_contact, plot_solution
+from hemivar.report.bodies import plot_problem
 from hemivar.report.notebook import html_of
 from hemivar.report.scalar_map import over_area
-from hemivar.report.statement_figure import plot_problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

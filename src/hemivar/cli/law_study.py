@@ -133,8 +133,7 @@ def _draw(
     writer: Writer,
 ) -> None:
     from hemivar.laws import MixedMode, ModeDependentGlue, OwnCoupledLaw
-    from hemivar.report.law_figures import plot_law
-    from hemivar.report.mixed_mode_figure import plot_coupled_law, plot_mixed_mode, plot_mode_dependent
+    from hemivar.report.law_figures import plot_coupled_law, plot_law, plot_mixed_mode, plot_mode_dependent
     from hemivar.report.saving import save
 
     def draw(path: Path) -> None:

@@ -66,8 +66,8 @@ def study(
 
     Exit code 0 if every solve converged.
     """
-    from hemivar.report.study_figures import plot_study
-    from hemivar.report.study_tables import study_table
+    from hemivar.report.loglog import plot_study
+    from hemivar.report.tables import study_table
     from hemivar.workflows import StudyOptions, result_of, studying
     from hemivar.workflows.study import study_digest
 

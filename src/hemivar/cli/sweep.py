@@ -66,7 +66,7 @@ def sweep(
     Exit code 0 if every point has a result.
     """
     from hemivar.files.changes import Change
-    from hemivar.report.study_tables import sweep_table
+    from hemivar.report.tables import sweep_table
     from hemivar.workflows import SolutionsOptions, SweepAxis, SweepOptions, read_axis, result_of, sweeping
     from hemivar.workflows.sweep import sweep_digest
 
@@ -124,7 +124,7 @@ def sweep(
 
     def draw(file: Path) -> None:
         from hemivar.report.saving import save
-        from hemivar.report.study_figures import plot_sweep
+        from hemivar.report.sweep_figures import plot_sweep
 
         save(plot_sweep(found, labels=label or (), title=session.title), file)
 

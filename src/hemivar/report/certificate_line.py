@@ -1,23 +1,28 @@
-"""One quiet line below a picture: how exact the solution is, and whether it is the only one."""
+"""What a certificate says, in one quiet line below a picture and as a picture of its own."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from hemivar.certificates import Certificate, DistanceToExact
-from hemivar.report.paper import current
-from hemivar.report.style import GREY
+from hemivar.report.picture import current, new_figure
+from hemivar.report.style import BLUE, GREEN, GREY, RED, drawing
 from hemivar.solvers import Solution, Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FOOT", "certificate_line", "title_of", "with_notes", "write_below", "write_foot"]
+__all__ = ["FOOT", "certificate_line", "plot_certificate", "title_of", "with_notes", "write_below", "write_foot"]
 
 #: Room for the line below axes, in inches.
 FOOT = 0.22
 _SIZE = 6.5
+#: The range of relative sizes that is drawn; what is smaller is rounding.
+_LEAST, _MOST = 1e-17, 10.0
+#: Where the line for c ends at the least.
+_SHORT = 1.6
 
 
 def certificate_line(solution: Solution, certificate: Certificate | None, exact: DistanceToExact | None = None) -> str:
@@ -68,3 +73,88 @@ def write_foot(fig: Figure, line: str) -> None:
     if isinstance(engine, ConstrainedLayoutEngine):
         engine.set(rect=(0.0, share, 1.0, 1.0 - share))
     fig.text(0.01, 0.25 * share, line, fontsize=_SIZE, color=GREY, va="bottom")
+
+
+def plot_certificate(certificate: Certificate, *, title: str | None = None) -> Figure:
+    """What is known about a pair: above c, which is below 1 if there is one solution; below relative sizes.
+
+    These are how far the pair is from equilibrium and from the graph of the law, with the tolerance, and the distances
+    to the exact discrete and continuous solutions.  Filled bars are bounds that hold; open ones are estimates, from
+    sampled constants or for reasons that the certificate names.  What is not known is said in words.
+
+    Parameters
+    ----------
+    certificate : Certificate
+    title : str, optional
+        The kind of point and whether it is the only solution, by default.
+    """
+    with drawing():
+        fig = new_figure((6.3, 2.9 if certificate.exact is None else 3.3), layout="constrained")
+        above, below = fig.subplots(2, 1, height_ratios=(1, 4 if certificate.exact is None else 5))
+        _margin(above, certificate)
+        _sizes(below, certificate)
+        fig.suptitle(title or f"{certificate.kind.value}; {certificate.uniqueness}", fontsize=10)
+    return fig
+
+
+def _margin(ax: Axes, certificate: Certificate) -> None:
+    """The constant c with its coupling on a line that ends where uniqueness is no longer proved."""
+    left_out = "margin" in certificate.left_out
+    used = 1.0 - certificate.margin
+    shown = used if math.isfinite(used) else 2.0 * _SHORT  # beyond the end
+    sampled = certificate.smallness.sampled
+    unproved = certificate.margin <= 0.0
+    if not left_out:
+        colour = RED if unproved else GREEN
+        ax.barh([0], [max(shown, 0.0)], 0.5, color="none" if sampled else colour, edgecolor=colour, lw=1.0)
+    ax.axvline(1.0, color="black", lw=1.0)
+    end = max(_SHORT, 1.25 * shown) if math.isfinite(used) else _SHORT
+    ax.set_xlim(0.0, end)
+    ax.set_ylim(-0.6, 0.6)
+    margin = "not computed, for lack of time" if left_out else f"{certificate.margin:.3g}"
+    said = ("c = 0, " if used == 0.0 else "") + f"margin {margin}{' (sampled)' if sampled and not left_out else ''}"
+    right = shown < 0.62 * end or left_out
+    ax.annotate(
+        said, (max(shown, 1.0) if right else 1.0, 0.0), xytext=(5 if right else -5, 0), textcoords="offset points",
+        va="center", ha="left" if right else "right", fontsize=8.0,
+        bbox={"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+    )  # fmt: skip
+    ax.set_yticks([0], labels=["c, below 1 if\nunique"])
+    ax.tick_params(axis="y", length=0)
+    ax.spines[["top", "right", "left"]].set_visible(False)
+
+
+def _sizes(ax: Axes, certificate: Certificate) -> None:
+    """Relative sizes on a logarithmic scale."""
+    exact = certificate.exact
+    bound, sampled = certificate.error_bound_relative, certificate.error_bound_sampled
+    late = "error bound" in certificate.left_out or "margin" in certificate.left_out
+    why = "not computed, for lack of time" if late else "no bound: the margin is not positive"
+    rows: list[tuple[str, float, str, bool, str]] = [
+        ("out of equilibrium", certificate.equilibrium_relative, GREY, True, "not known"),
+        ("off the law", certificate.inclusion_relative, GREY, True, "not known"),
+        ("distance to the exact\ndiscrete solution", bound, BLUE, not sampled, why),
+    ]
+    if exact is not None:
+        name = "distance to the exact\ncontinuous solution"
+        rows.append((name, exact.relative, BLUE, exact.guaranteed, "not known; see its reasons"))
+    for row, (_, value, colour, sure, missing) in enumerate(rows):
+        if not math.isfinite(value):
+            ax.annotate(missing, (_LEAST, row), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8.0)
+            continue
+        shown = min(max(value, _LEAST), _MOST)
+        ax.barh([row], [shown - _LEAST], 0.55, left=_LEAST, color=colour if sure else "none", edgecolor=colour, lw=1.0)
+        kind = "" if colour == GREY else "at most " if sure else "about "
+        said = f"{kind}{value:.1e}" if value else "0"
+        ax.annotate(said, (shown, row), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8.0)
+    ax.plot([certificate.tolerance] * 2, [-0.5, 1.5], color=RED, lw=1.0, ls="--")
+    ax.annotate(
+        "tolerance", (certificate.tolerance, -0.45), xytext=(3, 0), textcoords="offset points", color=RED, va="top",
+        fontsize=8.0,
+    )  # fmt: skip
+    ax.set(xscale="log", xlim=(_LEAST, _MOST * 300.0), xlabel="relative size")
+    ax.set_xticks([10.0**power for power in range(-16, 1, 4)])
+    ax.set_yticks(range(len(rows)), labels=[name for name, *_ in rows])
+    ax.tick_params(axis="y", length=0)
+    ax.set_ylim(len(rows) - 0.4, -0.7)
+    ax.spines[["top", "right"]].set_visible(False)

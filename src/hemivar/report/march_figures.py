@@ -11,16 +11,32 @@ from hemivar.basics.types import Array
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
 from hemivar.evolution.history import History
+from hemivar.files.boundary import contact_boundaries
 from hemivar.files.history_table import history_columns, quantity_of
-from hemivar.report.march_map import draw_map
+from hemivar.files.snapshot import moving_states
 from hemivar.report.picture import new_figure
-from hemivar.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, drawing, with_unit
+from hemivar.report.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    LINES,
+    ORANGE,
+    PURPLE,
+    RED,
+    SERIES,
+    SKY,
+    STATE_COLOURS,
+    drawing,
+    in_rows,
+    with_unit,
+)
+from hemivar.solvers.contact_states import KINDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["MARCH_FIGURES", "Units", "plot_march"]
+__all__ = ["MARCH_FIGURES", "Units", "draw_map", "plot_march"]
 
 #: Entries of the ledger in the order in which they are stacked, with label and colour: what is stored, then losses.
 _STORED = (
@@ -41,11 +57,10 @@ _LOST = (
 #: What was put in; work of thermal stress where there is heat.
 _GIVEN = ("work", "moved", "thermal")
 _OF_STEPS = ("time", "step", "residual", "margin", "largest_step", "jumped")
-_COLOURS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
-_DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 #: Below this part of the largest energy an entry of the ledger is left out of the figure.
 _SEEN = 1e-4
 _MOST_COLUMNS = 8
+_COLOURS = ["#f2f2f2", *(STATE_COLOURS[kind] for kind in KINDS[1:])]  # open first
 
 
 def plot_march(
@@ -181,9 +196,9 @@ def _forces(table: Mapping[str, Array], columns: Sequence[str], units: Units) ->
     for quantity, label, colour in forces:
         for number, (boundary, name) in enumerate(_boundaries(table, quantity)):
             told = f"{label}, {boundary}" if boundary else label
-            upper.plot(time, table[name], color=colour, ls=_DASHES[number % len(_DASHES)], label=told)
+            upper.plot(time, table[name], color=colour, ls=LINES[number % len(LINES)], label=told)
     for number, (boundary, name) in enumerate(_boundaries(table, "contact_measure")):
-        lower.plot(time, table[name], color=BLUE, ls=_DASHES[number % len(_DASHES)], label=boundary or "contact")
+        lower.plot(time, table[name], color=BLUE, ls=LINES[number % len(LINES)], label=boundary or "contact")
     for panel in (upper, lower):
         panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
     if len(parts) > 1 or friction:
@@ -251,7 +266,7 @@ def _steps(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> 
     first.semilogy(time, table["step"][1:], color=BLUE, drawstyle="steps-pre", label="step")
     limit = table["largest_step"][1:]
     if np.any(np.isfinite(limit)):
-        first.semilogy(time, limit, color=ORANGE, ls=_DASHES[1], label="largest with a\npositive margin")
+        first.semilogy(time, limit, color=ORANGE, ls=LINES[1], label="largest with a\npositive margin")
         _legend(first)
     first.set_ylabel(with_unit("length of step", units.time))
     residual = table["residual"][1:]
@@ -290,7 +305,7 @@ def _columns(table: Mapping[str, Array], columns: Sequence[str], units: Units) -
         raise ProblemError(f"name 1 to {_MOST_COLUMNS} columns to draw (known: {', '.join(table)})")
     fig, panels = _panels(len(columns), 1.0 + 1.5 * len(columns))
     for number, (panel, name) in enumerate(zip(panels, columns, strict=True)):
-        panel.plot(table["time"], table[name], color=_COLOURS[number % len(_COLOURS)])
+        panel.plot(table["time"], table[name], color=SERIES[number % len(SERIES)])
         panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0) if _near_zero(table[name]) else None
         panel.set_ylabel(_told(name, units))
     panels[-1].set_xlabel(with_unit("time", units.time))
@@ -320,3 +335,66 @@ _DRAWN: Mapping[str, Callable[[Mapping[str, Array], Sequence[str], Units], Figur
 }
 #: What :func:`plot_march` draws.
 MARCH_FIGURES = ("ledger", "forces", "loop", "map", "steps", "columns")
+
+
+def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, stress_unit: str) -> Figure:
+    """Two panels with the coordinate along the boundary across and the time upwards: states, and pressure.
+
+    Raises
+    ------
+    ProblemError
+        The boundary is not known, the body is not plane, or there are not two frames.
+    """
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.patches import Patch
+
+    problem = history.discrete.problem
+    boundaries = {found.name: found for found in contact_boundaries(problem)} if problem.contact_points else {}
+    if not boundaries:
+        raise ProblemError("the evolution has no contact point; draw kind 'ledger'")
+    name = next(iter(boundaries)) if boundary is None else boundary
+    if name not in boundaries:
+        raise ProblemError(f"there is no contact boundary '{name}' (known: {', '.join(boundaries)})")
+    found = boundaries[name]
+    if found.mesh.dim != 2:
+        raise ProblemError("states are drawn along the boundaries of plane bodies; animate a body in 3D")
+    if len(history.frames) < 2:
+        raise ProblemError("a map needs two frames at least; march(..., save=Save(every=...)) saves them")
+    assert problem.contact.points is not None
+    place, label = found.position(problem.contact.points)
+    order = np.argsort(place, kind="stable")
+    index, place = found.index[order], place[order]
+    times = np.array([frame.time for frame in history.frames])
+    state = np.array([moving_states(history.discrete, frame).numbers[index] for frame in history.frames])
+    pressure = np.array([frame.multiplier[index, 0] for frame in history.frames])
+    fig = new_figure((6.3, 3.8), layout="constrained")
+    left, right = fig.subplots(1, 2, sharex=True, sharey=True)
+    across, up = _edges(place), _edges(times)
+    norm = BoundaryNorm(np.arange(len(KINDS) + 1) - 0.5, len(KINDS))
+    left.pcolormesh(across, up, state, cmap=ListedColormap(_COLOURS), norm=norm, rasterized=True)
+    most = float(pressure.max())
+    least = float(pressure.min())
+    limit = max(abs(most), abs(least)) or 1.0
+    signed = least < -1e-9 * limit
+    mesh = right.pcolormesh(
+        across, up, pressure, rasterized=True, cmap="RdBu_r" if signed else "cividis",
+        vmin=-limit if signed else 0.0, vmax=limit,
+    )  # fmt: skip
+    fig.colorbar(mesh, ax=right, shrink=0.85, pad=0.02).set_label(with_unit("pressure", stress_unit))
+    handles = [
+        Patch(facecolor=_COLOURS[number], edgecolor=GREY, linewidth=0.4, label=KINDS[number].label)
+        for number in np.unique(state).tolist()
+    ]
+    fig.legend(handles=handles, loc="outside lower left", ncols=in_rows(len(handles)), handlelength=1.2)
+    left.set_title(f"states on {name}", fontsize=9)
+    right.set_title(f"pressure on {name}", fontsize=9)
+    left.set_ylabel(with_unit("time", time_unit))
+    for panel in (left, right):
+        panel.set_xlabel(with_unit(label, unit))
+    return fig
+
+
+def _edges(middles: Array) -> Array:
+    """Edges (k + 1,) of cells about given places, half way between them; the first and the last place are edges."""
+    between = 0.5 * (middles[1:] + middles[:-1])
+    return np.concatenate([middles[:1], between, middles[-1:]])

@@ -1,4 +1,4 @@
-"""Problems, solutions, certificates and studies as a notebook shows them: a heading, a picture and a table."""
+"""Values as a notebook shows them, a heading, a picture and a table; as a window; and as tables of pandas."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import base64
 import html
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hemivar.adapt import AdaptiveSolution
+from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.pandas_frame import data_frame
+from hemivar.basics.types import Record
 from hemivar.branches import Path, SolutionSet
 from hemivar.certificates import Certificate, DistanceToExact, certify, one_solution, smallness
 from hemivar.discrete.bulk import Quadratic
@@ -22,19 +25,17 @@ from hemivar.laws import ContactLaw
 from hemivar.mechanics import Contact, ContactProblem
 from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mesh.mesh import Mesh
-from hemivar.report.adaptive_figures import plot_adaptive
-from hemivar.report.bodies import plot_solution
-from hemivar.report.certificate_figure import plot_certificate
+from hemivar.report.bodies import plot_problem, plot_solution
+from hemivar.report.certificate_line import plot_certificate
 from hemivar.report.contact_curves import plot_contact
+from hemivar.report.loglog import plot_adaptive, plot_study
 from hemivar.report.march_figures import plot_march
 from hemivar.report.path_diagrams import plot_path
 from hemivar.report.saving import png
 from hemivar.report.solution_pictures import plot_solutions
-from hemivar.report.statement_figure import plot_problem
-from hemivar.report.study_figures import plot_study, plot_sweep
-from hemivar.report.study_tables import study_table, sweep_table
 from hemivar.report.style import MANY_CELLS
-from hemivar.report.tables import Table, adaptive_table
+from hemivar.report.sweep_figures import plot_sweep
+from hemivar.report.tables import Table, adaptive_table, study_table, sweep_table
 from hemivar.solvers import Solution, Status
 from hemivar.solvers.contact_states import state_words
 from hemivar.workflows.study import Study
@@ -42,8 +43,9 @@ from hemivar.workflows.sweep import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
-__all__ = ["html_of", "picture_of", "table_of"]
+__all__ = ["frame_of", "html_of", "picture_of", "show", "table_of"]
 
 #: Larger bodies are shown without a picture, which would take longer than a reader waits.
 _MOST_CELLS = 10 * MANY_CELLS
@@ -60,6 +62,8 @@ _OF_A_MESH = ("unknowns", "cells", "energy", "relative_bound", "guaranteed", "se
 
 _Row = tuple[str, object]
 _Shown = tuple[str, Callable[[], Iterable["Figure"]], Table]
+#: Backends of matplotlib that write files and open no window.
+_FILES_ONLY = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 
 
 def html_of(value: object) -> str:
@@ -402,4 +406,87 @@ _PICTURES: Mapping[type, Callable[..., Figure]] = {
     Study: plot_study,
     Sweep: plot_sweep,
     AdaptiveSolution: plot_adaptive,
+}
+
+
+def show(value: object) -> None:
+    """Show the picture of a value, and wait until its window is closed.
+
+    Parameters
+    ----------
+    value : object
+        What has a picture, such as a solution.
+
+    Raises
+    ------
+    ProblemError
+        There is no picture of it, or no window can be opened here.
+    """
+    figure = picture_of(value)
+    with IMPORTS:
+        import matplotlib.pyplot as plt
+    backend = plt.get_backend().lower()
+    if backend in _FILES_ONLY:
+        raise ProblemError(
+            f"no window can be opened here (matplotlib's backend is '{backend}'); write the picture to a file, "
+            ".plot().savefig('figure.png')"
+        )
+    manager = plt.figure().canvas.manager
+    assert manager is not None
+    manager.canvas.figure = figure
+    figure.set_canvas(manager.canvas)
+    plt.show()
+
+
+def frame_of(value: object) -> DataFrame:
+    """A pandas DataFrame.
+
+    A path has a row for each point, a set of solutions one for each solution, a study and an adaptive solve one for
+    each mesh, a sweep one for each choice of parameters; anything else has rows of ``name`` and ``value``, as a
+    notebook shows it.
+
+    Raises
+    ------
+    ProblemError
+        pandas is not installed.
+    """
+    for kind, (record, instead) in _RECORDS.items():
+        if isinstance(value, kind):
+            return data_frame(record(value), instead)
+    rows = table_of(value).rows
+    return data_frame({"name": [row[0] for row in rows], "value": [row[1] for row in rows]}, "repr(value)")
+
+
+def _path_record(path: Path) -> Record:
+    friction = {f"friction_force_{k + 1}": values for k, values in enumerate(path.friction_force.T)}
+    if len(friction) == 1:
+        friction = {"friction_force": path.friction_force[:, 0]}
+    return {
+        "load_factor": path.load_factor,
+        "energy": path.energy,
+        "stable": np.append(path.stable, path.stable[-1:]),
+        "max_penetration": path.max_penetration,
+        "normal_force": path.normal_force,
+        **friction,
+    }
+
+
+def _solutions_record(found: SolutionSet) -> Record:
+    return {
+        "kind": [None if one.kind is None else one.kind.value for one in found],
+        "energy": [one.energy for one in found],
+        "max_penetration": [float(one.penetration.max(initial=-np.inf)) for one in found],
+        "normal_force": [one.normal_force for one in found],
+        "contact": [one.contact_length for one in found],
+        "status": [one.status.value for one in found],
+        "residual": [one.residual.relative for one in found],
+    }
+
+
+_RECORDS: Mapping[type, tuple[Callable[[Any], Record], str]] = {
+    Path: (_path_record, "path.load_factor, path.energy, path.normal_force"),
+    SolutionSet: (_solutions_record, "solutions.energies"),
+    Study: (lambda found: study_table(found).record(), "hemivar.report.study_table(study)"),
+    Sweep: (lambda found: sweep_table(found).record(), "hemivar.report.sweep_table(sweep)"),
+    AdaptiveSolution: (lambda found: adaptive_table(found).record(), "found.rows()"),
 }

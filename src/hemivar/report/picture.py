@@ -1,21 +1,26 @@
-"""Figures that a notebook shows by themselves, whether or not it has been told how (``%matplotlib inline``)."""
+"""Figures that a notebook shows by themselves, and how they are printed: a width, one size of letters, no notes."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
+from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 from hemivar.basics.first_use import IMPORTS
-from hemivar.report.paper import current
+from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.backend_bases import RendererBase
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend as Box
 
-__all__ = ["new_figure", "new_figures"]
+__all__ = ["NOTE", "Legend", "Print", "current", "new_figure", "new_figures", "paper"]
 
 #: Dots per inch in a notebook.
 _DPI = 110
@@ -24,6 +29,17 @@ _LONGEST = 200
 _MOST_LINES = 50
 #: Figures of the drawing that is under way.
 _MADE: ContextVar[list[Figure] | None] = ContextVar("made", default=None)
+#: Millimetres in an inch, and in the units that a width may have.
+_INCH = 25.4
+_UNITS = {"mm": 1.0, "cm": 10.0, "in": _INCH, "pt": _INCH / 72.27}
+#: Widths and sizes of letters that make sense, in millimetres and points.
+_WIDTHS, _FONTS = (20.0, 500.0), (4.0, 24.0)
+#: How often the width is corrected by what is drawn.
+_FITS = 4
+#: The least part of their height that figures keep.
+_LEAST = 0.7
+#: Marks texts that are notes, which print leaves out.
+NOTE = "note"
 
 
 def new_figure(size: tuple[float, float], *, layout: Literal["constrained", "tight"] | None = None) -> Figure:
@@ -86,3 +102,156 @@ def __getattr__(name: str) -> object:
     if name == "Picture":
         return _kind()
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+class Legend(StrEnum):
+    """Where legends of printed figures stand."""
+
+    OUTSIDE = "outside"
+    INSIDE = "inside"
+    NONE = "none"
+
+
+@dataclass(frozen=True)
+class Print:
+    """How figures are printed; see :func:`paper`.
+
+    Attributes
+    ----------
+    width : float
+        In inches.
+    font : float
+        In points.
+    legend : Legend
+    annotations : bool
+    """
+
+    width: float
+    font: float
+    legend: Legend
+    annotations: bool
+
+    @property
+    def settings(self) -> dict[str, object]:
+        """Settings of matplotlib: all letters have one size, ticks and legends a little less."""
+        small = 0.9 * self.font
+        sizes: dict[str, object] = {"font.size": self.font, "axes.labelsize": self.font, "axes.titlesize": self.font}
+        sizes |= dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), small)
+        return {
+            **sizes,
+            "lines.linewidth": 1.0,
+            "axes.linewidth": 0.5,
+            "font.family": "serif",
+            "mathtext.fontset": "stix",
+        }
+
+    def size(self, size: tuple[float, float]) -> tuple[float, float]:
+        """The size of a figure in inches: this width, in proportion as far as letters leave room for it."""
+        return self.width, size[1] * max(self.width / size[0], _LEAST)
+
+    def finish(self, figure: Figure) -> None:
+        """Move or remove legends and notes, and correct the width by what is drawn."""
+        from matplotlib.text import Text
+
+        legends = [(legend, ax) for ax in figure.axes if (legend := ax.get_legend()) is not None]
+        for legend, ax in [*legends, *((legend, None) for legend in figure.legends)]:
+            if self.legend is Legend.NONE:
+                legend.remove()
+            elif self.legend is Legend.INSIDE and ax is not None:
+                self._move(legend, ax)
+        for text in figure.findobj(Text):
+            assert isinstance(text, Text)
+            text.set_fontsize(min(text.get_fontsize(), self.font))
+            if not self.annotations and text.get_gid() == NOTE:
+                text.remove()
+        if not self.annotations:
+            for ax in figure.axes:
+                ax.set_title("")
+        self._fit(figure)
+
+    @staticmethod
+    def _move(legend: Box, ax: Axes) -> None:
+        """Put a legend into its axes; below a body, which fills them."""
+        if ax.get_aspect() == "auto":
+            legend.set_bbox_to_anchor((0.0, 0.0, 1.0, 1.0), transform=ax.transAxes)
+            legend.set_loc("best")
+        else:
+            legend.set_bbox_to_anchor((0.0, -0.2), transform=ax.transAxes)
+            legend.set_loc("upper left")
+
+    def _fit(self, figure: Figure) -> None:
+        """Scale the figure until what is drawn, which is what is saved, has the width."""
+        for _ in range(_FITS):
+            figure.draw_without_rendering()
+            drawn = figure.get_tightbbox().width + 0.1
+            if abs(drawn - self.width) < 2e-3 * self.width:
+                return
+            wide, high = figure.get_size_inches()
+            figure.set_size_inches(min(max(wide + self.width - drawn, 0.5 * wide), 2.0 * wide), high)
+
+
+_CURRENT: ContextVar[Print | None] = ContextVar("print", default=None)
+
+
+def current() -> Print | None:
+    """How figures are printed here; None on a screen."""
+    return _CURRENT.get()
+
+
+@contextmanager
+def paper(
+    width: str | float = "84mm",
+    *,
+    font: float = 8.0,
+    legend: Legend | str = Legend.OUTSIDE,
+    annotations: bool = False,
+) -> Iterator[None]:
+    """Context in which every figure is made for print.
+
+    >>> with hemivar.report.paper("84mm", legend="inside"):
+    ...     solution.plot().savefig("figure.pdf", bbox_inches="tight", pad_inches=0.05)
+
+    Parameters
+    ----------
+    width : str or float
+        Of the whole figure, as saved by :func:`hemivar.report.save`: ``"84mm"``, ``"3.3in"``, ``"240pt"``; a number
+        counts millimetres. It is met to about a percent.
+    font : float
+        Size of letters in points.
+    legend : Legend or str
+        ``"outside"``, ``"inside"`` or ``"none"``.
+    annotations : bool
+        Whether titles and the notes beside and below figures are kept.
+
+    Raises
+    ------
+    ProblemError
+        A width or a size of letters that makes no sense, or another place for legends.
+    """
+    inches = _width(width) / _INCH
+    if not _FONTS[0] <= font <= _FONTS[1]:
+        raise ProblemError(f"font = {font:g}; give a size from {_FONTS[0]:g} to {_FONTS[1]:g} points")
+    try:
+        place = Legend(legend)
+    except ValueError as error:
+        raise ProblemError(f"legend = {legend!r}; choose 'outside', 'inside' or 'none'") from error
+    token = _CURRENT.set(Print(inches, font, place, annotations))
+    try:
+        yield
+    finally:
+        _CURRENT.reset(token)
+
+
+def _width(width: str | float) -> float:
+    """A width in millimetres."""
+    text, unit = str(width).strip(), 1.0
+    for name, factor in _UNITS.items():
+        if text.endswith(name):
+            text, unit = text[: -len(name)], factor
+    try:
+        value = float(text) * unit
+    except ValueError as error:
+        raise ProblemError(f"width = {width!r}; give a number with mm, cm, in or pt, such as '84mm'") from error
+    if not (math.isfinite(value) and _WIDTHS[0] <= value <= _WIDTHS[1]):
+        raise ProblemError(f"width = {width!r}; give a width from {_WIDTHS[0]:g} to {_WIDTHS[1]:g} mm")
+    return value

@@ -23,7 +23,7 @@ from hemivar.report.drawn_body import (
     mark_states,
 )
 from hemivar.report.law_figures import law_captions
-from hemivar.report.paper import NOTE
+from hemivar.report.picture import NOTE
 from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, RED, figure_of, state_mark
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ import numpy as np
 from hemivar.basics.first_use import IMPORTS, Lock
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.report.paper import Legend, current
-from hemivar.report.picture import new_figure, new_figures
+from hemivar.report.picture import Legend, current, new_figure, new_figures
 from hemivar.solvers.contact_states import KINDS, Kind, NormalState, TangentialState
 
 if TYPE_CHECKING:
@@ -25,6 +24,7 @@ __all__ = [
     "DASHES",
     "GREEN",
     "GREY",
+    "LINES",
     "MANY_CELLS",
     "MANY_FACETS",
     "MARKERS",
@@ -50,6 +50,8 @@ GREY = "#5f5f5f"
 #: Of curves, one after the other.
 SERIES = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
 
+#: Of curves in one colour.
+LINES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 #: What is at rest.
 DASHES = (0, (4, 3))
 #: Up to so many cells they are drawn each.

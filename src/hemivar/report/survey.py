@@ -23,7 +23,7 @@ from hemivar.files import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA
 from hemivar.report.bodies import plot_solution
 from hemivar.report.contact_curves import plot_contact
-from hemivar.report.histories import plot_errors
+from hemivar.report.loglog import plot_errors
 from hemivar.report.saving import save, svg
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
 from hemivar.solvers import Solution, Status

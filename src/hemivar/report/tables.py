@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -18,34 +18,28 @@ from hemivar.basics.csv_text import csv_text
 from hemivar.basics.disk import make_folder, path_of, shown, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
+from hemivar.basics.types import Record
+from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
 from hemivar.workflows.comparison import energy_norm_difference
+from hemivar.workflows.study import Study
+from hemivar.workflows.sweep import Sweep
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.table import Table as RichTable
 
-__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "adaptive_table", "comparison_table"]
+__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "adaptive_table", "comparison_table", "study_table", "sweep_table"]
 
 
 @dataclass(frozen=True)
 class PaperRow:
-    """One method of the survey's Table 1, for h = 1/8, 1/16, 1/32, 1/64, 1/128.
+    """One method of the survey's Table 1, for h = 1/8, 1/16, 1/32, 1/64, 1/128."""
 
-    Attributes
-    ----------
-    seconds : tuple of float
-        Time without assembly, on the machine of the authors.
-    count_name : str
-        What is counted; empty if nothing is.
-    counts : tuple of int
-        Functional evaluations or set iterations.
-    """
-
-    seconds: tuple[float, ...]
+    seconds: tuple[float, ...]  # without assembly, on the machine of the authors
     count_name: str = ""
-    counts: tuple[int, ...] = ()
+    counts: tuple[int, ...] = ()  # functional evaluations or set iterations
 
 
 #: The survey's Table 1 (arXiv 2103.14518); one entry for each of 1/h = 8, 16, 32, 64, 128.
@@ -94,17 +88,11 @@ class Table:
         FileError
             The file or its folder cannot be made.
         """
-        path = path_of(path)
-        make_folder(path.parent)
-        write_text(path, csv_text(self.columns, self.rows))
-        return path
+        return _written(path, csv_text(self.columns, self.rows))
 
     def write_latex(self, path: str | Path) -> Path:
         """Write :meth:`latex`; returns the path.  Raises as :meth:`write_csv`."""
-        path = path_of(path)
-        make_folder(path.parent)
-        write_text(path, self.latex())
-        return path
+        return _written(path, self.latex())
 
     def latex(self) -> str:
         """The table for LaTeX with the package booktabs, the title as its caption.
@@ -113,8 +101,7 @@ class Table:
         four significant ones. A mesh size ``h`` that is the reciprocal of a whole number is written as one, ``1/64``.
         """
         right = self._numeric()
-        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.columns)
-        texts = [_digits(name, column) for name, column in zip(self.columns, columns, strict=True)]
+        texts = [_digits(name, column) for name, column in zip(self.columns, self._by_columns(), strict=True)]
         lines = [" & ".join(map(_latex, row)) for row in zip(*texts, strict=True)]
         tabular = [
             r"\begin{tabular}{" + "".join("r" if to_right else "l" for to_right in right) + "}",
@@ -152,8 +139,14 @@ class Table:
         ProblemError
             pandas is not installed.
         """
-        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.columns)
-        return data_frame(dict(zip(self.columns, map(list, columns), strict=True)), "the columns and rows of the table")
+        return data_frame(self.record(), "the columns and rows of the table")
+
+    def record(self) -> Record:
+        """The cells of each column by its name."""
+        return dict(zip(self.columns, map(list, self._by_columns()), strict=True))
+
+    def _by_columns(self) -> Iterable[tuple[object, ...]]:
+        return zip(*self.rows, strict=True) if self.rows else [()] * len(self.columns)
 
     def html(self) -> str:
         """The table as HTML."""
@@ -185,8 +178,14 @@ class Table:
 
     def _numeric(self) -> list[bool]:
         """Which columns hold numbers (or text that begins like one)."""
-        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.columns)
-        return [all(_like_number(cell) for cell in column) and len(self.rows) > 0 for column in columns]
+        return [all(map(_like_number, column)) and len(self.rows) > 0 for column in self._by_columns()]
+
+
+def _written(path: str | Path, text: str) -> Path:
+    path = path_of(path)
+    make_folder(path.parent)
+    write_text(path, text)
+    return path
 
 
 def _like_number(cell: object) -> bool:
@@ -321,3 +320,95 @@ def comparison_table(
         "recover (s)",
     )  # fmt: skip
     return Table(columns, rows, title)
+
+
+def study_table(
+    study: Study, title: str = "", *, relative: bool = False, brief: bool = False, units: Units | None = None
+) -> Table:
+    """One line for each mesh: size, unknowns, errors with the order from the mesh before, energy, normal force, status.
+
+    Where bounds were asked for, the column ``guaranteed bound`` has that of the error in the energy norm; it is empty
+    where there is none, and called ``conditional bound`` where bounds hold on conditions only.
+
+    Parameters
+    ----------
+    study : Study
+    title : str, optional
+    relative : bool
+        Errors relative to the norms of the reference.
+    brief : bool
+        Without energy and force, and without the status where all solves converged.
+    units : Units, optional
+        Of length, force and energy, for the headings; numbers are not converted.
+
+    Returns
+    -------
+    Table
+    """
+    names = study.quantities
+    units = Units() if units is None else units
+    columns = [units.head("h", "length"), "unknowns"]
+    for name in names:
+        columns += [name, "order"] if brief else [f"{name} error", f"{name} order"]
+    bounds = study.bounds
+    certified = bool((~np.isnan(bounds)).any())
+    columns += [study.kind_of_bound] * certified
+    columns += (
+        ["status"] * (not study.converged)
+        if brief
+        else [
+            units.head("energy", "energy"),
+            units.head("normal force", "force"),
+            "status",
+        ]
+    )
+    errors = {name: study.relative(name) if relative else study.errors(name) for name in names}
+    steps = {name: study.steps(name) for name in names}
+    size = study.norms["energy"] if relative else 1.0
+    rows = []
+    for number, level in enumerate(study.levels):
+        solution = level.solution
+        row: list[object] = [level.size, solution.problem.unknowns]
+        for name in names:
+            error, order = float(errors[name][number]), float(steps[name][number])
+            row += [None if math.isnan(error) else error, None if math.isnan(order) else round(order, 2)]
+        if certified:
+            bound = float(bounds[number] / size)
+            row.append(bound if math.isfinite(bound) else None)
+        force = float(solution.normal_force) if solution.problem.contact_points else None
+        last: list[object] = [float(solution.energy), force, solution.status.value]
+        rows.append((*row, *(last[2:] * (not study.converged) if brief else last)))
+    return Table(tuple(columns), tuple(rows), title)
+
+
+def sweep_table(sweep: Sweep, title: str = "", *, units: Units | None = None) -> Table:
+    """One line for each point: parameters, number of solutions and of local minimisers, margin, the lowest solution.
+
+    The column ``others`` says whether there may be solutions that were not found.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    title : str, optional
+    units : Units, optional
+        Of length, force and energy, for the headings; numbers are not converted.
+
+    Returns
+    -------
+    Table
+    """
+    units = Units() if units is None else units
+    columns = (
+        *(axis.key for axis in sweep.axes), "solutions", "minima", "others", "margin", units.head("energy", "energy"),
+        units.head("penetration", "length"), units.head("force", "force"), "note",
+    )  # fmt: skip
+    rows = []
+    for point in sweep.points:
+        values = (one if isinstance(one, int | float | str) else str(one) for one in sweep.values(point))
+        lowest = (point.energies[0], point.penetrations[0], point.forces[0]) if point.energies else (None, None, None)
+        others = None if point.failed else "no" if point.exhaustive else "perhaps"
+        margin = None if math.isnan(point.margin) else point.margin
+        counts = (None, None) if point.failed else (point.count, point.minima)
+        rows.append((*values, *counts, others, margin, *lowest, point.note if point.failed else ""))
+    kept = [k for k, name in enumerate(columns) if name != "note" or any(row[k] for row in rows)]
+    return Table(tuple(columns[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in rows), title)

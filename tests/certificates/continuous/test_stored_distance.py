@@ -37,7 +37,7 @@ from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.named_energies import Hencky
 from hemivar.mesh import box, rectangle
-from hemivar.report.study_tables import study_table
+from hemivar.report.tables import study_table
 from hemivar.solvers import Status, solve
 from hemivar.systems import Workspace
 from tests.samples import slow

@@ -26,7 +26,7 @@ from hemivar.laws import (
     Tresca,
     join_laws,
 )
-from hemivar.report.mixed_mode_figure import plot_mode_dependent
+from hemivar.report.law_figures import plot_mode_dependent
 from hemivar.solvers.newton_on_graph import GraphEquation, GraphPoint
 from hemivar.systems.newton_equation import Accuracy
 

@@ -26,7 +26,7 @@ from hemivar.laws import (
 )
 from hemivar.laws.coupled import own_coupled
 from hemivar.laws.vector_testing import check_vector_law
-from hemivar.report.mixed_mode_figure import plot_coupled_law
+from hemivar.report.law_figures import plot_coupled_law
 from tests.samples import sampled
 
 #: Energy, width and ratio of glue whose potential is a Gaussian.

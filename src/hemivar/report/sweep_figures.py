@@ -1,9 +1,8 @@
-"""Errors over the mesh size with triangles of their slope; margin and number of solutions over parameters."""
+"""The margin and the number of solutions over parameters."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +10,7 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.report.picture import new_figure
-from hemivar.report.style import BLUE, GREY, RED, SERIES, drawing, figure_of, with_unit
-from hemivar.report.tables import reciprocal
-from hemivar.workflows.study import Study
+from hemivar.report.style import BLUE, GREY, RED, drawing
 from hemivar.workflows.sweep import Sweep, SweepAxis
 
 if TYPE_CHECKING:
@@ -22,166 +19,10 @@ if TYPE_CHECKING:
 
     from hemivar.files.sweep_point import SweepPoint
 
+__all__ = ["plot_sweep"]
 
-__all__ = ["plot_study", "plot_sweep"]
-
-_CURVES = {"energy": "energy norm", "displacement": r"$L^2$ norm", "pressure": "contact pressure"}
-_MARKS = ("o", "s", "^")
 #: Values of a parameter that get a tick each where they are no numbers, or few.
 _TICKS = 12
-
-
-# ---- convergence -----------------------------------------------------------------------------------------------
-
-
-def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Axes | None = None) -> Figure:
-    """Relative errors over the mesh size on logarithmic scales, each with a triangle of its slope.
-
-    The slope of a triangle is the fitted order, as in the legend.  Hollow marks stand for a mesh next to the
-    reference, with which it shares errors; the fit leaves it out.
-
-    Parameters
-    ----------
-    study : Study
-    title : str, optional
-    unit : str, optional
-        Of the mesh size.
-    ax : matplotlib axes, optional
-        Where to draw; a new figure, as wide as a column of print, by default.
-
-    Raises
-    ------
-    ProblemError
-        There are no errors to draw.
-    """
-    from matplotlib.ticker import FuncFormatter, NullFormatter
-
-    sizes = study.sizes
-    curves = {name: study.relative(name) for name in study.quantities}
-    curves = {name: np.where(values > 0.0, values, np.nan) for name, values in curves.items()}
-    curves = {name: values for name, values in curves.items() if np.isfinite(values).any()}
-    if not curves and not any(study.norms[name] > 0.0 for name in study.quantities):
-        raise ProblemError("the figure shows errors relative to the reference, which is zero; take the table")
-    if not curves:
-        raise ProblemError("the study has no errors to draw: take at least one finer mesh")
-    with drawing():
-        if ax is None:
-            fig = new_figure((4.0, 3.4), layout="constrained")
-            ax = fig.add_subplot()
-        else:
-            fig = figure_of(ax)
-        for number, (name, values) in enumerate(curves.items()):
-            colour, order = SERIES[number], study.orders[name]
-            text = _CURVES[name] + ("" if math.isnan(order) else f", order {order:.2f}")
-            ax.plot(sizes, values, color=colour, marker=_MARKS[number], ms=5.0, label=text)
-            shared = np.logical_not(study.trusted)
-            ax.plot(sizes[shared], values[shared], ls="", color=colour, marker=_MARKS[number], ms=5.0, mfc="white")
-        drawn = list(curves.values())
-        if np.isfinite(study.bounds).any() and study.norms["energy"] > 0.0:
-            bounds = np.where(np.isfinite(study.bounds), study.bounds, np.nan) / study.norms["energy"]
-            ax.plot(
-                sizes, bounds, color=SERIES[0], ls="--", marker="x", ms=5.0, label=f"energy norm, {study.kind_of_bound}"
-            )
-            drawn.append(bounds)
-        _triangles(ax, sizes, curves, study.orders, drawn)
-        ax.set_xscale("log")
-        ax.set_yscale("log")
-        shown = sizes[np.isfinite(np.array(drawn)).any(axis=0)]
-        whole = all(reciprocal(float(h)) for h in shown)
-        ax.set_xticks(shown, labels=[f"1/{reciprocal(float(h))}" if whole else f"{h:.3g}" for h in shown])
-        ax.xaxis.set_minor_formatter(NullFormatter())
-        ax.xaxis.set_tick_params(which="minor", length=0)
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _decimal(value)))
-        ax.set_xlim(shown.min() / 1.35, shown.max() * 1.35)
-        low, high = ax.get_ylim()
-        ax.set_ylim(low / 1.8, high)
-        ax.set_xlabel(with_unit("mesh size h", unit))
-        ax.set_ylabel("relative error")
-        ax.grid(True, which="major", color="#e2e2e2", lw=0.6)
-        ax.set_axisbelow(True)
-        ax.spines[["top", "right"]].set_visible(False)
-        legend = ax.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), frameon=True, framealpha=0.9, edgecolor="none")
-        # room for the legend above the curves
-        low, high = ax.get_ylim()
-        ax.set_ylim(low, high * (high / low) ** (0.125 * len(legend.get_texts())))
-        if title:
-            ax.set_title(title)
-    return fig
-
-
-def _decimal(value: float) -> str:
-    """A power of ten as it is read most easily."""
-    return f"{value:g}" if 1e-3 <= value <= 1e3 else rf"$10^{{{round(math.log10(value))}}}$"
-
-
-def _triangles(
-    ax: Axes, sizes: Array, curves: Mapping[str, Array], orders: Mapping[str, float], drawn: Sequence[Array]
-) -> None:
-    """Triangles of the fitted orders, each beside its curve where nothing else is; none where there is no such place.
-
-    Taken in turn are the stretches of a curve, the finest but one first, with the triangle below and above it.
-    """
-    finite = np.concatenate([values[np.isfinite(values)] for values in curves.values()])
-    height = max(math.log(float(finite.max() / finite.min())), 1.0)
-    gap, letters = 0.05 * height, 0.09 * height
-    taken: list[Array] = []
-    for number, (name, values) in enumerate(curves.items()):
-        good = np.flatnonzero(np.isfinite(values))
-        order = orders[name]
-        if math.isnan(order) or len(good) < 3 or (slope := round(order, 2)) <= 0.0:
-            continue
-        stretches = sorted(range(len(good) - 1), key=lambda k: abs(k - (len(good) - 3)))
-        for k, above in ((k, above) for k in stretches for above in (False, True)):
-            right, left = np.log(sizes[good[k]]), np.log(sizes[good[k + 1]])
-            high, low = np.log(values[good[k]]), np.log(values[good[k + 1]])
-            rise = slope * (right - left)
-            foot = max(low, high - rise) + gap if above else min(low, high - rise) - gap
-            wide = 0.22 * (right - left)
-            x = np.linspace(left - wide if above else left, right if above else right + wide, 40)
-            ramp = foot + np.clip((x - left) / (right - left), 0.0, 1.0) * rise
-            flat = np.full(len(x), foot + rise + letters if above else foot - letters)
-            band = np.stack([x, ramp, flat] if above else [x, flat, ramp])
-            if not any(_meet(band, one) for one in taken + [_line(sizes, other) for other in drawn]):
-                taken.append(band)
-                ends, heights = (math.exp(left), math.exp(right)), (math.exp(foot), math.exp(rise))
-                _triangle(ax, ends, heights, slope, SERIES[number], above=above)
-                break
-
-
-def _line(sizes: Array, values: Array) -> Array:
-    """A curve as a band of no height, in logarithms: places, lower and upper ends, (3, k)."""
-    good = np.flatnonzero(np.isfinite(values))[np.argsort(sizes[np.isfinite(values)])]
-    return np.log(np.stack([sizes[good], values[good], values[good]]))
-
-
-def _meet(one: Array, other: Array) -> bool:
-    """Whether two bands have a point in common."""
-    x = one[0]
-    inside = (x >= other[0, 0]) & (x <= other[0, -1])
-    low, high = (np.interp(x[inside], other[0], part) for part in other[1:])
-    return bool(((one[1][inside] < high) & (low < one[2][inside])).any())
-
-
-def _triangle(
-    ax: Axes, ends: tuple[float, float], heights: tuple[float, float], slope: float, colour: str, *, above: bool
-) -> None:
-    """A triangle of a slope between two sizes, from a height on by a factor."""
-    (left, right), (low, rise) = ends, heights
-    flat, upright = (low * rise, left) if above else (low, right)
-    ax.plot([left, right, upright, left], [low, low * rise, flat, low], color=colour, lw=0.8)
-    for text, place, shift in (
-        ("1", (math.sqrt(left * right), flat), (0, 2 if above else -2)),
-        (f"{slope:.2f}", (upright, low * math.sqrt(rise)), (-3 if above else 3, 0)),
-    ):
-        across = shift[0] != 0
-        ax.annotate(
-            text, place, xytext=shift, textcoords="offset points", fontsize=8.0, color=colour,
-            va="center" if across else "bottom" if above else "top",
-            ha="center" if not across else "right" if above else "left",
-        )  # fmt: skip
-
-
-# ---- parameters ------------------------------------------------------------------------------------------------
 
 
 def plot_sweep(sweep: Sweep, *, labels: Sequence[str] = (), title: str | None = None) -> Figure:
