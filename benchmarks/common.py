@@ -15,7 +15,7 @@ from typing import Any
 
 def machine() -> dict[str, Any]:
     """Facts without which a time means nothing."""
-    packages = ("hemivar", "numpy", "scipy", "scikit-fem", "python-mumps")
+    packages = ("hemivar", "numpy", "scipy", "scikit-fem", "pypardiso")
     versions = {}
     for name in packages:
         try:

@@ -17,7 +17,7 @@ from common import arguments, peak_mib, show
 
 import hemivar as hv
 from hemivar.gallery import survey
-from hemivar.linear.factorisation import mumps_available
+from hemivar.linear.pardiso import pardiso_available
 
 
 def main() -> None:
@@ -50,7 +50,7 @@ def main() -> None:
                 "steps": solution.steps,
                 "residual": solution.residual.relative,
                 "peak_mib": memory,
-                "factorisation": "mumps" if mumps_available() else "superlu",
+                "factorisation": "pardiso" if pardiso_available() else "superlu",
             }
         )
     show(rows, options.json)

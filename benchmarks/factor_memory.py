@@ -60,7 +60,8 @@ def _row(shape: str, dim: int, cells: int, layers: int) -> dict[str, Any]:
     import hemivar as hv
     from hemivar.gallery import survey
     from hemivar.linear.factor_memory import factorisation_bytes
-    from hemivar.linear.factorisation import SuperLUFactorisation, mumps_available
+    from hemivar.linear.factorisation import SuperLUFactorisation
+    from hemivar.linear.pardiso import pardiso_available
     from hemivar.systems import condense
 
     problem = survey("5.1", cells) if dim == 2 else _block(cells, layers)
@@ -87,7 +88,7 @@ def _row(shape: str, dim: int, cells: int, layers: int) -> dict[str, Any]:
         "condense_mib": condensing / _MIB,
         "solve_mib": solving / _MIB,
         "model_mib": factorisation_bytes(discrete.unknowns, dim, contact) / _MIB,
-        "factorisation": "mumps" if mumps_available() else "superlu",
+        "factorisation": "pardiso" if pardiso_available() else "superlu",
     }
 
 

@@ -60,7 +60,7 @@ ONLY_IN = {
     "gmsh": (),
     "pyamg": ("linear",),
     "typer": ("cli",),
-    "mumps": ("linear.factorisation",),
+    "pypardiso": ("linear.pardiso",),
 }
 
 Files = Sequence[Source]
@@ -560,13 +560,13 @@ PLANTED: dict[Rule, tuple[dict[str, str], list[str]]] = {
         {
             "laws/a.py": "import gmsh\nimport numpy\ndef f():\n    from skfem.helpers import dot\n",
             "fem/a.py": "import skfem\n",
-            "linear/factorisation/a.py": "import mumps\n",
-            "linear/b.py": "import mumps\n",
+            "linear/pardiso/a.py": "import pypardiso\n",
+            "linear/b.py": "import pypardiso\n",
         },
         [
             "laws/a.py:1: gmsh may be imported in () only",
             "laws/a.py:4: skfem.helpers may be imported in ('fem',) only",
-            "linear/b.py:1: mumps may be imported in ('linear.factorisation',) only",
+            "linear/b.py:1: pypardiso may be imported in ('linear.pardiso',) only",
         ],
     ),
     slow_packages_are_imported_where_they_are_used: (

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.kernels import kernels
 from hemivar.linear import factorisation
 from hemivar.linear.factorisation import Factorisation, PanelSweeps, SuperLUFactorisation, factorise
+from hemivar.linear.pardiso import PardisoFactorisation, pardiso_available
 from hemivar.mechanics import Material
 from hemivar.mesh import box, rectangle
 
@@ -33,6 +35,9 @@ def made(matrix: sp.csr_array, kept: IntArray, many: bool) -> Factorisation:
     return SuperLUFactorisation(matrix, kept, many)
 
 
+needs_pardiso = pytest.mark.skipif(not pardiso_available(), reason="pypardiso is not installed")
+
+
 @pytest.fixture(params=["one load", "without kernels", "halves"])
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """Whole solves, also where the kernels are not there for many loads, and the sweeps of these."""
@@ -47,8 +52,51 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 @pytest.mark.parametrize("seed", range(3))
 def test_loads_go_to_the_kept_unknowns_and_back_as_in_dense_algebra(seed: int, way: str) -> None:
-    many = way != "one load"
-    K, random = body(7, seed), np.random.default_rng(seed + 10)
+    check_loads(seed, lambda matrix, kept: made(matrix, kept, way != "one load"), body(7, seed))
+
+
+@needs_pardiso
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("definite", [True, False])
+def test_pardiso_takes_loads_there_and_back_too(seed: int, definite: bool) -> None:
+    """Also where the matrix has negative eigenvalues."""
+    K = body(7, seed)
+    if not definite:
+        K = sp.csr_array(K - 0.3 * sp.diags_array(K.diagonal()))
+    check_loads(seed, PardisoFactorisation, K, definite)
+
+
+@needs_pardiso
+@pytest.mark.parametrize("definite", [True, False])
+def test_pardiso_solves_without_kept_unknowns(definite: bool) -> None:
+    K = body(6, 2)
+    K = K if definite else sp.csr_array(K - 0.3 * sp.diags_array(K.diagonal()))
+    load = np.sqrt(K.diagonal())
+    factor = PardisoFactorisation(K, np.zeros(0, dtype=np.int64))
+    assert factor.interior_positive is definite
+    np.testing.assert_allclose(K @ factor.solve_interior(load) / load, 1.0, atol=1e-9)
+
+
+@needs_pardiso
+def test_pardiso_keeps_everything_where_all_is_asked_for() -> None:
+    K = body(2, 0)
+    factor = PardisoFactorisation(K, np.arange(8))
+    np.testing.assert_array_equal(factor.schur, K.toarray())
+    np.testing.assert_array_equal(factor.extend(factor.reduce(np.ones(8)), np.arange(8.0)), np.arange(8.0))
+
+
+@needs_pardiso
+def test_pardiso_refuses_a_body_that_moves_freely() -> None:
+    one = sp.diags_array([-np.ones(39), np.r_[1.0, np.full(38, 2.0), 1.0], -np.ones(39)], offsets=[-1, 0, 1])
+    both = sp.csr_array(sp.block_diag([one, body(3, 0)]))
+    with pytest.raises(ProblemError, match="can move freely"):
+        PardisoFactorisation(both, np.arange(40, 44))
+
+
+def check_loads(
+    seed: int, factorisation: Callable[[sp.csr_array, IntArray], Factorisation], K: sp.csr_array, definite: bool = True
+) -> None:
+    random = np.random.default_rng(seed + 10)
     n = K.shape[0]
     kept = np.sort(random.choice(n, 12, replace=False)).astype(np.int64)
     others = np.setdiff1d(np.arange(n), kept)
@@ -56,12 +104,12 @@ def test_loads_go_to_the_kept_unknowns_and_back_as_in_dense_algebra(seed: int, w
     inner, across = dense[np.ix_(others, others)], dense[np.ix_(others, kept)]
     size = np.sqrt(np.diagonal(dense))  # of what a force on it moves
     load, y = random.normal(size=n) * size, random.normal(size=kept.size) / size[kept]
-    factor = made(K, kept, many)
+    factor = factorisation(K, kept)
 
     schur = dense[np.ix_(kept, kept)] - across.T @ np.linalg.solve(inner, across)
     scale = np.outer(size[kept], size[kept])
     np.testing.assert_allclose(factor.schur / scale, schur / scale, atol=1e-12)
-    assert factor.interior_positive
+    assert factor.interior_positive is definite
 
     reduced = factor.reduce(load)
     moved = np.linalg.solve(inner, load[others])
@@ -112,12 +160,12 @@ def test_a_body_without_kept_unknowns_is_solved_by_both_sweeps() -> None:
 def test_many_loads_in_the_plane_go_by_halves_whatever_is_installed(
     dim: int, order: int, swept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those of SuperLU, where MUMPS is there: its whole solve takes longer."""
+    """Those of SuperLU, where PARDISO is there: its sweeps take longer."""
     mesh = rectangle((1.0, 1.0), 12) if dim == 2 else box((1.0, 1.0, 1.0), 7)
     K = stiffness_matrix(mesh, Material.lame(4.0, 4.0), order)
     K = sp.csr_array(K + 1e-3 * sp.eye_array(K.shape[0]))
-    monkeypatch.setattr(factorisation, "mumps_available", lambda: True)
-    monkeypatch.setattr(factorisation, "MumpsFactorisation", lambda matrix, kept: "whole")
+    monkeypatch.setattr(factorisation, "pardiso_available", lambda: True)
+    monkeypatch.setattr(factorisation, "PardisoFactorisation", lambda matrix, kept: "whole")
     none = np.zeros(0, dtype=np.int64)
     assert factorise(K, none) == "whole"
     assert isinstance(factorise(K, none, many=True), SuperLUFactorisation) is swept

@@ -9,7 +9,8 @@ import scipy.sparse as sp
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Signorini, ThresholdCompliance, Tresca
-from hemivar.linear.factorisation import MumpsFactorisation, SuperLUFactorisation, mumps_available
+from hemivar.linear.factorisation import SuperLUFactorisation
+from hemivar.linear.pardiso import PardisoFactorisation, pardiso_available
 from hemivar.mechanics import Quadrature
 from hemivar.solvers import METHODS, Status, solve
 from hemivar.systems import condense
@@ -29,7 +30,7 @@ def random_matrix(n: int, seed: int) -> sp.csr_array:
     return sp.csr_array(half @ half.T + sp.eye_array(n))
 
 
-BACKENDS = [SuperLUFactorisation] + ([MumpsFactorisation] if mumps_available() else [])
+BACKENDS = [SuperLUFactorisation] + ([PardisoFactorisation] if pardiso_available() else [])
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

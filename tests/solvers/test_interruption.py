@@ -227,7 +227,7 @@ def test_a_factorisation_is_left_at_once(tmp_path: Path) -> None:
             time.sleep(300)
 
         factorisation._QUICK = 10  # in a thread of its own, whatever the size
-        factorisation.mumps_available = lambda: False  # which would leave splu to the certificate
+        factorisation.pardiso_available = lambda: False  # which would leave splu to the certificate
         factorisation.spla.splu = splu
         sys.exit(cli.main(["solve", "part.toml", "--method", "newton", "--json", "a.json"]))
         """,
@@ -345,21 +345,21 @@ def test_condensation_asks_before_it_starts(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_marches_in_the_plane_are_predicted_as_they_are_factorised(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By SuperLU, whatever is installed, which takes more than MUMPS."""
+    """By SuperLU, whatever is installed, which takes more than PARDISO."""
     once: dict[tuple[bool, int, bool], float] = {}
-    for mumps, dim, many in itertools.product((False, True), (2, 3), (False, True)):
-        monkeypatch.setattr(memory, "mumps_available", lambda mumps=mumps: mumps)
-        once[mumps, dim, many] = memory.factorisation_bytes(30_000, dim, 300, many)
+    for pardiso, dim, many in itertools.product((False, True), (2, 3), (False, True)):
+        monkeypatch.setattr(memory, "pardiso_available", lambda pardiso=pardiso: pardiso)
+        once[pardiso, dim, many] = memory.factorisation_bytes(30_000, dim, 300, many)
     assert once[True, 2, True] == once[False, 2, True] == once[False, 2, False] > once[True, 2, False]
     assert once[True, 3, True] == once[True, 3, False] < once[False, 3, False]
 
 
 def test_model_of_the_memory_is_above_the_factors_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     """The factors alone, counted, take 12 bytes an entry; the model allows for them, and not for ten times as much."""
-    from hemivar.linear.factorisation import mumps_available
+    from hemivar.linear.pardiso import pardiso_available
 
-    if mumps_available():
-        pytest.skip("the factors of MUMPS cannot be counted")
+    if pardiso_available():
+        pytest.skip("the factors of PARDISO cannot be counted")
     factors = sparse_factors(monkeypatch)
     for problem in (discrete_square(n=32), discrete_square(n=64)):
         condense(problem)

@@ -6,15 +6,15 @@ import math
 
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.errors import MethodError
-from hemivar.linear.factorisation import mumps_available
+from hemivar.linear.pardiso import pardiso_available
 
 __all__ = ["available_bytes", "check_memory", "factorisation_bytes", "shortage"]
 
 #: By dimension, for SuperLU with minimum degree (benchmarks/factor_memory.py): bytes over ``n log2 n`` in 2D and over
 #: ``n^1.5`` in 3D (nested dissection would give n^(4/3)), and the number of dense matrices on the contact unknowns.
 _SUPERLU = {2: (130.0, 4.0), 3: (222.0, 8.0)}
-#: The same for MUMPS with METIS, over ``n^(4/3)`` in 3D.
-_MUMPS = {2: (48.0, 4.0), 3: (260.0, 8.0)}
+#: The same for PARDISO with METIS, over ``n^(4/3)`` in 3D.
+_PARDISO = {2: (58.0, 4.0), 3: (190.0, 8.0)}
 #: What the prediction is multiplied by before it is held against the memory that is free: the largest underestimate
 #: seen, and a little.
 _SAFETY = 1.25
@@ -29,10 +29,10 @@ def factorisation_bytes(unknowns: int, dimension: int, contact: int, many: bool 
     ``unknowns, contact``: unknowns n, and those of them on the contact boundary; ``dimension``: of the body; ``many``:
     for many loads, as of :func:`factorise`.
     """
-    mumps = mumps_available() and not (many and dimension == 2)
-    factor, dense = (_MUMPS if mumps else _SUPERLU).get(dimension, (100.0, 8.0))
+    pardiso = pardiso_available() and not (many and dimension == 2)
+    factor, dense = (_PARDISO if pardiso else _SUPERLU).get(dimension, (100.0, 8.0))
     n = float(max(unknowns, 2))
-    growth = n * math.log2(n) if dimension == 2 else n ** (4.0 / 3.0 if mumps else 1.5) if dimension == 3 else n
+    growth = n * math.log2(n) if dimension == 2 else n ** (4.0 / 3.0 if pardiso else 1.5) if dimension == 3 else n
     return factor * growth + dense * 8.0 * float(contact) ** 2
 
 

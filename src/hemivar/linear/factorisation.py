@@ -1,16 +1,12 @@
-"""Sparse factorisations with a Schur complement: SuperLU of SciPy, MUMPS where it is installed."""
+"""Sparse factorisations with a Schur complement: SuperLU of SciPy, PARDISO where it is installed."""
 
 from __future__ import annotations
 
 import atexit
-import importlib
-import importlib.metadata
 import threading
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from types import ModuleType
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -18,19 +14,18 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.errors import ProblemError
 from hemivar.kernels import Kernels, kernels
+from hemivar.linear.condensed_load import CondensedLoad, singular_interior
 from hemivar.linear.definite import positive_pivots
+from hemivar.linear.pardiso import PardisoFactorisation, pardiso_available
 
 __all__ = [
     "CondensedLoad",
     "Factorisation",
-    "MumpsFactorisation",
     "PanelSweeps",
     "SuperLUFactorisation",
     "abandoned_work",
     "factorise",
-    "mumps_available",
 ]
 
 _Result = TypeVar("_Result")
@@ -39,21 +34,8 @@ _Result = TypeVar("_Result")
 _PLANE = 30
 #: Matrices up to this size are factorised in less time than a thread of its own is worth.
 _QUICK = 5_000
-#: Codes by which MUMPS says that it got no memory, on this process or another.
-_NO_MEMORY = (-5, -7, -13, -19)
 #: Factorisations that were interrupted.
 _abandoned: list[threading.Thread] = []
-
-
-@dataclass(frozen=True, eq=False)
-class CondensedLoad:
-    """A load f (n,), taken over to the kept unknowns."""
-
-    load: Array  # (n,)
-    force: Array  # (k,): ``f_C - K_CI K_II^-1 f_I``
-    work: float  # ``f_I' K_II^-1 f_I``
-    # (n - k,): what a sweep through one half of the factors has left of the load of the other unknowns, if it was one
-    inner: Array | None = None
 
 
 class Factorisation(Protocol):
@@ -86,12 +68,12 @@ def factorise(matrix: sp.csr_array, kept: IntArray, many: bool = False) -> Facto
 
     ``matrix (n, n)``; ``kept (k,)``; ``many``: many loads are to come: for at most a fourth more than the factors cost,
     a load and its way back then take one sweep of the compiled kernels through each half of the factors, and not a
-    whole solve each.  MUMPS does not lend its halves: in the plane SuperLU is taken then, whose sweeps are faster than
-    MUMPS's solve. Raises ProblemError: a part of the body that is not kept can move freely.
+    whole solve each.  PARDISO has halves whatever comes; in the plane SuperLU's are taken for many loads. Raises
+    ProblemError: a part of the body that is not kept can move freely.
     """
     swept = many and kernels() is not None and matrix.nnz <= _PLANE * matrix.shape[0]
-    if mumps_available() and not swept:
-        return MumpsFactorisation(matrix, kept)
+    if pardiso_available() and not swept:
+        return PardisoFactorisation(matrix, kept)
     return SuperLUFactorisation(matrix, kept, many)
 
 
@@ -292,78 +274,6 @@ class PanelSweeps:
         return self.kernels.address(x)
 
 
-class MumpsFactorisation:
-    """MUMPS, whose Schur complement costs about as much as the factorisation alone."""
-
-    def __init__(self, matrix: sp.csr_array, kept: IntArray) -> None:
-        mumps = _mumps()
-        assert mumps is not None
-        self._kept = kept
-        self._interior = matrix.shape[0] - kept.size
-        self._matrix = sp.coo_matrix(matrix)
-        if self._interior == 0:
-            self.schur: Array = matrix.toarray()[np.ix_(kept, kept)]
-            return
-        self._context = mumps.Context()
-        self._context.set_matrix(self._matrix, symmetric=True)
-        instance = self._context.mumps_instance
-        self._schur = np.zeros((kept.size, kept.size))
-        if kept.size:
-            instance.icntl[19] = 1
-            self._indices = np.asfortranarray(kept + 1, dtype=np.intc)
-            instance.set_schur(self._schur, self._indices)
-        try:
-            self._context.analyze(ordering="metis")
-            self._context.factor(reuse_analysis=True)
-        except mumps.MUMPSError as error:
-            if int(instance.infog[1]) in _NO_MEMORY:
-                raise MemoryError(str(error)) from error
-            raise _singular() from error
-        # MUMPS leaves one triangle of a symmetric complement.
-        lower = np.tril(self._schur)
-        self.schur = lower + np.tril(lower, -1).T
-        self._check(matrix)
-
-    @property
-    def interior_positive(self) -> bool:
-        """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
-        return self._interior == 0 or int(self._context.mumps_instance.infog[11]) == 0
-
-    def _check(self, matrix: sp.csr_array) -> None:
-        """MUMPS goes on where a pivot is zero up to rounding; a solve shows it."""
-        probe = matrix.diagonal() * np.cos(np.arange(matrix.shape[0]))
-        probe[self._kept] = 0.0
-        rest = matrix @ self.solve_interior(probe) - probe
-        rest[self._kept] = 0.0
-        if not np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(probe):
-            raise _singular()
-
-    def solve_interior(self, rhs: Array) -> Array:
-        load = np.array(rhs, dtype=float)
-        load[self._kept] = 0.0
-        if self._interior == 0:
-            return load
-        out = np.asarray(self._context.solve(load))
-        out[self._kept] = 0.0
-        return out
-
-    def reduce(self, load: Array) -> CondensedLoad:
-        interior = self.solve_interior(load)
-        return CondensedLoad(load, (load - self._matrix @ interior)[self._kept], float(load @ interior))
-
-    def extend(self, reduced: CondensedLoad, kept: Array) -> Array:
-        out = np.zeros(reduced.load.shape)
-        out[self._kept] = kept
-        return out + self.solve_interior(reduced.load - self._matrix @ out)
-
-
-def _singular() -> ProblemError:
-    return ProblemError(
-        "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "
-        "fix it with a support, or remove cells that hang on nothing"
-    )
-
-
 def _superlu(matrix: sp.csc_array, ordering: str) -> spla.SuperLU:
     def factorise() -> spla.SuperLU:
         return spla.splu(
@@ -377,7 +287,7 @@ def _superlu(matrix: sp.csc_array, ordering: str) -> spla.SuperLU:
         return _interruptible(factorise) if matrix.shape[0] > _QUICK else factorise()
     except RuntimeError as error:
         if "singular" in str(error):
-            raise _singular() from error
+            raise singular_interior() from error
         if "memory" in str(error).lower() or "malloc" in str(error).lower():
             raise MemoryError(str(error)) from error
         raise
@@ -445,21 +355,3 @@ def _fill_reducing_order(matrix: sp.csr_array) -> IntArray:
     rank = np.empty(count, dtype=np.int64)
     rank[order] = np.arange(count)
     return np.argsort(rank[group], kind="stable")
-
-
-@lru_cache(maxsize=1)
-def _mumps() -> ModuleType | None:
-    """python-mumps, if it can be loaded beside this numpy (version 0.0.2 was built for numpy 1)."""
-    try:
-        version = importlib.metadata.version("python-mumps")
-        numpy_major = int(np.__version__.split(".")[0])
-        if version.startswith("0.0.2") and numpy_major >= 2:
-            return None
-        return importlib.import_module("mumps")
-    except (ImportError, importlib.metadata.PackageNotFoundError):
-        return None
-
-
-def mumps_available() -> bool:
-    """Whether condensation will use MUMPS."""
-    return _mumps() is not None

@@ -34,7 +34,7 @@ _REQUIRED = (
     ("rich", "rich"),
 )
 _OPTIONAL = (
-    ("python-mumps", "mumps", "a faster factorisation, half the memory", "pip install 'hemivar[mumps]'"),
+    ("pypardiso", "pypardiso", "a faster factorisation, half the memory", "pip install 'hemivar[pardiso]'"),
     ("gmsh", "gmsh", "generating meshes (reading them needs nothing)", "pip install 'hemivar[gmsh]'"),
     ("starlette", "starlette", "hemivar studio (with uvicorn and websockets)", "pip install 'hemivar[studio]'"),
     ("anywidget", "anywidget", "the studio in a notebook", "pip install 'hemivar[notebook]'"),

@@ -1,0 +1,39 @@
+"""A load taken over to the unknowns that a factorisation keeps, and the error where nothing else holds the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+
+__all__ = ["CondensedLoad", "singular_interior"]
+
+
+@dataclass(frozen=True, eq=False)
+class CondensedLoad:
+    """A load f (n,), taken over to the kept unknowns.
+
+    Attributes
+    ----------
+    load : array (n,)
+    force : array (k,)
+        ``f_C - K_CI K_II^-1 f_I``.
+    work : float
+        ``f_I' K_II^-1 f_I``.
+    inner : array (n - k,) or None
+        What a sweep through one half of the factors has left of the load of the other unknowns, if it was one.
+    """
+
+    load: Array
+    force: Array
+    work: float
+    inner: Array | None = None
+
+
+def singular_interior() -> ProblemError:
+    """What is wrong where the unknowns that are not kept can move freely."""
+    return ProblemError(
+        "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "
+        "fix it with a support, or remove cells that hang on nothing"
+    )
