@@ -286,6 +286,7 @@ UNTYPED = {
     "files.schema": (1, "keywords of a dataclass, read from a file"),
     "linear.truncated_level": (1, "compiled kernels without types"),
     "linear.threads": (4, "libraries of threadpoolctl"),
+    "studio.toml_numbers": (1, "a document of tomlkit"),
     "report.animation": (1, "writer of matplotlib"),
     "report.film_pictures": (2, "axes in the plane or in space; canvas of matplotlib"),
     "report.march_figures": (2, "keywords of matplotlib"),

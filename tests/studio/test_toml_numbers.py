@@ -74,6 +74,10 @@ def test_strings_comments_dates_and_lists_of_tables() -> None:
     check(HARD, left_out=4)
 
 
+def test_a_text_of_any_characters_hides_no_number() -> None:
+    check('title = "\ue0000\ue000 \ue000\ue0001\ue000\ue000"\n"\ue0001" = 5  # \ue000\nx = [1e4, +2, 1_000]\r\n')
+
+
 VALUES = st.recursive(
     st.one_of(
         st.integers(-(10**6), 10**6),

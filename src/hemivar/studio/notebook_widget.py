@@ -49,8 +49,10 @@ def show(problem: object = None) -> anywidget.AnyWidget:
     ProblemError
         anywidget is not installed, or a problem file cannot state the problem.
     """
-    if importlib.util.find_spec("anywidget") is None:
-        raise ProblemError("the studio of a notebook needs anywidget; install with pip install 'hemivar[notebook]'")
+    absent = [name for name in ("anywidget", "tomlkit") if importlib.util.find_spec(name) is None]
+    if absent:
+        needed = " and ".join(absent)
+        raise ProblemError(f"the studio of a notebook needs {needed}; install with pip install 'hemivar[notebook]'")
     if problem is None:
         return widget_of(template("survey"), Path(), "survey.toml")
     if isinstance(problem, str | Path):

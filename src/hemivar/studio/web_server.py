@@ -103,7 +103,9 @@ def refuse_missing() -> None:
     ------
     ProblemError
     """
-    absent = [name for name in ("starlette", "uvicorn", "websockets") if importlib.util.find_spec(name) is None]
+    absent = [
+        name for name in ("starlette", "uvicorn", "websockets", "tomlkit") if importlib.util.find_spec(name) is None
+    ]
     if absent:
         raise ProblemError(f"the studio needs {' and '.join(absent)}; install with pip install 'hemivar[studio]'")
 
