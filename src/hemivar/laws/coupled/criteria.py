@@ -6,13 +6,13 @@ The mode B is the share of the shear in the energy release rate, ``G_II / (G_I +
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray, Parameter
-from hemivar.laws.parameters import evaluate
+from hemivar.laws.parameters import LINE, field_values, positive
 
 __all__ = ["BenzeggaghKenane", "FractureCriterion", "PowerCriterion"]
 
@@ -29,30 +29,27 @@ class FractureCriterion(ABC):
         > 0.
     """
 
-    opening: Parameter
-    shear: Parameter
-    exponent: Parameter
+    opening: Parameter = field(metadata=positive("fracture energy in opening", LINE))
+    shear: Parameter = field(metadata=positive("fracture energy in shear", LINE))
+    exponent: Parameter = field(metadata=positive("how they mix", "1"))
     name: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        if not any(callable(value) for value in (self.opening, self.shear, self.exponent)):
+        if not any(map(callable, vars(self).values())):
             self.values(None)
 
     def values(self, points: Array | None = None) -> tuple[Array, Array, Array]:
         """G_Ic, G_IIc and the exponent at the contact points, (m or 1,) each."""
-        found = []
-        for what in ("opening", "shear", "exponent"):
-            found.append(evaluate(getattr(self, what), points, f"{what} of criterion '{self.name}'", above=0.0))
-        return found[0], found[1], found[2]
+        opening, shear, exponent = field_values(self, points, f"criterion '{self.name}'").values()
+        return opening, shear, exponent
 
     def at(self, points: Array | None) -> Self:
         """The criterion with every parameter evaluated at ``points (m, d)``."""
-        return replace(self, **dict(zip(("opening", "shear", "exponent"), self.values(points), strict=True)))
+        return type(self)(*self.values(points))
 
     def take(self, index: IntArray) -> Self:
         """The criterion at some of the contact points."""
-        taken = (value if value.size == 1 else value[index] for value in self.values())
-        return replace(self, **dict(zip(("opening", "shear", "exponent"), taken, strict=True)))
+        return type(self)(*(value if value.size == 1 else value[index] for value in self.values()))
 
     @abstractmethod
     def energy(self, mode: Array) -> tuple[Array, Array]:

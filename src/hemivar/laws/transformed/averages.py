@@ -135,17 +135,9 @@ class AveragedLaw(LawOfOne):
     def knots(self) -> Array:
         return self._numbers[0]
 
-    @cached_property
-    def _at_zero(self) -> Array:
-        zero = np.zeros(len(self.knots))
-        return self._raw(self.piece_of(zero), zero)
-
     def _raw(self, piece: IntArray, r: Array) -> Array:
         a, b, c, constant, s = self._at(piece, r)
         return np.asarray(self._primitive(a, b, c, s) + constant)
-
-    def piece_value(self, piece: IntArray, r: Array) -> Array:
-        return self._raw(piece, r) - self._at_zero
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
         a, b, c, _, s = self._at(piece, r)

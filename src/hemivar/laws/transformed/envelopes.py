@@ -163,19 +163,11 @@ class EnvelopeLaw(LawOfOne):
         s = np.where(soft, np.clip(s, low, high), r)
         return smooth, np.where(held, at, s), held
 
-    @cached_property
-    def _at_zero(self) -> Array:
-        zero = np.clip(np.zeros(len(self.knots)), self.domain.lower, self.domain.upper)
-        return self._raw(self.piece_of(zero), zero)
-
     def _raw(self, piece: IntArray, r: Array) -> Array:
         own, s, held = self._place(piece, r)
         c = np.broadcast_to(self.compliance, s.shape)
         value = np.where(held, self.base.value(np.where(held, s, 0.0)), self.base.piece_value(own, s))
         return np.asarray(value + np.where(c > 0.0, (r - s) ** 2 / np.where(c > 0.0, 2.0 * c, 1.0), 0.0))
-
-    def piece_value(self, piece: IntArray, r: Array) -> Array:
-        return self._raw(piece, r) - self._at_zero
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
         own, s, held = self._place(piece, r)

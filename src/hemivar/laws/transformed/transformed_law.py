@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import TypeVar, cast
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.minimisers import FAR
@@ -54,6 +56,18 @@ class LawOfOne(ResolvedLaw):
     @property
     def made_of(self) -> tuple[Superpotential, ...]:
         return (self.base,)
+
+    @abstractmethod
+    def _raw(self, piece: IntArray, r: Array) -> Array:
+        """:meth:`piece_value`, but for the constant with which it is zero at r = 0."""
+
+    @cached_property
+    def _at_zero(self) -> Array:
+        zero = np.clip(np.zeros(len(self.knots)), self.domain.lower, self.domain.upper)
+        return self._raw(self.piece_of(zero), zero)
+
+    def piece_value(self, piece: IntArray, r: Array) -> Array:
+        return self._raw(piece, r) - self._at_zero
 
 
 def check_law(law: object) -> None:
