@@ -297,12 +297,6 @@ class ContactLaw(NormalAndFriction):
 
     # ---- far away ---------------------------------------------------------------------------------------
 
-    @property
-    def rates(self) -> tuple[Array, Array, Array]:
-        one = np.ones(1)
-        slip = np.zeros(1) if self.state_dependent else self.tangential.recession(one)
-        return self.normal.recession(one), self.normal.recession(-one), slip
-
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         up, down = (steepest(self.normal, rest[:, 0], sign, size) for sign in (1.0, -1.0))
         if rest.shape[1] == 1 or self.state_dependent:

@@ -24,7 +24,7 @@ from hemivar.laws.scalar_graph import downhill, is_continuous, steepest
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, lengths, polar
 
-__all__ = ["MixedMode"]
+__all__ = ["MixedMode", "stated_compression"]
 
 #: Parts of the way from rest to the break at which the tractions are looked at.
 _WAYS = np.linspace(0.0, 1.0, 201)
@@ -94,14 +94,11 @@ class MixedMode(Glue):
     @property
     def stated(self) -> Mapping[str, object] | None:
         """The law by its name and parameters, as problem files have it; None where a part has no name."""
-        cohesion, compression = self.cohesion.stated, self.compression.stated
-        if cohesion is None or compression is None or not isinstance(self.cohesion, NamedLaw):
-            return None
-        if self.compression.name not in ("signorini", "compliance"):
+        cohesion, (known, pushes) = self.cohesion.stated, stated_compression(self.compression)
+        if cohesion is None or not known or not isinstance(self.cohesion, NamedLaw):
             return None
         parts = {key: value for key, value in cohesion.items() if key != "law"}
         shape = self.cohesion.name.partition(" ")[0]
-        pushes = None if self.compression.name == "signorini" else compression["stiffness"]
         return {"law": self.name, "shape": shape} | parts | {"ratio": self.ratio, "compression": pushes}
 
     def at(self, points: Array | None) -> MixedMode:
@@ -532,6 +529,12 @@ class MixedMode(Glue):
 
     def resistance(self, r: Array, lam: Array) -> Array:
         return np.where(self.effective(r) < self.opening_at_break, self.beta * self.strength, 0.0)
+
+
+def stated_compression(law: Superpotential) -> tuple[bool, object]:
+    """Whether problem files can state what a law does in penetration, and its stiffness there, None of a rigid one."""
+    known = law.stated if law.name in ("signorini", "compliance") else None
+    return known is not None, known and known.get("stiffness")
 
 
 def row_entries(table: Array, index: IntArray) -> Array:

@@ -14,7 +14,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled.cohesion import BilinearCohesion
 from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion
-from hemivar.laws.coupled.mixed_mode import MixedMode
+from hemivar.laws.coupled.mixed_mode import MixedMode, stated_compression
 from hemivar.laws.glue import Glue
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive
@@ -116,10 +116,9 @@ class ModeDependentGlue(Glue):
     @property
     def stated(self) -> Mapping[str, object] | None:
         """The law by its name and parameters, as problem files have it; None where a part has no name."""
-        if self.compression.name not in ("signorini", "compliance"):
+        known, pushes = stated_compression(self.compression)
+        if not known:
             return None
-        compression = self.compression.stated
-        pushes = None if self.compression.name == "signorini" or compression is None else compression["stiffness"]
         one = self.criterion
         return {
             "law": self.name,
