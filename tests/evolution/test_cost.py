@@ -16,7 +16,8 @@ from hemivar import gallery
 from hemivar.basics.types import Array
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.operators import Operator
-from hemivar.evolution import Evolution, march
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.evolution import Evolution, descent, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.march import March, marching
@@ -351,3 +352,41 @@ def test_softening_is_infinite_where_a_law_falls_off_a_cliff() -> None:
     none: Array = np.zeros(1)
     assert reduced.softening(none, none) == 0.0
     assert reduced.softening(np.array([np.inf]), none) == np.inf
+
+
+GLUE = hv.laws.BilinearCohesion(0.5, 0.05, 24.0)
+SOFT = {
+    "coulomb": (2, hv.Contact(GLUE, hv.Coulomb(0.4))),
+    "coulomb in space": (3, hv.Contact(GLUE, hv.Coulomb(0.4))),
+    "two energies": (
+        2, hv.Contact(hv.laws.ModeDependentGlue(0.5, 0.6, 24.0, hv.laws.BenzeggaghKenane(0.05, 0.1, 2.0))),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SOFT)
+def test_the_way_down_of_a_law_without_a_potential_is_short(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once a step stays on its pieces Newton's method leads to the end of the way: the same, and in fewer solves."""
+    dim, contact = SOFT[name]
+    solves, solve = Counter[str](), descent.solve
+
+    def counted(problem: DiscreteProblem, *options: object, **more: object) -> hv.Solution:
+        solves[name] += 1
+        return solve(problem, *options, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(descent, "solve", counted)
+    stated = hv.ContactProblem(
+        hv.rectangle((2.0, 1.0), (8, 4), pattern="right") if dim == 2 else hv.box((2.0, 1.0, 1.0), (4, 2, 2)),
+        hv.Material.lame(4.0, 4.0),
+        {"bottom": contact},
+        {"left": hv.Clamped()},
+        body_force=lambda x, t: np.array([0.3, *([0.1] * (dim - 2)), 1.0])[:dim] * np.full((len(x), 1), 0.7 * t),
+    )
+    quick = march(Evolution(stated), until=0.3, step=0.1, controls=hv.Controls(rtol=1e-9))
+    few = solves[name]
+    assert 0 < few <= 100 * (dim - 1)
+    monkeypatch.setattr(descent.Backoff, "due", lambda self, stays: False)  # by the steps of the way alone
+    slow = march(Evolution(stated), until=0.3, step=0.1, controls=hv.Controls(rtol=1e-9))
+    size = np.abs(slow.at(0.3).local).max()
+    np.testing.assert_allclose(quick.at(0.3).local, slow.at(0.3).local, atol=1e-7 * size)
+    assert solves[name] > (5 - dim) * few

@@ -11,7 +11,6 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
-from hemivar.branches.state_chain import state_chain_of
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
@@ -174,10 +173,10 @@ def downhill(
             return replace(solution, problem=problem, residual=off)
         if slowed.contact is not None and _endless(problem, u, way):
             return replace(solution, problem=problem, residual=off, status=Status.NOT_CARRIED)
-        if chain is None and problem.law.splits and workspace.condenses(slow) and problem.contact.components <= 2:
+        known = problem.law.state_dependent or not problem.law.splits or problem.contact.components > 2
+        if chain is None and not known and workspace.condenses(slow):
             system = workspace.condensed(problem)
-            laid_out = state_chain_of if problem.law.state_dependent else chain_of
-            chain = laid_out(system) if system.free.size <= _LARGEST else None
+            chain = chain_of(system) if system.free.size <= _LARGEST else None
         if chain is not None:
             theta, segment = chain.nearest(solution.local, solution.multiplier)
             if last is not None and np.array_equal(segment, last):
@@ -187,20 +186,19 @@ def downhill(
             last = segment
             u = _onward(problem, u, way)
             continue
-        if problem.law.state_dependent:
-            continue
         after = problem.local(u)
-        softens = bool((np.linalg.eigvalsh(problem.law.linearise(after).hessian) < 0.0).any())
-        stays = np.array_equal(problem.law.clamp(before, after), after)
-        if softens:
+        law = problem.law.frozen(after, solution.multiplier)
+        softens = bool((np.linalg.eigvalsh(law.linearise(after).hessian) < 0.0).any())
+        stays = np.array_equal(law.clamp(before, after), after)
+        if softens and not problem.law.state_dependent:
             if looks.due(stays):
                 found = _on_pieces(problem, u, solver, controls, workspace)
                 if found is not None:
                     return found
-        elif stays:
+        elif looks.due(stays) if problem.law.state_dependent else stays:
             # On pieces where all laws harden there is no barrier: straight to the bottom, if it lies there.
             there = solve(problem, solver, controls, initial=u, workspace=workspace)
-            if np.array_equal(problem.law.clamp(after, there.local), there.local):
+            if leads_on(there, controls) and np.array_equal(law.clamp(after, there.local), there.local):
                 return there
         u = _onward(problem, u, way)
     return replace(solution, problem=problem, residual=off, status=Status.STALLED)
