@@ -325,7 +325,7 @@ WORKING = {
     "branches.follower": ("TrackPoint", "Track", "Follower"),
     "branches.graph_follower": ("GraphFollower",),
     "coercivity.recession": ("_Programme",),
-    "evolution.jump_paths": ("_GradientFlow",),
+    "evolution.stage_solver": ("_GradientFlow",),
     "solvers.newton_on_graph": ("NewtonCache",),
     "systems.dense_newton": ("DenseFactor",),
 }

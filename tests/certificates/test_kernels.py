@@ -12,7 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.branches import chain_of, find_solutions
 from hemivar.certificates import EnergyNorm, PointKind, certify, equilibrium_multiplier, norms
 from hemivar.certificates.bound import Point, gram_solve, lift, symmetric_inverse
-from hemivar.certificates.by_multigrid import Cycles, Subspace
+from hemivar.certificates.by_multigrid import SolveByCycles, Subspace
 from hemivar.certificates.kind import study
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.bulk import Quadratic
@@ -125,7 +125,7 @@ def test_a_norm_in_parts_answers_as_the_whole_one() -> None:
     def answers(vectors: Vectors, number: int) -> list[float]:
         own = parts[number]
         cycle = Rows(inverse, own, vectors)
-        norm = EnergyNorm(Cycles(Rows(K, own, vectors), np.diag(K)[own], cycle.__matmul__, vectors))
+        norm = EnergyNorm(SolveByCycles(Rows(K, own, vectors), np.diag(K)[own], cycle.__matmul__, vectors))
         size = own.stop - own.start
         top = norm.largest_eigenvalue(sp.csr_array(sp.eye_array(size)), weight[own])
         x, dual = norm.riesz(b[own])

@@ -16,10 +16,17 @@ from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution import Checkpoint, Frame, Row, march
 from hemivar.evolution.digest import differences
-from hemivar.evolution.energy_balance import EnergyBalance
-from hemivar.evolution.heat_balance import HeatBalance, ThermalState
 from hemivar.evolution.march_state import MarchState
-from hemivar.evolution.state import ContactForce, Kinematics, LastStep, Rates, TimeState
+from hemivar.evolution.state import (
+    ContactForce,
+    EnergyBalance,
+    HeatBalance,
+    Kinematics,
+    LastStep,
+    Rates,
+    ThermalState,
+    TimeState,
+)
 from hemivar.evolution.steps import StepSizeState
 from tests.evolution.test_march import beam
 

@@ -12,8 +12,8 @@ from hemivar import gallery
 from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, Newmark, march, stage_solver
 from hemivar.evolution.history import History
-from hemivar.evolution.prediction import predicted_contact
 from hemivar.evolution.stage import Stage
+from hemivar.evolution.stage_solver import predicted_contact
 from hemivar.systems.body import Body
 from hemivar.systems.contact_moves import smooth_components
 from tests import bodies

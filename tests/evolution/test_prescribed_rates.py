@@ -18,8 +18,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import Checkpoint, Evolution, March, Scheme, march, marching
 from hemivar.evolution.discrete import ExternalData, discretize_evolution
-from hemivar.evolution.impulses import apply_impulse
-from hemivar.evolution.prescribed_rates import velocity_discontinuity
+from hemivar.evolution.initial import apply_impulse, velocity_discontinuity
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.thermal_stepper import ThermalStepper, stepper_of
 from hemivar.formula import Formula
@@ -243,7 +242,7 @@ def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme,
 
 
 def test_an_impulse_that_is_not_found_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hemivar.evolution.impulses._STEPS", 1)
+    monkeypatch.setattr("hemivar.evolution.initial._BLOW_STEPS", 1)
     with pytest.raises(hv.errors.ProblemError, match=r"t = 0 the impulse of the foundation .* could not be found"):
         march(shaken(), END, step=0.05, scheme=hv.evolution.Newmark())
 

@@ -54,9 +54,7 @@ def encoded(value: object, arrays: list[AnyArray]) -> object:
     return number if math.isfinite(number) else str(number)  # JSON has no such numbers
 
 
-def decoded(
-    kind: type[Kind], head: object, arrays: Sequence[AnyArray], names: Mapping[str, type] | None = None
-) -> Kind:
+def decoded(kind: type[Kind], head: object, arrays: Sequence[AnyArray]) -> Kind:
     """The value of a class that :func:`encoded` was given.
 
     Parameters
@@ -66,39 +64,37 @@ def decoded(
     head : object
         As JSON gives it.
     arrays : sequence of array
-    names : mapping of name to type, optional
-        Names in annotations that the modules of the classes do not load.
 
     Raises
     ------
     ValueError, KeyError, TypeError
         What was read is no such value.
     """
-    return cast(Kind, _value(kind, head, arrays, names or {}))
+    return cast(Kind, _value(kind, head, arrays))
 
 
 def _kept(metadata: Mapping[str, object]) -> bool:
     return bool(metadata.get("kept", True))
 
 
-def _value(kind: object, head: object, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> object:
+def _value(kind: object, head: object, arrays: Sequence[AnyArray]) -> object:
     origin, inside = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
         if head is None and types.NoneType in inside:
             return None
-        return _value(next(one for one in inside if one is not types.NoneType), head, arrays, names)
+        return _value(next(one for one in inside if one is not types.NoneType), head, arrays)
     if origin is np.ndarray:
         if type(head) is not int or not 0 <= head < len(arrays):
             raise KeyError(f"array {head!r}")
         return arrays[head]
     if isinstance(kind, type) and is_dataclass(kind):
-        return _object(kind, head, arrays, names)
+        return _object(kind, head, arrays)
     if origin is tuple:
         entries: list[object] = _expected(list, head)
         kinds = [inside[0]] * len(entries) if inside[-1] is Ellipsis else inside
-        return tuple(_value(one, entry, arrays, names) for one, entry in zip(kinds, entries, strict=True))
+        return tuple(_value(one, entry, arrays) for one, entry in zip(kinds, entries, strict=True))
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        return {name: _value(inside[1], one, arrays, names) for name, one in _expected(dict, head).items()}
+        return {name: _value(inside[1], one, arrays) for name, one in _expected(dict, head).items()}
     if kind is float:
         if isinstance(head, bool) or not isinstance(head, int | float | str):
             raise TypeError(f"{head!r} is no number")
@@ -108,18 +104,18 @@ def _value(kind: object, head: object, arrays: Sequence[AnyArray], names: Mappin
     return _expected(cast(type, kind), head)
 
 
-def _object(kind: type, head: object, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> object:
-    hints, given = typing.get_type_hints(kind, localns=dict(names)), _expected(dict, head)
+def _object(kind: type, head: object, arrays: Sequence[AnyArray]) -> object:
+    hints, given = typing.get_type_hints(kind), _expected(dict, head)
     kept = [one.name for one in fields(kind) if _kept(one.metadata)]
     if given.keys() != set(kept):
         lacks = next((name for name in kept if name not in given), None)
         raise KeyError(f"{kind.__name__} has the fields {', '.join(kept)}") if lacks is None else KeyError(lacks)
-    return kind(**{name: _entry(name, hints[name], given[name], arrays, names) for name in kept})
+    return kind(**{name: _entry(name, hints[name], given[name], arrays) for name in kept})
 
 
-def _entry(name: str, kind: object, head: object, arrays: Sequence[AnyArray], names: Mapping[str, type]) -> object:
+def _entry(name: str, kind: object, head: object, arrays: Sequence[AnyArray]) -> object:
     try:
-        return _value(kind, head, arrays, names)
+        return _value(kind, head, arrays)
     except (TypeError, ValueError, OverflowError) as error:
         raise TypeError(f"'{name}': {error}") from None
 

@@ -25,7 +25,7 @@ from hemivar.systems.body_on_levels import levels_of
 from hemivar.systems.free_unknowns import free_unknowns
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["Cycles", "Multigrid", "Subspace"]
+__all__ = ["SolveByCycles", "SolveByMultigrid", "Subspace"]
 
 #: An estimate of the smallest eigenvalue of K, scaled to a unit diagonal, that stands for zero if no mesh says more.
 _ESTIMATED = 1e-9
@@ -142,7 +142,7 @@ class Subspace:
         return added
 
 
-class Cycles:
+class SolveByCycles:
     """A symmetric matrix K by products, and a cycle C near to its inverse; over all processes that have parts of it.
 
     Dual norms are bounded from above by what conjugate gradients have found plus ``r'C r / quality``, r being the
@@ -257,7 +257,7 @@ def _kept(A: Matrix, cycle: Callable[[Array], Array], x: Array, vectors: Vectors
     return factor
 
 
-class Multigrid(Cycles):
+class SolveByMultigrid(SolveByCycles):
     """The stiffness K of a linear body and its levels, from coarse to fine."""
 
     def __init__(self, problem: DiscreteProblem, workspace: Workspace) -> None:

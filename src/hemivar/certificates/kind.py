@@ -10,7 +10,7 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.bound import Point
-from hemivar.certificates.by_multigrid import Multigrid
+from hemivar.certificates.by_multigrid import SolveByMultigrid
 from hemivar.certificates.linear_bodies import at_tangent, convex_body
 from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.discrete.bulk import Quadratic
@@ -216,7 +216,7 @@ def _curvatures(point: Point, free: _Components, held: _Components, every: bool)
         return _curvatures_on_foundation(point, C, weight, held), None
     if count == 0 or not np.any(weight < 0.0):
         return np.ones(1), None
-    if isinstance(point.energy.by, Multigrid):
+    if isinstance(point.energy.by, SolveByMultigrid):
         return _lowest_by_multigrid(point, point.energy.by, C, weight, held)
     solver = _ConstrainedSolver(point.energy, _rows(point, held))
     if not solver.definite:
@@ -277,7 +277,7 @@ def _dense(solver: _ConstrainedSolver, C: sp.csr_array, weight: Array) -> tuple[
 
 
 def _lowest_by_multigrid(
-    point: Point, energy: Multigrid, C: sp.csr_array, weight: Array, held: _Components
+    point: Point, energy: SolveByMultigrid, C: sp.csr_array, weight: Array, held: _Components
 ) -> tuple[Array | None, Array | None]:
     """The lowest eigenvalue alone: what its vector attains where that is negative, else what it is at least."""
     problem = point.problem

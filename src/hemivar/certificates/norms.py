@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array
 from hemivar.certificates.by_factorisation import Factorised, Mode
-from hemivar.certificates.by_multigrid import Multigrid
+from hemivar.certificates.by_multigrid import SolveByMultigrid
 from hemivar.certificates.linear_bodies import below
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.linear.vectors import Vectors
@@ -89,7 +89,7 @@ class EnergyNorm:
         workspace : Workspace, optional
             Keeps the levels: those that a solve by multigrid made there, or will take.
         """
-        return cls(Multigrid(below(problem), Workspace.given(workspace)))
+        return cls(SolveByMultigrid(below(problem), Workspace.given(workspace)))
 
     @property
     def factorised(self) -> bool:
@@ -99,7 +99,7 @@ class EnergyNorm:
     @property
     def stiffness(self) -> sp.csr_array:
         """K, where this process has all of it."""
-        assert isinstance(self.by, Factorised | Multigrid)
+        assert isinstance(self.by, Factorised | SolveByMultigrid)
         return self.by.stiffness
 
     @property

@@ -19,7 +19,7 @@ __all__ = ["differences", "identity"]
 _PARTS = ("version", "evolution", "scheme", "method", "choice of steps, events or loads in time")
 
 
-def identity(advance: TimeStepper, *options: object) -> str:
+def identity(stepper: TimeStepper, *options: object) -> str:
     """The version, and digests of the evolution, the scheme, the method and the options, for checkpoints.
 
     The evolution is its matrices, contact points, loads, laws and memories.
@@ -28,9 +28,9 @@ def identity(advance: TimeStepper, *options: object) -> str:
     code and what they enclose.  Loads and laws are looked at as well, at times within the first step: a function may
     do what its code does not say.
     """
-    method = (advance.stages.solver, advance.controls.rtol, advance.controls.atol)
-    steps = _digest(options, *_within_the_first_step(advance, *options))
-    parts = (_evolution(advance), _digest(advance.scheme), _digest(*method), steps)
+    method = (stepper.stages.solver, stepper.controls.rtol, stepper.controls.atol)
+    steps = _digest(options, *_within_the_first_step(stepper, *options))
+    parts = (_evolution(stepper), _digest(stepper.scheme), _digest(*method), steps)
     return "|".join((version("hemivar"), *parts))
 
 
@@ -53,9 +53,9 @@ def _digest(*values: object) -> str:
     return digest.hexdigest()[:32]
 
 
-def _evolution(advance: TimeStepper) -> str:
+def _evolution(stepper: TimeStepper) -> str:
     """The digest of what is computed, as it is stated."""
-    discrete = advance.discrete
+    discrete = stepper.discrete
     found: list[object] = []
     for operator in (discrete.stiffness, discrete.viscosity, discrete.mass):
         found.append(None if operator is None else operator.numbers)
@@ -66,18 +66,18 @@ def _evolution(advance: TimeStepper) -> str:
     found.append(evolution)
     for name in ("displacement", "velocity"):
         found.append(evolution.initial(name))
-    if advance.beside is not None:
-        found.append(identity(advance.beside))
+    if stepper.beside is not None:
+        found.append(identity(stepper.beside))
     return _digest(*found)
 
 
-def _within_the_first_step(advance: TimeStepper, *options: object) -> list[object]:
+def _within_the_first_step(stepper: TimeStepper, *options: object) -> list[object]:
     """Loads and laws at times within the first step."""
     found: list[object] = []
-    for time in _looked_at(advance.discrete.evolution.start, *options):
-        acting = advance.data.at(time)
+    for time in _looked_at(stepper.discrete.evolution.start, *options):
+        acting = stepper.data.at(time)
         found += [acting.load, acting.prescribed, acting.offset]
-        if advance.discrete.problem.contact.count:
+        if stepper.discrete.problem.contact.count:
             found += _law_at(acting.law, acting.offset)
     return found
 

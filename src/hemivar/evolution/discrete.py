@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -10,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.bulk import Quadratic
@@ -253,24 +253,20 @@ def refuse_unmeasured(
 ) -> None:
     """Refuse friction of which nobody knows whether it follows the slip or its rate, and what goes with one only."""
     for name, index in blocks:
-        _refuse_unmeasured(name, stated.contact[name], problem, index, heated)
-
-
-def _refuse_unmeasured(name: str, contact: Contact, problem: DiscreteProblem, index: IntArray, heated: bool) -> None:
-    """See :func:`refuse_unmeasured`."""
-    friction, law = contact.friction, problem.law
-    where = f"the friction '{friction.name}' of contact '{name}'"
-    remembers = MemoryChain(contact.remembers)
-    if friction.of is SlipMeasure.SLIP and (contact.remembers or heated):
-        what = "memory" if contact.remembers else "heat"
-        raise ProblemError(f"{where} is a law of the slip, and the {what} needs one of its rate; say of = 'rate'")
-    if friction.of is not None or remembers.of_slip or not friction.acts or not index.size:
-        return
-    if not homogeneous(with_friction(law.take(index), where).friction.profile):
-        raise ProblemError(
-            f"{where} depends on a length: in time it may be a law of the slip or of its rate; say of = 'slip', as in "
-            "statics, or of = 'rate'"
-        )
+        contact = stated.contact[name]
+        friction = contact.friction
+        where = f"the friction '{friction.name}' of contact '{name}'"
+        if friction.of is SlipMeasure.SLIP and (contact.remembers or heated):
+            what = "memory" if contact.remembers else "heat"
+            raise ProblemError(f"{where} is a law of the slip, and the {what} needs one of its rate; say of = 'rate'")
+        known = friction.of is not None or MemoryChain(contact.remembers).of_slip
+        if known or not friction.acts or not index.size:
+            continue
+        if not homogeneous(with_friction(problem.law.take(index), where).friction.profile):
+            raise ProblemError(
+                f"{where} depends on a length: in time it may be a law of the slip or of its rate; say of = 'slip', as "
+                "in statics, or of = 'rate'"
+            )
 
 
 def _heat(
@@ -342,23 +338,18 @@ class StepMatrices:
     def __init__(self, discrete: DiscreteEvolution) -> None:
         self.discrete = discrete
         self._slow: tuple[Model, float, Model] | None = None
-        self._made: OrderedDict[tuple[float, ...], DiscreteProblem] = OrderedDict()
+        self._made: Recent[tuple[float, ...], DiscreteProblem] = Recent(_KEPT)
         self._tried: Model | None = None
 
     def body(self, viscous: float, inert: float, *branches: float, keep: bool = True) -> DiscreteProblem:
         """The problem of a body with stiffness ``K + viscous C + inert M + sum branches_i K_i``, without load."""
         alone = self.discrete.viscosity is None and self.discrete.mass is None
         key = branches if alone else (viscous, inert, *branches)  # an elastic body is the same in all steps
-        found = self._made.get(key)
-        if found is None:
-            found = self._make(viscous, inert, branches)
-            if not keep:
-                return found
-            self._made[key] = found
-        self._made.move_to_end(key)
-        while len(self._made) > _KEPT:
-            self._made.popitem(last=False)
-        return found
+
+        def make() -> DiscreteProblem:
+            return self._make(viscous, inert, branches)
+
+        return self._made.once(key, make) if keep else make()
 
     def slower(self, problem: DiscreteProblem, resistance: float) -> DiscreteProblem:
         """The problem with a stiffness that is larger by a factor: one step against a resistance in the energy norm."""

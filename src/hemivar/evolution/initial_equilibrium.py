@@ -9,10 +9,9 @@ import numpy as np
 
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
-from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
-from hemivar.evolution.state import Kinematics, TimeState
+from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.laws import SlipMeasure
@@ -41,7 +40,7 @@ def yields_at_once(discrete: DiscreteEvolution) -> bool:
 
 
 def settled(
-    advance: TimeStepper, moment: TimeState, step: float, jump: SelectionRule, start: ExternalData, now: ExternalData
+    stepper: TimeStepper, state: TimeState, step: float, jump: SelectionRule, start: ExternalData, now: ExternalData
 ) -> StepResult:
     """The equilibrium with what acts now: parts without viscosity yield at once, branches and memories with them.
 
@@ -50,9 +49,9 @@ def settled(
     as strong as at rest, where the body is in the end: no rate is that of so short a step.
     """
     chosen = jump if jump.follows or jump is SelectionRule.GLOBAL else SelectionRule.LOCAL
-    resting = _at_rest(advance.discrete, now)
+    resting = _at_rest(stepper.discrete, now)
     try:
-        taken = advance.at_once(moment, _AT_ONCE * step, start, resting, chosen)
+        taken = stepper.at_once(state, _AT_ONCE * step, start, resting, chosen)
     except ProblemError as error:
         if resting is now:
             raise
@@ -62,7 +61,7 @@ def settled(
     still = [np.zeros_like(place) for place in (taken.moment.body.displacement, taken.moment.local.displacement)]
     rest = replace(
         taken.moment,
-        index=moment.index,
+        index=state.index,
         body=Kinematics(taken.moment.body.displacement, still[0], still[0]),
         local=Kinematics(taken.moment.local.displacement, still[1], still[1]),
         history=None,
@@ -81,11 +80,11 @@ def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
     return replace(acting, law=law)
 
 
-def begun(moment: TimeState) -> TimeState:
+def begun(state: TimeState) -> TimeState:
     """A moment with which the balance of energy begins."""
-    ledger = moment.ledger
+    ledger = state.ledger
     names = ("elastic", "branches", "contact", "kinetic")
-    return replace(moment, ledger=EnergyBalance(start=ledger.stored, **{name: getattr(ledger, name) for name in names}))
+    return replace(state, ledger=EnergyBalance(start=ledger.stored, **{name: getattr(ledger, name) for name in names}))
 
 
 def ramped(discrete: DiscreteEvolution, taken: StepResult, start: ExternalData, now: ExternalData) -> StepResult:
@@ -104,7 +103,7 @@ def ramped(discrete: DiscreteEvolution, taken: StepResult, start: ExternalData, 
     return replace(taken, moment=replace(taken.moment, ledger=ledger))
 
 
-def sunk_by_a_jump(advance: TimeStepper, taken: StepResult) -> tuple[float, float]:
+def sunk_by_a_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, float]:
     """How far gaps jump towards the body in a step under a law of impact, and how deep points then are in the obstacle.
 
     Such a law is one of velocities, which no jump has; a gap jumps if it changes in the step by more than three times
@@ -112,13 +111,13 @@ def sunk_by_a_jump(advance: TimeStepper, taken: StepResult) -> tuple[float, floa
 
     Zero where there is none.
     """
-    discrete, step = advance.discrete, taken.step
+    discrete, step = stepper.discrete, taken.step
     if taken.stages[0].rule.restitution is None or not discrete.evolution.problem.time_dependent & {"gap", "supports"}:
         return 0.0, 0.0
     start, end = taken.before.time, taken.moment.time
-    ends = [advance.data.at(time).offset[:, 0] for time in (max(start - step, discrete.evolution.start), start, end)]
+    ends = [stepper.data.at(time).offset[:, 0] for time in (max(start - step, discrete.evolution.start), start, end)]
     try:
-        ends.append(advance.data.at(end + step).offset[:, 0])
+        ends.append(stepper.data.at(end + step).offset[:, 0])
     except ProblemError:  # what depends on time makes no sense any more then
         ends.append(ends[-1])
     before, came, after = (early - late for early, late in itertools.pairwise(ends))
@@ -129,7 +128,7 @@ def sunk_by_a_jump(advance: TimeStepper, taken: StepResult) -> tuple[float, floa
     return jump, deepest
 
 
-def longest_without_swing(advance: TimeStepper, taken: StepResult) -> float:
+def longest_without_swing(stepper: TimeStepper, taken: StepResult) -> float:
     """Length from which a step like this one, of a body without mass, ends beyond the equilibrium that it goes to.
 
     A scheme whose law holds in the middle of a step ends it twice as far as there.  Of the force F that is out of
@@ -138,11 +137,11 @@ def longest_without_swing(advance: TimeStepper, taken: StepResult) -> float:
 
     inf where nothing is out of balance, or the scheme is another.
     """
-    discrete, before, stage = advance.discrete, taken.before, taken.stages[0]
+    discrete, before, stage = stepper.discrete, taken.before, taken.stages[0]
     if discrete.mass is not None or discrete.viscosity is None or stage.rule.reach <= 1.0:
         return np.inf
     n, way = discrete.unknowns, taken.moment.body.displacement - before.body.displacement
-    force = advance.data_from(before).after(before.time).load - stiffness_force(discrete, before.body)
+    force = stepper.data_from(before).after(before.time).load - stiffness_force(discrete, before.body)
     force[:n] -= discrete.problem.contact_force(before.multiplier)
     first, middle = discrete.vectors.total(
         float(force[:n] @ way[:n]), 2.0 * discrete.viscosity.energy(way) / taken.step

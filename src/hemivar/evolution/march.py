@@ -18,7 +18,7 @@ from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.history import History
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.plan import March, refuse_plan
-from hemivar.evolution.running import Backend, Integration, StepEvent
+from hemivar.evolution.running import Backend, StepEvent, TimeLoop
 from hemivar.evolution.step_laws import refuse_compliant, refuse_unaveraged
 from hemivar.systems.workspace import Workspace
 
@@ -94,17 +94,17 @@ def marching(
         refuse_compliant(discrete, plan.scheme)
     if plan.scheme.averages_laws:
         refuse_unaveraged(discrete, plan.scheme)
-    run = Integration(discrete, plan, workspace, Backend() if tools is None else tools)
-    run.begin()
+    loop = TimeLoop(discrete, plan, workspace, Backend() if tools is None else tools)
+    loop.begin()
     kept = plan.checkpoint
     assert kept is None or isinstance(kept, Checkpoint)
     budget, written = Budget(plan.max_time - (clock.perf_counter() - began)), clock.perf_counter()
     ended, unkept = "finished", ""
-    while run.moment.time < plan.until:
+    while loop.moment.time < plan.until:
         try:
             # Within a step only a process by itself looks at the clock: others would leave it at other places.
             with limited(budget) if discrete.vectors.alone else nullcontext():
-                taken, happened, stop = run.step()
+                taken, happened, stop = loop.attempt()
         except KeyboardInterrupt:
             ended = "interrupted"
             break
@@ -112,34 +112,34 @@ def marching(
             ended = "max_time"
             break
         except HemivarError as error:  # what was computed until then is not given up
-            if len(run.rows) == 1 or not _of_all(error, discrete):
+            if len(loop.rows) == 1 or not _of_all(error, discrete):
                 raise
-            run.tell(str(error))
+            loop.tell(str(error))
             ended = "refused"
             break
         if taken is None:
             ended = happened[0]
             break
-        event = run.accept(taken, happened)
+        event = loop.accept(taken, happened)
         told = yield replace(event, unkept=unkept) if unkept else event
         late = kept is not None and clock.perf_counter() - written >= 60.0 * kept.minutes
         # What the clock says differs between processes: the largest holds for all.
         told, due, late = discrete.vectors.largest(float(bool(told)), budget.due(), float(late)).tolist()
         if late and kept is not None:
-            unkept = _keep(kept, run)
+            unkept = _keep(kept, loop)
             written = clock.perf_counter()
         if stop or told or due:
             ended = f"event: {happened[-1]}" if stop else "interrupted" if told else "max_time"
             break
-    return run.history(ended, "" if kept is None else _keep(kept, run))
+    return loop.history(ended, "" if kept is None else _keep(kept, loop))
 
 
-def _keep(kept: Checkpoint, run: Integration) -> str:
+def _keep(kept: Checkpoint, loop: TimeLoop) -> str:
     """Write a checkpoint; if it cannot be written, the march is worth more than that: returns why."""
     try:
-        kept.write(run.state(), run.identity)
+        kept.write(loop.state(), loop.identity)
     except FileError as error:
-        if not _of_all(error, run.discrete):
+        if not _of_all(error, loop.discrete):
             raise
         return str(error)
     return ""

@@ -52,7 +52,7 @@ class Event(ABC):
             raise ProblemError(f"event {self.name}: then = {self.then!r}; choose 'record' or 'stop'") from None
 
     @abstractmethod
-    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
         """A number that rises through zero when it happens.
 
         Parameters
@@ -84,8 +84,8 @@ class Touch(Event):
 
     name: ClassVar[str] = "touch"
 
-    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
-        return _deepest(discrete, moment, self.points(discrete))
+    def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
+        return _deepest(discrete, state, self.points(discrete))
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,8 @@ class Release(Event):
 
     name: ClassVar[str] = "release"
 
-    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
-        return -_deepest(discrete, moment, self.points(discrete))
+    def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
+        return -_deepest(discrete, state, self.points(discrete))
 
 
 @dataclass(frozen=True)
@@ -124,10 +124,10 @@ class Slip(Event):
 
     rate: float = 0.0
 
-    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
-        speed = np.linalg.norm(moment.local.velocity[self.points(discrete), 1:], axis=1)
+    def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
+        speed = np.linalg.norm(state.local.velocity[self.points(discrete), 1:], axis=1)
         fastest, size = discrete.vectors.largest(
-            float(speed.max(initial=0.0)), float(np.abs(moment.body.velocity).max(initial=0.0))
+            float(speed.max(initial=0.0)), float(np.abs(state.body.velocity).max(initial=0.0))
         ).tolist()
         return float(fastest - max(self.rate, 1e-9 * size) or -np.finfo(float).tiny)
 
@@ -150,10 +150,10 @@ class BondBroken(Event):
 
     below: float = 1e-3
 
-    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
         bonds = [
             values
-            for boundary, states in moment.memory.items()
+            for boundary, states in state.memory.items()
             for name, values in states.items()
             if name.rpartition(".")[2] == "bond" and self.boundary in (None, boundary)
         ]
@@ -175,7 +175,7 @@ class MarginLost(Event):
 
     name: ClassVar[str] = "margin lost"
 
-    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
         return -1.0 if np.isnan(margin) else -margin
 
 
@@ -206,19 +206,19 @@ class When(Event):
             raise ProblemError("the event When needs a function of (discrete, moment) that returns a number")
         expect(self.label, str, "the label of an event", "give a text")
 
-    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
         assert self.function is not None
-        found = self.function(discrete, moment)
+        found = self.function(discrete, state)
         try:
             value = float(found)
         except (TypeError, ValueError):
             raise ProblemError(f"the event '{self.label}' gave {found!r}; return a number") from None
         if np.isnan(value):
-            raise ProblemError(f"the event '{self.label}' is not a number at t = {moment.time:g}")
+            raise ProblemError(f"the event '{self.label}' is not a number at t = {state.time:g}")
         return value
 
 
-def _deepest(discrete: DiscreteEvolution, moment: TimeState, points: np.ndarray) -> float:  # type: ignore[type-arg]
+def _deepest(discrete: DiscreteEvolution, state: TimeState, points: np.ndarray) -> float:  # type: ignore[type-arg]
     """Largest penetration of some contact points, into what is left of a foundation that is worn or has crept."""
-    place = seen_place(discrete, moment)
+    place = seen_place(discrete, state)
     return float(discrete.vectors.largest(float(place[points, 0].max(initial=-np.inf)))[0])

@@ -37,13 +37,13 @@ class Margins:
     Where a law depends on the state, the margin is that of the solution at hand.
     """
 
-    def __init__(self, advance: TimeStepper) -> None:
-        self.advance = advance
+    def __init__(self, stepper: TimeStepper) -> None:
+        self.advance = stepper
         self._largest: tuple[bytes, float] = b"", math.nan
         self._last: tuple[object, float, float] = None, math.nan, math.nan
         self._known: tuple[object, object, float] = None, None, math.nan
         self._matrices: OrderedDict[tuple[float, ...], Array | None] = OrderedDict()
-        self._beside = None if advance.beside is None else Margins(advance.beside)
+        self._beside = None if stepper.beside is None else Margins(stepper.beside)
 
     def margin(self, taken: StepResult) -> float:
         """Least margin of the stages of a step, and of heat."""

@@ -12,14 +12,13 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.evolution.data_in_time import kinks_in_time
 from hemivar.evolution.descent import regularising_viscosity
 from hemivar.evolution.digest import identity
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
-from hemivar.evolution.energy_barrier import crosses_energy_barrier
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.history import Frame, History, Row
-from hemivar.evolution.impulses import apply_impulse
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import apply_impulse, initial_moment
 from hemivar.evolution.initial_equilibrium import (
     begun,
     longest_without_swing,
@@ -29,18 +28,15 @@ from hemivar.evolution.initial_equilibrium import (
     yields_at_once,
 )
 from hemivar.evolution.jumps import SelectionRule
-from hemivar.evolution.kinks import kinks_in_time
 from hemivar.evolution.march_events import OnEvent
-from hemivar.evolution.march_state import Checkpoint, MarchState
+from hemivar.evolution.march_state import Checkpoint, MarchState, misfit
 from hemivar.evolution.margin import Margins
-from hemivar.evolution.measures import contact_forces, healing
 from hemivar.evolution.plan import March
-from hemivar.evolution.resuming import misfit
-from hemivar.evolution.save import Frames, large_deformation, probed
+from hemivar.evolution.save import Frames, contact_forces, healing, large_deformation, probed
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_end import energies
-from hemivar.evolution.step_error import step_error
+from hemivar.evolution.step_error import crosses_energy_barrier, step_error
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.evolution.steps import StepSizeState
 from hemivar.evolution.thermal_stepper import stepper_of
@@ -49,7 +45,7 @@ from hemivar.mechanics.foundation import Contact
 from hemivar.solvers import Controls, Solver, Status, method_for
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["Backend", "Integration", "StepEvent"]
+__all__ = ["Backend", "StepEvent", "TimeLoop"]
 
 #: How near an event is found, as a part of the step in which it happens, and evaluations for it at most.
 _NEAR = 1e-6
@@ -133,7 +129,7 @@ class _Tried:
 
     taken: StepResult
     #: At which it was taken.
-    pace: StepSizeState
+    step_size: StepSizeState
     #: Relative, in the energy norm and at the contact points.
     errors: tuple[float, float]
     #: What comes next, if it stands; what to try in its place, if not.
@@ -142,7 +138,7 @@ class _Tried:
     unsolved: float = 0.0
 
 
-class Integration:
+class TimeLoop:
     """A march that is going on."""
 
     def __init__(self, discrete: DiscreteEvolution, plan: March, workspace: Workspace | None, tools: Backend) -> None:
@@ -150,27 +146,26 @@ class Integration:
         self.start = discrete.evolution.start
         span = plan.until - self.start
         self.stepping = plan.stepping(span)
-        self.pace = self.stepping.first(span)
-        least = _RESOLVED * max(abs(self.start), abs(plan.until))
-        if self.pace.step < least:
+        self.step_size = self.stepping.first(span)
+        least, step = _RESOLVED * max(abs(self.start), abs(plan.until)), self.step_size.step
+        if step < least:
             raise ProblemError(
-                f"the step is {self.pace.step:g}, too short for times up to {plan.until:g} to be distinguished; take "
-                f"at least {least:g}"
+                f"the step is {step:g}, too short for times up to {plan.until:g} to be distinguished; take at least "
+                f"{least:g}"
             )
-        if not 1.0 / _LONGEST < self.pace.step < _LONGEST:
+        if not 1.0 / _LONGEST < step < _LONGEST:
             raise ProblemError(
-                f"the step is {self.pace.step:g}, whose square is beyond the range of numbers; state times in another "
-                "unit"
+                f"the step is {step:g}, whose square is beyond the range of numbers; state times in another unit"
             )
         self.probes = tools.probes(discrete, plan.save.probes)
-        stops = {self.start: _BESIDE * self.pace.step} | {
+        stops = {self.start: _BESIDE * step} | {
             stop: _BESIDE * (stop - self.start) for stop in plan.stops if stop > self.start
         }
         self.stops = frozenset(stops)
         method = method_for(plan.method, discrete.problem)
-        self.advance = tools.advance(discrete, plan.scheme, method, plan.controls, workspace, stops)
-        self.margins = tools.margins(self.advance)
-        self.bound = tools.bound(self.advance)
+        self.stepper = tools.advance(discrete, plan.scheme, method, plan.controls, workspace, stops)
+        self.margins = tools.margins(self.stepper)
+        self.bound = tools.bound(self.stepper)
         stated = discrete.evolution.problem, discrete.evolution.heat
         kinks, self.doubts = kinks_in_time(stated, self.start, plan.until)
         self.doubts += _rings(discrete, plan.scheme)
@@ -183,7 +178,7 @@ class Integration:
         if plan.checkpoint is not None:
             if discrete.vectors.alone and isinstance(plan.checkpoint, Checkpoint):
                 try_output(plan.checkpoint.file)  # before anything is computed in vain
-            self.identity = tools.identity(self.advance, self.stepping, plan.stops, plan.save, plan.events, plan.jump)
+            self.identity = tools.identity(self.stepper, self.stepping, plan.stops, plan.save, plan.events, plan.jump)
         self.moment: TimeState
         self.errors = (0.0, 0.0)  # of the last step, relative
         self.levels: dict[int, float] = {}
@@ -200,7 +195,7 @@ class Integration:
                 self._refuse_misfit(kept, state)
         if state is None:
             self.messages: list[str] = list(self.doubts)
-            self.moment = self._begun(initial_moment(self.advance, self.pace.step))
+            self.moment = self._begun(initial_moment(self.stepper, self.step_size.step))
             self.frames = Frames(self.plan.save, self.start)
             self.frames.offer(self.discrete, self.moment)
             self.rows = [self._row(None)]
@@ -208,7 +203,7 @@ class Integration:
             self.largest = self.farthest = 0.0
             self.origin = self.moment.body.displacement
         else:
-            self.moment, self.pace = state.moment, state.pace
+            self.moment, self.step_size = state.moment, state.pace
             self.largest, self.farthest, self.origin = state.largest, state.farthest, state.origin
             self.frames = Frames(self.plan.save, self.start, state.frames, state.frame_place)
             self.rows, self.events, self.messages = list(state.rows), list(state.events), list(state.messages)
@@ -222,13 +217,13 @@ class Integration:
 
     def _refuse_misfit(self, kept: Checkpoint, state: MarchState) -> None:
         """Refuse what was read where it is no state of this evolution, on all processes."""
-        self.moment = initial_moment(self.advance, self.pace.step)
-        why = misfit(state, self.advance, self.stepping, tuple(self._row(None).values))
+        self.moment = initial_moment(self.stepper, self.step_size.step)
+        why = misfit(state, self.stepper, self.stepping, tuple(self._row(None).values))
         (wrong,) = self.discrete.vectors.largest(float(bool(why)))
         if wrong:
             raise kept.unfit(why or "the part of another process makes no sense")
 
-    def step(self) -> tuple[StepResult | None, tuple[str, ...], bool]:
+    def attempt(self) -> tuple[StepResult | None, tuple[str, ...], bool]:
         """The next step that stands, the events at its end and whether one of them ends the march.
 
         Without a step, the reason in the place of the events.
@@ -240,10 +235,10 @@ class Integration:
         tried = self._tried(begin, goal)
         if isinstance(tried, Status):
             return None, (tried.value,), True
-        self.pace, self.errors = tried.pace, tried.errors
+        self.step_size, self.errors = tried.step_size, tried.errors
         if (
             self.plan.jump is SelectionRule.STOP
-            and not self.advance.stages.resists
+            and not self.stepper.stages.resists
             and self.margins.margin(tried.taken) <= 0.0
         ):
             where = f"at t = {tried.taken.moment.time:g} a step may have several solutions"
@@ -251,8 +246,8 @@ class Integration:
             return None, ("margin lost",), True
         self._tell_of_misses(tried)
         taken, happened, stop = self._located(tried.taken)
-        if taken.step >= self.pace.step * (1.0 - 1e-6):
-            self.pace = tried.following
+        if taken.step >= self.step_size.step * (1.0 - 1e-6):
+            self.step_size = tried.following
         return taken, happened, stop
 
     def _beginning(self, goal: float) -> TimeState:
@@ -261,51 +256,51 @@ class Integration:
         if begin.time not in self.ends and begin.index:
             return begin
         length, _ = self._fitted(begin.time, goal)
-        begin = apply_impulse(self.advance, self._settled(begin, length), length)
+        begin = apply_impulse(self.stepper, self._settled(begin, length), length)
         return replace(begin, history=None) if self.plan.scheme.multistep else begin
 
     def _fitted(self, time: float, goal: float) -> tuple[float, float]:
-        return _fitted(self.pace.step, time, goal, self.discrete.evolution.start)
+        return _fitted(self.step_size.step, time, goal, self.discrete.evolution.start)
 
     def _tried(self, begin: TimeState, goal: float) -> _Tried | Status:
         """The first of ever shorter steps that can be solved and is exact enough; else why there is none."""
         rejected: _Tried | None = None  # solved, but not as exact as was asked for
         while True:
             length, reached = self._fitted(self.moment.time, goal)
-            taken = self.advance.take(begin, length, reached, SelectionRule(self.plan.jump))
+            taken = self.stepper.take(begin, length, reached, SelectionRule(self.plan.jump))
             if taken.status is Status.CONVERGED:
                 stands, tried = self._judged(taken)
                 if stands:
                     return tried
-                rejected, self.pace = tried, tried.following
+                rejected, self.step_size = tried, tried.following
                 continue
             if taken.status is Status.MAX_TIME:
                 check_time()  # of the march; else it is the time that one solve may take
             smaller = self._shorter(taken.status, length)
             if smaller is not None:
-                self.pace = smaller
+                self.step_size = smaller
             elif rejected is None or taken.status in _OUTSIDE:
                 self._tell_of_failure(taken, length, reached)
                 return taken.status
             else:  # none of those tried that are shorter can be solved
-                return replace(rejected, following=rejected.pace, unsolved=length)
+                return replace(rejected, following=rejected.step_size, unsolved=length)
 
     def _judged(self, taken: StepResult) -> tuple[bool, _Tried]:
         """Whether a step that is solved stands."""
         errors = self.errors
         if self.stepping.estimates:
-            found = step_error(self.advance, taken, self.origin, self._after_kink)
+            found = step_error(self.stepper, taken, self.origin, self._after_kink)
             self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
             errors = found.relative(self.largest, self.farthest)
         error = max(errors) if self.stepping.estimates else None
-        stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
-        return stands, _Tried(taken, self.pace, errors, following)
+        stands, following = self.stepping.after(self.step_size, error, self.plan.scheme.order)
+        return stands, _Tried(taken, self.step_size, errors, following)
 
     def _shorter(self, status: Status, length: float) -> StepSizeState | None:
         """What to try in place of a step that could not be solved."""
         if status in _OUTSIDE or status is Status.NOT_CARRIED:  # by what acts at its end, however short it is
             return None
-        smaller = self.stepping.smaller(self.pace)
+        smaller = self.stepping.smaller(self.step_size)
         while smaller is not None and smaller.step >= length:  # as long a step was tried
             smaller = self.stepping.smaller(smaller)
         return smaller
@@ -314,11 +309,11 @@ class Integration:
         """Say which step could not be solved, and why."""
         if taken.status is Status.INTERRUPTED:  # which is none of the evolution: it may be resumed
             return
-        remedy = taken.remedy
-        if length < _SHORT * self.pace.step:
+        remedy, usual = taken.remedy, self.step_size.step
+        if length < _SHORT * usual:
             remedy = (
-                f"a step of {length:.3g} among others of {self.pace.step:.3g} asks for forces that displacements do "
-                "not tell; move the stop, the kink of a load or the end that makes it"
+                f"a step of {length:.3g} among others of {usual:.3g} asks for forces that displacements do not tell; "
+                "move the stop, the kink of a load or the end that makes it"
             )
         when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
         self.tell(f"the step {when} could not be solved: {remedy}")
@@ -326,7 +321,7 @@ class Integration:
     def _tell_of_misses(self, tried: _Tried) -> None:
         """Say that a step is not as exact as was asked for."""
         error = max(tried.errors) if self.stepping.estimates else None
-        if not self.stepping.missed(error) or any(message.startswith(_MISSED) for message in self.messages):
+        if not self.stepping.missed(error) or self._told(_MISSED):
             return
         why, remedy = "which cannot be shorter", "allow shorter steps or take"
         if tried.unsolved:
@@ -341,8 +336,8 @@ class Integration:
         """The moment at the start: a body without mass is in equilibrium with what acts, and the balance begins so."""
         if not self.yields:
             return moment
-        now = self.advance.data_from(moment).at(moment.time)
-        taken = self._yielded(moment, self.pace.step, now, now)
+        now = self.stepper.data_from(moment).at(moment.time)
+        taken = self._yielded(moment, self.step_size.step, now, now)
         if taken is None:
             return moment
         stated, found = moment.body.displacement, taken.moment.body.displacement
@@ -358,7 +353,7 @@ class Integration:
 
     def _settled(self, moment: TimeState, step: float) -> TimeState:
         """A moment at which a load jumps, with a body without mass in the equilibrium that follows."""
-        data = self.advance.data_from(moment)
+        data = self.stepper.data_from(moment)
         if not (self.yields and data.jumps_at(moment.time)):
             return moment
         taken = self._yielded(moment, step, data.before(moment.time), data.after(moment.time))
@@ -366,7 +361,7 @@ class Integration:
 
     def _yielded(self, moment: TimeState, step: float, start: ExternalData, now: ExternalData) -> StepResult | None:
         """The equilibrium with what acts now; None, and no further step, if it is not found."""
-        taken = settled(self.advance, moment, step, SelectionRule(self.plan.jump), start, now)
+        taken = settled(self.stepper, moment, step, SelectionRule(self.plan.jump), start, now)
         if taken.status is not Status.CONVERGED:
             self.unsettled = taken
             if taken.status is not Status.INTERRUPTED:
@@ -375,10 +370,10 @@ class Integration:
                     f"not be found: {taken.remedy}"
                 )
             return None
-        if bool(taken.leaps) if SelectionRule(self.plan.jump).follows else crosses_energy_barrier(self.advance, taken):
-            taken = taken if taken.leaps else self._booked(taken)
+        taken, jumped = self._jumped(taken)
+        if jumped:
             self._tell_of_jump(taken, self.margins.margin(taken))
-        if taken.leaps or taken.moment.ledger.jumps == moment.ledger.jumps:
+        if taken.jumps or taken.moment.ledger.jumps == moment.ledger.jumps:
             taken = ramped(self.discrete, taken, start, now)
         return taken
 
@@ -390,32 +385,28 @@ class Integration:
     def accept(self, taken: StepResult, happened: tuple[str, ...]) -> StepEvent:
         """Book a step."""
         margin = self.margins.margin(taken)
-        jumped = (
-            bool(taken.leaps) if SelectionRule(self.plan.jump).follows else crosses_energy_barrier(self.advance, taken)
-        )
-        if jumped and not taken.leaps:
-            taken = self._booked(taken)
+        taken, jumped = self._jumped(taken)
         if jumped:
             self._tell_of_jump(taken, margin)
-        if self.plan.jump is SelectionRule.VISCOUS and not self.advance.stages.resists:
+        if self.plan.jump is SelectionRule.VISCOUS and not self.stepper.stages.resists:
             self._tell_of_lag(taken)
         if not taken.before.index or taken.before.time in self.stops:
-            longest = longest_without_swing(self.advance, taken)
+            longest = longest_without_swing(self.stepper, taken)
             if longest < taken.step:
                 self.tell(
                     f"from t = {taken.before.time:g} on displacements oscillate about the equilibrium, and so does "
                     f"the damage, because the viscosity relaxes within a step; take steps below {longest:.3g}, or "
                     f"implicit-euler"
                 )
-        jump, depth = sunk_by_a_jump(self.advance, taken)
-        if jump and not any(message.startswith(_SINKS) for message in self.messages):
+        jump, depth = sunk_by_a_jump(self.stepper, taken)
+        if jump and not self._told(_SINKS):
             self.tell(
                 f"{_SINKS} by {jump:.3g} in the step to t = {taken.moment.time:g} and penetrates up to {depth:.3g}, "
                 f"because {self.plan.scheme.name} acts on velocities; move the gap over some steps, or take "
                 "implicit-euler"
             )
         healed = healing(self.discrete, taken.before, taken.moment)
-        if healed and not any(message.startswith(_HEALS) for message in self.messages):
+        if healed and not self._told(_HEALS):
             self.tell(
                 f"{_HEALS} on contact '{healed}' from t = {taken.before.time:g} on: past its strength it closes along "
                 "the curve of its opening; leave memory = () out"
@@ -434,9 +425,9 @@ class Integration:
 
     def _tell_of_jump(self, taken: StepResult, margin: float) -> None:
         """Say that the body jumped from one equilibrium to another."""
-        if any(message.startswith("the body jumped") for message in self.messages):
+        if self._told("the body jumped"):
             return
-        when = taken.moment.time if not taken.leaps else taken.before.time + taken.leaps[0].part * taken.step
+        when = taken.moment.time if not taken.jumps else taken.before.time + taken.jumps[0].part * taken.step
         self.tell(
             f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
             f"and nothing viscous chooses one; jump = '{self.plan.jump}' did"
@@ -449,8 +440,8 @@ class Integration:
 
     def _tell_of_lag(self, taken: StepResult) -> None:
         """Say that a body lags behind what acts on it, for it is resisted as many steps long as the resistance says."""
-        convexity_defect = max(self.advance.stages.convexity_defect(stage) for stage in taken.stages)
-        if convexity_defect < 0.0 or any(message.startswith(_LAGS) for message in self.messages):
+        convexity_defect = max(self.stepper.stages.convexity_defect(stage) for stage in taken.stages)
+        if convexity_defect < 0.0 or self._told(_LAGS):
             return
         steps = regularising_viscosity(convexity_defect)
         lag = steps * taken.step
@@ -461,13 +452,15 @@ class Integration:
                 f"take shorter steps, or jump = 'arc-length'"
             )
 
-    def _booked(self, taken: StepResult) -> StepResult:
-        """A step in which the body jumped: what it lost, beside what a law that changed took from what was stored."""
+    def _jumped(self, taken: StepResult) -> tuple[StepResult, bool]:
+        """Whether the body jumped; with what it lost, beside what a law that changed took from what was stored."""
+        if taken.jumps or SelectionRule(self.plan.jump).follows or not crosses_energy_barrier(self.stepper, taken):
+            return taken, bool(taken.jumps)
         before, ledger = taken.before, taken.moment.ledger
         weakened = before.ledger.contact - energies(self.discrete, before, taken.stages[-1].law)["contact"]
         lost = max(ledger.numerical - before.ledger.numerical - weakened, 0.0)
         ledger = replace(ledger, numerical=ledger.numerical - lost, jumps=ledger.jumps + lost)
-        return replace(taken, moment=replace(taken.moment, ledger=ledger))
+        return replace(taken, moment=replace(taken.moment, ledger=ledger)), True
 
     def _earlier(self) -> tuple[tuple[int, Frame], ...]:
         numbers = {row.time: number for number, row in enumerate(self.rows)}
@@ -477,7 +470,7 @@ class Integration:
         """What a checkpoint keeps."""
         return MarchState(
             self.moment,
-            self.pace,
+            self.step_size,
             tuple(self.rows),
             tuple(self.frames.kept),
             self.frames.place,
@@ -494,6 +487,10 @@ class Integration:
         """Say something in the end, once: a march that goes on may meet the same again."""
         if message not in self.messages:
             self.messages.append(message)
+
+    def _told(self, beginning: str) -> bool:
+        """Whether something that begins so is said already."""
+        return any(message.startswith(beginning) for message in self.messages)
 
     def history(self, ended: str, unkept: str) -> History:
         """What there is."""
@@ -549,7 +546,7 @@ class Integration:
         for _ in range(_TRIALS):
             if high.step - low <= _NEAR * taken.step:
                 break
-            middle = self.advance.take(taken.before, 0.5 * (low + high.step), jump=SelectionRule(self.plan.jump))
+            middle = self.stepper.take(taken.before, 0.5 * (low + high.step), jump=SelectionRule(self.plan.jump))
             if middle.status is not Status.CONVERGED:
                 break
             if risen(middle):
@@ -570,7 +567,7 @@ class Integration:
             for end, value in zip(ends, moved, strict=False):
                 values[f"{name}.{end}"] = float(value)
         values.update(moment.ledger.record())
-        values.update(self.advance.extra_columns(moment))
+        values.update(self.stepper.extra_columns(moment))
         if self.stepping.estimates:
             for name, error in zip(_SUMMED, (0.0, 0.0) if taken is None else self.errors, strict=True):
                 values[name] = error if taken is None else self.rows[-1].values[name] + error

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import Form, stated
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame
@@ -21,11 +21,14 @@ from hemivar.evolution.state import TimeState
 from hemivar.fem import Deformation, deformation
 from hemivar.fem.elements import barycentric_gradients, shape_values
 from hemivar.mesh.mesh import Mesh
+from hemivar.solvers.boundary_result import friction_of
 
 __all__ = [
     "PROBED",
     "Frames",
     "Save",
+    "contact_forces",
+    "healing",
     "large_deformation",
     "nearest_cell",
     "probe_outside",
@@ -34,10 +37,63 @@ __all__ = [
     "probed",
 ]
 
+#: Part of the stiffness by which the damage of glue changes where it changes.
+_HEALS = 1e-9
 #: Distance from the body, as a part of its size, at which a probe counts as outside.
 PROBED = 1e-6
 #: Multiples of the time between frames that are counted; beyond them every step is a frame.
 _MOST_MULTIPLES = 2.0**53
+
+
+def contact_forces(discrete: DiscreteEvolution, state: TimeState) -> dict[str, float]:
+    """Forces and measures of contact, over all and by boundary.
+
+    ``normal_force`` is the resultant of the pressure; ``friction_force`` that of the friction of the foundation on the
+    body: its local component in the plane, in space the length of the vector.  ``force_time`` is the time that forces
+    belong to.
+    """
+    shown = state.contact_force
+    weights, lam = discrete.problem.contact.weights, shown.multiplier
+    found: dict[str, float] = {}
+    boundaries: Mapping[str, IntArray] = dict(discrete.blocks) if len(discrete.blocks) > 1 else {}
+    parts: list[tuple[str, IntArray | slice]] = [("", slice(None))]
+    parts += [(f"{name}.", index) for name, index in boundaries.items()]
+    own, deep = [], []
+    force = weights[:, None] * lam
+    rubbed = friction_of(force)
+    if rubbed.shape[1] > 1:  # the tangents of different points point in different directions
+        rubbed = discrete.problem.contact.global_vectors(force * (np.arange(lam.shape[1]) > 0))
+    depth = state.local.displacement[:, 0]
+    summed = np.empty((len(lam), rubbed.shape[1] + 2))
+    summed[:, 0], summed[:, 1:-1], summed[:, -1] = force[:, 0], rubbed, np.where(lam[:, 0] > 0.0, weights, 0.0)
+    for _, index in parts:
+        own += np.add.reduce(summed[index], axis=0).tolist()
+        deep.append(float(depth[index].max(initial=-np.inf)))
+    sums = discrete.vectors.total(*own).reshape(len(parts), -1)
+    deepest = discrete.vectors.largest(*deep)
+    for (name, _), total, deepest_here in zip(parts, sums, deepest, strict=True):
+        slid = total[1:-1]
+        found[f"{name}normal_force"] = float(total[0])
+        found[f"{name}friction_force"] = float(slid[0]) if slid.size == 1 else float(np.linalg.norm(slid))
+        found[f"{name}contact_measure"] = float(total[-1])
+        found[f"{name}penetration"] = float(deepest_here)
+    return found | {"force_time": shown.time}
+
+
+def healing(discrete: DiscreteEvolution, before: TimeState, after: TimeState) -> str:
+    """The first boundary whose glue is past its strength and closes along the curve that it has opened by, or ""."""
+    for name, index in discrete.blocks:
+        contact = discrete.contacts[name]
+        elastic = not contact.remembers and contact.law.remembers
+        if elastic and discrete.vectors.largest(float(_closes(discrete, index, before, after)))[0]:
+            return name
+    return ""
+
+
+def _closes(discrete: DiscreteEvolution, index: IntArray, before: TimeState, after: TimeState) -> bool:
+    law, places = discrete.problem.law.take(index), [state.local.displacement[index] for state in (before, after)]
+    old, new = (law.debonding(r)["damage"] for r in places)
+    return bool((law.past_peak(places[0]) & (new < old - _HEALS)).any())
 
 
 @dataclass(frozen=True)
@@ -87,20 +143,20 @@ class Frames:
         """Moments offered so far, and which of them are kept."""
         return self._count, self._stride
 
-    def offer(self, discrete: DiscreteEvolution, moment: TimeState, last: bool = False) -> Frame | None:
+    def offer(self, discrete: DiscreteEvolution, state: TimeState, last: bool = False) -> Frame | None:
         """Keep a moment if it is due; the frame, if so."""
         every = self.save.every
         if every is None:
             due = self._count % self._stride == 0
             self._count += 1
         else:
-            behind = (moment.time - self._start) / every + 1e-9
+            behind = (state.time - self._start) / every + 1e-9
             passed = math.floor(min(behind, _MOST_MULTIPLES))  # multiples that are behind
             due = passed >= self._count or behind >= _MOST_MULTIPLES
             self._count = max(self._count, passed + 1)
         if not (due or last):
             return None
-        frame = frame_of(discrete, moment)
+        frame = frame_of(discrete, state)
         self.kept.append(frame)
         if every is None and len(self.kept) > self.save.most:
             self.kept = self.kept[::2]
@@ -108,27 +164,27 @@ class Frames:
         return frame
 
 
-def frame_of(discrete: DiscreteEvolution, moment: TimeState) -> Frame:
+def frame_of(discrete: DiscreteEvolution, state: TimeState) -> Frame:
     """The body at a moment."""
     memory: dict[str, Array] = {}
-    m = moment.multiplier.shape[0]
+    m = state.multiplier.shape[0]
     index_of = dict(discrete.blocks)
-    for name, states in moment.memory.items():
+    for name, states in state.memory.items():
         for what, values in states.items():
             whole = memory.setdefault(what, np.full((m, *np.shape(values)[1:]), np.nan))
             whole[index_of[name]] = values
     return Frame(
-        moment.time,
-        discrete.full(moment.body.displacement),
-        discrete.full(moment.body.velocity),
-        moment.local.displacement,
-        moment.contact_force.multiplier,
-        moment.local.velocity,
-        moment.contact_force.time,
+        state.time,
+        discrete.full(state.body.displacement),
+        discrete.full(state.body.velocity),
+        state.local.displacement,
+        state.contact_force.multiplier,
+        state.local.velocity,
+        state.contact_force.time,
         memory,
         None
-        if discrete.heat is None or moment.heat is None
-        else discrete.heat.temperature(moment.heat.moment.body.displacement),
+        if discrete.heat is None or state.heat is None
+        else discrete.heat.temperature(state.heat.moment.body.displacement),
     )
 
 

@@ -27,7 +27,6 @@ __all__ = [
     "StageState",
     "allowed",
     "extrapolated_multiplier",
-    "forces",
     "momentum",
     "out_of_balance_force",
     "posed_stage",
@@ -182,7 +181,7 @@ def posed_stage(
         if discrete.branches:
             force -= _relaxing(discrete, before, place - body.displacement, operator)
     else:
-        force = at.load - sum(forces(discrete, operator, before, place).values())
+        force = at.load - sum(_forces(discrete, operator, before, place).values())
     origin = before.local.displacement.copy()
     if not rule.rate.of_difference:
         origin -= rule.rate.carried(before.local, rates[1]) / rule.rate.difference
@@ -307,19 +306,14 @@ def allowed(local: Kinematics, rule: StageRule, step: float) -> Array:
     )
 
 
-def forces(
-    discrete: DiscreteEvolution, operator: StepOperator, before: TimeState, place: Array, coasting: bool = False
-) -> dict[str, Array]:
-    """Forces (n + k,) of a displacement at a stage: ``internal``, ``viscous``, ``inertial`` and ``relaxing`` ones.
-
-    ``coasting`` if the body is where it would be without acceleration: then none are inertial.
-    """
+def _forces(discrete: DiscreteEvolution, operator: StepOperator, before: TimeState, place: Array) -> dict[str, Array]:
+    """Forces (n + k,) of a displacement at a stage: ``internal``, ``viscous``, ``inertial`` and ``relaxing`` ones."""
     difference, rule = place - before.body.displacement, operator.rule
     last = before.rates[0]
     found = {"internal": discrete.elastic_force(place)}
     if discrete.viscosity is not None:
         found["viscous"] = discrete.viscosity.times(rule.rate.of(difference, before.body, last))
-    if discrete.mass is not None and not coasting:
+    if discrete.mass is not None:
         found["inertial"] = discrete.mass.times(rule.acceleration.of(difference, before.body, last))
     if discrete.branches:
         found["relaxing"] = _relaxing(discrete, before, difference, operator)

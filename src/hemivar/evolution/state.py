@@ -3,18 +3,82 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields, replace
 
 from hemivar.basics.codec import COMPUTED
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
-from hemivar.evolution.energy_balance import EnergyBalance
 
-if TYPE_CHECKING:
-    from hemivar.evolution.heat_balance import ThermalState
+__all__ = [
+    "ContactForce",
+    "EnergyBalance",
+    "HeatBalance",
+    "Kinematics",
+    "LastStep",
+    "Rates",
+    "ThermalState",
+    "TimeState",
+]
 
-__all__ = ["ContactForce", "Kinematics", "LastStep", "Rates", "TimeState"]
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Energies of a moment, and work and losses up to it.
+
+    ``work + moved + thermal = (elastic + branches + contact + kinetic) - (the same at the start) + viscous +
+    branch_loss + friction + damping + memory + numerical + jumps + gap``.
+    """
+
+    #: Work of the loads.
+    work: float = 0.0
+    #: Work of moved supports and foundations.
+    moved: float = 0.0
+    #: Energy stored in the body, in the branches of its material, by the foundation; kinetic energy.
+    elastic: float = 0.0
+    branches: float = 0.0
+    contact: float = 0.0
+    kinetic: float = 0.0
+    #: Their sum at the beginning.
+    start: float = 0.0
+    #: Dissipated by the viscosity of the body and by the branches of its material.
+    viscous: float = 0.0
+    branch_loss: float = 0.0
+    #: Dissipated by friction and by laws of the rate along the normal.
+    friction: float = 0.0
+    damping: float = 0.0
+    #: Dissipated by what contact points remember: broken bonds, worn material.
+    memory: float = 0.0
+    #: What the scheme takes; negative where it gives. Work is counted by the forces of stages, to first order where
+    #: these do not lie in the middle of a step: this is no measure of accuracy.
+    numerical: float = 0.0
+    #: What is lost where the body jumps from one equilibrium to another.
+    jumps: float = 0.0
+    #: What is left: the work of the solver's residual.
+    gap: float = 0.0
+    #: Work of thermal stress; a column of evolutions with heat only.
+    thermal: float = 0.0
+
+    @property
+    def stored(self) -> float:
+        """All energy that can come back."""
+        return self.elastic + self.branches + self.contact + self.kinetic
+
+    @property
+    def lost(self) -> float:
+        """All that cannot."""
+        return (
+            self.viscous + self.branch_loss + self.friction + self.damping + self.memory + self.numerical + self.jumps
+        )
+
+    def closed(self) -> EnergyBalance:
+        """The ledger with its gap computed from all else."""
+        values = dict(vars(self))
+        values["gap"] = self.work + self.moved + self.thermal - (self.stored - self.start) - self.lost
+        return EnergyBalance(**values)
+
+    def record(self) -> dict[str, float]:
+        """Numbers by name."""
+        return {name: value for name, value in vars(self).items() if name not in ("start", "thermal")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,3 +171,50 @@ class TimeState(PickleMixin):
     def rates(self) -> tuple[Rates | None, Rates | None]:
         """Mean rates of body and contact points in the last step, where they are known."""
         return (None, None) if self.history is None else (self.history.body, self.history.local)
+
+
+@dataclass(frozen=True)
+class HeatBalance:
+    """Heat in the body, and what came into it up to a moment.
+
+    ``content = content at the start + source + supports + contact + friction + deformation + gap``.
+    """
+
+    #: ``int capacity th``.
+    content: float = 0.0
+    #: That at the beginning.
+    start: float = 0.0
+    #: Of sources and fluxes.
+    source: float = 0.0
+    #: Through boundaries of prescribed temperature.
+    supports: float = 0.0
+    #: Through boundaries that exchange heat; negative where the body loses it.
+    contact: float = 0.0
+    #: The part of what friction dissipates that the body takes.
+    friction: float = 0.0
+    #: ``-int T0 beta : eps(u')``.
+    deformation: float = 0.0
+    #: What is left: the solver's residual.
+    gap: float = 0.0
+
+    def closed(self) -> HeatBalance:
+        """The book with its gap computed from all else."""
+        came = self.source + self.supports + self.contact + self.friction + self.deformation
+        return replace(self, gap=self.content - self.start - came)
+
+    def record(self) -> dict[str, float]:
+        """Numbers by the names of columns."""
+        return {f"heat.{one.name}": getattr(self, one.name) for one in fields(self) if one.name != "start"}
+
+
+@dataclass(frozen=True, eq=False)
+class ThermalState(PickleMixin):
+    """The heat of a body at one time."""
+
+    #: Temperatures, of the evolution of heat alone.
+    moment: TimeState
+    book: HeatBalance
+    #: How many times motion and heat were computed in the last step.
+    rounds: int = 0
+    #: What the last round left of the change of the one before; 0 where one was enough.
+    contraction: float = 0.0

@@ -2,34 +2,73 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from operator import add
 
 import numpy as np
 
 from hemivar.basics.relaxation import squares_of_relaxation
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
-from hemivar.evolution.end_forces import shown_force
-from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.jumps import DissipatedJump
 from hemivar.evolution.schemes import StageRule
 from hemivar.evolution.stage import Stage, StageState, momentum, stiffness_force
-from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
-from hemivar.evolution.step_laws import BoundaryLaw, StepLaw
+from hemivar.evolution.state import ContactForce, EnergyBalance, Kinematics, LastStep, Rates, TimeState
+from hemivar.evolution.step_laws import BoundaryLaw, StepLaw, places
 from hemivar.evolution.step_operator import decay, gain
+from hemivar.laws import Superpotential
 from hemivar.laws.memory import LocalStep
+from hemivar.laws.scalar_graph import is_continuous
 from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
 
-__all__ = ["SolvedStage", "end_of_step", "energies", "with_products"]
+__all__ = ["SolvedStage", "end_of_step", "energies", "shown_force", "with_products"]
 
 #: Rounding of factors of a scheme.
 _ROUNDED = 1e-14
+
+
+def shown_force(discrete: DiscreteEvolution, end: ExternalData, moment: TimeState, stage: float) -> ContactForce:
+    """Contact forces that are told of the end of a step: those at the end where all laws are functions.
+
+    The law of a rigid obstacle, of friction that sticks and of glue that breaks at once has a whole interval of forces
+    at a displacement and its rate.  A force at the end is then known to nobody, and neither is one that depends on what
+    points remember.
+    """
+    many = float(bool(len(moment.multiplier)) and not _is_function(discrete, end))
+    if discrete.vectors.largest(many)[0]:
+        return ContactForce(stage, moment.multiplier)
+    return ContactForce(moment.time, _at_end(discrete, end, moment))
+
+
+def _is_function(discrete: DiscreteEvolution, end: ExternalData) -> bool:
+    """Whether displacements and their rates tell the force at all contact points."""
+    if any(discrete.contacts[name].remembers for name, _ in discrete.blocks):
+        return False
+    damped = all(is_continuous(part) for _, part in _dampings(discrete, end))
+    return damped and end.law.is_function(discrete.problem.contact.components)
+
+
+def _dampings(discrete: DiscreteEvolution, end: ExternalData) -> Iterator[tuple[IntArray, Superpotential]]:
+    """Contact points of each boundary with a law of the normal rate, and the law."""
+    for name, index in discrete.blocks:
+        if name in end.damping and index.size:
+            yield index, end.damping[name].at(places(discrete, index))
+
+
+def _at_end(discrete: DiscreteEvolution, end: ExternalData, moment: TimeState) -> Array:
+    """Forces (m, c) of laws that are functions, at a moment."""
+    place, rate = moment.local.displacement.copy(), moment.local.velocity
+    place[:, 1:] = np.where(discrete.follows_slip[:, None], place[:, 1:], rate[:, 1:])
+    force = end.law.nearest_multiplier(place, np.zeros(place.shape))
+    for index, damping in _dampings(discrete, end):
+        force[index, 0] += damping.derivative(rate[index, 0])
+    return force
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +85,7 @@ class SolvedStage:
     #: Against which it was found, in units of the stiffness.
     resistance: float = 0.0
     #: Jumps on the way, where the path of equilibria was followed.
-    leaps: tuple[DissipatedJump, ...] = ()
+    jumps: tuple[DissipatedJump, ...] = ()
 
     @property
     def body(self) -> Kinematics:
@@ -218,7 +257,7 @@ def _balance(
     body = done.internal - (now["elastic"] - old.elastic) + done.inertial - (now["kinetic"] - old.kinetic)
     relaxing = done.relaxing - (now["branches"] - old.branches) - done.branch_loss
     foundation = done.normal - (now["contact"] - old.contact) - done.damping - done.memory
-    at_once = sum(leap.lost for one in solved for leap in one.leaps)
+    at_once = sum(jump.lost for one in solved for jump in one.jumps)
     return EnergyBalance(
         start=old.start,
         thermal=old.thermal,

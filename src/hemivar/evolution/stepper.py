@@ -1,4 +1,11 @@
-"""A step: a pure function from one state to the next."""
+"""A step: a pure function from one state to the next.
+
+What is left of the balance of energy is the work of the forces that are out of balance on the way of the step, at most
+the product of both norms. A step that counts as solved leaves at most ``rtol`` times the forces that act, rounding
+aside; these are the norms of the load, of elastic, viscous and inertial forces, of branches and of the foundation, as
+they are where the step ends. A residual that is measured against larger forces, which cancel, may be small and yet
+allow more.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +14,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.arrays import norm
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.discrete.residual import Residual
-from hemivar.evolution.balance import allowed_work, rounding_of
 from hemivar.evolution.data_in_time import DataInTime, StatedData
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices
 from hemivar.evolution.jumps import DissipatedJump, SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
-from hemivar.evolution.stage import Stage, posed_stage, stage_state
+from hemivar.evolution.stage import Stage, StageState, posed_stage, rounding_size, stage_state
 from hemivar.evolution.stage_solver import StageSolver
-from hemivar.evolution.state import Kinematics, TimeState
+from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
 from hemivar.evolution.step_end import SolvedStage, end_of_step, with_products
 from hemivar.evolution.step_laws import StepLaw, stage_law
 from hemivar.evolution.step_operator import StepOperator, StepOperators, body_factors, step_operator
@@ -27,8 +34,11 @@ from hemivar.solvers.choice import choose
 from hemivar.solvers.solve import suited
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["StepResult", "TimeStepper", "method_of"]
+__all__ = ["StepResult", "TimeStepper", "allowed_work", "method_of", "rounding_of"]
 
+#: Rounding of sums, in units of what is added up: of energies, and of forces where a step is solved as well as these
+#: are known.
+_ENERGIES, _FORCES = 64.0 * float(np.finfo(float).eps), 1024.0 * float(np.finfo(float).eps)
 #: Rounds of a law that depends on the solution of its own step, and when it stands.
 _ROUNDS = 60
 _STANDS = 1e-10
@@ -37,6 +47,30 @@ _UNSETTLED = (
     "what contact points remember and the solution of the step do not settle; near the largest load that the "
     "foundation carries they do in no step: give the body mass or viscosity, or move a support in place of the load"
 )
+
+
+def rounding_of(ledger: EnergyBalance) -> float:
+    """How far rounding may take the gap of a ledger, which is a sum of its entries."""
+    return _ENERGIES * float(sum(map(abs, vars(ledger).values())))
+
+
+def allowed_work(
+    discrete: DiscreteEvolution,
+    stage: Stage,
+    reached: StageState,
+    multiplier: Array,
+    way: Array,
+    rtol: float,
+) -> float:
+    """Most work on a way (n + k,) of the forces that a solved stage may leave out of balance.
+
+    ``multiplier`` is (m, c).
+    """
+    n = discrete.unknowns
+    acting = norm(stage.load[:n]) + norm(discrete.problem.contact_force(multiplier))
+    acting += sum(abs(force.factor) * norm(force.vector[:n]) for force in reached.forces.values())
+    rounding = rounding_size(discrete, stage, reached.body, 0.0)
+    return norm(way[:n]) * (rtol * acting + _FORCES * (acting + rounding))
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +83,7 @@ class StepResult:
     solutions: tuple[Solution, ...]
     stages: tuple[Stage, ...]
     #: Jumps on the way, where the path of equilibria was followed.
-    leaps: tuple[DissipatedJump, ...] = ()
+    jumps: tuple[DissipatedJump, ...] = ()
     #: The step of heat that belongs to it.
     heat: StepResult | None = None
     #: Where the status says too little: what happened, and what to try.
@@ -166,7 +200,7 @@ class TimeStepper:
         self, before: TimeState, solved: list[SolvedStage], step: float, time: float, end: ExternalData
     ) -> StepResult:
         state = end_of_step(self.discrete, before, solved, step, time, end, self.scheme.multistep)
-        leaps = tuple(leap for one in solved for leap in one.leaps)
+        jumps = tuple(jump for one in solved for jump in one.jumps)
         last = solved[-1]
         open_ = last.solution.status is Status.NOT_CONTRACTING and last.stage.law.iterates
         return StepResult(
@@ -175,7 +209,7 @@ class TimeStepper:
             step,
             tuple(one.solution for one in solved),
             tuple(one.stage for one in solved),
-            leaps,
+            jumps,
             advice=_UNSETTLED if open_ else "",
         )
 
@@ -286,7 +320,7 @@ class TimeStepper:
         off = Residual(off.equilibrium, off.inclusion, off.scale + size, off.noise)
         told = replace(solution, residual=off)
         reached = stage_state(discrete, stage, solution.unknowns) if found.reached is None else found.reached
-        return SolvedStage(stage, told, reached, point, own, found.resistance, found.leaps)
+        return SolvedStage(stage, told, reached, point, own, found.resistance, found.jumps)
 
 
 def method_of(discrete: DiscreteEvolution) -> Solver | None:

@@ -43,11 +43,11 @@ class StepSizeController(ABC):
         """The first step of an evolution that lasts ``span``."""
 
     @abstractmethod
-    def after(self, pace: StepSizeState, error: float | None, order: int) -> tuple[bool, StepSizeState]:
+    def after(self, step_size: StepSizeState, error: float | None, order: int) -> tuple[bool, StepSizeState]:
         """Whether a step of a relative ``error`` stands, and the next one."""
 
     @abstractmethod
-    def smaller(self, pace: StepSizeState) -> StepSizeState | None:
+    def smaller(self, step_size: StepSizeState) -> StepSizeState | None:
         """What to try after a step that failed; None if there is nothing smaller."""
 
     def missed(self, error: float | None) -> bool:
@@ -58,10 +58,10 @@ class StepSizeController(ABC):
         """Whether relative errors of steps have a sum that is much more than was asked for a step."""
         return False
 
-    def knows(self, pace: StepSizeState) -> bool:
+    def knows(self, step_size: StepSizeState) -> bool:
         """Whether a pace that was read from a file may be one of this control."""
-        counted = all(isinstance(one, int) and not isinstance(one, bool) for one in (pace.rung, pace.waiting))
-        return counted and 0.0 < pace.step < math.inf and pace.waiting >= 0
+        counted = all(isinstance(one, int) and not isinstance(one, bool) for one in (step_size.rung, step_size.waiting))
+        return counted and 0.0 < step_size.step < math.inf and step_size.waiting >= 0
 
 
 @dataclass(frozen=True)
@@ -87,21 +87,22 @@ class FixedStep(StepSizeController):
             raise ProblemError(f"the step is {self.step:g}, longer than the whole evolution, {span:g}; take a smaller")
         return StepSizeState(self.step)
 
-    def after(self, pace: StepSizeState, error: float | None, order: int) -> tuple[bool, StepSizeState]:
-        if pace.rung == 0:
-            return True, pace
-        if pace.waiting > 1:
-            return True, StepSizeState(pace.step, pace.rung, pace.waiting - 1)
-        return True, StepSizeState(self.step * 2.0 ** (pace.rung + 1), pace.rung + 1, 1 if pace.rung == -1 else 2)
+    def after(self, step_size: StepSizeState, error: float | None, order: int) -> tuple[bool, StepSizeState]:
+        if step_size.rung == 0:
+            return True, step_size
+        if step_size.waiting > 1:
+            return True, StepSizeState(step_size.step, step_size.rung, step_size.waiting - 1)
+        rung = step_size.rung + 1
+        return True, StepSizeState(self.step * 2.0**rung, rung, 1 if rung == 0 else 2)
 
-    def smaller(self, pace: StepSizeState) -> StepSizeState | None:
-        if pace.rung <= -self.halvings:
+    def smaller(self, step_size: StepSizeState) -> StepSizeState | None:
+        if step_size.rung <= -self.halvings:
             return None
-        return StepSizeState(self.step * 2.0 ** (pace.rung - 1), pace.rung - 1, 2)
+        return StepSizeState(self.step * 2.0 ** (step_size.rung - 1), step_size.rung - 1, 2)
 
-    def knows(self, pace: StepSizeState) -> bool:
-        known = super().knows(pace) and -self.halvings <= pace.rung <= 0
-        return known and math.isclose(pace.step, self.step * 2.0**pace.rung, rel_tol=1e-9)
+    def knows(self, step_size: StepSizeState) -> bool:
+        known = super().knows(step_size) and -self.halvings <= step_size.rung <= 0
+        return known and math.isclose(step_size.step, self.step * 2.0**step_size.rung, rel_tol=1e-9)
 
 
 @dataclass(frozen=True)
@@ -148,23 +149,23 @@ class AdaptiveStep(StepSizeController):
         step = self.first_step if self.first_step is not None else 1e-3 * span
         return StepSizeState(min(max(step, self.least or step), self.most or math.inf, span))
 
-    def after(self, pace: StepSizeState, error: float | None, order: int) -> tuple[bool, StepSizeState]:
+    def after(self, step_size: StepSizeState, error: float | None, order: int) -> tuple[bool, StepSizeState]:
         assert error is not None
         error /= self.rtol
         if error > 1.0:
             rungs = max(1, math.ceil(math.log2(error) / (order + 1) + 0.1))
-            found = self._down(pace, rungs)
-            return (True, pace) if found is None else (False, found)
-        grown = 2.0 * pace.step
+            found = self._down(step_size, rungs)
+            return (True, step_size) if found is None else (False, found)
+        grown = 2.0 * step_size.step
         fits = self.most is None or grown <= self.most * (1.0 + 1e-9)
         if fits and error < 0.8 * 2.0 ** -(order + 1):
-            if pace.waiting:
-                return True, StepSizeState(pace.step, pace.rung, pace.waiting - 1)
-            return True, StepSizeState(grown, pace.rung + 1, 1)
-        return True, StepSizeState(pace.step, pace.rung, min(pace.waiting, 1))
+            if step_size.waiting:
+                return True, StepSizeState(step_size.step, step_size.rung, step_size.waiting - 1)
+            return True, StepSizeState(grown, step_size.rung + 1, 1)
+        return True, StepSizeState(step_size.step, step_size.rung, min(step_size.waiting, 1))
 
-    def smaller(self, pace: StepSizeState) -> StepSizeState | None:
-        return self._down(pace, 1)
+    def smaller(self, step_size: StepSizeState) -> StepSizeState | None:
+        return self._down(step_size, 1)
 
     def missed(self, error: float | None) -> bool:
         return error is not None and error > self.rtol
@@ -172,12 +173,12 @@ class AdaptiveStep(StepSizeController):
     def adds_up(self, summed: float) -> bool:
         return summed > max(_MUCH, _SEVERAL * self.rtol)
 
-    def knows(self, pace: StepSizeState) -> bool:
-        return super().knows(pace) and pace.rung >= -_HALVINGS
+    def knows(self, step_size: StepSizeState) -> bool:
+        return super().knows(step_size) and step_size.rung >= -_HALVINGS
 
-    def _down(self, pace: StepSizeState, rungs: int) -> StepSizeState | None:
+    def _down(self, step_size: StepSizeState, rungs: int) -> StepSizeState | None:
         for down in range(rungs, 0, -1):
-            step = pace.step * 0.5**down
-            if (self.least is None or step >= self.least * (1.0 - 1e-9)) and pace.rung - down >= -_HALVINGS:
-                return StepSizeState(step, pace.rung - down, 2)
+            step = step_size.step * 0.5**down
+            if (self.least is None or step >= self.least * (1.0 - 1e-9)) and step_size.rung - down >= -_HALVINGS:
+                return StepSizeState(step, step_size.rung - down, 2)
         return None

@@ -13,12 +13,10 @@ from hemivar.basics.types import Array
 from hemivar.evolution.data_in_time import ChangedData, DataInTime
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.discrete_heat import DiscreteHeat
-from hemivar.evolution.energy_balance import EnergyBalance
-from hemivar.evolution.heat_balance import HeatBalance, ThermalState
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Midpoint, Scheme
-from hemivar.evolution.state import TimeState
+from hemivar.evolution.state import EnergyBalance, HeatBalance, ThermalState, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.solvers import Controls, Solver, Status
 from hemivar.systems.workspace import Workspace

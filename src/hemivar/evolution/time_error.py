@@ -100,14 +100,14 @@ class TimeBound:
 
     def __init__(
         self,
-        advance: TimeStepper,
+        stepper: TimeStepper,
         norm: str,
         why: str,
         contraction: float = 0.0,
         fading: float = 0.0,
         viscosity: SuperLU | None = None,
     ) -> None:
-        self.advance = advance
+        self.stepper = stepper
         self.norm = norm
         self.why = why
         self.square = 0.0 if norm else math.nan
@@ -125,11 +125,11 @@ class TimeBound:
         """Count a step; returns the square of the bound at its end."""
         if not self.norm:
             return self.square
-        discrete, step = self.advance.discrete, taken.step
+        discrete, step = self.stepper.discrete, taken.step
         n = discrete.unknowns
-        advance = self.advance
-        begin = advance.data.after(taken.before.time).load
-        end = advance.data.before(taken.moment.time).load
+        stepper = self.stepper
+        begin = stepper.data.after(taken.before.time).load
+        end = stepper.data.before(taken.moment.time).load
         bent, bent_square = self._bent(taken, begin, end)
         moved = (taken.moment.body.displacement - taken.before.body.displacement) / step
         if self.norm == "stiffness":
@@ -159,10 +159,10 @@ class TimeBound:
     def _bent(self, taken: StepResult, begin: Array, end: Array) -> tuple[float, float]:
         """Means over a step, with the loads at its ends, of what the load leaves the straight line between them by in
         the norm of C^-1, and of its square."""
-        discrete, start = self.advance.discrete, taken.before.time
+        discrete, start = self.stepper.discrete, taken.before.time
         mean = square = 0.0
         for part, weight in () if begin is end else _RULE:
-            load = self.advance.data.at(start + part * (taken.moment.time - start)).load
+            load = self.stepper.data.at(start + part * (taken.moment.time - start)).load
             gap = load - (1.0 - part) * begin - part * end
             sizes = (float(np.abs(one).max(initial=0.0)) for one in (gap, load, begin, end))
             off, *size = discrete.vectors.largest(*sizes).tolist()
@@ -175,13 +175,13 @@ class TimeBound:
     def _dual(self, force: Array) -> float:
         """``|f|_{C^-1}^2`` of a force on the unknowns."""
         assert self._viscosity is not None
-        (square,) = self.advance.discrete.vectors.total(float(force @ self._viscosity.solve(force)))
+        (square,) = self.stepper.discrete.vectors.total(float(force @ self._viscosity.solve(force)))
         return max(float(square), 0.0)
 
-    def _energy(self, moment: TimeState, load: Array) -> float:
+    def _energy(self, state: TimeState, load: Array) -> float:
         """E of a moment under a load."""
-        ledger = moment.ledger
-        (work,) = self.advance.discrete.vectors.total(float(load @ moment.body.displacement))
+        ledger = state.ledger
+        (work,) = self.stepper.discrete.vectors.total(float(load @ state.body.displacement))
         return float(ledger.elastic + ledger.contact - work)
 
 
@@ -192,51 +192,51 @@ def _moment(power: int, x: float) -> float:
     return float(gammainc(power + 1, x)) * math.factorial(power) / x ** (power + 1)
 
 
-def bound_in_time(advance: TimeStepper) -> TimeBound:
+def bound_in_time(stepper: TimeStepper) -> TimeBound:
     """The bound that a theorem allows for an evolution, or why there is none."""
-    discrete = advance.discrete
-    why = _uncovered(discrete, advance.scheme)
+    discrete = stepper.discrete
+    why = _uncovered(discrete, stepper.scheme)
     if why is not None:
-        return TimeBound(advance, "", why)
+        return TimeBound(stepper, "", why)
     assert discrete.viscosity is not None
     stated = discrete.evolution.problem
     law = discrete.problem.law
     if discrete.follows_slip.any():
-        return TimeBound(advance, "", "friction is a law of the slip")
+        return TimeBound(stepper, "", "friction is a law of the slip")
     moving = not law.rubs.any()
     still = moving and all(contact.damping is None for contact in discrete.contacts.values())
     if stated.time_dependent - {"load"}:
-        return TimeBound(advance, "", "supports, gaps or laws change with time")
+        return TimeBound(stepper, "", "supports, gaps or laws change with time")
     straight = ", for loads that go straight in every step" if stated.time_dependent else ""
     factor = None if still and not stated.time_dependent else _definite(discrete.viscosity.inner)
     if factor is None and not (still and not stated.time_dependent):
-        return TimeBound(advance, "", "the viscosity does not resist every motion of the body")
+        return TimeBound(stepper, "", "the viscosity does not resist every motion of the body")
     if still:
-        known = smallness(discrete.problem, trace_constant=False, workspace=advance.stages.workspace)
+        known = smallness(discrete.problem, trace_constant=False, workspace=stepper.stages.workspace)
         if known.sampled:
-            return TimeBound(advance, "", _SAMPLED)
+            return TimeBound(stepper, "", _SAMPLED)
         if not known.margin >= 0.0:
-            return TimeBound(advance, "", "the energy is not convex: the law softens faster than the body is stiff")
+            return TimeBound(stepper, "", "the energy is not convex: the law softens faster than the body is stiff")
         why = f"convex gradient flow (Nochetto, Savare, Verdi){straight}"
-        return TimeBound(advance, "viscosity", why, 1.0 - known.margin, _fading(stated), factor)
+        return TimeBound(stepper, "viscosity", why, 1.0 - known.margin, _fading(stated), factor)
     points = discrete.problem.contact.points
     rates = [contact.damping.at(points) for contact in discrete.contacts.values() if contact.damping is not None]
     if any(rate.weak_convexity.any() or rate.alpha_sampled for rate in rates):
-        return TimeBound(advance, "", "a law of the normal rate is not monotone, or not known to be")
+        return TimeBound(stepper, "", "a law of the normal rate is not monotone, or not known to be")
     if not all(isinstance(contact.normal, Bilateral | NoContact) for contact in discrete.contacts.values()):
-        return TimeBound(advance, "", "a law of the penetration acts beside a law of the rate")
+        return TimeBound(stepper, "", "a law of the penetration acts beside a law of the rate")
     viscous = discrete.problem.with_(
         bulk=Quadratic(discrete.viscosity.inner, assembled=True), load=np.zeros(discrete.unknowns)
     )
     known = smallness(viscous, trace_constant=False, workspace=Workspace(1))
     if known.sampled:
-        return TimeBound(advance, "", _SAMPLED)
+        return TimeBound(stepper, "", _SAMPLED)
     constant = known.constant
     if not constant < 1.0:
         return TimeBound(
-            advance, "", f"the law of the rate softens faster than the body is viscous (c = {constant:.3g})"
+            stepper, "", f"the law of the rate softens faster than the body is viscous (c = {constant:.3g})"
         )
-    return TimeBound(advance, "stiffness", f"law of the rate, c = {constant:.3g}{straight}", constant, viscosity=factor)
+    return TimeBound(stepper, "stiffness", f"law of the rate, c = {constant:.3g}{straight}", constant, viscosity=factor)
 
 
 def _definite(C: sp.csr_array) -> SuperLU | None:

@@ -19,8 +19,8 @@ from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Array, Record
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
-from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.history import History
+from hemivar.evolution.state import EnergyBalance
 from hemivar.files.record import plain, prepared, version
 from hemivar.files.series import write_pvd
 from hemivar.mesh.vtu_grid import BUDGET

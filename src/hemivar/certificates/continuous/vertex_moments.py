@@ -27,7 +27,7 @@ from hemivar.certificates.continuous.facet_table import facet_vertices
 from hemivar.errors import ProblemError
 from hemivar.mesh.keys import equal_rows
 
-__all__ = ["Tractions", "UnsettledTractions", "equilibrated", "shared_forces", "unsettled"]
+__all__ = ["Tractions", "UnsettledTractions", "equilibrated", "unsettled"]
 
 #: Part of the largest projection below which no facet at a vertex takes up a force along a direction.
 _FREE = 1e-10
@@ -151,11 +151,6 @@ def equilibrated(data: BodyData, pressures: Array, start: UnsettledTractions | N
     ``pressures`` is (F, k, d).
     """
     return (unsettled(data) if start is None else start).pressed(data, pressures).settled(data)
-
-
-def shared_forces(data: BodyData) -> Array:
-    """Moments (F, k, d) of tractions on contact facets that share the forces of the nodes in proportion to size."""
-    return unsettled(data).moments
 
 
 @dataclass(frozen=True, eq=False)
