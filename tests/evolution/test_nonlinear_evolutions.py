@@ -33,7 +33,7 @@ from hemivar.evolution import (
 )
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
-from hemivar.evolution.step_error import _energies
+from hemivar.evolution.margin import _energies
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.files import read_film, read_history_table
 from hemivar.mechanics.gradient_energy import PowerLaw

@@ -17,9 +17,9 @@ from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.march import Backend
+from hemivar.evolution.margin import step_error
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
-from hemivar.evolution.step_error import step_error
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.solvers import Controls, Status
 from tests import bodies

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
@@ -14,7 +15,6 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.certificates.by_factorisation import Mode, start_vector
 from hemivar.discrete.contact import contact_unknowns, selects
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.linear.definite import lowest_quotient, quotient, rounding
@@ -25,7 +25,7 @@ from hemivar.systems.body_on_levels import levels_of
 from hemivar.systems.free_unknowns import free_unknowns
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["SolveByCycles", "SolveByMultigrid", "Subspace"]
+__all__ = ["Mode", "SolveByCycles", "SolveByMultigrid", "Subspace", "start_vector"]
 
 #: An estimate of the smallest eigenvalue of K, scaled to a unit diagonal, that stands for zero if no mesh says more.
 _ESTIMATED = 1e-9
@@ -49,6 +49,17 @@ _SAFETY = 0.5
 _APART = 0.1
 #: Cycles that tell how good one is.
 _TRIED = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """An eigenvalue at the upper end of a pencil."""
+
+    #: What the vector attains, so that the eigenvalue is no smaller; what it is at most, as far as the method knows.
+    value: float
+    bound: float
+    #: (n,), of energy norm one; None where it is not kept.
+    vector: Array | None = None
 
 
 class Subspace:
@@ -148,6 +159,9 @@ class SolveByCycles:
     Dual norms are bounded from above by what conjugate gradients have found plus ``r'C r / quality``, r being the
     residual that is left, C the cycle, and ``quality`` the smallest eigenvalue of C K.  That one and :attr:`lowest` are
     estimates, made smaller by a factor two or more.
+
+    K multiplies (n,) and (n, k), n being the unknowns of this process; a cycle (n,) leaves unknowns that are held at
+    rest, and rows of eigenproblems see none of other processes.
     """
 
     factorised: ClassVar[bool] = False
@@ -434,3 +448,8 @@ class SolveByMultigrid(SolveByCycles):
         return Subspace(
             self._levels.matrix(k), partial(_columns, partial(self._levels.cycle, k)), S, np.ones(S.shape[0]), X, count
         )
+
+
+def start_vector(n: int) -> Array:
+    """A starting vector with every component present and most of it smooth."""
+    return 1.0 + 0.3 * np.random.default_rng(11).standard_normal(n)

@@ -30,13 +30,12 @@ from hemivar.evolution.initial_equilibrium import (
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march_events import OnEvent
 from hemivar.evolution.march_state import Checkpoint, MarchState, misfit
-from hemivar.evolution.margin import Margins
+from hemivar.evolution.margin import Margins, crosses_energy_barrier, step_error
 from hemivar.evolution.plan import March
 from hemivar.evolution.save import Frames, contact_forces, healing, large_deformation, probed
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_end import energies
-from hemivar.evolution.step_error import crosses_energy_barrier, step_error
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.evolution.steps import StepSizeState
 from hemivar.evolution.thermal_stepper import stepper_of

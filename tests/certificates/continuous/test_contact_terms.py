@@ -10,8 +10,7 @@ import pytest
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
-from hemivar.certificates.continuous.fenchel import fenchel_gap, following
-from hemivar.certificates.continuous.one_sided import one_sided
+from hemivar.certificates.continuous.fenchel import fenchel_gap, following, one_sided
 from hemivar.gallery.survey_problems import survey, survey_cube
 from hemivar.laws import (
     Compliance,

@@ -12,8 +12,8 @@ import hemivar as hv
 from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import contact_traces
 from hemivar.certificates.continuous.exact_distance import exact_distance
+from hemivar.certificates.continuous.fenchel import one_sided, one_sided_constants
 from hemivar.certificates.continuous.hypotheses import body_shape, unmet_hypotheses
-from hemivar.certificates.continuous.one_sided import one_sided, one_sided_constants
 from hemivar.certificates.continuous.trace_bounds import TraceBounds, guaranteed_trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.gallery import survey, survey_cube

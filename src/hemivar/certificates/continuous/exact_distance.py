@@ -30,10 +30,9 @@ from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, 
 from hemivar.certificates.continuous.bare_body import has_constant_normals
 from hemivar.certificates.continuous.body_data import BodyData, body_data
 from hemivar.certificates.continuous.contact_traces import ContactTraces, admissible_displacement, contact_traces
-from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following
+from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
 from hemivar.certificates.continuous.hypotheses import inexact_data, stated_conditions, unmet_hypotheses
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
-from hemivar.certificates.continuous.one_sided import one_sided_constants
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
 from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother

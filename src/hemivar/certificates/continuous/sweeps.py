@@ -1,6 +1,6 @@
 """Tractions are improved patch by patch: less misfit, the same equilibrium.
 
-A change x of the fields of a patch (:mod:`hemivar.certificates.continuous.patch_fields`) changes the stress by one
+A change x of the fields of a patch (:mod:`hemivar.certificates.continuous.patches`) changes the stress by one
 without divergence and without tractions on the other facets. The best one minimises the misfit, ``x'H x / 2 + b'x``.
 H are energies of the cells in the moments of their facets, and b what the slope of the misfit in these, which is kept
 for each cell, is in the fields. Contact facets add the price of tractions that leave what the law allows.
@@ -23,13 +23,14 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress
 from hemivar.certificates.continuous.compiled_patches import CompiledPatches, PatchOrder, Prices
-from hemivar.certificates.continuous.patch_fields import PatchFields, patch_fields
 from hemivar.certificates.continuous.patches import (
     Batch,
+    PatchFields,
     PatchKind,
     cell_patches,
     lowering,
     patch_batches,
+    patch_fields,
     patch_sides,
 )
 from hemivar.certificates.continuous.split_element import facet_mass
