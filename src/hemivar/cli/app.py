@@ -7,32 +7,26 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
 from hemivar import __version__
-from hemivar.basics.disk import shown, write_text
-from hemivar.cli.certification import certify
-from hemivar.cli.comparison import compare
-from hemivar.cli.doctor import doctor
-from hemivar.cli.equilibria import bracket, path, solutions
-from hemivar.cli.identifying import identify
-from hemivar.cli.law_study import laws
-from hemivar.cli.march_results import animate, history
-from hemivar.cli.marching import march
-from hemivar.cli.material_study import materials
+from hemivar.cli.aside import DoctorCommand, MethodsCommand, NewCommand, StudioCommand
+from hemivar.cli.command import Command, function_of
+from hemivar.cli.comparison import CertifyCommand, CompareCommand, SurveyCommand
+from hemivar.cli.equilibria import BracketCommand, PathCommand, SolutionsCommand
+from hemivar.cli.identifying import IdentifyCommand
+from hemivar.cli.law_study import LawsCommand, MaterialsCommand
+from hemivar.cli.march_results import AnimateCommand, HistoryCommand
+from hemivar.cli.march_run import MarchCommand
 from hemivar.cli.options import Exit
-from hemivar.cli.outputs import check_outputs, internal_error, one_line
-from hemivar.cli.solving import solve
-from hemivar.cli.studio import studio
-from hemivar.cli.study import study
-from hemivar.cli.survey_runs import survey
-from hemivar.cli.sweep import sweep
+from hemivar.cli.outputs import internal_error, one_line
+from hemivar.cli.solving import SolveCommand
+from hemivar.cli.study import StudyCommand, SweepCommand
 from hemivar.cli.terminal import Stream, guarded_streams, quiet_warnings, signals_as_interrupts
-from hemivar.errors import HemivarError, ProblemError
+from hemivar.errors import HemivarError
 
 __all__ = ["app", "main"]
 
@@ -150,54 +144,26 @@ def _root(
         print(_FIRST.format(version=__version__))
 
 
-def new(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")] = Path("problem.toml"),
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
-    kind: Annotated[
-        str,
-        typer.Option("--template", metavar="NAME", help="Example to begin with; see 'hemivar new --template list'."),
-    ] = "sample",
-) -> int:
-    """Write a problem file that solves as it is."""
-    from hemivar.files.sample import TEMPLATES, template
-
-    if kind == "list":
-        for name, what in TEMPLATES.items():
-            print(f"{name:<14}{what}")
-        return Exit.CONVERGED
-    text = template(kind)
-
-    if file.exists() and not file.is_dir() and not force:
-        raise ProblemError(f"{file}: the file exists; name another one, or overwrite it with --force")
-    check_outputs({"FILE": file})
-    write_text(file, text.replace("FILE", shown(file), 1))
-    command = "march" if "\n[time]" in text else "solve"
-    print(f"written           {shown(file)}\nnow try           hemivar {command} {shown(file)} --plot figure.png")
-    return Exit.CONVERGED
-
-
-def methods() -> int:
-    """List the methods."""
-    from dataclasses import fields, is_dataclass
-
-    from hemivar.solvers import METHODS
-
-    def first_line(thing: object) -> str:
-        return (type(thing).__doc__ or "").strip().split("\n")[0]
-
-    for name, solver in METHODS.items():
-        print(f"{name}\n    {first_line(solver)}")
-        for option in fields(solver):  # type: ignore[arg-type]
-            inner = getattr(solver, option.name)
-            if is_dataclass(inner):
-                print(f"    {first_line(inner)}")
-    print("\nWhere no method is named, newton or multigrid is chosen by predicted cost and memory.")
-    return Exit.CONVERGED
-
-
-_COMMANDS: tuple[Callable[..., int], ...] = (
-    solve, certify, solutions, path, bracket, march, history, animate, compare, study, sweep, identify, survey, new,
-    laws, materials, methods, doctor, studio,
-)  # fmt: skip
-for _command in _COMMANDS:
-    app.command(_command.__name__)(_command)
+_COMMANDS: dict[str, type[Command]] = {
+    "solve": SolveCommand,
+    "certify": CertifyCommand,
+    "solutions": SolutionsCommand,
+    "path": PathCommand,
+    "bracket": BracketCommand,
+    "march": MarchCommand,
+    "history": HistoryCommand,
+    "animate": AnimateCommand,
+    "compare": CompareCommand,
+    "study": StudyCommand,
+    "sweep": SweepCommand,
+    "identify": IdentifyCommand,
+    "survey": SurveyCommand,
+    "new": NewCommand,
+    "laws": LawsCommand,
+    "materials": MaterialsCommand,
+    "methods": MethodsCommand,
+    "doctor": DoctorCommand,
+    "studio": StudioCommand,
+}
+for _name, _kind in _COMMANDS.items():
+    app.command(_name)(function_of(_kind))

@@ -1,90 +1,164 @@
-"""``hemivar compare``: several methods in one table."""
+"""``hemivar certify``, ``compare`` and ``survey``: what is known about a solution, methods in one table, a survey."""
 
 from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING, Annotated
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
-import typer
-
-from hemivar.cli.options import Csv, Exit, Given, Json, MaxSteps, MaxTime, ProblemPath, Rtol, controls_of, method_named
-from hemivar.cli.outputs import one_line
-from hemivar.cli.printing import StageView, console, print_head, print_table
-from hemivar.cli.session import Session
+from hemivar.basics.disk import shown
+from hemivar.basics.first_use import cached_property
+from hemivar.cli import options as opt
+from hemivar.cli.command import Command, Done, OnProblem
+from hemivar.cli.options import check_limits, controls_of, method_named, option
+from hemivar.cli.outputs import Files, check_folder, one_line
+from hemivar.cli.printing import SolveView, StageView, console, print_table
+from hemivar.cli.terminal import quiet_logging
+from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
     from hemivar.files.problem_file import ProblemFile
+    from hemivar.report.survey import SurveyReport
+    from hemivar.solvers import Solver
     from hemivar.workflows import Attempt, Comparison, Event
 
-__all__ = ["compare"]
+__all__ = ["CertifyCommand", "CompareCommand", "SurveyCommand"]
 
+#: Cells up to which the distance to the exact solution is bounded unless that is refused: half a minute.
+_CELLS = {2: 300_000, 3: 60_000}
+
+#: Relative residual up to which a given vector counts as a solution.
+_RTOL = 1e-8
+
+
+class CertifyCommand(OnProblem):
+    """Certify a solution: residuals, uniqueness, guaranteed distances to the discrete and to the exact solution, kind.
+
+    The distance to the exact solution is left out on large meshes, unless --exact asks for it. Exit code 0 if the
+    residual is below the tolerance, 1 if not.
+    """
+
+    solution: Annotated[Path | None, option("Solution to certify, .json or .vtu (solve first).", of="FILE")] = None
+    json: opt.Json = None
+    rtol: opt.Rtol = None
+    max_time: opt.MaxTime = None
+    exact: opt.Exact = None
+    given: opt.Given = None
+
+    def check(self) -> None:
+        path = self.solution
+        if path is not None and path.suffix.lower() not in (".json", ".vtu"):
+            raise ProblemError(f"--solution {path}: the name must end in .json or .vtu")
+        if path is not None and not path.is_file():
+            raise ProblemError(f"--solution {path}: there is no such file; write it with 'hemivar solve'")
+
+    @property
+    def read(self) -> Path | None:
+        return self.solution
+
+    def work(self) -> Done:
+        from hemivar.workflows import CertifyOptions, certify, result_of
+
+        session, discrete = self.session, self.discrete()
+        view = SolveView(quiet=True)
+        unknowns = multiplier = None
+        if self.solution is not None:
+            from hemivar.files import read_solution
+
+            unknowns, multiplier = read_solution(self.solution, discrete)
+        mesh, rtol = session.stated.problem.mesh, _RTOL if self.rtol is None else self.rtol
+        exact = mesh.number_of_cells <= _CELLS[mesh.dim] if self.exact is None else self.exact
+        options = CertifyOptions(rtol, controls_of(session.stated, None, self.max_time), session.method, exact)
+        certificate = result_of(certify(discrete, unknowns, multiplier, options), view)
+        if view.solution is not None:
+            print(f"solution          solved here by {view.solution.method} ({view.solution.status.value})")
+        else:
+            print(f"solution          {shown(str(self.solution))}")
+            print(f"multiplier        {'recomputed from equilibrium' if multiplier is None else 'read from the file'}")
+        for line in certificate.lines(whole=True):
+            print(line)
+        if self.exact is None and not exact:
+            print("exact solution    its distance is left out because the mesh is large; --exact computes it")
+        record = {
+            "problem": session.stated.name,
+            "solution": None if self.solution is None else str(self.solution),
+            "fulfilled": certificate.stationary,
+            "certificate": certificate.record(),
+        }
+        return Done({"--json": record}, certificate.stationary)
+
+
+#: Seconds that a method has.
 _SECONDS = 60.0
 _COLUMNS = ("method", "status", "time (s)", "steps", "evaluations", "residual", "energy", "difference")
 _KEYS = ("method", "status", "seconds", "steps", "evaluations", "residual", "energy", "difference")
 
 
-def compare(
-    problem: ProblemPath,
-    methods: Annotated[str | None, typer.Option(metavar="A,B,...", help="Methods to compare (all).")] = None,
-    json: Json = None,
-    csv: Csv = None,
-    rtol: Rtol = None,
-    max_time: MaxTime = None,
-    max_steps: MaxSteps = None,
-    given: Given = None,
-) -> int:
+class CompareCommand(OnProblem):
     """Solve a contact problem by several methods and compare them in one table.
 
     A method ends after 60 s unless --max-time says otherwise. The reference is newton, or multigrid where no
     factorisation fits into the memory. Exit code 0 if it converged,
     whatever the others did.
     """
-    from hemivar.report.tables import Table
-    from hemivar.solvers import METHODS
-    from hemivar.workflows import CompareOptions, Condensed, result_of
-    from hemivar.workflows import compare as compared
 
-    names = list(METHODS) if methods is None else [name.strip() for name in methods.split(",")]
-    solvers = {name: method_named(name) for name in names}
-    session = Session(problem, {"--json": json, "--csv": csv}, rtol, max_time, max_steps, given=given)
-    stated, writer = session.stated, session.writer
-    controls = controls_of(stated, rtol, max_time or stated.solver.max_time or _SECONDS, max_steps)
-    discrete = session.discrete()
-    print_head(stated, discrete)
-    terminal = console()
-    with StageView(terminal) as stages:
+    methods: Annotated[str | None, option("Methods to compare (all).", of="A,B,...")] = None
+    json: opt.Json = None
+    csv: opt.Csv = None
+    rtol: opt.Rtol = None
+    max_time: opt.MaxTime = None
+    max_steps: opt.MaxSteps = None
+    given: opt.Given = None
+    tells: ClassVar = False
 
-        def show(event: Event) -> None:
-            match event:
-                case Condensed(seconds, reason):
-                    if seconds is None:
-                        print(f"condensation      none: {reason}")
-                    else:
-                        print(f"condensation      {seconds:.3g} s, shared by all methods, not in the times below")
-                    limits = f"{controls.max_time:g} s for each method, relative residual {controls.rtol:.0e}"
-                    print(f"limits            {limits}\n")
-                case _:
-                    stages(event)
+    @cached_property
+    def solvers(self) -> dict[str, Solver]:
+        """The methods to compare, by name."""
+        from hemivar.solvers import METHODS
 
-        found = result_of(compared(discrete, CompareOptions(solvers, controls)), show)
-    columns = tuple(stated.units.head(name, "energy" if name == "energy" else "") for name in _COLUMNS)
-    table = Table(columns, tuple(_row(tried) for tried in found.attempts))
-    print_table(terminal, table)
-    if found.reference is not None:
-        print(f"difference: relative, in the energy norm, to {found.reference.name}")
-    for tried in found.attempts:
-        if tried.note:
-            print(f"{tried.name}: {tried.note}")
-    writer.write("--csv", csv, table.write_csv)
-    writer.write_record(json, _record(stated, found))
-    if found.interrupted:
-        return writer.ended(Exit.INTERRUPTED)
-    first = found.attempts[0]
-    if first.status != "converged":
-        sys.stderr.write(f"hemivar: the reference method {first.name} did not converge: {one_line(first.note)}\n")
-        return writer.ended(Exit.NOT_CONVERGED)
-    return writer.ended(Exit.CONVERGED)
+        names = METHODS if self.methods is None else [name.strip() for name in self.methods.split(",")]
+        return {name: method_named(name) for name in names}
+
+    def check(self) -> None:
+        _ = self.solvers  # a name that is not known is refused
+
+    def work(self) -> Done:
+        from hemivar.report.tables import Table
+        from hemivar.workflows import CompareOptions, Condensed, compare, result_of
+
+        stated = self.session.stated
+        most = self.max_time or stated.solver.max_time or _SECONDS
+        controls = controls_of(stated, self.rtol, most, self.max_steps)
+        discrete = self.discrete()
+        with StageView(console()) as stages:
+
+            def show(event: Event) -> None:
+                if not isinstance(event, Condensed):
+                    return stages(event)
+                if event.seconds is None:
+                    print(f"condensation      none: {event.reason}")
+                else:
+                    print(f"condensation      {event.seconds:.3g} s, shared by all methods, not in the times below")
+                limits = f"{controls.max_time:g} s for each method, relative residual {controls.rtol:.0e}"
+                return print(f"limits            {limits}\n")
+
+            found = result_of(compare(discrete, CompareOptions(self.solvers, controls)), show)
+        columns = tuple(stated.units.head(name, "energy" if name == "energy" else "") for name in _COLUMNS)
+        table = Table(columns, tuple(map(_row, found.attempts)))
+        print_table(console(), table)
+        if found.reference is not None:
+            print(f"difference: relative, in the energy norm, to {found.reference.name}")
+        for tried in found.attempts:
+            if tried.note:
+                print(f"{tried.name}: {tried.note}")
+        files: Files = {"--csv": table.write_csv, "--json": _record(stated, found)}
+        if found.interrupted or found.attempts[0].status == "converged":
+            return Done(files, interrupted=found.interrupted)
+        first = found.attempts[0]
+        line = f"hemivar: the reference method {first.name} did not converge: {one_line(first.note)}\n"
+        return Done(files, False, last=lambda: sys.stderr.write(line))
 
 
 def _row(tried: Attempt) -> tuple[str | float | None, ...]:
@@ -114,3 +188,69 @@ def _record(stated: ProblemFile, found: Comparison) -> dict[str, object]:
         "reference": None if found.reference is None else found.reference.name,
         "methods": records,
     }
+
+
+class SurveyCommand(Command):
+    """Reproduce the survey's numerical section: its Figures 1 to 5 and its Table 1.
+
+    A method ends after 60 s on each mesh unless --max-time says otherwise.
+    """
+
+    output: Annotated[
+        Path, option("Write figures, tables and report.html in a folder.", "--output", "-o", of="DIR")
+    ] = Path("survey-output")
+    max_n: Annotated[int, option("Finest mesh size is 1/N; a power of two.", of="N")] = 128
+    max_time: opt.MaxTime = None
+    bounds: Annotated[bool, option("Bound the distance to the exact solution in Figure 5.")] = True
+    tells: ClassVar = False
+
+    @property
+    def _limit(self) -> float:
+        return _SECONDS if self.max_time is None else self.max_time
+
+    def check(self) -> None:
+        from hemivar.report.survey import FILES
+
+        check_limits(max_time=self._limit)
+        if not 8 <= self.max_n <= 1024 or self.max_n & (self.max_n - 1):
+            raise ProblemError(f"--max-n is {self.max_n}; it must be a power of two, at least 8 and at most 1024")
+        check_folder(self.output, FILES)
+
+    def work(self) -> Done:
+        from hemivar.report.survey import run_survey
+
+        with StageView(console()) as stages, quiet_logging():
+            result = run_survey(
+                self.output,
+                max_n=self.max_n,
+                method_time_limit=self._limit,
+                bounds=self.bounds,
+                progress=stages,
+            )
+        self._print(result)
+        self.writer.failed += result.failed.values()
+        return Done(interrupted=result.runs.interrupted)
+
+    def _print(self, result: SurveyReport) -> None:
+        table, runs = result.table1(), result.runs
+        if table.rows:
+            print_table(console(), table)
+        if runs.orders:
+            print("observed orders of convergence in the V-norm (reference, method)")
+            for (reference, method), order in runs.orders.items():
+                print(f"    {order:5.2f}   {reference}, {method}")
+        if runs.bounds:
+            kind = "estimates" if runs.not_guaranteed else "guaranteed bounds"
+            size = f"h = 1/{self.max_n}; over the errors of Figure 5"
+            print(f"{kind} of the distance to the exact solution in the V-norm, {size}")
+            for method, found in runs.bounds.items():
+                ratios = [found[-2] / errors[-2] for (_, of), errors in runs.errors.items() if of == method]
+                print(
+                    f"    {found[-1]:.3g}   {method}, at h = 1/{self.max_n // 2} {min(ratios):.2f} to {max(ratios):.2f}"
+                )
+        report = self.output / "report.html"
+        others = len(result.files) - (report in result.files)
+        print(f"\nwritten           {f'{shown(report)} and ' if report in result.files else ''}{others} other files")
+        print(f"time              {time.perf_counter() - result.started:.3g} s")
+        if runs.interrupted:
+            print("interrupted: the report holds what was done until then")

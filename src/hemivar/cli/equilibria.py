@@ -3,132 +3,98 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from hemivar.basics.arguments import suggest
-from hemivar.cli.options import (
-    MOST_STEPS,
-    Colour,
-    Exit,
-    Given,
-    Json,
-    MaxSolutions,
-    MaxTime,
-    ProblemPath,
-    Rtol,
-    Seed,
-    Starts,
-    check_colour,
-    check_load_factors,
-)
-from hemivar.cli.printing import StageView, console, print_head, print_table
-from hemivar.cli.session import Session
-from hemivar.cli.solving import check_drawable, draw
+from hemivar.basics.first_use import cached_property
+from hemivar.cli import options as opt
+from hemivar.cli.command import Done, OnProblem, watched
+from hemivar.cli.options import MOST_STEPS, check_colour, check_load_factors, option, written
+from hemivar.cli.outputs import Files
+from hemivar.cli.printing import console, print_head, print_table
+from hemivar.cli.solving import check_drawable, colour_named, label_units, pictures_of
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from hemivar.basics.types import Array
     from hemivar.basics.units import Units
     from hemivar.branches import Path as EquilibriumPath
     from hemivar.branches import SolutionSet
     from hemivar.report.tables import Table
 
-__all__ = ["bracket", "path", "solutions"]
+__all__ = ["BracketCommand", "PathCommand", "SolutionsCommand"]
 
 _SHOWN = 12
 
 
-def solutions(
-    problem: ProblemPath,
-    json: Json = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw all side by side, and each one as FILE_1, FILE_2 ...")
-    ] = None,
-    colour: Colour = None,
-    starts: Starts = 40,
-    max_solutions: MaxSolutions = 100,
-    seed: Seed = 0,
-    rtol: Rtol = None,
-    max_time: MaxTime = None,
-    given: Given = None,
-) -> int:
+class SolutionsCommand(OnProblem):
     """Find all solutions of a problem, with their energies and kinds; says how far it searched.
 
     Exit code 0 if at least one was found.
     """
-    check_colour(colour, {"--plot": plot})
-    session = Session(problem, {"--json": json, "--plot": plot}, rtol=rtol, max_time=max_time, given=given)
-    check_drawable(session.stated, None, colour)
-    discrete = session.discrete()
-    print_head(session.stated, discrete)
-    from hemivar.files import solution_record
-    from hemivar.workflows import SolutionsOptions, result_of
-    from hemivar.workflows import solutions as search
 
-    with StageView(console()) as view:
-        found = result_of(search(discrete, SolutionsOptions(starts, max_solutions, seed, session.controls)), view)
-    if json is not None:
+    json: opt.Json = None
+    plot: Annotated[opt.File, written("Draw all side by side, and each one as FILE_1, FILE_2 ...")] = None
+    colour: opt.Colour = None
+    starts: opt.Starts = 40
+    max_solutions: opt.MaxSolutions = 100
+    seed: opt.Seed = 0
+    rtol: opt.Rtol = None
+    max_time: opt.MaxTime = None
+    given: opt.Given = None
+
+    def check(self) -> None:
+        check_colour(self.colour, {"--plot": self.plot})
+
+    def work(self) -> Done:
+        from hemivar.files import solution_record
+        from hemivar.workflows import SolutionsOptions, solutions
+
+        session = self.session
+        check_drawable(session.stated, None, self.colour)
+        options = SolutionsOptions(self.starts, self.max_solutions, self.seed, session.controls)
+        found = watched(solutions(self.discrete(), options))
+        print(f"solutions         {len(found)}; {'no others exist' if found.exhaustive else 'there may be others'}")
+        print(f"searched          {found.searched}")
+        if len(found):
+            print_table(console(), _solutions_table(found, session.stated.units))
+        for number, one in enumerate(found):
+            if one.deformation is not None and one.deformation.warning is not None:
+                print(f"warning           solution {number + 1}: {one.deformation.warning}")
         record = {
             "problem": session.stated.name,
             "exhaustive": found.exhaustive,
             "searched": found.searched,
             "starts": found.starts,
-            "solutions": [{"kind": s.kind, **solution_record(s)} for s in found],
+            "solutions": [{"kind": s.kind, **solution_record(s)} for s in found] if self.json else [],
         }
-        session.writer.write_record(json, record)
-    print(f"solutions         {len(found)}; {'no others exist' if found.exhaustive else 'there may be others'}")
-    print(f"searched          {found.searched}")
-    if len(found):
-        print_table(console(), _solutions_table(found, session.stated.units))
-        for number, one in enumerate(found):
-            if one.deformation is not None and one.deformation.warning is not None:
-                print(f"warning           solution {number + 1}: {one.deformation.warning}")
-        if plot is not None:
-            _draw(session, found, plot, colour)
-    session.writer.tell()
-    code = Exit.CONVERGED if len(found) else Exit.NOT_CONVERGED
-    return session.writer.ended(Exit.INTERRUPTED if found.interrupted else code)
+        return Done({"--json": record, **self._pictures(found)}, len(found) > 0, found.interrupted)
 
+    def _pictures(self, found: SolutionSet) -> Files:
+        """All solutions on one picture, and each on one of its own, named after it."""
+        file, session = self.plot, self.session
+        if file is None or not len(found):
+            return {}
+        from hemivar.report import plot_solution, plot_solutions
+        from hemivar.report.solution_pictures import MOST_PICTURES, common_scale
+        from hemivar.systems.workspace import Workspace
 
-def _draw(session: Session, found: SolutionSet, file: Path, colour: str | None) -> None:
-    """All solutions on one picture, and each on one of its own, named after it."""
-    from hemivar.report import BodyColour, plot_solution, plot_solutions, save
-    from hemivar.report.solution_pictures import MOST_PICTURES, common_scale
-    from hemivar.systems.workspace import Workspace
+        kept, scale, colour, units = Workspace(), common_scale(found), colour_named(self.colour), label_units(session)
 
-    shade = None if colour is None else BodyColour(colour)
-    units = session.stated.units
-    kept, scale, writer = Workspace(), common_scale(found), session.writer
+        def one(number: int) -> Figure:
+            solution = found[number]
+            certificate = solution.certify(trace_constant=False, workspace=kept)
+            title = f"{session.title or session.stated.name}, solution {number + 1}: energy {solution.energy:.6g}"
+            return plot_solution(solution, scale=scale, title=title, colour=colour, certificate=certificate, **units)
 
-    def one(number: int, path: Path) -> None:
-        solution = found[number]
-        certificate = solution.certify(trace_constant=False, workspace=kept)
-        title = f"{session.title or session.stated.name}, solution {number + 1}: energy {solution.energy:.6g}"
-        save(
-            plot_solution(
-                solution,
-                scale=scale,
-                title=title,
-                colour=shade,
-                certificate=certificate,
-                unit=units.length,
-                stress_unit=units.stress,
-            ),
-            path,
-        )
-
-    def overview(path: Path) -> None:
-        save(
-            plot_solutions(found, title=session.title, colour=shade, unit=units.length, stress_unit=units.stress), path
-        )
-
-    writer.write("--plot", file, overview, picture=True)
-    for number in range(min(len(found), MOST_PICTURES)):
-        own = file.with_name(f"{file.stem}_{number + 1}{file.suffix}")
-        writer.write("--plot", own, lambda path, number=number: one(number, path), picture=True)  # type: ignore[misc]
+        own = [file.with_name(f"{file.stem}_{number + 1}{file.suffix}") for number in range(len(found))]
+        return {
+            "--plot": partial(plot_solutions, found, title=session.title, colour=colour, **units),
+            **{path: partial(one, number) for number, path in enumerate(own[:MOST_PICTURES])},
+        }
 
 
 def _solutions_table(found: SolutionSet, units: Units) -> Table:
@@ -160,65 +126,63 @@ def _solutions_table(found: SolutionSet, units: Units) -> Table:
     return Table(columns, rows)
 
 
-def path(
-    problem: ProblemPath,
-    load_factor: Annotated[
-        tuple[float, float], typer.Option(metavar="LOW HIGH", help="Factor of all loads, from low to high.")
-    ] = (0.0, 1.0),
-    quantity: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="What is drawn over the load: max-penetration, normal-force, ...; by default what changes most.",
-        ),
-    ] = None,
-    json: Json = None,
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
-    max_points: Annotated[int, typer.Option(metavar="N", min=2, max=MOST_STEPS, help="Limit of points.")] = 2000,
-    max_time: MaxTime = None,
-    end_at: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="End where a quantity has this value: max-opening=0.1."),
-    ] = None,
-    given: Given = None,
-) -> int:
+class PathCommand(OnProblem):
     """Follow the equilibria while the load grows, through folds: limit load, first instability, folds, jumps.
 
     Exit code 0 if the path reaches an end of the range, or the value of --end-at.
     """
-    from hemivar.branches.path_quantities import QUANTITIES, checked_until
-    from hemivar.report.path_diagrams import fitting_quantity, path_record, plot_path
 
-    check_load_factors(*load_factor)
-    if quantity is not None and quantity not in QUANTITIES:
-        raise ProblemError(f"quantity '{quantity}' is not known{suggest(quantity, list(QUANTITIES))}")
-    ends = checked_until(dict(_named_value(text) for text in end_at or ()))
-    session = Session(problem, {"--json": json, "--plot": plot}, max_time=max_time, given=given)
-    writer = session.writer
-    print_head(session.stated, session.discrete())
-    from hemivar.report.saving import save
-    from hemivar.workflows import PathOptions, result_of
-    from hemivar.workflows import path as follow
+    load_factor: Annotated[tuple[float, float], option("Factor of all loads, from low to high.", of="LOW HIGH")] = (
+        0.0,
+        1.0,
+    )
+    quantity: Annotated[
+        str | None,
+        option(
+            "What is drawn over the load: max-penetration, normal-force, ...; by default what changes most.", of="NAME"
+        ),
+    ] = None
+    json: opt.Json = None
+    plot: Annotated[opt.File, written("Draw the path (.png, .svg or .pdf).")] = None
+    max_points: Annotated[int, option("Limit of points.", of="N", least=2, most=MOST_STEPS)] = 2000
+    max_time: opt.MaxTime = None
+    end_at: Annotated[
+        list[str] | None, option("End where a quantity has this value: max-opening=0.1.", of="NAME=VALUE")
+    ] = None
+    given: opt.Given = None
 
-    options = PathOptions(load_factor, max_points, session.controls.max_time, until=ends)
-    with StageView(console()) as view:
-        found = result_of(follow(session.stated.problem, options), view)
-    _print_path(found)
-    quantity = fitting_quantity(found) if quantity is None else quantity
-    record = path_record(found, quantity)
-    for point in record["points"]:
-        point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None
-    writer.write_record(json, record)
+    @cached_property
+    def ends(self) -> dict[str, float]:
+        """Values at which the path ends."""
+        from hemivar.branches.path_quantities import checked_until
 
-    def draw(file: Path) -> None:
+        return dict(checked_until(dict(map(_named_value, self.end_at or ()))))
+
+    def check(self) -> None:
+        from hemivar.branches.path_quantities import QUANTITIES
+
+        check_load_factors(*self.load_factor)
+        if self.quantity is not None and self.quantity not in QUANTITIES:
+            raise ProblemError(f"quantity '{self.quantity}' is not known{suggest(self.quantity, list(QUANTITIES))}")
+        _ = self.ends  # one that is not known is refused
+
+    def work(self) -> Done:
+        from hemivar.report.path_diagrams import fitting_quantity, path_record, plot_path
+        from hemivar.workflows import PathOptions, path
+
+        session = self.session
+        self.discrete()
+        options = PathOptions(self.load_factor, self.max_points, session.controls.max_time, until=self.ends)
+        found = watched(path(session.stated.problem, options))
+        _print_path(found)
+        quantity = fitting_quantity(found) if self.quantity is None else self.quantity
+        record = path_record(found, quantity)
+        for point in record["points"]:
+            point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None
         units = session.stated.units
         unit = units.force if "force" in quantity else units.length
-        save(plot_path(found, quantity=quantity, title=session.title, unit=unit), file)
-
-    writer.write("--plot", plot, draw, picture=True)
-    writer.tell()
-    code = Exit.CONVERGED if found.reached_end else Exit.NOT_CONVERGED
-    return writer.ended(Exit.INTERRUPTED if found.interrupted else code)
+        draw = partial(plot_path, found, quantity=quantity, title=session.title, unit=unit)
+        return Done({"--json": record, "--plot": draw}, found.reached_end, found.interrupted)
 
 
 def _named_value(text: str) -> tuple[str, float]:
@@ -265,48 +229,42 @@ def _rounded(values: Array) -> tuple[float, float]:
     return low, high
 
 
-def bracket(
-    problem: ProblemPath,
-    upto: Annotated[float, typer.Option(metavar="X", help="The largest load factor.")] = 5.0,
-    json: Json = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the body at the largest load that it carries.")
-    ] = None,
-    colour: Colour = None,
-    max_time: MaxTime = None,
-    given: Given = None,
-) -> int:
+class BracketCommand(OnProblem):
     """Bracket the load that a body carries: the load grows from zero until no equilibrium is found.
 
     A load that is not carried is a numerical finding.
 
     Exit code 0 if the whole load is carried or the bracket is closed.
     """
-    from hemivar.files import solution_record
-    from hemivar.solvers import Status
-    from hemivar.workflows import BracketOptions, result_of
-    from hemivar.workflows import bracket as work
 
-    check_colour(colour, {"--plot": plot})
-    outputs = {"--json": json, "--plot": plot, "--plot-contact": None}
-    session = Session(problem, outputs, max_time=max_time, given=given)
-    check_drawable(session.stated, None, colour)
-    options = BracketOptions(upto, session.controls.max_time)
-    with StageView(console()) as view:
-        found = result_of(work(session.stated.problem, options), view)
-    print_head(session.stated, found.solution.problem)
-    print(f"\n{found}")
-    record = {
-        "problem": session.stated.name,
-        "upto": found.upto,
-        "carried": found.carried,
-        "not_carried": found.not_carried,
-        "ended": found.ended.value,
-        "tried": found.tried,
-        "solution": solution_record(found.solution),
-    }
-    session.writer.write_record(json, record)
-    draw(session, found.solution, None, colour)
-    session.writer.tell()
-    code = Exit.CONVERGED if found.complete else Exit.NOT_CONVERGED
-    return session.writer.ended(Exit.INTERRUPTED if found.ended is Status.INTERRUPTED else code)
+    upto: Annotated[float, option("The largest load factor.", of="X")] = 5.0
+    json: opt.Json = None
+    plot: Annotated[opt.File, written("Draw the body at the largest load that it carries.")] = None
+    colour: opt.Colour = None
+    max_time: opt.MaxTime = None
+    given: opt.Given = None
+
+    def check(self) -> None:
+        check_colour(self.colour, {"--plot": self.plot})
+
+    def work(self) -> Done:
+        from hemivar.files import solution_record
+        from hemivar.solvers import Status
+        from hemivar.workflows import BracketOptions, bracket
+
+        session = self.session
+        check_drawable(session.stated, None, self.colour)
+        found = watched(bracket(session.stated.problem, BracketOptions(self.upto, session.controls.max_time)))
+        print_head(session.stated, found.solution.problem)
+        print(f"\n{found}")
+        record = {
+            "problem": session.stated.name,
+            "upto": found.upto,
+            "carried": found.carried,
+            "not_carried": found.not_carried,
+            "ended": found.ended.value,
+            "tried": found.tried,
+            "solution": solution_record(found.solution),
+        }
+        pictures = pictures_of(session, found.solution, None, self.colour)
+        return Done({"--json": record, **pictures}, found.complete, found.ended is Status.INTERRUPTED)

@@ -4,108 +4,109 @@ from __future__ import annotations
 
 import math
 import re
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from hemivar.basics.disk import shown
-from hemivar.cli.options import Csv, Exit, Given, Json, Latex, MaxTime, ProblemPath, Rtol, Seed, Starts, check_limits
-from hemivar.cli.outputs import one_line
-from hemivar.cli.printing import StageView, console, print_table
-from hemivar.cli.session import Session
+from hemivar.basics.first_use import cached_property
+from hemivar.cli import options as opt
+from hemivar.cli.command import Done, OnProblem, watched
+from hemivar.cli.options import check_limits, option, written
+from hemivar.cli.outputs import Files
+from hemivar.cli.printing import console, print_table, print_title
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
     from hemivar.basics.types import Array
-    from hemivar.identification import Fit, Parameter
+    from hemivar.identification import Fit, FitOptions, Parameter
 
-__all__ = ["identify"]
+__all__ = ["IdentifyCommand"]
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*(?P<key>.+?)\s*=\s*(?P<low>{_NUMBER})\s*:\s*(?P<high>{_NUMBER})\s*")
 
 
-def identify(
-    problem: ProblemPath,
-    data: Annotated[
-        Path,
-        typer.Option(
-            metavar="CURVE.csv", help="The measured curve: a head with keys of the file and quantities, and rows."
-        ),
-    ],
-    law: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Fit every number of this normal law, around its value in the file."),
-    ] = None,
-    contact: Annotated[str | None, typer.Option(metavar="NAME", help="The contact boundary of --law.")] = None,
-    fitted: Annotated[
-        list[str] | None, typer.Option("--fit", metavar="KEY=LOW:HIGH", help="A key of the file to fit, and its range.")
-    ] = None,
-    given: Given = None,
-    noise: Annotated[
-        float | None, typer.Option(metavar="X", help="Standard deviation, relative to the largest value (estimated).")
-    ] = None,
-    confidence: Annotated[float, typer.Option(metavar="X", help="Confidence of the intervals.")] = 0.95,
-    starts: Starts = 6,
-    seed: Seed = 0,
-    rtol: Rtol = None,
-    max_time: MaxTime = None,
-    csv: Csv = None,
-    latex: Latex = None,
-    json: Json = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw data, fit and intervals (.png, .svg or .pdf).")
-    ] = None,
-) -> int:
+class IdentifyCommand(OnProblem):
     """Find the parameters of a contact law from a measured curve, with intervals and what the curve leaves open.
 
     Exit code 1 if a parameter is not identifiable.
     """
-    from hemivar.files.changes import read_change
-    from hemivar.identification import FitOptions
-    from hemivar.report.identification_figure import fit_table
-    from hemivar.workflows import result_of
-    from hemivar.workflows.identification import identifying, parameters_of_law
 
-    check_limits(rtol, max_time)
-    options = FitOptions(starts, seed, confidence, noise)
-    outputs = {"--csv": csv, "--latex": latex, "--json": json, "--plot": plot}
-    wanted = [_read(text) for text in fitted or ()]
-    if law is None and not wanted:
-        raise ProblemError("identify: say what to fit, by --law NAME or by --fit KEY=LOW:HIGH, once for each parameter")
-    changes = [read_change(text) for text in given or ()]
-    session = Session(problem, outputs, rtol, max_time, given=given, solution=data)
-    if law is not None:
-        named = {one.key for one in wanted} | {one.key for one in changes}  # what is set stays as it is set
-        wanted = [*(one for one in parameters_of_law(problem, law, contact) if one.key not in named), *wanted]
-    terminal = console()
-    stated, writer = session.stated, session.writer
-    print(one_line(stated.problem.title) or shown(stated.name))
-    print(f"fit               {', '.join(f'{one.key} ({one.low:.4g} to {one.high:.4g})' for one in wanted)}")
-    with StageView(terminal) as view:
-        work = identifying(problem, data, wanted, options, changes=changes, controls=session.controls)
-        found = result_of(work, view)
-    print_table(terminal, fit_table(found), keys=1)
-    print(f"misfit            {found.misfit:.2%} of the largest measured value, {found.measurements.count} rows")
-    print(
-        f"intervals         {found.confidence:.0%}, noise {found.noise:.2%}" + (" (estimated)" if noise is None else "")
+    data: Annotated[
+        Path, option("The measured curve: a head with keys of the file and quantities, and rows.", of="CURVE.csv")
+    ]
+    law: Annotated[
+        str | None, option("Fit every number of this normal law, around its value in the file.", of="NAME")
+    ] = None
+    contact: Annotated[str | None, option("The contact boundary of --law.", of="NAME")] = None
+    fitted: Annotated[
+        list[str] | None, option("A key of the file to fit, and its range.", "--fit", of="KEY=LOW:HIGH")
+    ] = None
+    given: opt.Given = None
+    noise: Annotated[float | None, option("Standard deviation, relative to the largest value (estimated).", of="X")] = (
+        None
     )
-    for message in found.messages:
-        print(f"note              {message}")
-    writer.write("--csv", csv, fit_table(found).write_csv)
-    writer.write("--latex", latex, fit_table(found, stated.problem.title).write_latex)
-    writer.write_record(json, _record(found))
+    confidence: Annotated[float, option("Confidence of the intervals.", of="X")] = 0.95
+    starts: opt.Starts = 6
+    seed: opt.Seed = 0
+    rtol: opt.Rtol = None
+    max_time: opt.MaxTime = None
+    csv: opt.Csv = None
+    latex: opt.Latex = None
+    json: opt.Json = None
+    plot: Annotated[opt.File, written("Draw data, fit and intervals (.png, .svg or .pdf).")] = None
 
-    def draw(file: Path) -> None:
-        from hemivar.report.identification_figure import plot_fit
-        from hemivar.report.saving import save
+    @property
+    def read(self) -> Path:
+        return self.data
 
-        save(plot_fit(found, title=session.title), file)
+    @cached_property
+    def options(self) -> FitOptions:
+        """How to fit."""
+        from hemivar.identification import FitOptions
 
-    writer.write("--plot", plot, draw, picture=True)
-    writer.tell()
-    return writer.ended(Exit.CONVERGED if all(found.identified) else Exit.NOT_CONVERGED)
+        return FitOptions(self.starts, self.seed, self.confidence, self.noise)
+
+    @cached_property
+    def ranges(self) -> list[Parameter]:
+        """What ``--fit`` names."""
+        return [_read(text) for text in self.fitted or ()]
+
+    def check(self) -> None:
+        check_limits(self.rtol, self.max_time)
+        _ = self.options
+        if not self.ranges and self.law is None:
+            raise ProblemError(
+                "identify: say what to fit, by --law NAME or by --fit KEY=LOW:HIGH, once for each parameter"
+            )
+
+    def work(self) -> Done:
+        from hemivar.files.changes import read_change
+        from hemivar.report.identification_figure import fit_table, plot_fit
+        from hemivar.workflows.identification import identifying, parameters_of_law
+
+        changes, wanted, session = [read_change(text) for text in self.given or ()], self.ranges, self.session
+        if self.law is not None:
+            named = {one.key for one in wanted} | {one.key for one in changes}  # what is set stays as it is set
+            of_law = parameters_of_law(self.problem, self.law, self.contact)
+            wanted = [*(one for one in of_law if one.key not in named), *wanted]
+        print_title(session.stated)
+        print(f"fit               {', '.join(f'{one.key} ({one.low:.4g} to {one.high:.4g})' for one in wanted)}")
+        work = identifying(self.problem, self.data, wanted, self.options, changes=changes, controls=session.controls)
+        found = watched(work)
+        print_table(console(), fit_table(found), keys=1)
+        print(f"misfit            {found.misfit:.2%} of the largest measured value, {found.measurements.count} rows")
+        estimated = " (estimated)" if self.noise is None else ""
+        print(f"intervals         {found.confidence:.0%}, noise {found.noise:.2%}{estimated}")
+        for message in found.messages:
+            print(f"note              {message}")
+        files: Files = {
+            "--csv": fit_table(found).write_csv,
+            "--latex": fit_table(found, session.stated.problem.title).write_latex,
+            "--json": _record(found),
+            "--plot": partial(plot_fit, found, title=session.title),
+        }
+        return Done(files, all(found.identified))
 
 
 def _read(text: str) -> Parameter:

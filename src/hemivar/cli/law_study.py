@@ -1,8 +1,9 @@
-"""``hemivar laws``: the laws by name, and one law with its constants and its graph."""
+"""``hemivar laws`` and ``hemivar materials``: the laws and materials by name, and one with its constants and graph."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,68 +11,104 @@ import typer
 
 from hemivar.basics.disk import noting_files_read
 from hemivar.basics.stated import Form
-from hemivar.cli.options import Exit
-from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
+from hemivar.cli import options as opt
+from hemivar.cli.command import Command, Done
+from hemivar.cli.options import option, written
+from hemivar.cli.outputs import files_of, keep_off
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from hemivar.laws import MixedMode, ModeDependentGlue, OwnCoupledLaw, Superpotential
     from hemivar.laws.registry import LawEntry
     from hemivar.workflows import LawStudy
     from hemivar.workflows.law_study import Value
 
-__all__ = ["check_reach", "laws", "print_entry", "print_examples", "values_given"]
+__all__ = ["LawsCommand", "MaterialsCommand"]
 
 
-def laws(
-    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this law only.")] = None,
-    given: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter of the law.")
-    ] = None,
-    file: Annotated[Path | None, typer.Option(metavar="LAW.csv", help="Show a tabulated law.")] = None,
-    formula: Annotated[str | None, typer.Option(metavar="TEXT", help="Show the law of this potential of r.")] = None,
-    friction: Annotated[
-        bool, typer.Option("--friction", help="A friction law: table or formula for r >= 0, or the one of two by NAME.")
-    ] = False,
-    reach: Annotated[float | None, typer.Option(metavar="X", help="Range of the plot: -X to X (automatic).")] = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw graph and potential (.png, .svg or .pdf).")
-    ] = None,
-) -> int:
+class LawsCommand(Command):
     """List the laws of foundations, or show one with its constants and graph."""
-    check_outputs({"--plot": plot}, file)
-    if name is None and file is None and formula is None:
-        if given or friction or reach is not None or plot is not None:
+
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this law only.")] = None
+    given: Annotated[list[str] | None, option("Set a parameter of the law.", "--set", of="KEY=VALUE")] = None
+    file: Annotated[Path | None, option("Show a tabulated law.", of="LAW.csv")] = None
+    formula: Annotated[str | None, option("Show the law of this potential of r.", of="TEXT")] = None
+    friction: Annotated[
+        bool, option("A friction law: table or formula for r >= 0, or the one of two by NAME.", "--friction")
+    ] = False
+    reach: Annotated[float | None, option("Range of the plot: -X to X (automatic).", of="X")] = None
+    plot: Annotated[opt.File, written("Draw graph and potential (.png, .svg or .pdf).")] = None
+
+    @property
+    def read(self) -> Path | None:
+        return self.file
+
+    def check(self) -> None:
+        asked = sum(choice is not None for choice in (self.name, self.file, self.formula))
+        if not asked and (self.given or self.friction or self.reach is not None or self.plot is not None):
             raise ProblemError("name a law, or give --file or --formula; 'hemivar laws' alone lists the laws")
-        _list_laws()
-        return Exit.CONVERGED
-    if sum(choice is not None for choice in (name, file, formula)) > 1:
-        raise ProblemError("give one of NAME, --file and --formula")
-    check_reach(reach, "length")
-    from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
-    from hemivar.workflows import result_of, study_law
+        if asked > 1:
+            raise ProblemError("give one of NAME, --file and --formula")
+        _check_reach(self.reach, "length")
 
-    values = values_given(given, "bound=0.5")
-    if file is not None:
-        name, values["file"] = "table", str(file)
-    if formula is not None:
-        name, values["potential"] = "formula", formula
-    assert name is not None
-    if friction and name in NORMAL_LAWS and name not in FRICTION_LAWS:
-        raise ProblemError(f"'{name}' is a normal law; leave out --friction")
-    with noting_files_read() as files:
-        work = study_law(name, values, friction=friction, first=plot is not None, label="--set ")
-        studies = result_of(work)
-    keep_off(files_of({"--plot": plot}), files)
-    writer = Writer()
-    for study in studies:
-        _print_study(study, named=file is None and formula is None)
-        if plot is not None and study.curve is not None:
-            _draw(study.curve, reach, plot, writer)
-    return writer.ended(Exit.CONVERGED)
+    def work(self) -> Done:
+        name = "table" if self.file is not None else "formula" if self.formula is not None else self.name
+        if name is None:
+            _list_laws()
+            return Done()
+        from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
+        from hemivar.workflows import result_of, study_law
+
+        values = _values_given(self.given, "bound=0.5")
+        values |= {} if self.file is None else {"file": str(self.file)}
+        values |= {} if self.formula is None else {"potential": self.formula}
+        if self.friction and name in NORMAL_LAWS and name not in FRICTION_LAWS:
+            raise ProblemError(f"'{name}' is a normal law; leave out --friction")
+        with noting_files_read() as files:
+            work = study_law(name, values, friction=self.friction, first=self.plot is not None, label="--set ")
+            studies = result_of(work)
+        keep_off(files_of(self.outputs), files)
+        for study in studies:
+            _print_study(study, named=name == self.name)
+        curve = studies[0].curve
+        return Done({} if curve is None else {"--plot": partial(_drawn, curve, self.reach)})
 
 
-def values_given(given: list[str] | None, example: str) -> dict[str, str]:
+class MaterialsCommand(Command):
+    """List the nonlinear materials, or show one with its constants, bounds and graph."""
+
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this material only.")] = None
+    given: Annotated[list[str] | None, option("Set a constant of the material.", "--set", of="KEY=VALUE")] = None
+    reach: Annotated[float | None, option("Range of the plot: -X to X (automatic).", of="X")] = None
+    plot: Annotated[opt.File, written("Draw stress over strain with its bounds (.png, .svg or .pdf).")] = None
+
+    def check(self) -> None:
+        if self.name is None and (self.given or self.reach is not None or self.plot is not None):
+            raise ProblemError("name a material; 'hemivar materials' alone lists them")
+        _check_reach(self.reach, "strain")
+
+    def work(self) -> Done:
+        if self.name is None:
+            _list_materials()
+            return Done()
+        from hemivar.workflows.material_study import study_material
+
+        study = study_material(self.name, _values_given(self.given, "strain=0.05"), label="--set ")
+        _print_entry(study.entry)
+        _print_examples(study.examples)
+        print(f"\n{study.material.describe()}\n")
+
+        def draw() -> Figure:
+            from hemivar.report.material_figures import plot_material
+
+            return plot_material(study.material, reach=self.reach)
+
+        return Done({"--plot": draw})
+
+
+def _values_given(given: list[str] | None, example: str) -> dict[str, str]:
     """The values of ``--set NAME=VALUE``, by name."""
     values: dict[str, str] = {}
     for pair in given or []:
@@ -90,7 +127,7 @@ def _list_laws() -> None:
     for title, entries in zip(titles, (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS), strict=True):
         print(title)
         for entry in entries.values():
-            print_entry(entry)
+            _print_entry(entry)
         print()
     print("Every single number is a number or, in quotes, a formula of x and y (and z).  A friction bound may also be")
     print('{ table = "bound.csv" } or { formula = "8*s" } of the penetration s, or { coulomb = 0.3 } of the pressure.')
@@ -100,23 +137,23 @@ def _list_laws() -> None:
 def _print_study(study: LawStudy, named: bool) -> None:
     print(f"{study.entry.kind} law")
     if named:
-        print_entry(study.entry)
+        _print_entry(study.entry)
     if study.curve is None:
         print("\nits graph comes from a file: give it with --file LAW.csv")
         return
-    print_examples(study.examples)
+    _print_examples(study.examples)
     if study.unit_bound:
         print("\nthe bound depends on the state of the contact point; below, for a bound of 1")
     print(f"\n{study.curve.describe()}\n")
 
 
-def check_reach(reach: float | None, what: str) -> None:
+def _check_reach(reach: float | None, what: str) -> None:
     """Refuse a reach of a picture that is none."""
     if reach is not None and not 1e-100 <= reach <= 1e100:
         raise ProblemError(f"--reach is {reach:g}; it must be a positive {what} (1e-100 to 1e100)")
 
 
-def print_examples(examples: Mapping[str, Value]) -> None:
+def _print_examples(examples: Mapping[str, Value]) -> None:
     """Say which values are examples."""
     if examples:
         told = "  ".join(
@@ -126,33 +163,21 @@ def print_examples(examples: Mapping[str, Value]) -> None:
         print(f"\nshown with        {told}  (change them with --set)")
 
 
-def _draw(
-    curve: Superpotential | MixedMode | ModeDependentGlue | OwnCoupledLaw,
-    reach: float | None,
-    plot: Path,
-    writer: Writer,
-) -> None:
+def _drawn(curve: Superpotential | MixedMode | ModeDependentGlue | OwnCoupledLaw, reach: float | None) -> Figure:
     from hemivar.laws import MixedMode, ModeDependentGlue, OwnCoupledLaw
     from hemivar.report.law_figures import plot_coupled_law, plot_law, plot_mixed_mode, plot_mode_dependent
-    from hemivar.report.saving import save
 
-    def draw(path: Path) -> None:
-        match curve:
-            case MixedMode():
-                fig = plot_mixed_mode(curve, reach=reach)
-            case ModeDependentGlue():
-                fig = plot_mode_dependent(curve, reach=reach)
-            case OwnCoupledLaw():
-                fig = plot_coupled_law(curve, reach=reach)
-            case _:
-                fig = plot_law(curve, reach=reach)
-        save(fig, path)
-
-    writer.write("--plot", plot, draw, picture=True)
-    writer.tell()
+    match curve:
+        case MixedMode():
+            return plot_mixed_mode(curve, reach=reach)
+        case ModeDependentGlue():
+            return plot_mode_dependent(curve, reach=reach)
+        case OwnCoupledLaw():
+            return plot_coupled_law(curve, reach=reach)
+    return plot_law(curve, reach=reach)
 
 
-def print_entry(entry: LawEntry) -> None:
+def _print_entry(entry: LawEntry) -> None:
     """Print a law or a material with its parameters, as a problem file writes it."""
     samples = {Form.LIST: "[...]", Form.FILE: '"law.csv"', Form.TEXT: '"..."'}
     required = "".join(f", {p.key} = {samples.get(p.said.form, '...')}" for p in entry.parameters if p.required)
@@ -166,3 +191,17 @@ def print_entry(entry: LawEntry) -> None:
         lowest = ", positive" if said.above is not None else "" if said.least is None else f", at least {said.least:g}"
         form = "a list, " if said.form is Form.LIST else ""
         print(f"      {p.key:<11} {form}{said.says} [{said.unit}]{lowest}{default}")
+
+
+def _list_materials() -> None:
+    """Print all materials with their constants."""
+    from hemivar.mechanics.material_registry import MATERIAL_LAWS
+
+    print("linear materials")
+    print("\n  material = { lame = [lambda, mu] }, { young = ..., poisson = ... } or { tensor = [[...], ...] }")
+    print("\nnonlinear materials")
+    for entry in MATERIAL_LAWS.values():
+        _print_entry(entry)
+    print("\nEvery number but reach is a number or, in quotes, a formula of x and y (and z).  All take density,")
+    print("viscosity and branches as linear materials do, and stand in [material] or [material.regions.NAME].")
+    print("'hemivar materials NAME' shows a material with its bounds, with --plot FILE its graph.")

@@ -2,68 +2,77 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.units import Units
-from hemivar.cli.march_run import MarchOptions, MarchRun, write_film
-from hemivar.cli.options import Colour, Exit, Quiet, StepLength, UnitNames, Until
-from hemivar.cli.outputs import Writer, check_outputs
+from hemivar.cli import options as opt
+from hemivar.cli.command import Command, Done
+from hemivar.cli.march_run import MarchCommand, MarchOptions, film_of
+from hemivar.cli.march_view import code_of
+from hemivar.cli.options import Exit, option, written
+from hemivar.cli.outputs import Writer
 from hemivar.cli.printing import console, print_table
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from hemivar.basics.types import Array
     from hemivar.evolution import History
     from hemivar.files.film import Film
-__all__ = ["animate", "history"]
+
+__all__ = ["AnimateCommand", "HistoryCommand"]
 
 
-def history(
-    table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="What 'hemivar march' wrote as --table.")],
-    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the table (.png, .svg or .pdf).")] = None,
-    kind: Annotated[
-        str | None, typer.Option(metavar="NAME", help="ledger, forces, loop, steps or columns (ledger).")
-    ] = None,
-    columns: Annotated[str | None, typer.Option(metavar="A,B,...", help="Columns to draw or to list.")] = None,
-    units: UnitNames = None,
-) -> int:
+class HistoryCommand(Command):
     """List the columns of the table of a march, or draw it."""
-    from hemivar.files.history_table import read_history_table
-    from hemivar.report.march_figures import MARCH_FIGURES, plot_march
 
-    check_outputs({"--plot": plot}, table)
-    named = _units(units)
-    known = [name for name in MARCH_FIGURES if name != "map"]
-    kind = kind or ("ledger" if columns is None else "columns")
-    if kind not in known:
-        raise ProblemError(f"--kind {kind}: it is not known{suggest(kind, known)}")
-    if columns is not None and kind not in ("columns", "loop"):
-        raise ProblemError(f"--columns goes with --kind columns or loop; the figure '{kind}' has its own columns")
-    found = read_history_table(table)
-    chosen = [] if columns is None else [name.strip() for name in columns.split(",")]
-    for name in chosen:
-        if name not in found:
-            raise ProblemError(f"--columns {name}: the table has no such column{suggest(name, list(found))}")
-    writer = Writer([table])
-    if plot is None:
-        _list_columns(found, chosen or list(found))
-        return writer.ended(Exit.CONVERGED)
+    table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="What 'hemivar march' wrote as --table.")]
+    plot: Annotated[opt.File, written("Draw the table (.png, .svg or .pdf).")] = None
+    kind: Annotated[str | None, option("ledger, forces, loop, steps or columns (ledger).", of="NAME")] = None
+    columns: Annotated[str | None, option("Columns to draw or to list.", of="A,B,...")] = None
+    units: opt.UnitNames = None
 
-    def draw(file: Path) -> None:
-        from hemivar.report.saving import save
+    @property
+    def read(self) -> Path:
+        return self.table
 
-        save(plot_march(found, kind, columns=chosen, units=named), file)
+    @property
+    def _figure(self) -> str:
+        return self.kind or ("ledger" if self.columns is None else "columns")
 
-    writer.write("--plot", plot, draw, picture=True)
-    writer.tell()
-    return writer.ended(Exit.CONVERGED)
+    @property
+    def _chosen(self) -> list[str]:
+        return [] if self.columns is None else [name.strip() for name in self.columns.split(",")]
+
+    def check(self) -> None:
+        from hemivar.report.march_figures import MARCH_FIGURES
+
+        _units(self.units)
+        kind, known = self._figure, [name for name in MARCH_FIGURES if name != "map"]
+        if kind not in known:
+            raise ProblemError(f"--kind {kind}: it is not known{suggest(kind, known)}")
+        if self.columns is not None and kind not in ("columns", "loop"):
+            raise ProblemError(f"--columns goes with --kind columns or loop; the figure '{kind}' has its own columns")
+
+    def work(self) -> Done:
+        from hemivar.files.history_table import read_history_table
+        from hemivar.report.march_figures import plot_march
+
+        found = read_history_table(self.table)
+        for name in self._chosen:
+            if name not in found:
+                raise ProblemError(f"--columns {name}: the table has no such column{suggest(name, list(found))}")
+        if self.plot is None:
+            _list_columns(found, self._chosen or list(found))
+        kind, units = self._figure, _units(self.units)
+        return Done({"--plot": partial(plot_march, found, kind, columns=self._chosen, units=units)})
 
 
 def _units(names: str | None) -> Units:
@@ -93,48 +102,88 @@ def _list_columns(found: Mapping[str, Array], names: list[str]) -> None:
     print_table(console(), Table(("column", "least", "greatest", "last"), tuple(map(row, names))))
 
 
-def animate(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A list of frames (.pvd), or a problem file.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Write the film (.gif or .mp4).")],
-    scale: Annotated[
-        float | None, typer.Option(metavar="X", help="Factor of the displacement (so that it is visible).")
-    ] = None,
-    seconds: Annotated[float, typer.Option(metavar="S", help="Length of the film.")] = 6.0,
-    frames: Annotated[int, typer.Option(metavar="N", min=1, help="Frames at most.")] = 200,
-    colour: Colour = None,
-    units: UnitNames = None,
-    dpi: Annotated[int, typer.Option(metavar="N", help="Dots per inch; the film is 6.3 inches wide.")] = 100,
-    until: Until = None,
-    step: StepLength = None,
-    quiet: Quiet = False,
-) -> int:
+class AnimateCommand(Command):
     """Make a film of a march: from its frames, or from a problem file, which is marched first."""
-    from hemivar.report.animation import check_film
-    from hemivar.report.film_pictures import FilmColour
 
-    check_film(output)
-    named = _units(units)
-    colours = [kind.value for kind in FilmColour]
-    if colour is not None and colour not in colours:
-        raise ProblemError(f"--colour {colour}: it is not known{suggest(colour, colours)}")
-    film: Film | History | None
-    code: int = Exit.CONVERGED
-    if file.suffix.lower() == ".pvd":
-        from hemivar.files import read_film
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A list of frames (.pvd), or a problem file.")]
+    output: Annotated[Path, opt.WRITTEN, option("Write the film (.gif or .mp4).", "--output", "-o", of="FILE")]
+    scale: Annotated[float | None, option("Factor of the displacement (so that it is visible).", of="X")] = None
+    seconds: Annotated[float, option("Length of the film.", of="S")] = 6.0
+    frames: Annotated[int, option("Frames at most.", of="N", least=1)] = 200
+    colour: opt.Colour = None
+    units: opt.UnitNames = None
+    dpi: Annotated[int, option("Dots per inch; the film is 6.3 inches wide.", of="N")] = 100
+    until: opt.Until = None
+    step: opt.StepLength = None
+    quiet: opt.Quiet = False
 
-        if until is not None or step is not None:
+    @cached_property
+    def march(self) -> MarchCommand | None:
+        """The march of a problem file."""
+        if self.file.suffix.lower() == ".pvd":
+            return None
+        return _FilmedMarch(self.file, self.until, self.step, output=self.output, quiet=self.quiet)
+
+    @property
+    def read(self) -> Path:
+        return self.file
+
+    @cached_property
+    def writer(self) -> Writer:
+        """That of the march."""
+        return super().writer if self.march is None else self.march.writer
+
+    def check(self) -> None:
+        from hemivar.report.animation import check_film
+        from hemivar.report.film_pictures import FilmColour
+
+        check_film(self.output)
+        _units(self.units)
+        colours = [kind.value for kind in FilmColour]
+        if self.colour is not None and self.colour not in colours:
+            raise ProblemError(f"--colour {self.colour}: it is not known{suggest(self.colour, colours)}")
+        if self.march is not None:
+            self.march.check()
+        elif self.until is not None or self.step is not None:
             raise ProblemError("--until and --step go with a problem file; a list of frames has its times already")
-        check_outputs({"--output": output}, file)
-        film, writer = read_film(file), Writer([file])
-    else:
-        run = MarchRun(file, {"--output": output}, None, MarchOptions(until=until, step=step), own=False)
-        code = run.march(quiet, write=False)
-        film, writer = run.found, run.session.writer
-        named = run.session.stated.units if units is None else named
-        if film is None or code == Exit.INTERRUPTED:
-            return writer.ended(code)
-    drawn: dict[str, Any] = {"scale": "auto" if scale is None else scale, "seconds": seconds, "frames": frames}
-    drawn |= {"dpi": dpi, "colour": colour, "unit": named.length, "time_unit": named.time}
-    write_film(writer, "--output", output, film, quiet, **drawn)
-    writer.tell()
-    return writer.ended(code)
+
+    def work(self) -> Done:
+        film, units, ended = self._film()
+        drawn = film_of(
+            film,
+            self.quiet,
+            scale="auto" if self.scale is None else self.scale,
+            seconds=self.seconds,
+            frames=self.frames,
+            dpi=self.dpi,
+            colour=self.colour,
+            unit=units.length,
+            time_unit=units.time,
+        )
+        code = ended()
+        return Done({} if code is Exit.INTERRUPTED else {"--output": drawn}, last=lambda: code)
+
+    def _film(self) -> tuple[Film | History, Units, Callable[[], Exit]]:
+        """What is drawn, the units of its labels, and what tells how its march ended."""
+        if self.march is None:
+            from hemivar.files import read_film
+
+            return read_film(self.file), _units(self.units), lambda: Exit.CONVERGED
+        (found, _), stated = self.march.march(), self.march.session.stated
+        units = stated.units if self.units is None else _units(self.units)
+        return found, units, partial(code_of, found, stated.name)
+
+
+class _FilmedMarch(MarchCommand):
+    """A march of which nothing but a film is written."""
+
+    def check(self) -> None:
+        MarchOptions.check(self)
+
+    @property
+    def named(self) -> dict[str, Path | None]:
+        return {"--output": self.output, "--checkpoint": None}
+
+    @property
+    def outputs(self) -> dict[str, Path | None]:
+        return self.named

@@ -1,4 +1,4 @@
-"""A march of a problem file: its options, what it writes, how it ends."""
+"""``hemivar march``: its options, what it writes, how it ends."""
 
 from __future__ import annotations
 
@@ -7,23 +7,27 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from hemivar.basics.arguments import suggest
-from hemivar.basics.disk import protecting
-from hemivar.cli.march_view import Bar, MarchView, code_of, print_history
-from hemivar.cli.options import Given, MaxTime, Resume, Rtol, StepLength, Tolerance, Until, check_limits
-from hemivar.cli.outputs import Writer, check_outputs
-from hemivar.cli.printing import print_head
+from hemivar.basics.disk import make_folder, protecting
+from hemivar.basics.first_use import cached_property
+from hemivar.cli import options as opt
+from hemivar.cli.command import Done, OnProblem
+from hemivar.cli.march_view import MarchView, code_of, print_history
+from hemivar.cli.options import ENGINES, check_engine, check_limits, option, written
+from hemivar.cli.outputs import Files, Writer, check_outputs
+from hemivar.cli.printing import Bar, print_head
 from hemivar.cli.session import Session, naming_file
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from hemivar.evolution import History, March
     from hemivar.evolution.discrete import DiscreteEvolution
     from hemivar.files.film import Film
@@ -31,7 +35,7 @@ if TYPE_CHECKING:
     from hemivar.files.series import Series
     from hemivar.solvers import Controls, Solver
 
-__all__ = ["MarchOptions", "MarchRun", "check_tools", "stated_outputs", "write_film"]
+__all__ = ["MarchCommand", "MarchOptions", "check_tools", "film_of", "stated_outputs", "write_film"]
 
 #: Signals within so many seconds count as one.
 _COALESCE = 2.0
@@ -41,52 +45,39 @@ _COALESCE = 2.0
 class MarchOptions:
     """Options of the command that go before the file; None where that holds."""
 
-    until: Until = None
-    step: StepLength = None
-    adaptive: Tolerance = None
-    scheme: Annotated[str | None, typer.Option(metavar="NAME", help="implicit-euler, generalized-alpha ...")] = None
-    every: Annotated[float | None, typer.Option(metavar="T", help="Time between frames (200 frames at most).")] = None
-    minutes: Annotated[float | None, typer.Option(metavar="X", help="Least time between checkpoints (10).")] = None
-    resume: Resume = False
-    jump: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Where a step may have several solutions: local, stop ...")
-    ] = None
-    rtol: Rtol = None
-    max_time: MaxTime = None
-    given: Given = None
+    until: opt.Until = None
+    step: opt.StepLength = None
+    adaptive: opt.Tolerance = None
+    scheme: Annotated[str | None, option("implicit-euler, generalized-alpha ...", of="NAME")] = None
+    every: Annotated[float | None, option("Time between frames (200 frames at most).", of="T")] = None
+    minutes: Annotated[float | None, option("Least time between checkpoints (10).", of="X")] = None
+    resume: opt.Resume = False
+    jump: Annotated[str | None, option("Where a step may have several solutions: local, stop ...", of="NAME")] = None
+    rtol: opt.Rtol = None
+    max_time: opt.MaxTime = None
+    given: opt.Given = None
 
     def check(self) -> None:
-        """Refuse options that make no sense, whatever the file says.
-
-        Raises
-        ------
-        ProblemError
-        """
+        """Refuse options that make no sense, whatever the file says."""
         from hemivar.evolution import SCHEMES, SelectionRule
 
         check_limits(self.rtol, self.max_time)
-        for option, value in (("--step", self.step), ("--adaptive", self.adaptive), ("--every", self.every)):
+        for name, value in (("--step", self.step), ("--adaptive", self.adaptive), ("--every", self.every)):
             if value is not None and not 0.0 < value < math.inf:
-                raise ProblemError(f"{option} is {value:g}; it must be a positive number")
+                raise ProblemError(f"{name} is {value:g}; it must be a positive number")
         if self.until is not None and not math.isfinite(self.until):
             raise ProblemError(f"--until is {self.until:g}; it must be a finite time")
         if self.minutes is not None and not 0.0 <= self.minutes < math.inf:
             raise ProblemError(f"--minutes is {self.minutes:g}; it must be a number >= 0")
         jumps = [kind.value for kind in SelectionRule]
-        for option, name, known in (("--scheme", self.scheme, list(SCHEMES)), ("--jump", self.jump, jumps)):
-            if name is not None and name not in known:
-                raise ProblemError(f"{option} {name}: it is not known{suggest(name, known)}")
+        for name, given, known in (("--scheme", self.scheme, list(SCHEMES)), ("--jump", self.jump, jumps)):
+            if given is not None and given not in known:
+                raise ProblemError(f"{name} {given}: it is not known{suggest(given, known)}")
 
     def plan(
         self, stated: ProblemFile, checkpoint: Path | None, controls: Controls, solver: Solver | None = None
     ) -> March:
-        """How the evolution of a file is computed with these options.
-
-        Raises
-        ------
-        ProblemError
-            There is no checkpoint whose writing could wait, or to go on from.
-        """
+        """How the evolution of a file is computed with these options."""
         from hemivar.evolution import SCHEMES, AdaptiveStep, Checkpoint
         from hemivar.workflows import plan_of
 
@@ -120,24 +111,19 @@ def stated_outputs(stated: ProblemFile, given: Mapping[str, Path | None]) -> dic
 
     found = dict(given)
     kept = None if stated.time is None else stated.time.march.checkpoint
-    for option, name in (
+    for what, name in (
         ("--fields", stated.output.fields),
         ("--table", stated.output.table),
         ("--animation", stated.output.animation),
         ("--checkpoint", kept.file if isinstance(kept, Checkpoint) else None),
     ):
-        if found.get(option) is None and name is not None:
-            found[option] = Path(name)
+        if found.get(what) is None and name is not None:
+            found[what] = Path(name)
     return found
 
 
 def check_tools(outputs: Mapping[str, Path | None]) -> None:
-    """Refuse formats for which something is not installed.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse formats for which something is not installed."""
     if (table := outputs.get("--table")) is not None:
         from hemivar.files.history_table import check_table
 
@@ -148,70 +134,85 @@ def check_tools(outputs: Mapping[str, Path | None]) -> None:
         check_film(film)
 
 
-class MarchRun:
-    """A march of a problem file: what it writes, and how it is shown.
+class MarchCommand(MarchOptions, OnProblem):
+    """Integrate a problem in time, with a uniqueness margin per step and an energy balance.
 
-    Parameters
-    ----------
-    path : Path
-        The problem file.
-    outputs : mapping of option to Path or None
-        What will be written.
-    checkpoint : Path or None
-    options : MarchOptions
-    own : bool
-        Whether the table ``[output]`` of the file names files where ``outputs`` does not.
-
-    Raises
-    ------
-    ProblemError
+    Options override what the file says of time and output. Exit code 0 if the end of the time interval is
+    reached. Ctrl-C ends the run after the current step, with everything written.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        outputs: Mapping[str, Path | None],
-        checkpoint: Path | None,
-        options: MarchOptions,
-        *,
-        own: bool = True,
-    ) -> None:
-        options.check()
-        given = {**outputs, "--checkpoint": checkpoint}
-        self.session = Session(path, given, rtol=options.rtol, given=options.given)
-        self.outputs = stated_outputs(self.session.stated, given) if own else given
-        check_outputs(self.outputs, path)
+    output: Annotated[
+        Path | None,
+        option("Write NAME.pvd, NAME.csv and NAME.ckpt in a folder.", "--output", "-o", of="DIR/NAME"),
+    ] = None
+    fields: Annotated[opt.File, written("Write the frames (.pvd), for ParaView.")] = None
+    table: Annotated[opt.File, written("Write the table (.csv or .parquet).")] = None
+    json: opt.Json = None
+    plot: Annotated[opt.File, written("Draw the energy balance (.png, .svg or .pdf).")] = None
+    animation: Annotated[opt.File, written("Write a film (.gif or .mp4).")] = None
+    checkpoint: opt.Checkpoint = None
+    quiet: opt.Quiet = False
+    engine: opt.EngineName = ENGINES[0]
+
+    def run(self) -> int:
+        """Run it, by all ranks if that is asked for."""
+        check_engine(self.engine)
+        if self.engine == "petsc":
+            from hemivar.cli.march_on_ranks import march_file_on_ranks
+
+            return march_file_on_ranks(self.problem, self.named, self, self.quiet, self.check)
+        return super().run()
+
+    def check(self) -> None:
+        super().check()
+        if self.output is not None and self.output.parent != Path():
+            make_folder(self.output.parent)
+
+    @cached_property
+    def named(self) -> dict[str, Path | None]:
+        """The files to write that the command line names."""
+        own = self.output
+        given = {"--fields": self.fields, "--table": self.table, "--json": self.json, "--plot": self.plot}
+        given |= {"--animation": self.animation, "--checkpoint": self.checkpoint}
+        if own is not None:
+            for name, suffix in (("--fields", ".pvd"), ("--table", ".csv"), ("--checkpoint", ".ckpt")):
+                given[name] = given[name] or own.parent / f"{own.name}{suffix}"
+        return given
+
+    @cached_property
+    def outputs(self) -> dict[str, Path | None]:
+        """The files to write, those that the problem file names among them."""
+        return stated_outputs(self.session.stated, self.named)
+
+    @cached_property
+    def session(self) -> Session:
+        """The problem file, read."""
+        return Session(self.problem, self.named, rtol=self.rtol, given=self.given)
+
+    def work(self) -> Done:
+        history, series = self.march()
+        return Done(self._files(history, series), last=partial(code_of, history, self.session.stated.name))
+
+    def march(self) -> tuple[History, Series | None]:
+        """March; returns what was found, and what wrote frames while they came."""
+        from hemivar.workflows import evolution_of, march, result_of
+
+        session, writer = self.session, self.writer
+        check_outputs(self.outputs, self.problem)
         check_tools(self.outputs)
-        self.plan = options.plan(
-            self.session.stated, self.outputs["--checkpoint"], self.session.controls, self.session.method
-        )
-        self.found: History | None = None
-
-    def march(self, quiet: bool, *, write: bool = True) -> int:
-        """March, and write what was asked for."""
-        from hemivar.workflows import evolution_of, result_of
-        from hemivar.workflows import march as work
-
-        session, writer = self.session, self.session.writer
+        plan = self.plan(session.stated, self.outputs["--checkpoint"], session.controls, session.method)
         view = MarchView(
-            lambda discrete: print_head(session.stated, discrete.problem), self._series, writer.failed, quiet
+            lambda discrete: print_head(session.stated, discrete.problem), self._series, writer.failed, self.quiet
         )
         with view, _ends_after_the_step() as asked, protecting(writer.inputs):
             try:
-                found = result_of(
-                    work(evolution_of(session.stated), self.plan), lambda event: view(event) or bool(asked)
-                )
+                found = result_of(march(evolution_of(session.stated), plan), lambda event: view(event) or bool(asked))
             except ProblemError as error:
                 raise naming_file(error, session.stated.name) from error
-        self.found = found
         print_history(found)
         if found.unkept:
             writer.failed.append(f"--checkpoint: {found.unkept}")
-        if write:
-            self._write(found, view.series, quiet)
-            writer.tell()
-        code = code_of(found, session.stated.name)
-        return writer.ended(code) if write else code
+        return found, view.series
 
     def _series(self, discrete: DiscreteEvolution) -> Series | None:
         """What writes frames while they come."""
@@ -222,52 +223,45 @@ class MarchRun:
 
         return Series(fields, discrete)
 
-    def _write(self, found: History, series: Series | None, quiet: bool) -> None:
+    def _files(self, found: History, series: Series | None) -> Files:
         from hemivar.files.history_table import write_history_json
 
-        writer, outputs = self.session.writer, self.outputs
+        units, title = self.session.stated.units, self.session.title
 
         def fields(path: Path) -> tuple[Path, ...]:
             from hemivar.files.series import numbered
 
             return found.write(path) if series is None else series.finish(numbered(found))
 
-        units = self.session.stated.units
-
-        def plot(path: Path) -> None:
+        def plot() -> Figure:
             from hemivar.report import plot_march
-            from hemivar.report.saving import save
 
-            save(plot_march(found, "ledger", title=self.session.title, units=units), path)
+            return plot_march(found, "ledger", title=title, units=units)
 
-        writer.write("--table", outputs["--table"], found.write)
-        writer.write("--json", outputs["--json"], lambda path: write_history_json(found, path, units.record()))
-        writer.write("--fields", outputs["--fields"], fields)
-        writer.write("--plot", outputs["--plot"], plot, picture=True)
-        write_film(
-            writer,
-            "--animation",
-            outputs["--animation"],
-            found,
-            quiet,
-            title=self.session.title,
-            unit=units.length,
-            time_unit=units.time,
-        )
+        return {
+            "--table": found.write,
+            "--json": lambda path: write_history_json(found, path, units.record()),
+            "--fields": fields,
+            "--plot": plot,
+            "--animation": film_of(found, self.quiet, title=title, unit=units.length, time_unit=units.time),
+        }
 
 
-def write_film(
-    writer: Writer, option: str, path: Path | None, film: Film | History, quiet: bool, **options: Any
-) -> None:
-    """Write a film, with a bar on a terminal."""
+def film_of(film: Film | History, quiet: bool, **options: Any) -> Callable[[Path], None]:
+    """What writes a film, with a bar on a terminal."""
 
     def draw(file: Path) -> None:
         from hemivar.report.animation import animate
 
-        with Bar(quiet, "frame") as bar:
-            animate(film, file, progress=lambda now, count: bar.show(now / count, f"{now} of {count}"), **options)
+        with Bar(quiet) as bar:
+            animate(film, file, progress=lambda now, count: bar.show(f"frame {now} of {count}", now / count), **options)
 
-    writer.write(option, path, draw, picture=True)
+    return draw
+
+
+def write_film(writer: Writer, name: str, path: Path | None, film: Film | History, quiet: bool, **options: Any) -> None:
+    """Write a film, with a bar on a terminal."""
+    writer.take(name, path, film_of(film, quiet, **options))
 
 
 @contextlib.contextmanager

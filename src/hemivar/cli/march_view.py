@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import sys
 from collections.abc import Callable
@@ -11,18 +10,16 @@ from typing import TYPE_CHECKING
 from hemivar.basics.disk import shown
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import one_line
-from hemivar.cli.printing import console, unread
+from hemivar.cli.printing import Bar, console, unread
 from hemivar.errors import FileError
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from hemivar.evolution import History
     from hemivar.evolution.discrete import DiscreteEvolution
     from hemivar.files.series import Series
     from hemivar.workflows import Event, ProgressEvent
 
-__all__ = ["Bar", "MarchView", "code_of", "print_history"]
+__all__ = ["MarchView", "code_of", "print_history"]
 
 _SHOWN = 8
 #: Without a terminal a line is printed for steps this part of the whole apart.
@@ -30,21 +27,7 @@ _APART = 0.05
 
 
 class MarchView:
-    """Shows a march while it goes, and writes its frames as they come.
-
-    Parameters
-    ----------
-    head : function
-        Prints what the problem is.
-    begin : function
-        Makes the series of frames, or None where they are not written while they come.
-    failed : list of str
-        Takes what could not be written.
-    quiet : bool
-        Whether no step is shown.
-    plain : bool
-        Whether steps are lines on a terminal, too; a launcher shows every rank one that is none.
-    """
+    """Shows a march while it goes, and writes its frames as they come."""
 
     def __init__(
         self,
@@ -57,7 +40,7 @@ class MarchView:
         self.quiet, self.failed = quiet, failed
         self.series: Series | None = None
         self._head, self._begin_series = head, begin
-        self._bar = Bar(quiet or plain, "t")
+        self._bar = Bar(quiet or plain)
         self._told = -math.inf
         self._warned = False
 
@@ -105,7 +88,7 @@ class MarchView:
         left = _duration(event.left)
         what = f"{row.time:.6g}   length {row.step:.3g}   residual {row.residual:.1e}   left {left}"
         if self._bar.drawn:
-            self._bar.show(done, what)
+            self._bar.show(f"t {what}", done)
         elif done - self._told >= _APART or event.stepped.happened or row.jumped or done >= 1.0:
             if self._told < 0.0:
                 head = f"{'step':>7}  {'time':>11}  {'length':>9}  {'residual':>9}  {'margin':>8}  {'normal force':>13}"
@@ -115,43 +98,6 @@ class MarchView:
             line = f"{event.stepped.moment.index:>7}  {row.time:>11.6g}  {row.step:>9.3g}  {row.residual:>9.2e}"
             happened = ", ".join((*event.stepped.happened, *(("jumped",) if row.jumped else ())))
             print(f"{line}  {row.margin:>8.3g}  {force:>13.6g}  {left:<8} {happened}".rstrip(), flush=True)
-
-
-class Bar(contextlib.AbstractContextManager["Bar"]):
-    """A bar on a terminal; nothing elsewhere."""
-
-    def __init__(self, quiet: bool, what: str) -> None:
-        self._console = console()
-        self.drawn = self._console.is_terminal and not quiet
-        self._context = contextlib.ExitStack()
-        self._bar: Progress | None = None
-        self._what = what
-
-    def show(self, done: float, text: str) -> None:
-        """Show the part that is done, and a text."""
-        if not self.drawn:
-            return
-        from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
-
-        if self._bar is None:
-            columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}", markup=False))
-            self._bar = self._context.enter_context(Progress(*columns, console=self._console, transient=True))
-            self._bar.add_task("", total=1.0)
-        self._bar.update(TaskID(0), description=f"{self._what} {text}", completed=done)
-
-    def say(self, text: str) -> None:
-        """A line above the bar, or where none is drawn."""
-        if self._bar is None:
-            print(text, flush=True)
-        else:
-            self._bar.console.print(text, markup=False)
-
-    def close(self) -> None:
-        """Take it away."""
-        self._context.close()
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def _duration(seconds: float) -> str:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import fields
 from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_type_hints
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.models import OptionInfo
 
 from hemivar.basics.arguments import suggest
 from hemivar.errors import ProblemError
@@ -23,12 +21,14 @@ __all__ = [
     "ENGINES",
     "MOST_JOBS",
     "MOST_STEPS",
+    "WRITTEN",
     "Checkpoint",
     "Colour",
     "Csv",
     "EngineName",
     "Exact",
     "Exit",
+    "File",
     "Given",
     "Jobs",
     "Json",
@@ -52,8 +52,9 @@ __all__ = [
     "check_limits",
     "check_load_factors",
     "controls_of",
-    "each_field_an_option",
     "method_named",
+    "option",
+    "written",
 ]
 
 _LARGEST_RTOL = 1e-2
@@ -63,63 +64,55 @@ MOST_JOBS = 256
 #: Most steps and points that can be asked for.
 MOST_STEPS = 10**9
 
+
+def option(
+    says: str, *names: str, of: str | None = None, least: float | None = None, most: float | None = None
+) -> OptionInfo:
+    """An option by its help and the form of its value; its name is that of the field if none is given."""
+    made: OptionInfo = typer.Option(*names, metavar=of, help=says, min=least, max=most)
+    return made
+
+
+def written(says: str, of: str = "FILE") -> OptionInfo:
+    """The option of a file that is written."""
+    return option(says, of=of)
+
+
+#: What tells that an option names a file to write.
+WRITTEN = "written"
+File = Annotated[Path | None, WRITTEN]
 ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM.toml", help="The problem file.")]
-Rtol = Annotated[
-    float | None,
-    typer.Option("--rtol", metavar="X", help="Tolerance of the residual, relative to the load (1e-9, certify 1e-8)."),
-]
+Rtol = Annotated[float | None, option("Tolerance of the residual, relative to the load (1e-9, certify 1e-8).", of="X")]
 Tolerance = Annotated[
-    float | None,
-    typer.Option("--adaptive", metavar="X", help="Adapt the mesh or the time step to this relative error."),
+    float | None, option("Adapt the mesh or the time step to this relative error.", "--adaptive", of="X")
 ]
-MaxTime = Annotated[
-    float | None, typer.Option("--max-time", metavar="S", help="Time limit of each stage, method or point, in seconds.")
-]
-MaxSteps = Annotated[
-    int | None, typer.Option("--max-steps", metavar="N", help="Limit of iterations (set by the method).")
-]
-MethodName = Annotated[
-    str | None, typer.Option("--method", metavar="NAME", help="Method, see 'hemivar methods' (by predicted cost).")
-]
-Exact = Annotated[bool | None, typer.Option("--exact/--no-exact", help="Bound the distance to the exact solution.")]
-Checkpoint = Annotated[
-    Path | None, typer.Option("--checkpoint", metavar="FILE", help="Checkpoint file; study and sweep continue from it.")
-]
-Resume = Annotated[bool, typer.Option("--resume", help="Continue from the checkpoint, if it exists.")]
-Jobs = Annotated[
-    int, typer.Option("--jobs", metavar="N", min=1, max=MOST_JOBS, help="Number of processes that work at once.")
-]
-Json = Annotated[Path | None, typer.Option("--json", metavar="FILE.json", help="Write the results as JSON.")]
-Csv = Annotated[Path | None, typer.Option("--csv", metavar="FILE.csv", help="Write the table as CSV.")]
-Latex = Annotated[Path | None, typer.Option("--latex", metavar="FILE.tex", help="Write the table for LaTeX.")]
-Starts = Annotated[int, typer.Option("--starts", metavar="N", min=0, max=1_000_000, help="Random starts of each kind.")]
-MaxSolutions = Annotated[
-    int, typer.Option("--max-solutions", metavar="N", min=1, help="Stop the search after this many solutions.")
-]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random starts.")]
-Until = Annotated[float | None, typer.Option("--until", metavar="T", help="End of the time interval.")]
-StepLength = Annotated[
-    float | None, typer.Option("--step", metavar="T", help="Time step; the first one if steps are adapted.")
-]
+MaxTime = Annotated[float | None, option("Time limit of each stage, method or point, in seconds.", of="S")]
+MaxSteps = Annotated[int | None, option("Limit of iterations (set by the method).", of="N")]
+MethodName = Annotated[str | None, option("Method, see 'hemivar methods' (by predicted cost).", of="NAME")]
+Exact = Annotated[bool | None, option("Bound the distance to the exact solution.", "--exact/--no-exact")]
+Checkpoint = Annotated[File, written("Checkpoint file; study and sweep continue from it.")]
+Resume = Annotated[bool, option("Continue from the checkpoint, if it exists.", "--resume")]
+Jobs = Annotated[int, option("Number of processes that work at once.", of="N", least=1, most=MOST_JOBS)]
+Json = Annotated[File, written("Write the results as JSON.", "FILE.json")]
+Csv = Annotated[File, written("Write the table as CSV.", "FILE.csv")]
+Latex = Annotated[File, written("Write the table for LaTeX.", "FILE.tex")]
+Starts = Annotated[int, option("Random starts of each kind.", of="N", least=0, most=1_000_000)]
+MaxSolutions = Annotated[int, option("Stop the search after this many solutions.", of="N", least=1)]
+Seed = Annotated[int, option("Seed of the random starts.", of="N", least=0)]
+Until = Annotated[float | None, option("End of the time interval.", of="T")]
+StepLength = Annotated[float | None, option("Time step; the first one if steps are adapted.", "--step", of="T")]
 UnitNames = Annotated[
-    str | None,
-    typer.Option("--units", metavar="T,L,F,S,E", help="Units for the labels: of time, length, force, stress, energy."),
+    str | None, option("Units for the labels: of time, length, force, stress, energy.", of="T,L,F,S,E")
 ]
 Given = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Set a value of the file, as in contact.bottom.gap=0.1."),
+    list[str] | None, option("Set a value of the file, as in contact.bottom.gap=0.1.", "--set", of="KEY=VALUE")
 ]
-Colour = Annotated[
-    str | None,
-    typer.Option("--colour", metavar="NAME", help="Colour of the body: stress, displacement, speed (film) or none."),
-]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print the predicted cost of the methods as well.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the summary.")]
+Colour = Annotated[str | None, option("Colour of the body: stress, displacement, speed (film) or none.", of="NAME")]
+Verbose = Annotated[bool, option("Print the predicted cost of the methods as well.", "--verbose", "-v")]
+Quiet = Annotated[bool, option("Print only the summary.", "--quiet", "-q")]
 #: Engines by the names of ``--engine``.
 ENGINES = ("scipy", "petsc")
-EngineName = Annotated[
-    str, typer.Option("--engine", metavar="NAME", help="'scipy', or 'petsc' for all ranks of mpirun.")
-]
+EngineName = Annotated[str, option("'scipy', or 'petsc' for all ranks of mpirun.", of="NAME")]
 
 
 class Exit(IntEnum):
@@ -130,27 +123,6 @@ class Exit(IntEnum):
     BAD_INPUT = 2
     INTERNAL = 70
     INTERRUPTED = 130
-
-
-def each_field_an_option(command: Callable[..., int]) -> Callable[..., int]:
-    """The command, whose argument ``options``, a dataclass of options, becomes an option for each of its fields."""
-    signature = inspect.signature(command, eval_str=True)
-    kind = signature.parameters["options"].annotation
-    hints = get_type_hints(kind, include_extras=True)
-    own = [
-        inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=hints[one.name])
-        for one in fields(kind)
-    ]
-    others = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in signature.parameters.values()]
-
-    @functools.wraps(command)
-    def spread(**arguments: object) -> int:
-        return command(options=kind(**{one.name: arguments.pop(one.name) for one in own}), **arguments)
-
-    spread.__signature__ = signature.replace(  # type: ignore[attr-defined]
-        parameters=[new for one in others for new in (own if one.name == "options" else (one,))]
-    )
-    return spread
 
 
 def check_engine(name: str) -> None:

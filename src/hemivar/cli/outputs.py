@@ -9,6 +9,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import TypeAlias
 
 from hemivar.basics.disk import protecting, same_file, shown, try_output, write_text
 from hemivar.cli.options import Exit
@@ -16,7 +17,8 @@ from hemivar.cli.terminal import hold_signals, quiet_logging
 from hemivar.errors import FileError, HemivarError, ProblemError
 
 __all__ = [
-    "FIGURES",
+    "Content",
+    "Files",
     "Writer",
     "check_distinct",
     "check_folder",
@@ -24,15 +26,12 @@ __all__ = [
     "files_of",
     "internal_error",
     "keep_off",
-    "kept_file",
     "one_line",
-    "tell_kept",
 ]
 
 #: Characters of a message that are shown: a name of thousands of them would hide what is wrong.
 _LONGEST = 1000
-#: Suffixes of figures.
-FIGURES = (".png", ".svg", ".pdf")
+_FIGURES = (".png", ".svg", ".pdf")
 
 _SUFFIXES = {
     "--json": (".json",),
@@ -43,11 +42,15 @@ _SUFFIXES = {
     "--animation": (".gif", ".mp4"),
     "--output": (".gif", ".mp4"),
     "--vtu": (".vtu",),
-    "--plot": FIGURES,
-    "--plot-contact": FIGURES,
-    "--plot-error": FIGURES,
-    "--plot-meshes": FIGURES,
+    "--plot": _FIGURES,
+    "--plot-contact": _FIGURES,
+    "--plot-error": _FIGURES,
+    "--plot-meshes": _FIGURES,
 }
+#: What goes into a file: a record, a function that writes it, or one that draws the figure.
+Content: TypeAlias = Mapping[str, object] | Callable[..., object]
+#: What is written, by option, and a figure beside that of the option by its path.
+Files: TypeAlias = dict[str | Path, Content]
 
 
 # ---- before the work -------------------------------------------------------------------------------------------
@@ -57,11 +60,6 @@ def check_outputs(outputs: Mapping[str, Path | None], source: Path | None = None
     """Refuse output files that could not be written, or that would overwrite one another or ``source``.
 
     Files that come along with one (``X_contact.vtu``) are tried too.
-
-    Raises
-    ------
-    ProblemError
-        One sentence that names the option and the file.
     """
     for option, path in outputs.items():
         suffixes = _SUFFIXES.get(option)
@@ -103,27 +101,6 @@ def keep_off(files: Mapping[str, Iterable[Path]], inputs: Iterable[Path]) -> Non
             for read in inputs:
                 if same_file(file, read):
                     raise ProblemError(f"{option} {file}: {read} was read for this problem; name another file")
-
-
-def kept_file(problem: Path, kind: str, digest: str, outputs: Mapping[str, Path | None], writer: Writer) -> Path:
-    """The file in which work is kept that was given no name: made of the problem's and of what the work depends on.
-
-    Nobody asked for it: where it cannot be written, the work goes on without it.
-
-    Raises
-    ------
-    ProblemError
-        It is one of the other files.
-    """
-    keep = Path(f"{problem.stem}-{digest[:8]}.{kind}.jsonl")
-    check_distinct(files_of({"--checkpoint": keep, **outputs}), problem)
-    keep_off(files_of({"--checkpoint": keep}), writer.inputs)
-    return keep
-
-
-def tell_kept(keep: Path, unkept: str) -> None:
-    """Print where work is kept, or why it is not."""
-    print(f"not kept          {one_line(unkept)}" if unkept else f"kept              {shown(keep)}")
 
 
 def check_folder(path: Path, names: Iterable[str]) -> None:
@@ -177,13 +154,6 @@ class Writer:
 
     After Ctrl-C the file in work and all further pictures are left out; data are still written, and SIGTERM and SIGHUP
     do not disturb them.
-
-    Parameters
-    ----------
-    inputs : iterable of Path
-        Files that were read and must not be overwritten.
-    units : mapping, optional
-        Units of the problem by quantity, for the records.
     """
 
     def __init__(self, inputs: Iterable[Path] = (), units: Mapping[str, str] | None = None) -> None:
@@ -235,6 +205,15 @@ class Writer:
         record = {**record, "units": self.units} if self.units else record
         self.write("--json", path, lambda path: write_text(path, json.dumps(record, indent=1, allow_nan=False) + "\n"))
 
+    def take(self, option: str, path: Path | None, task: Content) -> None:
+        """Write what a command has for an option: a record, what ``task`` writes, or the figure that it draws."""
+        if isinstance(task, Mapping):
+            self.write_record(path, task)
+        elif option.startswith("--plot"):
+            self.write(option, path, lambda path: _save(task, path), picture=True)
+        else:
+            self.write(option, path, task, picture=option in ("--animation", "--output"))
+
     def tell(self) -> None:
         """Print the names of the files that were written."""
         if self.written:
@@ -253,6 +232,12 @@ class Writer:
             sys.stderr.write(f"hemivar: error: {one_line(self.failed[self._said])}\n")
             self._said += 1
         return bool(self.failed)
+
+
+def _save(draw: Callable[..., object], path: Path) -> None:
+    from hemivar.report.saving import save
+
+    save(draw(), path)  # type: ignore[arg-type]
 
 
 def one_line(message: str) -> str:

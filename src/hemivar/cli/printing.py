@@ -7,28 +7,30 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from hemivar.basics.disk import shown
+from hemivar.cli.outputs import one_line
 from hemivar.cli.terminal import Stream
 
 if TYPE_CHECKING:
-    from types import TracebackType
-
     from rich.console import Console
-    from rich.progress import Progress as Bar
+    from rich.progress import Progress
     from rich.table import Table as RichTable
 
     from hemivar.basics.units import Units
     from hemivar.certificates import Certificate
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.engines.petsc import DistributedSolution
+    from hemivar.files.changes import Change
     from hemivar.files.problem_file import ProblemFile
     from hemivar.report.tables import Table
-    from hemivar.solvers import Progress, Solution
+    from hemivar.solvers import Progress as Step
+    from hemivar.solvers import Solution
     from hemivar.workflows import Event
 
 __all__ = [
+    "Bar",
     "SolveView",
     "StageView",
     "console",
@@ -38,6 +40,7 @@ __all__ = [
     "print_step_head",
     "print_summary",
     "print_table",
+    "print_title",
     "unread",
 ]
 
@@ -63,20 +66,14 @@ def print_step_head(level: str = "") -> None:
     print(f"\n{'step':>6}  {'residual':>9}  {'energy':>18}  {'changed points':>14}{level}", flush=True)
 
 
-def print_step(now: Progress) -> bool:
+def print_step(now: Step) -> bool:
     """Print a line for a step; returns whether nobody reads it."""
     print(f"{now.step:>6}  {now.residual:>9.2e}  {now.energy:>18.10g}  {now.changed:>14}", flush=True)
     return unread()
 
 
 class SolveView:
-    """Shows a solve: its method, if ``verbose`` with predicted costs, and, unless ``quiet``, every step.
-
-    Attributes
-    ----------
-    solution : Solution or None
-        What was found.
-    """
+    """Shows a solve: its method, if ``verbose`` with predicted costs, and, unless ``quiet``, every step."""
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
         self.quiet, self.verbose = quiet, verbose
@@ -110,39 +107,73 @@ class SolveView:
         return False
 
 
-class StageView(contextlib.AbstractContextManager["StageView"]):
+class Bar:
+    """A bar on a terminal, with the part that is done or the time that has gone; nothing elsewhere."""
+
+    def __init__(self, quiet: bool = False, timed: bool = False, out: Console | None = None) -> None:
+        self._console = console() if out is None else out
+        self.drawn = self._console.is_terminal and not quiet
+        self._context = contextlib.ExitStack()
+        self._bar: Progress | None = None
+        self._timed = timed
+
+    def show(self, text: str, done: float = 0.0, total: float | None = 1.0) -> None:
+        """Show a text and how much is done; without a total only that the work goes on."""
+        if not self.drawn:
+            return
+        from rich import progress
+
+        if self._bar is None:
+            part = progress.TimeElapsedColumn() if self._timed else progress.TaskProgressColumn()
+            columns = (progress.BarColumn(), part, progress.TextColumn("{task.description}", markup=False))
+            own = progress.Progress(*columns, console=self._console, transient=True)
+            self._bar = self._context.enter_context(own)
+            self._bar.add_task("", total=total)
+        self._bar.update(progress.TaskID(0), description=text, completed=done, total=total)
+
+    def say(self, text: str) -> None:
+        """A line above the bar, or where none is drawn."""
+        if self._bar is None:
+            print(text, flush=True)
+        else:
+            self._bar.console.print(text, markup=False)
+
+    def close(self) -> None:
+        """Take it away."""
+        self._context.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class StageView(Bar):
     """Shows how far long work is: by a bar on a terminal; elsewhere by a line for each stage."""
 
     def __init__(self, console: Console) -> None:
-        self._console = console
-        self._context = contextlib.ExitStack()
-        self._bar: Bar | None = None
+        super().__init__(timed=True, out=console)
         self._began = time.monotonic()
 
     def __call__(self, event: Event) -> None:
-        """Show a stage, a start of a search, a point of a path or a load factor of a bracket.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            Nobody reads it.
-        """
+        """Show a stage, a start of a search, a point of a path or a load factor of a bracket."""
         from hemivar.branches import PathProgress, Reached, SearchProgress
         from hemivar.workflows import Phase
 
         match event:
             case Phase(name, number, count):
-                if not self._console.is_terminal:
+                if not self.drawn:
                     print(name, flush=True)
-                self._show(name, number, count)
+                self.show(name, number, count)
             case SearchProgress(starts, found, planned):
                 tried = f"{starts} of {planned} starts" if starts < planned else f"{starts} starts" if starts else ""
                 told = (tried, f"{found} solution{'' if found == 1 else 's'}", self._left(starts, planned))
-                self._show(", ".join(part for part in told if part), starts, planned or None)
+                self.show(", ".join(part for part in told if part), starts, planned or None)
             case PathProgress(points, load_factor):
-                self._show(f"{points} points, load factor {load_factor:.4g}")
+                self.show(f"{points} points, load factor {load_factor:.4g}", total=None)
             case Reached(tried=tried):
-                self._show(f"{tried} load factors, carried {event.carried:.4g}")
+                self.show(f"{tried} load factors, carried {event.carried:.4g}", total=None)
         if unread():
             raise KeyboardInterrupt
 
@@ -152,23 +183,6 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
             return ""
         seconds = (time.monotonic() - self._began) / done * (count - done)
         return f"about {seconds:.0f} s left" if seconds < _LONG else f"about {seconds / 60.0:.0f} min left"
-
-    def _show(self, text: str, number: int = 0, count: int | None = None) -> None:
-        """Move the bar of a terminal; without a count it tells only that the work goes on."""
-        if not self._console.is_terminal:
-            return
-        from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
-
-        if self._bar is None:
-            columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
-            self._bar = self._context.enter_context(Progress(*columns, console=self._console, transient=True))
-            self._bar.add_task("", total=count)
-        self._bar.update(TaskID(0), description=text, completed=number, total=count)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._context.close()
 
 
 def print_table(console: Console, table: Table, keys: int = 1) -> None:
@@ -222,14 +236,24 @@ def print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
     size = f"{mesh.number_of_nodes} nodes, {mesh.number_of_cells} {kind}, h = {mesh.size:.4g}{order}"
     title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
     print(title or shown(stated.name))
-    for change in stated.changes:
-        print(f"set               {shown(change)}")
+    _print_changes(stated.changes)
     print(f"mesh              {size}")
     print(f"unknowns          {discrete.unknowns}")
     for warning in discrete.notes:
         print(f"warning           {warning}")
     where = f" on {', '.join(discrete.contact.names)}" if discrete.contact.names else ""
     print(f"contact points    {discrete.contact_points}{where}", flush=True)
+
+
+def print_title(stated: ProblemFile, changes: Sequence[Change] = ()) -> None:
+    """Print what the problem is in one line, and what was changed."""
+    print(one_line(stated.problem.title) or shown(stated.name))
+    _print_changes(changes)
+
+
+def _print_changes(changes: Sequence[Change]) -> None:
+    for change in changes:
+        print(f"set               {shown(change)}")
 
 
 def print_not_converged(solution: Solution | DistributedSolution) -> None:

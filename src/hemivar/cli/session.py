@@ -2,50 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hemivar.basics.disk import noting_files_read
+from hemivar.basics.disk import noting_files_read, shown
 from hemivar.cli.options import check_limits, controls_of, method_named
-from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
+from hemivar.cli.outputs import Writer, check_distinct, check_outputs, files_of, keep_off, one_line
 from hemivar.errors import HemivarError, ProblemError, SupportError
 
 if TYPE_CHECKING:
     from hemivar.discrete.problem import DiscreteProblem
+    from hemivar.files.changes import Change
     from hemivar.mesh.mesh import Mesh
     from hemivar.solvers import Controls, Solver
+    from hemivar.workflows import Study, Sweep
 
 __all__ = ["Session", "naming_file"]
 
 
 class Session:
-    """A command at work on a problem file: outputs and limits are checked before anything is read.
-
-    Parameters
-    ----------
-    path : Path
-        The problem file.
-    outputs : mapping of option to Path or None
-        What will be written; what falls on a file that is read is refused.
-    rtol, max_time, max_steps : optional
-        Limits of the command line, which go before those of the file.
-    solution : Path, optional
-        Another file that is read.
-    given : sequence of str, optional
-        ``key=value`` of ``--set``.
-
-    Attributes
-    ----------
-    stated : ProblemFile
-    writer : Writer
-    controls : Controls
-        Limits, and no callback.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """A command at work on a problem file: outputs and limits are checked before anything is read."""
 
     def __init__(
         self,
@@ -55,19 +32,19 @@ class Session:
         max_time: float | None = None,
         max_steps: int | None = None,
         solution: Path | None = None,
-        given: Sequence[str] | None = None,
+        given: Sequence[str | Change] | None = None,
     ) -> None:
-        from hemivar.files.changes import read_change
+        from hemivar.files.changes import Change, read_change
         from hemivar.files.problem_file import read_problem_file
 
         check_outputs(outputs, path)
         check_limits(rtol, max_time, max_steps)
-        changes = [read_change(text) for text in given or ()]
+        changes = [one if isinstance(one, Change) else read_change(one) for one in given or ()]
         with noting_files_read() as files:
             self.stated = read_problem_file(path, changes)
         files += [] if solution is None else [solution]
         keep_off(files_of(outputs), files)
-        self.outputs = outputs
+        self.path, self.outputs = path, outputs
         self.writer = Writer(files, self.stated.units.record())
         self._limits = rtol, max_time, max_steps
 
@@ -82,10 +59,35 @@ class Session:
         name = self.stated.solver.method
         return None if name is None else method_named(name)
 
+    def solver(self, name: str | None) -> Solver | None:
+        """The method of a name, else that of the file."""
+        return self.method if name is None else method_named(name)
+
     @property
     def title(self) -> str | None:
         """The title for figures, in which a dollar begins a formula."""
         return self.stated.problem.title.replace("$", r"\$") or None
+
+    def kept(self, kind: str, digest: Callable[[], str]) -> Path:
+        """The file in which work is kept: if none is named, one made of the problem's and of what the work depends on.
+
+        Nobody asked for that: where it cannot be written, the work goes on without it.
+        """
+        given = {option: path for option, path in self.outputs.items() if path is not None}
+        if "--checkpoint" not in given:
+            own = Path(f"{self.path.stem}-{digest()[:8]}.{kind}.jsonl")
+            check_distinct(files_of({"--checkpoint": own, **given}), self.path)
+            keep_off(files_of({"--checkpoint": own}), self.writer.inputs)
+            given["--checkpoint"] = own
+        self.keep = given["--checkpoint"]
+        return self.keep
+
+    def tell_kept(self, found: Study | Sweep, done: str) -> None:
+        """Print where work is kept, or why it is not, and of interrupted work how much is done."""
+        unkept = found.unkept
+        print(f"not kept          {one_line(unkept)}" if unkept else f"kept              {shown(self.keep)}")
+        if found.interrupted:
+            print(f"interrupted: {done}; run the same command to continue")
 
     def discrete(self, mesh: Mesh | None = None, load_factor: float | None = None) -> DiscreteProblem:
         """The discrete problem, on another mesh and at a load factor if they are given; errors name the file."""

@@ -1,179 +1,174 @@
-"""``hemivar solve``."""
+"""``hemivar solve``, on one mesh or on meshes that are refined until the error is known to be small."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+import sys
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
-import typer
-
+from hemivar.basics.rounding import rounded_up
+from hemivar.cli import options as opt
+from hemivar.cli.command import Done, OnProblem
 from hemivar.cli.options import (
     ENGINES,
-    Checkpoint,
-    Colour,
-    Csv,
-    EngineName,
-    Exact,
-    Exit,
-    Given,
-    Json,
-    MaxSteps,
-    MaxTime,
-    MethodName,
-    ProblemPath,
-    Quiet,
-    Resume,
-    Rtol,
-    Tolerance,
-    Verbose,
     check_colour,
     check_engine,
     check_limits,
     check_load_factors,
+    controls_of,
     method_named,
+    option,
+    written,
 )
-from hemivar.cli.outputs import check_outputs
-from hemivar.cli.printing import SolveView, console, print_head, print_not_converged, print_summary
-from hemivar.cli.session import Session
+from hemivar.cli.outputs import Files, check_outputs
+from hemivar.cli.printing import SolveView, console, print_head, print_not_converged, print_summary, unread
+from hemivar.cli.session import Session, naming_file
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hemivar.adapt import AdaptiveSolution
     from hemivar.certificates import Certificate
+    from hemivar.cli.session import Session
     from hemivar.files.problem_file import ProblemFile
+    from hemivar.report import BodyColour
     from hemivar.solvers import Solution
+    from hemivar.workflows import AdaptResult, Event, RunResult
 
-__all__ = ["check_drawable", "draw", "solve"]
+__all__ = [
+    "SolveCommand",
+    "check_drawable",
+    "colour_named",
+    "label_units",
+    "pictures_of",
+]
+
+_ADAPTIVE = ("--goal", "--max-unknowns", "--max-memory", "--csv", "--plot-error", "--plot-meshes")
 
 
-def solve(
-    problem: ProblemPath,
-    method: MethodName = None,
-    json: Json = None,
-    vtu: Annotated[Path | None, typer.Option(metavar="FILE.vtu", help="Write the fields, for ParaView.")] = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the deformed body (.png, .svg or .pdf).")
-    ] = None,
-    plot_contact: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw pressure, friction and slip on the contact boundary.")
-    ] = None,
-    colour: Colour = None,
-    rtol: Rtol = None,
-    max_time: MaxTime = None,
-    max_steps: MaxSteps = None,
-    load_factor: Annotated[
-        float | None,
-        typer.Option("--load-factor", metavar="X", help="Factor of loads and prescribed displacements."),
-    ] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    warm_start: Annotated[
-        bool, typer.Option("--warm-start", help="Solve on coarser meshes first, each starting the next.")
-    ] = False,
-    engine: EngineName = ENGINES[0],
-    checkpoint: Checkpoint = None,
-    resume: Resume = False,
-    exact: Exact = None,
-    adaptive: Tolerance = None,
-    goal: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Refine for this quantity: contact.bottom.force, support.left.force ..."),
-    ] = None,
-    max_unknowns: Annotated[
-        int | None, typer.Option(metavar="N", help="Limit of unknowns of adaptive meshes (300000).")
-    ] = None,
-    max_memory: Annotated[
-        float | None, typer.Option(metavar="GIB", help="Limit of memory of adaptive meshes (what is free).")
-    ] = None,
-    csv: Csv = None,
-    plot_error: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the error against the unknowns (adaptive).")
-    ] = None,
-    plot_meshes: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the meshes, coarse to fine (adaptive).")
-    ] = None,
-    given: Given = None,
-) -> int:
+class SolveCommand(OnProblem):
     """Solve a contact problem."""
-    limits = rtol, max_time, max_steps
-    pictures = {"--plot": plot, "--plot-contact": plot_contact}
-    check_engine(engine)
-    check_colour(colour, {"--plot": plot})
-    check_load_factors(*(() if load_factor is None else (load_factor,)))
-    own = {"--csv": csv, "--plot-error": plot_error, "--plot-meshes": plot_meshes}
-    if adaptive is not None:
-        _refuse({"--checkpoint": checkpoint, "--resume": resume or None}, "petsc")
-        if warm_start or load_factor is not None or engine != ENGINES[0]:
-            other = "--warm-start" if warm_start else f"--engine {engine}" if load_factor is None else "--load-factor"
-            raise ProblemError(f"--adaptive and {other} exclude one another; leave one of the two out")
-        from hemivar.cli.adapting import AdaptRun
 
-        asked: dict[str, object] = {
-            "adaptive": adaptive,
-            "rtol": rtol,
-            "goal": goal,
-            "max_unknowns": max_unknowns,
-            "max_time": max_time,
-        }
-        asked |= {"max_memory": max_memory, "max_steps": max_steps, "given": given, "colour": colour}
-        run_adaptive = AdaptRun(problem, {"--json": json, "--vtu": vtu, **own, **pictures}, method, asked)
-        return run_adaptive.solve(quiet)
-    for option, value in {"--goal": goal, "--max-unknowns": max_unknowns, "--max-memory": max_memory, **own}.items():
-        if value is not None:
-            raise ProblemError(f"{option} goes with --adaptive; give both, or leave it out")
-    if engine == "petsc":
-        outputs = {"--json": json, "--vtu": vtu, "--checkpoint": checkpoint}
+    method: opt.MethodName = None
+    json: opt.Json = None
+    vtu: Annotated[opt.File, written("Write the fields, for ParaView.", "FILE.vtu")] = None
+    plot: Annotated[opt.File, written("Draw the deformed body (.png, .svg or .pdf).")] = None
+    plot_contact: Annotated[opt.File, written("Draw pressure, friction and slip on the contact boundary.")] = None
+    colour: opt.Colour = None
+    rtol: opt.Rtol = None
+    max_time: opt.MaxTime = None
+    max_steps: opt.MaxSteps = None
+    load_factor: Annotated[float | None, option("Factor of loads and prescribed displacements.", of="X")] = None
+    quiet: opt.Quiet = False
+    verbose: opt.Verbose = False
+    warm_start: Annotated[bool, option("Solve on coarser meshes first, each starting the next.", "--warm-start")] = (
+        False
+    )
+    engine: opt.EngineName = ENGINES[0]
+    checkpoint: opt.Checkpoint = None
+    resume: opt.Resume = False
+    exact: opt.Exact = None
+    adaptive: opt.Tolerance = None
+    goal: Annotated[
+        str | None, option("Refine for this quantity: contact.bottom.force, support.left.force ...", of="NAME")
+    ] = None
+    max_unknowns: Annotated[int | None, option("Limit of unknowns of adaptive meshes (300000).", of="N")] = None
+    max_memory: Annotated[float | None, option("Limit of memory of adaptive meshes (what is free).", of="GIB")] = None
+    csv: opt.Csv = None
+    plot_error: Annotated[opt.File, written("Draw the error against the unknowns (adaptive).")] = None
+    plot_meshes: Annotated[opt.File, written("Draw the meshes, coarse to fine (adaptive).")] = None
+    given: opt.Given = None
+
+    def run(self) -> int:
+        """Run it, adaptively or by all ranks if that is asked for."""
+        check_engine(self.engine)
+        check_colour(self.colour, {"--plot": self.plot})
+        check_load_factors(*(() if self.load_factor is None else (self.load_factor,)))
+        if self.adaptive is not None:
+            self.refuse("petsc", "--checkpoint", "--resume")
+            return _AdaptiveCommand(self.problem, self).run()
+        for name in _ADAPTIVE:
+            if self._value(name) is not None:
+                raise ProblemError(f"{name} goes with --adaptive; give both, or leave it out")
+        return self._on_ranks() if self.engine == "petsc" else super().run()
+
+    def _value(self, name: str) -> object:
+        """What an option says; None where it is left out."""
+        value = getattr(self, name.removeprefix("--").replace("-", "_"))
+        return None if value is False else value
+
+    def refuse(self, engine: str, *names: str) -> None:
+        """Refuse options of the other engine."""
+        for name in names:
+            if self._value(name) is not None:
+                raise ProblemError(f"{name} goes with --engine {engine}; leave one of the two out")
+
+    def _on_ranks(self) -> int:
+        outputs = {name: self.outputs[name] for name in ("--json", "--vtu", "--checkpoint")}
+        limits = self.rtol, self.max_time, self.max_steps
         from hemivar.cli.on_ranks import run_on_ranks
 
         def check() -> None:
-            _refuse({"--method": method, "--exact": exact or None, "--load-factor": load_factor, **pictures}, "scipy")
-            check_outputs(outputs, problem)
+            self.refuse("scipy", "--method", "--exact", "--load-factor", "--plot", "--plot-contact")
+            check_outputs(outputs, self.problem)
             check_limits(*limits)
-            if resume and checkpoint is None:
+            if self.resume and self.checkpoint is None:
                 raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE")
 
-        return run_on_ranks(problem, outputs, resume, limits, check, quiet, given)
-    _refuse({"--checkpoint": checkpoint, "--resume": resume or None}, "petsc")
-    named = None if method is None else method_named(method)
-    session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits, given=given)
-    stated, writer = session.stated, session.writer
-    check_drawable(stated, plot_contact, colour)
-    controls = session.controls
-    meshes = stated.coarser_meshes() if warm_start else []
-    if warm_start and not meshes:
-        raise ProblemError(
-            f"{stated.name}: --warm-start needs coarser meshes; give even numbers of cells, or [mesh] refine"
-        )
-    *coarser, discrete = [session.discrete(mesh, load_factor) for mesh in (*meshes, None)]
-    print_head(stated, discrete)
-    from hemivar.solvers import Status
-    from hemivar.workflows import RunOptions, result_of, run
+        return run_on_ranks(self.problem, outputs, self.resume, limits, check, self.quiet, self.given)
 
-    view = SolveView(quiet, verbose)
-    interrupted, certificate = False, None
-    try:
-        found = result_of(run(discrete, RunOptions(named or session.method, controls, coarser, bool(exact))), view)
-        interrupted, certificate = found.interrupted, found.certificate
-        if found.complaint and not found.interrupted:
-            writer.failed.append(f"the solution could not be certified: {found.complaint}")
-        print_summary(console(), found.solution, certificate, stated.units)
-    finally:  # whatever happens between, what was computed is written
-        if view.solution is not None:
-            _write(session, view.solution, certificate, colour)
-            writer.tell()
-            writer.complain()
-    if interrupted:
-        return writer.ended(Exit.INTERRUPTED)
-    if found.solution.status is not Status.CONVERGED:
-        print_not_converged(found.solution)
-        return writer.ended(Exit.NOT_CONVERGED)
-    return writer.ended(Exit.CONVERGED)
+    def check(self) -> None:
+        self.refuse("petsc", "--checkpoint", "--resume")
+        if self.method is not None:
+            method_named(self.method)
 
+    def work(self) -> Done:
+        from hemivar.workflows import RunOptions, RunResult, result_of, run
 
-def _refuse(options: Mapping[str, object], engine: str) -> None:
-    for option, value in options.items():
-        if value is not None:
-            raise ProblemError(f"{option} goes with --engine {engine}; leave one of the two out")
+        session, stated = self.session, self.session.stated
+        check_drawable(stated, self.plot_contact, self.colour)
+        meshes = stated.coarser_meshes() if self.warm_start else []
+        if self.warm_start and not meshes:
+            raise ProblemError(
+                f"{stated.name}: --warm-start needs coarser meshes; give even numbers of cells, or [mesh] refine"
+            )
+        *coarser, discrete = [session.discrete(mesh, self.load_factor) for mesh in (*meshes, None)]
+        print_head(stated, discrete)
+        view = SolveView(self.quiet, self.verbose)
+        found: RunResult | None = None
+        try:
+            options = RunOptions(session.solver(self.method), session.controls, coarser, bool(self.exact))
+            found = result_of(run(discrete, options), view)
+            if found.complaint and not found.interrupted:
+                self.writer.failed.append(f"the solution could not be certified: {found.complaint}")
+            print_summary(console(), found.solution, found.certificate, stated.units)
+        except BaseException:  # whatever happens, what was computed is written
+            if view.solution is not None:
+                self.write(self._files(found or RunResult(view.solution, None)))
+                self.writer.complain()
+            raise
+        if found.interrupted or found.solution.status.value == "converged":
+            return Done(self._files(found), interrupted=found.interrupted)
+        return Done(self._files(found), False, last=partial(self._not_converged, found.solution))
+
+    def _files(self, found: RunResult) -> Files:
+        """Data before pictures, and what may end the process last."""
+        from hemivar import files
+
+        solution, certificate, units = found.solution, found.certificate, self.writer.units
+        more = {"units": units} if units else None
+        return {
+            "--json": lambda path: files.write_json(solution, path, certificate, more),
+            "--vtu": lambda path: files.write_vtu(solution, path),
+            **pictures_of(self.session, solution, certificate, self.colour),
+        }
+
+    def _not_converged(self, solution: Solution) -> None:
+        self.writer.complain()
+        print_not_converged(solution)
 
 
 def check_drawable(stated: ProblemFile, plot_contact: Path | None, colour: str | None = None) -> None:
@@ -190,43 +185,203 @@ def check_drawable(stated: ProblemFile, plot_contact: Path | None, colour: str |
         )
 
 
-def _write(session: Session, solution: Solution, certificate: Certificate | None, colour: str | None) -> None:
-    """Write what was asked for, data before pictures, and what may end the process last."""
-    from hemivar import files
+class LabelUnits(TypedDict):
+    """Units for the labels of a picture of a body."""
 
-    writer, outputs = session.writer, session.outputs
-    units = {"units": writer.units} if writer.units else None
-    writer.write("--json", outputs["--json"], lambda path: files.write_json(solution, path, certificate, units))
-    writer.write("--vtu", outputs["--vtu"], lambda path: files.write_vtu(solution, path))
-    draw(session, solution, certificate, colour)
+    unit: str
+    stress_unit: str
 
 
-def draw(session: Session, solution: Solution, certificate: Certificate | None, colour: str | None) -> None:
-    """Draw the pictures of a solution that were asked for, with a line each that tells what was certified."""
-    writer, outputs, title = session.writer, session.outputs, session.title
-    if not any(outputs[option] for option in ("--plot", "--plot-contact")):
-        return
-    from hemivar.report import BodyColour, plot_contact, plot_solution, save
+def label_units(session: Session) -> LabelUnits:
+    """The units that a problem file states."""
+    return {"unit": session.stated.units.length, "stress_unit": session.stated.units.stress}
 
-    shade, units = None if colour is None else BodyColour(colour), session.stated.units
 
-    pictures: dict[str, Callable[[Path], object]] = {
-        "--plot": lambda path: save(
-            plot_solution(
-                solution,
-                scale="auto",
-                title=title,
-                colour=shade,
-                certificate=certificate,
-                unit=units.length,
-                stress_unit=units.stress,
-            ),
-            path,
-        ),
-        "--plot-contact": lambda path: save(
-            plot_contact(solution, title=title, certificate=certificate, unit=units.length, stress_unit=units.stress),
-            path,
-        ),
-    }
-    for option, task in pictures.items():
-        writer.write(option, outputs[option], task, picture=True)
+def colour_named(name: str | None) -> BodyColour | None:
+    """The colouring of a name."""
+    from hemivar.report import BodyColour
+
+    return None if name is None else BodyColour(name)
+
+
+def pictures_of(session: Session, solution: Solution, certificate: Certificate | None, colour: str | None) -> Files:
+    """The pictures of a solution by option, with a line each that tells what was certified."""
+
+    def body() -> Figure:
+        from hemivar.report import plot_solution
+
+        return plot_solution(
+            solution,
+            scale="auto",
+            title=session.title,
+            colour=colour_named(colour),
+            certificate=certificate,
+            **label_units(session),
+        )
+
+    def contact() -> Figure:
+        from hemivar.report import plot_contact
+
+        return plot_contact(solution, title=session.title, certificate=certificate, **label_units(session))
+
+    return {"--plot": body, "--plot-contact": contact}
+
+
+_GIB = 2.0**30
+#: Parts of the whole that are rounding.
+_ROUNDING = 1e-12
+
+
+class _AdaptView:
+    """Shows an adaptive solve: a row for each mesh, unless ``quiet``."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self.quiet = quiet
+
+    def __call__(self, event: Event) -> bool:
+        """Show an event; returns whether to stop."""
+        from hemivar.workflows import Refined
+
+        if not isinstance(event, Refined) or self.quiet:
+            return False
+        level = event.level
+        distance, goal = level.distance, level.goal
+        if event.number == 0:
+            head = (
+                f"\n{'mesh':>6}  {'unknowns':>9}  {'error':>9}  {'misfit':>9}  {'contact':>9}  {'loads':>9}  {'c':>6}"
+            )
+            more = "" if goal is None else f"  {'interval':>9}  {'estimate':>9}"
+            print(f"{head}{more}  {'seconds':>8}", flush=True)
+        parts = (distance.parts.misfit, distance.parts.contact, distance.parts.oscillation)
+        shares = "".join(f"  {_percent(distance.over_norm(part)):>9}" for part in parts)
+        bound = ("" if distance.guaranteed else "~") + _percent(distance.relative)
+        more = "" if goal is None else f"  {_percent(goal.relative):>9}  {'~' + _percent(goal.estimated):>9}"
+        line = f"{event.number + 1:>6}  {level.unknowns:>9}  {bound:>9}{shares}  {distance.constant:>6.3g}"
+        print(f"{line}{more}  {level.seconds:>8.3g}", flush=True)
+        return unread()
+
+
+class _AdaptiveCommand(OnProblem):
+    """``hemivar solve`` with ``--adaptive``."""
+
+    asked: SolveCommand
+
+    @property
+    def outputs(self) -> dict[str, Path | None]:
+        """Those of the command."""
+        return self.asked.outputs
+
+    @property
+    def session(self) -> Session:
+        """That of the command."""
+        return self.asked.session
+
+    def check(self) -> None:
+        asked, tolerance = self.asked, self._tolerance
+        if asked.warm_start or asked.load_factor is not None or asked.engine != ENGINES[0]:
+            engine = f"--engine {asked.engine}" if asked.load_factor is None else "--load-factor"
+            other = "--warm-start" if asked.warm_start else engine
+            raise ProblemError(f"--adaptive and {other} exclude one another; leave one of the two out")
+        if not 0.0 < tolerance < 1.0:
+            raise ProblemError(f"--adaptive is {tolerance:g}; it must be a positive number below 1, such as 0.02")
+        for name, value, unit in (
+            ("--max-unknowns", asked.max_unknowns, "whole number"),
+            ("--max-memory", asked.max_memory, "number of GiB"),
+        ):
+            if value is not None and not value > 0:
+                raise ProblemError(f"{name} is {value:g}; it must be a positive {unit}")
+        if asked.method is not None:
+            method_named(asked.method)
+
+    @property
+    def _tolerance(self) -> float:
+        assert self.asked.adaptive is not None
+        return self.asked.adaptive
+
+    def work(self) -> Done:
+        from hemivar.adapt import AdaptiveEnd
+        from hemivar.workflows import AdaptOptions, adapt, result_of
+
+        session, asked = self.session, self.asked
+        stated = session.stated
+        check_drawable(stated, asked.plot_contact)
+        if stated.problem.kind:
+            raise ProblemError(
+                f"{stated.name}: --adaptive is for elastic bodies, and this is a scalar problem; leave it out"
+            )
+        options = AdaptOptions(
+            self._tolerance,
+            asked.goal,
+            max_unknowns=asked.max_unknowns or AdaptOptions.max_unknowns,
+            max_time=asked.max_time or math.inf,
+            max_memory=(asked.max_memory or math.inf) * _GIB,
+            method=session.solver(asked.method),
+            controls=controls_of(stated, asked.rtol, max_steps=asked.max_steps),
+        )
+        print_head(stated, session.discrete())
+        try:
+            found = result_of(adapt(stated.problem, options), _AdaptView(asked.quiet))
+        except ProblemError as error:
+            raise naming_file(error, stated.name) from error
+        if found.complaint and not found.interrupted:
+            self.writer.failed.append(f"the solution could not be certified: {found.complaint}")
+        try:
+            self._print(found)
+        except BaseException:  # whatever happens, what was computed is written
+            self.write(self._files(found))
+            self.writer.complain()
+            raise
+        reached = found.interrupted or found.adaptive.ended in (AdaptiveEnd.REACHED, AdaptiveEnd.ESTIMATED)
+        last = self.writer.complain if reached else partial(self._not_reached, found.adaptive)
+        return Done(self._files(found), reached, found.interrupted, last)
+
+    def _print(self, result: AdaptResult) -> None:
+        """What was found on the last mesh, and how it ended."""
+        found = result.adaptive
+        print_summary(console(), found.solution, result.certificate, self.session.stated.units)
+        if result.certificate is None:
+            from hemivar.certificates.continuous.exact_certificate import statement_of
+
+            print("\n".join(statement_of(found.distance).lines()))
+        if found.goal is not None:
+            label = "goal"
+            for line in found.goal.lines():
+                print(f"{label:<18}{line}")
+                label = ""
+            for reason in found.goal.reasons:
+                print(f"{'':<18}because {reason}")
+        order = f", bound of order {found.rate:.2g} in the unknowns" if math.isfinite(found.rate) else ""
+        print(f"adaptive          {found.ended} after {len(found.levels)} meshes{order}")
+        print(f"{'':<18}{found.remedy}", flush=True)
+
+    def _files(self, found: AdaptResult) -> Files:
+        from hemivar.files import write_json, write_vtu
+        from hemivar.report import adaptive_table, plot_adaptive, plot_meshes
+
+        adaptive, certificate, title = found.adaptive, found.certificate, self.session.title
+        more, cells = {"adaptive": adaptive.record()}, {"indicator": adaptive.levels[-1].indicator}
+        return {
+            "--csv": adaptive_table(adaptive).write_csv,
+            "--json": lambda path: write_json(adaptive.solution, path, certificate, more),
+            "--vtu": lambda path: write_vtu(adaptive.solution, path, cells),
+            "--plot-error": partial(plot_adaptive, adaptive, title=title, certificate=certificate),
+            "--plot-meshes": partial(plot_meshes, adaptive, title=title, certificate=certificate),
+            **pictures_of(self.session, adaptive.solution, certificate, self.asked.colour),
+        }
+
+    def _not_reached(self, found: AdaptiveSolution) -> None:
+        """Say on standard error what was not reached."""
+        self.writer.complain()
+        last = found.levels[-1]
+        what = "distance" if last.goal is None else last.goal.goal.name
+        size = f"{what} within {_percent(last.relative)}" if math.isfinite(last.relative) else f"{what} not bounded"
+        sys.stderr.write(
+            f"hemivar: not reached: {found.ended} with {last.unknowns} unknowns, {size}, asked for "
+            f"{_percent(found.rtol)}: {found.remedy}\n"
+        )
+
+
+def _percent(ratio: float) -> str:
+    if not math.isfinite(ratio):
+        return "-"
+    return f"{rounded_up(100.0 * ratio) if ratio > _ROUNDING else '0'} %"

@@ -1,128 +1,101 @@
-"""``hemivar study``: a problem on meshes that are halved, its errors and their orders."""
+"""``hemivar study`` and ``sweep``: a problem on meshes that are halved, and over one or more of its parameters."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from hemivar.basics.disk import shown
-from hemivar.cli.options import (
-    Checkpoint,
-    Csv,
-    Exact,
-    Exit,
-    Given,
-    Jobs,
-    Json,
-    Latex,
-    MaxSteps,
-    MaxTime,
-    MethodName,
-    ProblemPath,
-    Rtol,
-    method_named,
-)
-from hemivar.cli.outputs import kept_file, one_line, tell_kept
-from hemivar.cli.printing import StageView, console, print_table
+from hemivar.basics.first_use import cached_property
+from hemivar.cli import options as opt
+from hemivar.cli.command import Done, OnProblem, watched
+from hemivar.cli.options import check_limits, option, written
+from hemivar.cli.outputs import Files
+from hemivar.cli.printing import console, print_table, print_title
 from hemivar.cli.session import Session, naming_file
 from hemivar.errors import FileError, HemivarError, ProblemError
 
 if TYPE_CHECKING:
     from hemivar.basics.types import Record
-    from hemivar.workflows import Study
+    from hemivar.files.changes import Change
+    from hemivar.workflows import Study, SweepAxis
     from hemivar.workflows.study import StudyLevel
 
-__all__ = ["study"]
+__all__ = ["StudyCommand", "SweepCommand"]
 
 
-def study(
-    problem: ProblemPath,
-    refine: Annotated[int, typer.Option(metavar="N", help="Number of refinements, each halving the mesh.")] = 3,
-    coarser: Annotated[int, typer.Option(metavar="N", min=0, help="Number of coarser meshes to begin with.")] = 0,
-    known: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FORMULA", help="Known solution in x and y, once for each component (the finest mesh)."),
-    ] = None,
-    exact: Exact = None,
-    method: MethodName = None,
-    jobs: Jobs = 1,
-    checkpoint: Checkpoint = None,
-    csv: Csv = None,
-    latex: Latex = None,
-    json: Json = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the errors over h (.png, .svg or .pdf).")
-    ] = None,
-    rtol: Rtol = None,
-    max_time: MaxTime = None,
-    max_steps: MaxSteps = None,
-    given: Given = None,
-) -> int:
+class StudyCommand(OnProblem):
     """Solve on meshes that are halved; errors, and observed orders; goes on where it was interrupted.
 
     Exit code 0 if every solve converged.
     """
-    from hemivar.report.loglog import plot_study
-    from hemivar.report.tables import study_table
-    from hemivar.workflows import StudyOptions, result_of, studying
-    from hemivar.workflows.study import study_digest
 
-    outputs = {"--csv": csv, "--latex": latex, "--json": json, "--plot": plot}
-    session = Session(problem, {**outputs, "--checkpoint": checkpoint}, rtol, max_time, max_steps, given=given)
-    stated, writer = session.stated, session.writer
-    solver = session.method if method is None else method_named(method)
-    meshes = [*stated.coarser_meshes(), stated.problem.mesh]
-    if coarser >= len(meshes):
-        raise ProblemError(
-            f"--coarser is {coarser}, and {stated.name} describes {len(meshes) - 1} coarser meshes; give even numbers "
-            "of cells, or [mesh] refine"
+    refine: Annotated[int, option("Number of refinements, each halving the mesh.", of="N")] = 3
+    coarser: Annotated[int, option("Number of coarser meshes to begin with.", of="N", least=0)] = 0
+    known: Annotated[
+        list[str] | None,
+        option("Known solution in x and y, once for each component (the finest mesh).", of="FORMULA"),
+    ] = None
+    exact: opt.Exact = None
+    method: opt.MethodName = None
+    jobs: opt.Jobs = 1
+    checkpoint: opt.Checkpoint = None
+    csv: opt.Csv = None
+    latex: opt.Latex = None
+    json: opt.Json = None
+    plot: Annotated[opt.File, written("Draw the errors over h (.png, .svg or .pdf).")] = None
+    rtol: opt.Rtol = None
+    max_time: opt.MaxTime = None
+    max_steps: opt.MaxSteps = None
+    given: opt.Given = None
+
+    def work(self) -> Done:
+        from hemivar.report.loglog import plot_study
+        from hemivar.report.tables import study_table
+        from hemivar.workflows import StudyOptions, studying
+        from hemivar.workflows.study import study_digest
+
+        session, stated = self.session, self.session.stated
+        solver = session.solver(self.method)
+        meshes = [*stated.coarser_meshes(), stated.problem.mesh]
+        if self.coarser >= len(meshes):
+            raise ProblemError(
+                f"--coarser is {self.coarser}, and {stated.name} describes {len(meshes) - 1} coarser meshes; give even "
+                "numbers of cells, or [mesh] refine"
+            )
+        first = stated.problem.on(meshes[-1 - self.coarser])
+        options = StudyOptions(
+            self.refine,
+            self.known or None,
+            solver,
+            session.controls,
+            self.jobs,
+            must_keep=self.checkpoint is not None,
+            exact=bool(self.exact),
         )
-    first = stated.problem.on(meshes[-1 - coarser])
-    options = StudyOptions(
-        refine, known or None, solver, session.controls, jobs, must_keep=checkpoint is not None, exact=bool(exact)
-    )
-    if checkpoint is None:
-        checkpoint = kept_file(problem, "study", study_digest(first, options), outputs, writer)
-    options = replace(options, checkpoint=checkpoint)
-    terminal = console()
-    print(one_line(stated.problem.title) or shown(stated.name))
-    for change in stated.changes:
-        print(f"set               {shown(change)}")
-    try:
-        with StageView(terminal) as view:
-            found = result_of(studying(first, options), view)
-    except FileError:
-        raise
-    except HemivarError as error:
-        raise naming_file(error, stated.name) from error
-    units = stated.units
-    table = study_table(found, units=units)
-    print()
-    print_table(terminal, study_table(found, brief=True, units=units))
-    _print_orders(found)
-    _print_bounds(found)
-    writer.write("--csv", csv, table.write_csv)
-    writer.write("--latex", latex, study_table(found, stated.problem.title, units=units).write_latex)
-    writer.write_record(json, _record(found, stated.name))
-
-    def draw(file: Path) -> None:
-        from hemivar.report.saving import save
-
-        save(plot_study(found, title=session.title, unit=stated.units.length), file)
-
-    if found.quantities:
-        writer.write("--plot", plot, draw, picture=True)
-    writer.tell()
-    tell_kept(checkpoint, found.unkept)
-    if found.interrupted:
-        print(f"interrupted: {len(found.levels)} of {refine + 1} meshes are done; run the same command to continue")
-        return writer.ended(Exit.INTERRUPTED)
-    done = found.converged and len(found.levels) == refine + 1
-    return writer.ended(Exit.CONVERGED if done else Exit.NOT_CONVERGED)
+        options = replace(options, checkpoint=session.kept("study", lambda: study_digest(first, options)))
+        print_title(stated, stated.changes)
+        try:
+            found = watched(studying(first, options))
+        except FileError:
+            raise
+        except HemivarError as error:
+            raise naming_file(error, stated.name) from error
+        print()
+        print_table(console(), study_table(found, brief=True, units=stated.units))
+        _print_orders(found)
+        _print_bounds(found)
+        draw = partial(plot_study, found, title=session.title, unit=stated.units.length)
+        files: Files = {
+            "--csv": study_table(found, units=stated.units).write_csv,
+            "--latex": study_table(found, stated.problem.title, units=stated.units).write_latex,
+            "--json": _record(found, stated.name),
+            **({"--plot": draw} if found.quantities else {}),
+        }
+        done = f"{len(found.levels)} of {self.refine + 1} meshes are done"
+        reached = found.converged and len(found.levels) == self.refine + 1
+        return Done(files, reached, found.interrupted, partial(session.tell_kept, found, done))
 
 
 def _print_orders(found: Study) -> None:
@@ -188,3 +161,107 @@ def _record(found: Study, name: str) -> Record:
         "interrupted": found.interrupted,
         "meshes": levels,
     }
+
+
+_SHOWN = 40
+
+
+class SweepCommand(OnProblem):
+    """Count the solutions, and compute the margin, over ranges of parameters; goes on where it was interrupted.
+
+    Exit code 0 if every point has a result.
+    """
+
+    given: Annotated[
+        list[str] | None,
+        option(
+            "Set a range of a value of the file (:log for logarithmic steps), or one value KEY=VALUE.",
+            "--set",
+            of="KEY=LOW:HIGH:COUNT",
+        ),
+    ] = None
+    jobs: opt.Jobs = 1
+    checkpoint: opt.Checkpoint = None
+    csv: opt.Csv = None
+    latex: opt.Latex = None
+    plot: Annotated[opt.File, written("Draw margin and number of solutions (.png, .svg or .pdf).")] = None
+    label: Annotated[list[str] | None, option("Name of a parameter in the picture, with its unit.", of="TEXT")] = None
+    starts: opt.Starts = 40
+    max_solutions: opt.MaxSolutions = 100
+    seed: opt.Seed = 0
+    rtol: opt.Rtol = None
+    max_time: opt.MaxTime = None
+
+    @cached_property
+    def ranges(self) -> tuple[tuple[SweepAxis, ...], tuple[Change, ...]]:
+        """What ``--set`` gives a range, and what one value."""
+        from hemivar.workflows import SweepAxis, read_axis
+
+        read = [read_axis(text) for text in self.given or ()]
+        axes = tuple(one for one in read if isinstance(one, SweepAxis))
+        return axes, tuple(one for one in read if not isinstance(one, SweepAxis))
+
+    def check(self) -> None:
+        check_limits(self.rtol, self.max_time)
+        axes, _ = self.ranges
+        if not axes:
+            raise ProblemError("sweep: give a range with --set, as in --set contact.bottom.normal.q_max=0:1:21")
+        if self.plot is not None and len(axes) > 2:
+            raise ProblemError(f"--plot draws one or two parameters, and {len(axes)} have ranges; leave it out")
+        if len(self.label or ()) > len(axes):
+            raise ProblemError(
+                f"--label is there {len(self.label or ())} times, and {len(axes)} parameters have a range; give one "
+                "for each"
+            )
+
+    @cached_property
+    def session(self) -> Session:
+        """The problem file at the first point, or the last: one end of the ranges may make no sense."""
+        try:
+            return self._at(0)
+        except ProblemError as error:
+            try:
+                return self._at(-1)
+            except ProblemError:
+                raise error from None
+
+    def _at(self, place: int) -> Session:
+        from hemivar.files.changes import Change
+
+        axes, changes = self.ranges
+        values = [*changes, *(Change(axis.key, axis.values[place]) for axis in axes)]
+        return Session(self.problem, self.outputs, self.rtol, self.max_time, given=values)
+
+    def work(self) -> Done:
+        from hemivar.report.sweep_figures import plot_sweep
+        from hemivar.report.tables import sweep_table
+        from hemivar.workflows import SolutionsOptions, SweepOptions, sweeping
+        from hemivar.workflows.sweep import sweep_digest
+
+        axes, changes = self.ranges
+        session = self.session
+        search = SolutionsOptions(self.starts, self.max_solutions, self.seed, session.controls)
+        options = SweepOptions(search, self.jobs, None, changes, must_keep=self.checkpoint is not None)
+        digest = partial(sweep_digest, self.problem, axes, options)
+        options = replace(options, checkpoint=session.kept("sweep", digest))
+        print_title(session.stated, changes)
+        told = ", ".join(f"{axis.key} ({len(axis.values)})" for axis in axes)
+        print(f"parameters        {told}: {math.prod(len(axis.values) for axis in axes)} points")
+        found = watched(sweeping(self.problem, axes, options))
+        table = sweep_table(found, units=session.stated.units)
+        if len(table.rows) <= _SHOWN:
+            print_table(console(), table, keys=len(found.axes))
+        else:
+            print(f"                  {len(table.rows)} points are done; --csv writes their table")
+        failed = [point for point in found.points if point.failed]
+        if failed:
+            print(f"without result    {len(failed)} point{'s' if len(failed) > 1 else ''}; the first: {failed[0].note}")
+        title, units = session.stated.problem.title, session.stated.units
+        draw = partial(plot_sweep, found, labels=self.label or (), title=session.title)
+        files: Files = {
+            "--csv": table.write_csv,
+            "--latex": sweep_table(found, title, units=units).write_latex,
+            **({"--plot": draw} if found.points else {}),
+        }
+        done = f"{len(found.points)} of {math.prod(found.shape)} points are done"
+        return Done(files, not failed, found.interrupted, partial(session.tell_kept, found, done))

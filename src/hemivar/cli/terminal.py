@@ -28,11 +28,6 @@ class Stream(io.TextIOBase):
 
     Colours and bars come from rich, which finds the stream without the filter under ``rich_proxied_file``; both are one
     stream in all else.
-
-    Parameters
-    ----------
-    under : text stream or None
-        Where the text goes; None where the process has no such stream.
     """
 
     def __init__(self, under: TextIO | None, filtered: bool = True, failures: list[Exception] | None = None) -> None:
