@@ -9,8 +9,9 @@ from typing import TypeVar
 from hemivar.basics.arguments import described
 from hemivar.errors import ProblemError
 
-__all__ = ["result_of"]
+__all__ = ["each_as", "result_of"]
 
+Value = TypeVar("Value")
 Event = TypeVar("Event")
 Result = TypeVar("Result")
 
@@ -56,3 +57,21 @@ def result_of(
                 event = work.send(answer) if interrupted is None else work.throw(interrupted)
             except StopIteration as end:
                 return end.value  # type: ignore[no-any-return]
+
+
+def each_as(
+    work: Generator[Value, bool | None, Result], event: Callable[[Value], Event]
+) -> Generator[Event, bool | None, Result]:
+    """The same work, which yields an event made of each of its values; answers and Ctrl-C reach it."""
+    with closing(work):
+        try:
+            value = next(work)
+            while True:
+                try:
+                    answer = yield event(value)
+                except KeyboardInterrupt as error:
+                    value = work.throw(error)
+                else:
+                    value = work.send(answer)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]

@@ -326,7 +326,7 @@ def fit(
     law: Callable[[Array], VectorLaw],
     options: FitOptions | None = None,
     max_time: float = math.inf,
-) -> Generator[FitAttempt, None, Fit]:
+) -> Generator[FitAttempt, bool | None, Fit]:
     """Least squares over the parameters of a law, from several starts; yields an :class:`FitAttempt` after each.
 
     The quantities are weighted by their largest values.  Derivatives go through the solution map

@@ -4,8 +4,6 @@ from .adapting import AdaptOptions as AdaptOptions
 from .adapting import AdaptResult as AdaptResult
 from .adapting import Refined as Refined
 from .adapting import adapt as adapt
-from .certification import CertifyOptions as CertifyOptions
-from .certification import certify as certify
 from .comparison import Attempt as Attempt
 from .comparison import CompareOptions as CompareOptions
 from .comparison import Comparison as Comparison
@@ -43,9 +41,11 @@ from .marching import ReadyEvent as ReadyEvent
 from .marching import evolution_of as evolution_of
 from .marching import march as march
 from .marching import plan_of as plan_of
+from .solving import CertifyOptions as CertifyOptions
 from .solving import Progress as Progress
 from .solving import RunOptions as RunOptions
 from .solving import RunResult as RunResult
+from .solving import certify as certify
 from .solving import run as run
 from .study import Study as Study
 from .study import StudyLevel as StudyLevel

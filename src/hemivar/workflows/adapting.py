@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from contextlib import closing
 from dataclasses import dataclass, field, replace
+from itertools import count
 
 from hemivar.adapt import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
 from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
+from hemivar.basics.generators import each_as
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.certificates import Certificate
 from hemivar.certificates.continuous.exact_certificate import statement_of
@@ -120,7 +121,9 @@ def adapt(problem: ContactProblem | ManufacturedProblem, options: AdaptOptions |
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
     problem = expect_body(problem, "what to solve adaptively", remedy)
     given = {name: getattr(options, name) for name in vars(options)}
-    found = yield from _levels(problem, given)
+    numbers = count()
+    work = solving_adaptive(problem, **given)  # type: ignore[arg-type]
+    found = yield from each_as(work, lambda level: Refined(level, next(numbers)))
     complaint, certificate = "", None
     try:
         certificate = certificate_of(found.solution, options.controls.rtol, options.controls.max_time)
@@ -134,22 +137,3 @@ def adapt(problem: ContactProblem | ManufacturedProblem, options: AdaptOptions |
     except KeyboardInterrupt:
         complaint = "interrupted"
     return AdaptResult(found, certificate, complaint)
-
-
-def _levels(problem: ContactProblem, options: dict[str, object]) -> Work[AdaptiveSolution]:
-    """Every mesh as an event."""
-    number = 0
-    with closing(solving_adaptive(problem, **options)) as work:  # type: ignore[arg-type]
-        try:
-            level = next(work)
-            while True:
-                try:
-                    told = yield Refined(level, number)
-                except KeyboardInterrupt as error:
-                    level = work.throw(error)
-                else:
-                    level = work.send(told)
-                number += 1
-        except StopIteration as end:
-            found: AdaptiveSolution = end.value
-            return found

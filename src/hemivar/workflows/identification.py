@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from hemivar.basics.arguments import described, expect, expecting
 from hemivar.basics.disk import shown
-from hemivar.basics.generators import result_of
+from hemivar.basics.generators import each_as, result_of
 from hemivar.basics.stated import Form
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
@@ -25,7 +25,7 @@ from hemivar.laws import VectorLaw, join_laws
 from hemivar.laws.registry import NORMAL_LAWS
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls
-from hemivar.workflows.events import Event, Phase
+from hemivar.workflows.events import Phase, Work
 
 __all__ = ["identify", "identifying", "parameters_of_law"]
 
@@ -92,7 +92,7 @@ def identifying(
     *,
     changes: Sequence[Change] = (),
     controls: Controls | None = None,
-) -> Generator[Event, object, Fit]:
+) -> Work[Fit]:
     """As :func:`identify`, and tells of every start that is done.
 
     Parameters
@@ -124,35 +124,11 @@ def identifying(
 
     limit = math.inf if controls is None else controls.max_time
     attempts = fit(experiment, measured, wanted, law, options, limit)
-    while True:
-        try:
-            attempt = next(attempts)
-        except StopIteration as end:
-            return _fit_of(end.value)
-        yield Phase(_told(attempt), attempt.number, attempt.count)
+    return (yield from each_as(attempts, lambda one: Phase(_told(one), one.number, one.count)))
 
 
 def parameters_of_law(problem: str | Path, law: str, contact: str | None = None) -> tuple[Parameter, ...]:
-    """All numbers of the normal law of a contact boundary in a problem file, each around its value there.
-
-    Parameters
-    ----------
-    problem : path
-    law : str
-        Name of the law, as the file has it.
-    contact : str, optional
-        The contact boundary; needed where there are several.
-
-    Returns
-    -------
-    tuple of Parameter
-        From a twentieth of the value in the file to twenty times it.
-
-    Raises
-    ------
-    ProblemError
-        The file has another law there, or numbers of which one is not positive.
-    """
+    """All numbers of the normal law of a contact boundary in a problem file, each around its value there."""
     import tomllib
 
     text = read_text(problem)
@@ -250,11 +226,6 @@ def _law_on(problem: DiscreteProblem, stated: Posable) -> VectorLaw:
         if len(points):
             groups.append((stated.contact[name].law.at(points), len(points)))
     return join_laws(groups)
-
-
-def _fit_of(value: object) -> Fit:
-    assert isinstance(value, Fit)
-    return value
 
 
 def _told(attempt: FitAttempt) -> str:

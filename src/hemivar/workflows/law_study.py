@@ -111,13 +111,7 @@ def _study(entry: LawEntry, given: Mapping[str, Value], label: str) -> LawStudy:
 
 
 def values_shown(entry: LawEntry, given: Mapping[str, Value], label: str) -> tuple[dict[str, Value], dict[str, Value]]:
-    """The parameters with which a law or a material is shown, and which of them are examples.
-
-    Raises
-    ------
-    ProblemError
-        There is no such parameter, or a value is none.
-    """
+    """The parameters with which a law or a material is shown, and which of them are examples."""
     known = {p.key: p for p in entry.parameters}
     for key in given:
         if key not in known:

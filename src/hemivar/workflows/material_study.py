@@ -19,17 +19,7 @@ __all__ = ["MaterialStudy", "study_material"]
 
 @dataclass(frozen=True, eq=False)
 class MaterialStudy:
-    """A material of the registry.
-
-    Attributes
-    ----------
-    entry : LawEntry
-        Its line in the registry.
-    material : Material
-        ``material.describe()`` has constants and bounds.
-    examples : mapping of name to value
-        Constants that were not given, with the values that show what the material does.
-    """
+    """A material of the registry."""
 
     entry: LawEntry
     material: Material
@@ -41,22 +31,7 @@ class MaterialStudy:
 def study_material(
     name: str, constants: Mapping[str, Value] | None = None, *, label: str = "constant "
 ) -> MaterialStudy:
-    """The material of a name.
-
-    Parameters
-    ----------
-    name : str
-        "hencky", "ramberg-osgood", "locking" or "potential".
-    constants : mapping of name to value
-        Examples stand for those that are left out.
-    label : str
-        What stands before the name of a constant in messages.
-
-    Raises
-    ------
-    ProblemError
-        No such material or constant, or a value that the material does not take.
-    """
+    """The material of a name."""
     if name not in MATERIAL_LAWS:
         raise ProblemError(f"material '{name}' is not known{suggest(name, list(MATERIAL_LAWS))}")
     entry = MATERIAL_LAWS[name]

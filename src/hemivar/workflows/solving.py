@@ -1,4 +1,4 @@
-"""Solve a problem and certify its solution."""
+"""Solve a problem, and certify a solution, whoever computed it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import numpy as np
 
 from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
-from hemivar.certificates import Certificate, certify, factorises
+from hemivar.basics.types import Array
+from hemivar.certificates import Certificate, factorises
+from hemivar.certificates import certify as certificate_of_pair
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
 from hemivar.fem.posed import Posable, posed
@@ -19,10 +21,19 @@ from hemivar.solvers.choice import choose
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import CertificateEvent, FoundEvent, MethodEvent, StartEvent, WarningEvent, Work
 
-__all__ = ["STATIONARY", "Progress", "RunOptions", "RunResult", "certificate_of", "run", "solved"]
+__all__ = [
+    "CertifyOptions",
+    "Progress",
+    "RunOptions",
+    "RunResult",
+    "certificate_of",
+    "certify",
+    "from_coarser",
+    "run",
+]
 
 #: Residual, relative to the load, up to which a pair counts as a solution.
-STATIONARY = 1e-8
+_STATIONARY = 1e-8
 
 
 @dataclass(frozen=True)
@@ -102,7 +113,7 @@ def run(problem: Posable, options: RunOptions | None = None, workspace: Workspac
     problems = [posed(given, "run") for given in (*options.coarser, problem)]
     for warning in problems[-1].notes:
         yield WarningEvent(warning)
-    solution = yield from solved(problems, options.method, options.controls, known)
+    solution = yield from _solved(problems, options.method, options.controls, known)
     complaint, interrupted, certificate = "", solution.status is Status.INTERRUPTED, None
     try:
         if workspace is None and known.condenses(problems[-1]):
@@ -121,7 +132,7 @@ def run(problem: Posable, options: RunOptions | None = None, workspace: Workspac
     return RunResult(solution, certificate, complaint, interrupted)
 
 
-def solved(
+def _solved(
     problems: Sequence[DiscreteProblem],
     method: Solver | str | None,
     controls: Controls,
@@ -138,10 +149,8 @@ def solved(
     for number, problem in enumerate(problems):
         try:
             yield StartEvent(problem, number, len(problems))
-            guess = None if solution is None else transfer_solution(solution, problem)
             kept = workspace if problem is problems[-1] else None
-            own = None if given is None else suited(given, problem)
-            solution = yield from solving(problem, own, controls, initial=guess, workspace=kept)
+            solution = yield from from_coarser(problem, solution, given, controls, kept)
         except KeyboardInterrupt:
             if solution is None:
                 raise
@@ -150,6 +159,19 @@ def solved(
             break
     assert solution is not None
     return solution
+
+
+def from_coarser(
+    problem: DiscreteProblem,
+    last: Solution | None,
+    method: Solver | None,
+    controls: Controls,
+    workspace: Workspace | None = None,
+) -> Work[Solution]:
+    """Solve from the solution on a coarser mesh, if there is one, by the method as it suits the problem."""
+    guess = None if last is None else transfer_solution(last, problem)
+    own = None if method is None else suited(method, problem)
+    return (yield from solving(problem, own, controls, initial=guess, workspace=workspace))
 
 
 def certificate_of(
@@ -165,12 +187,85 @@ def certificate_of(
     """
     if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.multiplier).all()):
         return None
-    return certify(
+    return certificate_of_pair(
         solution,
         # what has converged to the tolerance that was asked for is stationary to that tolerance
-        tolerance=max(rtol, STATIONARY),
+        tolerance=max(rtol, _STATIONARY),
         trace_constant=factorises(solution.problem),
         max_time=max_time,
         workspace=workspace,
         exact=exact,
     )
+
+
+@dataclass(frozen=True)
+class CertifyOptions:
+    """How to certify.
+
+    Parameters
+    ----------
+    tolerance : float
+        Residual, relative to the load, up to which a pair counts as a solution.
+    controls : Controls
+        Limits of the solve, if there is one; ``max_time`` limits the certificate too.
+    method : Solver or str, optional
+        The method, or its name, of the solve; chosen by predicted cost and memory if not given.
+    exact : bool
+        Whether to bound the distance to the exact solution, too.
+    """
+
+    tolerance: float = _STATIONARY
+    controls: Controls = field(default_factory=Controls)
+    method: Solver | str | None = None
+    exact: bool = False
+
+
+@expecting(options=CertifyOptions)
+def certify(
+    problem: Posable,
+    unknowns: Array | None = None,
+    multiplier: Array | None = None,
+    options: CertifyOptions | None = None,
+) -> Work[Certificate]:
+    """Certify a pair, or what a solve finds if none is given.
+
+    Yields the events of the solve, :class:`FoundEvent`, and :class:`CertificateEvent`.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem or ContactProblem
+    unknowns : array (n,), optional
+    multiplier : array (m, d), optional
+        Recomputed from equilibrium if not given.
+    options : CertifyOptions, optional
+
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`Certificate`.
+
+    Raises
+    ------
+    ProblemError, MethodError
+        As :func:`hemivar.solve` and :func:`hemivar.certify`.
+    """
+    options = CertifyOptions() if options is None else options
+    problem = posed(problem, "certify")
+    workspace = Workspace()
+    if unknowns is None:
+        solution = yield from _solved([problem], options.method, options.controls, workspace)
+        if workspace.condenses(problem):
+            workspace.forget()  # factors of the solve make room for those of the certificate
+        yield FoundEvent(solution)
+        unknowns, multiplier = solution.unknowns, solution.multiplier
+    certificate = certificate_of_pair(
+        problem,
+        unknowns,
+        multiplier,
+        tolerance=options.tolerance,
+        max_time=options.controls.max_time,
+        workspace=workspace,
+        exact=options.exact,
+    )
+    yield CertificateEvent(certificate)
+    return certificate

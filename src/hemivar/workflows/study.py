@@ -39,9 +39,10 @@ from hemivar.files.problem_file import read_problem_file
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
-from hemivar.solvers import Controls, Solution, Solver, Status, as_method, solving, suited, transfer_solution
+from hemivar.solvers import Controls, Solution, Solver, Status, as_method
 from hemivar.systems import Workspace
 from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
+from hemivar.workflows.solving import from_coarser
 from hemivar.workflows.survey_runs import observed_order
 
 __all__ = ["QUANTITIES", "Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
@@ -335,11 +336,6 @@ def study_digest(problem: ContactProblem, options: StudyOptions) -> str:
     """What tells whether two studies solve the same problems: of the statement with its mesh, the method, the controls.
 
     How often the mesh is halved, and what the solutions are compared with, do not count.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-    options : StudyOptions
     """
     digest = hashlib.sha256()
     for part in (problem, as_method(options.method), replace(options.controls, callback=None)):
@@ -445,10 +441,7 @@ def _keep(kept: KeptWork[KeptSolution] | None, number: int, solution: Solution) 
 def _solving(discrete: DiscreteProblem, last: Solution | None, options: StudyOptions) -> Work[Solution]:
     """The solution on one mesh from that on the mesh before, by one thread: the same bits in every process."""
     with one_thread():
-        given = as_method(options.method)
-        guess = None if last is None else transfer_solution(last, discrete)
-        method = None if given is None else suited(given, discrete)
-        return (yield from solving(discrete, method, options.controls, initial=guess))
+        return (yield from from_coarser(discrete, last, as_method(options.method), options.controls))
 
 
 def _level(solution: Solution, mesh: Mesh, options: StudyOptions) -> StudyLevel:

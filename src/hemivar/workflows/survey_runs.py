@@ -21,9 +21,10 @@ from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.gallery import survey as survey_problem
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
-from hemivar.solvers import METHODS, Controls, Solution, Status, solving, transfer_solution
+from hemivar.solvers import METHODS, Controls, Solution, Status
 from hemivar.systems import Workspace
 from hemivar.workflows.events import Notice, Phase, Work
+from hemivar.workflows.solving import from_coarser
 
 __all__ = [
     "CAPTIONS",
@@ -243,15 +244,7 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
 
 
 def observed_order(sizes: Array, errors: Array, points: int = 4) -> float:
-    """Slope of log(error) against log(h), fitted to the ``points`` smallest sizes; nan with fewer than two.
-
-    Parameters
-    ----------
-    sizes, errors : arrays (k,)
-        Entries that are not finite and positive are left out.
-    points : int
-        Number of sizes used.
-    """
+    """Slope of log(error) against log(h), fitted to the ``points`` smallest sizes; nan with fewer than two."""
     sizes, errors = np.asarray(sizes, dtype=float), np.asarray(errors, dtype=float)
     good = np.isfinite(errors) & (errors > 0.0)
     sizes, errors = sizes[good], errors[good]
@@ -268,8 +261,7 @@ def _halved(last: int) -> list[int]:
 def _solved(
     problem: DiscreteProblem, workspace: Workspace, method: str, coarser: Solution | None, controls: Controls
 ) -> Work[Solution]:
-    guess = None if coarser is None else transfer_solution(coarser, problem)
-    solution = yield from solving(problem, METHODS[method], controls, initial=guess, workspace=workspace)
+    solution = yield from from_coarser(problem, coarser, METHODS[method], controls, workspace)
     if solution.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return solution

@@ -365,13 +365,7 @@ def sweeping(
 
 
 def sweep_digest(problem: Source, axes: Sequence[SweepAxis], options: SweepOptions) -> str:
-    """What tells whether two sweeps are the same work: of the file with all that it reads, parameters and options.
-
-    Raises
-    ------
-    ProblemError
-        The file cannot be read.
-    """
+    """What tells whether two sweeps are the same work: of the file with all that it reads, parameters and options."""
     digest = hashlib.sha256()
     parts: list[object] = [[(axis.key, axis.values) for axis in axes], options.changes, options.search]
     if isinstance(problem, str | Path):
