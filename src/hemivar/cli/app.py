@@ -28,7 +28,7 @@ from hemivar.cli.study import StudyCommand, SweepCommand
 from hemivar.cli.terminal import Stream, guarded_streams, quiet_warnings, signals_as_interrupts
 from hemivar.errors import HemivarError
 
-__all__ = ["app", "main"]
+__all__ = ["COMMANDS", "app", "main"]
 
 app = typer.Typer(
     name="hemivar",
@@ -144,7 +144,7 @@ def _root(
         print(_FIRST.format(version=__version__))
 
 
-_COMMANDS: dict[str, type[Command]] = {
+COMMANDS: dict[str, type[Command]] = {
     "solve": SolveCommand,
     "certify": CertifyCommand,
     "solutions": SolutionsCommand,
@@ -165,5 +165,5 @@ _COMMANDS: dict[str, type[Command]] = {
     "doctor": DoctorCommand,
     "studio": StudioCommand,
 }
-for _name, _kind in _COMMANDS.items():
+for _name, _kind in COMMANDS.items():
     app.command(_name)(function_of(_kind))
