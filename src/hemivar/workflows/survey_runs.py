@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -214,20 +214,24 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
             text = f"Figure {key[-1]}: h = 1/{FIGURE_CELLS}, {caption} and all other methods"
             yield Phase(text, stage, count)
             stage += 1
-            solutions = yield from _figure(key, controls)
+            solutions: Mapping[str, Solution] = {}
+            for n in _halved(FIGURE_CELLS):
+                solutions = (yield from _on_mesh(key, n, METHODS, solutions, controls)).solutions
             runs = replace(runs, figures={**runs.figures, key: solutions})
             yield SurveyEvent(key, runs)
             if key == "figure3":
                 runs = replace(runs, friction=(yield from _friction(solutions[DEFAULT], max_n, controls)))
                 yield SurveyEvent("friction", runs)
+        solutions = {}
         for n in _halved(max_n):
             yield Phase(f"Table 1 and Figure 5: h = 1/{n}", stage, count)
             stage += 1
-            level = yield from _level(n, (*SURVEY_METHODS.values(), DEFAULT), runs, controls)
+            level = yield from _on_mesh(DATA, n, (*SURVEY_METHODS.values(), DEFAULT), solutions, controls)
+            solutions = level.solutions
             runs = replace(runs, meshes=(*runs.meshes, level))
             yield SurveyEvent("mesh", runs)
         yield Phase(f"Figure 5: references at h = 1/{2 * max_n}", stage, count)
-        finest = yield from _level(2 * max_n, tuple(SURVEY_METHODS.values()), runs, controls)
+        finest = yield from _on_mesh(DATA, 2 * max_n, SURVEY_METHODS.values(), solutions, controls)
         yield Phase("Figure 5: errors", stage + 1, count)
         runs = replace(runs, errors=_errors(runs.meshes, finest), meshes=(*runs.meshes, finest))
         yield SurveyEvent("errors", runs)
@@ -258,27 +262,19 @@ def _halved(last: int) -> list[int]:
     return [2**k for k in range(1, last.bit_length())]
 
 
-def _solved(
-    problem: DiscreteProblem, workspace: Workspace, method: str, coarser: Solution | None, controls: Controls
-) -> Work[Solution]:
-    solution = yield from from_coarser(problem, coarser, METHODS[method], controls, workspace)
-    if solution.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    return solution
-
-
-def _figure(key: str, controls: Controls) -> Work[dict[str, Solution]]:
-    """Every method on the data of one of Figures 1 to 4."""
+def _on_mesh(
+    data: str, n: int, names: Iterable[str], coarser: Mapping[str, Solution], controls: Controls
+) -> Work[MeshRuns]:
+    """Every method that treats the problem at h = 1/n, each from its own solution on the coarser mesh."""
+    problem, workspace = discretize(survey_problem(data, n)), Workspace()
     solutions: dict[str, Solution] = {}
-    for n in _halved(FIGURE_CELLS):
-        problem = discretize(survey_problem(key, n))
-        workspace = Workspace()
-        finer: dict[str, Solution] = {}
-        for name, method in METHODS.items():
-            if method.refuse(problem) is None:
-                finer[name] = yield from _solved(problem, workspace, name, solutions.get(name), controls)
-        solutions = finer
-    return solutions
+    for name in names:
+        if METHODS[name].refuse(problem) is None:
+            found = yield from from_coarser(problem, coarser.get(name), METHODS[name], controls, workspace)
+            if found.status is Status.INTERRUPTED:
+                raise KeyboardInterrupt
+            solutions[name] = found
+    return MeshRuns(n, problem, solutions)
 
 
 def _friction(solution: Solution, max_n: int, controls: Controls) -> Work[dict[int, float]]:
@@ -288,20 +284,10 @@ def _friction(solution: Solution, max_n: int, controls: Controls) -> Work[dict[i
         if n > max_n and n > FIGURE_CELLS:
             break
         if n > FIGURE_CELLS:
-            problem = discretize(survey_problem("figure3", n))
-            solution = yield from _solved(problem, Workspace(), DEFAULT, solution, controls)
+            level = yield from _on_mesh("figure3", n, [DEFAULT], {DEFAULT: solution}, controls)
+            solution = level.solutions[DEFAULT]
         found[n] = float(np.abs(solution.friction).max())
     return found
-
-
-def _level(n: int, names: tuple[str, ...], runs: SurveyRuns, controls: Controls) -> Work[MeshRuns]:
-    problem = discretize(survey_problem(DATA, n))
-    workspace = Workspace()
-    coarser: Mapping[str, Solution] = runs.meshes[-1].solutions if runs.meshes else {}
-    solutions: dict[str, Solution] = {}
-    for name in names:
-        solutions[name] = yield from _solved(problem, workspace, name, coarser.get(name), controls)
-    return MeshRuns(n, problem, solutions)
 
 
 def _bounded(runs: SurveyRuns, level: MeshRuns, constants: TraceBounds) -> SurveyRuns:
