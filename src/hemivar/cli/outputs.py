@@ -235,7 +235,7 @@ class Writer:
 
 
 def _save(draw: Callable[..., object], path: Path) -> None:
-    from hemivar.report.saving import save
+    from hemivar.report import save
 
     save(draw(), path)  # type: ignore[arg-type]
 
