@@ -274,7 +274,7 @@ UNTYPED = {
     "basics.arguments": (2, "a union of classes as a value has no type of its own"),
     "basics.defined_above": (2, "functions of rooms above, of any kind"),
     "basics.types": (2, "entries of any kind; JSON"),
-    "cli.march_run": (2, "keywords of a film"),
+    "cli.march_run": (1, "keywords of a film"),
     "evolution.evolution_problem": (3, "initial fields as users give them"),
     "evolution.history": (3, "a DataFrame, keywords of matplotlib"),
     "evolution.march": (1, "keywords of a plan"),

@@ -11,7 +11,7 @@ import numpy as np
 
 from hemivar.basics.disk import noting_files_read, protecting
 from hemivar.cli.end_on_ranks import all_or_none
-from hemivar.cli.march_run import MarchOptions, check_tools, stated_outputs, write_film
+from hemivar.cli.march_run import MarchOptions, check_tools, film_of, stated_outputs
 from hemivar.cli.march_view import MarchView, code_of, print_history
 from hemivar.cli.on_ranks import end_of_all, named, print_head_on_ranks, stated_on_ranks
 from hemivar.cli.options import Exit, controls_of
@@ -163,7 +163,7 @@ class _Run:
         fields, target = self.outputs["--fields"], self.outputs["--animation"]
         if fields is None or target is None or fields not in self.writer.written:
             return
-        write_film(self.writer, "--animation", target, read_film(fields), quiet=True, title=self._title)
+        self.writer.take("--animation", target, film_of(read_film(fields), True, title=self._title))
 
     @property
     def _title(self) -> str | None:

@@ -20,7 +20,7 @@ from hemivar.cli import options as opt
 from hemivar.cli.command import Done, OnProblem
 from hemivar.cli.march_view import MarchView, code_of, print_history
 from hemivar.cli.options import ENGINES, check_engine, check_limits, option, written
-from hemivar.cli.outputs import Files, Writer, check_outputs
+from hemivar.cli.outputs import Files, check_outputs
 from hemivar.cli.printing import Bar, print_head
 from hemivar.cli.session import Session, naming_file
 from hemivar.errors import ProblemError
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from hemivar.files.series import Series
     from hemivar.solvers import Controls, Solver
 
-__all__ = ["MarchCommand", "MarchOptions", "check_tools", "film_of", "stated_outputs", "write_film"]
+__all__ = ["MarchCommand", "MarchOptions", "check_tools", "film_of", "stated_outputs"]
 
 #: Signals within so many seconds count as one.
 _COALESCE = 2.0
@@ -257,11 +257,6 @@ def film_of(film: Film | History, quiet: bool, **options: Any) -> Callable[[Path
             animate(film, file, progress=lambda now, count: bar.show(f"frame {now} of {count}", now / count), **options)
 
     return draw
-
-
-def write_film(writer: Writer, name: str, path: Path | None, film: Film | History, quiet: bool, **options: Any) -> None:
-    """Write a film, with a bar on a terminal."""
-    writer.take(name, path, film_of(film, quiet, **options))
 
 
 @contextlib.contextmanager
