@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -33,8 +33,6 @@ _FEW_COLOURS = 64
 #: Seconds that one frame can be shown, the most that a GIF has a number for.
 _LONGEST_FRAME = 655.0
 _EXACT = ("white", "black", BLUE, ORANGE, RED, GREY, GROUND, "#eef4f9")  # the last is that of a plain body
-#: Of a scale of colours as many are met exactly.
-_SHADES = 176
 
 
 def check_film(path: str | Path) -> None:
@@ -124,10 +122,6 @@ def animate(
             f"seconds = {seconds:g} is too long for {len(shown)} frames; give at most {_LONGEST_FRAME * len(shown):g}"
         )
     make_folder(path.parent)
-    with IMPORTS:
-        import matplotlib
-        from matplotlib.colors import to_hex
-
     try_output(path)
     with drawing(), TemporaryDirectory(prefix="hemivar-film-") as aside:  # it takes a while, and may be killed
         name = Path(aside) / path.name
@@ -148,12 +142,8 @@ def animate(
         if path.suffix.lower() == ".gif":
             samples = np.unique(np.linspace(0, len(shown) - 1, _SAMPLES).astype(int)).tolist()
             sheet = np.vstack([picture.image(film.frame(shown[k])) for k in samples])
-            plain = coloured is FilmColour.NONE
-            scale_of_colours = matplotlib.colormaps["cividis"]
-            shades = [] if plain else [to_hex(scale_of_colours(k / (_SHADES - 1))) for k in range(_SHADES)]
-            write_gif(
-                name, map(picture.image, told()), sheet, _FEW_COLOURS if plain else 255, seconds / len(shown), shades
-            )  # fmt: skip
+            colours = _FEW_COLOURS if coloured is FilmColour.NONE else 255
+            write_gif(name, map(picture.image, told()), sheet, colours, seconds / len(shown))
         else:
             _write_mp4(name, picture, told(), min(50.0, round(len(shown) / seconds, 3)), dpi)
         with whole_file(path) as kept:
@@ -161,13 +151,11 @@ def animate(
     return path
 
 
-def write_gif(
-    path: Path, frames: Iterable[Array], sheet: Array, colours: int, seconds: float, shades: Sequence[str] = ()
-) -> None:
+def write_gif(path: Path, frames: Iterable[Array], sheet: Array, colours: int, seconds: float) -> None:
     """Frames (rows, columns, 3) as a film that begins again at its end; each is shown for 0.02 seconds at least.
 
     All have one palette, of the colours of a ``sheet`` of some of them and the exact ones, so that what rests costs
-    nothing; ``shades`` are further exact colours.
+    nothing.
     """
     with IMPORTS:
         from matplotlib.colors import to_rgb
@@ -176,8 +164,7 @@ def write_gif(
     def image(pixels: Array) -> Image.Image:
         return Image.fromarray(np.ascontiguousarray(pixels, dtype=np.uint8), "RGB")
 
-    exact = [round(255.0 * part) for name in (*_EXACT, *shades) for part in to_rgb(name)]
-    few = colours - len(exact) // 3
+    exact, few = [round(255.0 * part) for name in _EXACT for part in to_rgb(name)], colours - len(_EXACT)
     found = image(sheet).quantize(few, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     palette = Image.new("P", (1, 1))
     palette.putpalette(exact + list(found.getpalette() or [])[: 3 * few])

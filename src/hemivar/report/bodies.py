@@ -19,7 +19,7 @@ from hemivar.report.drawn_body import PLAIN, DrawnPlane, DrawnSurface, mark_stat
 from hemivar.report.picture import new_figure
 from hemivar.report.plane_body import Arrows, PlaneBody
 from hemivar.report.scalar_map import plot_scalar
-from hemivar.report.style import BLUE, DASHES, GREEN, GREY, RED, body_axes, drawing, in_rows, state_mark
+from hemivar.report.style import BLUE, DASHES, GREEN, GREY, RED, body_axes, drawing, in_rows, legend_beside, state_mark
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ def plot_problem(problem: ContactProblem, *, unit: str = "", legend: bool = True
             for name in named
         ]
         if legend and handles:
-            ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
+            legend_beside(ax, handles=handles)
     return fig
 
 

@@ -121,7 +121,7 @@ def _margin(ax: Axes, certificate: Certificate) -> None:
     )  # fmt: skip
     ax.set_yticks([0], labels=["c, below 1 if\nunique"])
     ax.tick_params(axis="y", length=0)
-    ax.spines[["top", "right", "left"]].set_visible(False)
+    ax.spines["left"].set_visible(False)
 
 
 def _sizes(ax: Axes, certificate: Certificate) -> None:
@@ -157,4 +157,3 @@ def _sizes(ax: Axes, certificate: Certificate) -> None:
     ax.set_yticks(range(len(rows)), labels=[name for name, *_ in rows])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(rows) - 0.4, -0.7)
-    ax.spines[["top", "right"]].set_visible(False)

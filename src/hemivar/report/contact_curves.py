@@ -15,13 +15,13 @@ from hemivar.errors import ProblemError
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.laws import ContactLaw
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, with_notes, write_foot
+from hemivar.report.drawn_body import flat_axes, flat_map
 from hemivar.report.picture import new_figure
 from hemivar.report.scalar_map import area_maps, over_area
 from hemivar.report.style import (
     BLUE,
     GREEN,
     GREY,
-    MANY_FACETS,
     MARKERS,
     PURPLE,
     RED,
@@ -141,7 +141,6 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
                 panel.set_ylabel(with_unit(quantity, stress_unit if row < len(quantities) // 2 else unit))
             if row == len(quantities) - 1 or (beside and row == 2):
                 panel.set_xlabel(with_unit(label, unit if label != "contact point" else ""))
-            panel.spines[["top", "right"]].set_visible(False)
             panel.margins(x=0.02)
             panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if len(parts) > 1:
@@ -228,24 +227,10 @@ def _maps(
         mean = np.where(known, at_corners, 0.0)[seen].sum(axis=1) / known[seen].sum(axis=1)
         shown = np.where(known[seen], at_corners[seen], mean[:, None])  # clamped corners are as their facets
         apart = flat[corners[seen]].reshape(-1, 2)
-        colours = panel.tripcolor(
-            *apart.T, np.arange(len(apart)).reshape(-1, 3), shown.ravel(), shading="gouraud", cmap="cividis",
-            rasterized=len(corners) > MANY_FACETS,
-        )  # fmt: skip
-        if not shown.any():  # around 0 a scale would show negative values of a magnitude, and differences of nothing
-            colours.set_clim(0.0, 1.0)
-        bar = panel.figure.colorbar(colours, ax=panel, shrink=0.85)
-        bar.set_label(name)
-        if not shown.any():
-            bar.set_ticks([0.0], labels=["0 everywhere"], rotation=90, va="bottom")
+        flat_map(panel, apart, np.arange(len(apart)).reshape(-1, 3), shown.ravel(), name, shrink=0.85)
     _state_map(solution, boundary, panels[1, 1], axes, unit, window)
     for panel in panels.ravel():
-        for edge in outline:
-            panel.plot(*flat[edge].T, color="black", lw=0.6, zorder=3)
-        panel.set_aspect("equal")
-        panel.set_xlabel(with_unit(labels[0], unit))
-        panel.set_ylabel(with_unit(labels[1], unit))
-        panel.spines[["top", "right"]].set_visible(False)
+        flat_axes(panel, flat[outline], *(with_unit(label, unit) for label in labels))
         if window is not None:
             panel.set(xlim=window[:, 0], ylim=window[:, 1])
     return "" if window is None else ", part that touches"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple, cast
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh
-from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, with_unit
+from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, figure_of, with_unit
 from hemivar.solvers.contact_states import Kind
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ __all__ = [
     "DrawnSurface",
     "Filled",
     "FoundationLine",
+    "flat_axes",
+    "flat_map",
     "force_arrows",
     "mark_size",
     "mark_states",
@@ -160,6 +162,30 @@ class DrawnFoundation:
 
 def _unit(vector: Array) -> Array:
     return np.asarray(vector / np.linalg.norm(vector))
+
+
+def flat_map(panel: Axes, points: Array, cells: IntArray, values: Array, name: str, **bar: Any) -> None:
+    """Values at points (k, 2) of a plane in colours that go over smoothly, and their scale."""
+    from matplotlib.tri import Triangulation
+
+    grid = Triangulation(points[:, 0], points[:, 1], cells)
+    colours = panel.tripcolor(grid, values, shading="gouraud", cmap="cividis", rasterized=len(cells) > MANY_FACETS)
+    nothing = not values.any()
+    if nothing:  # around 0 a scale would show negative values of a magnitude, and differences of nothing
+        colours.set_clim(0.0, 1.0)
+    scale = figure_of(panel).colorbar(colours, ax=panel, **bar)
+    scale.set_label(name)
+    if nothing:
+        upright: dict[str, Any] = {"rotation": 90, "va": "bottom"} if scale.orientation == "vertical" else {}
+        scale.set_ticks([0.0], labels=["0 everywhere"], **upright)
+
+
+def flat_axes(panel: Axes, outline: Iterable[Array], across: str, up: str) -> None:
+    """Equal axes with these names, and lines (j, 2) around what is drawn."""
+    for line in outline:
+        panel.plot(*line.T, color="black", lw=0.8, zorder=3)
+    panel.set_aspect("equal")
+    panel.set(xlabel=across, ylabel=up)
 
 
 class DrawnSurface:

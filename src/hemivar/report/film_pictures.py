@@ -259,7 +259,6 @@ class PlanePicture(FilmPicture):
         ax.locator_params(axis="y", nbins=max(2, min(6, round(3.0 * (tall - 1.4)))))
         ax.set_xlabel(with_unit("x", units[0]))
         ax.set_ylabel(with_unit("y", units[0]))
-        ax.spines[["top", "right"]].set_visible(False)
         self.label = self.fig.text(0.12, (0.42 + foot) / tall, "", fontsize=9, family="monospace")
         self._clock(0.12, (0.33 + foot) / tall, 0.85 - bar)
         if len(places):

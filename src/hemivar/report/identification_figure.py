@@ -22,16 +22,7 @@ __all__ = ["fit_summary", "fit_table", "plot_fit"]
 
 
 def fit_summary(found: Fit) -> Summary:
-    """What the command prints of a fit: parameters with their intervals, misfit, noise, and notes.
-
-    Parameters
-    ----------
-    found : Fit
-
-    Returns
-    -------
-    Summary
-    """
+    """What the command prints of a fit: parameters with their intervals, misfit, noise, and notes."""
     rows = []
     for one, value, (low, high), sure in zip(
         found.parameters, found.values, found.intervals, found.identified, strict=True

@@ -188,7 +188,6 @@ def _finish(panel: Axes, reach: float, domain: tuple[float, float]) -> None:
             a, b = sorted((end, side * reach))
             panel.axvspan(a, b, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.4, lw=0.0)
     panel.set_xlabel("penetration or slip r")
-    panel.spines[["top", "right"]].set_visible(False)
 
 
 def law_captions(problem: DiscreteProblem) -> list[str]:
@@ -248,20 +247,7 @@ def _range(values: Array) -> str:
 def plot_mixed_mode(law: MixedMode, *, point: int = 0, reach: float | None = None, title: str | None = None) -> Figure:
     """Normal traction over the opening, shear over the slip, and where the glue begins to soften and lets go.
 
-    Parameters
-    ----------
-    law : MixedMode
-        With resolved parameters.
-    point : int
-        Contact point for which the law is drawn.
-    reach : float, optional
-        Effective opening up to which it is drawn; 1.25 times where it lets go by default.
-    title : str, optional
-
-    Raises
-    ------
-    ProblemError
-        If ``reach`` is not a positive number.
+    For one contact point, up to an effective opening ``reach``: 1.25 times where it lets go by default.
     """
     one = law.take(np.array([point]))
     last, peak = one.opening_at_break.item(), one.opening_at_peak.item()
@@ -290,7 +276,6 @@ def plot_mixed_mode(law: MixedMode, *, point: int = 0, reach: float | None = Non
         envelope.set(xlabel="opening $w$", ylabel="slip $s$", xlim=(0.0, None), ylim=(0.0, None))
         for panel in (opening, slipping, envelope):
             panel.axhline(0.0, color=GREY, lw=0.6, zorder=0)
-            panel.spines[["top", "right"]].set_visible(False)
             panel.legend(frameon=False, fontsize=7)
         told = f"$G_c$ = {one.fracture_energy.item():.4g}, shear over normal strength {beta:g}"
         fig.suptitle(f"{title}\n{told}" if title else told, fontsize=9)
@@ -302,19 +287,7 @@ def plot_mode_dependent(
 ) -> Figure:
     """Tractions of both pure modes and an even one over the effective opening, and the energy over the mode.
 
-    Parameters
-    ----------
-    law : ModeDependentGlue
-        With resolved parameters.
-    point : int
-    reach : float, optional
-        Effective opening up to which it is drawn; a little beyond the break by default.
-    title : str, optional
-
-    Raises
-    ------
-    ProblemError
-        If ``reach`` is not a positive number.
+    For one contact point, up to an effective opening ``reach``: a little beyond the break by default.
     """
     one, modes = law.take(np.array([point])), np.linspace(0.0, 1.0, 201)
     ends = [one.at_mode(mode).opening_at_break.item() for mode in modes.tolist()]
@@ -335,8 +308,6 @@ def plot_mode_dependent(
         last = np.array(ends)
         break_.plot(last * np.sqrt(1.0 - modes), last * np.sqrt(modes) / one.ratio, color=RED, label="broken")
         break_.set(xlabel="opening $w$", ylabel="slip $s$", xlim=(0.0, None), ylim=(0.0, None))
-        for panel in (traction, energy, break_):
-            panel.spines[["top", "right"]].set_visible(False)
         for panel in (traction, break_):
             panel.legend(frameon=False, fontsize=7)
         if title:
@@ -347,17 +318,7 @@ def plot_mode_dependent(
 def plot_coupled_law(law: OwnCoupledLaw, *, reach: float | None = None, title: str | None = None) -> Figure:
     """Normal traction over the opening, shear over the slip, and contours of the potential.
 
-    Parameters
-    ----------
-    law : OwnCoupledLaw
-    reach : float, optional
-        Opening and slip up to which it is drawn; where the tractions have fallen to a fiftieth by default.
-    title : str, optional
-
-    Raises
-    ------
-    ProblemError
-        If ``reach`` is not a positive number.
+    Up to an opening and slip ``reach``: by default where the tractions have fallen to a fiftieth.
     """
     far = _seen_reach(law) if reach is None else reach
     if not 0.0 < far < math.inf:
@@ -385,7 +346,6 @@ def plot_coupled_law(law: OwnCoupledLaw, *, reach: float | None = None, title: s
         potential.set(xlabel="opening $w$", ylabel="slip $s$", title="potential $j$")
         for panel in (normal, shear):
             panel.axhline(0.0, color=GREY, lw=0.6, zorder=0)
-            panel.spines[["top", "right"]].set_visible(False)
             panel.legend(frameon=False, fontsize=7)
         if title:
             fig.suptitle(title, fontsize=9)

@@ -29,6 +29,7 @@ from hemivar.report.style import (
     axes_on,
     drawing,
     figure_of,
+    legend_beside,
     with_unit,
 )
 from hemivar.report.tables import reciprocal
@@ -286,7 +287,7 @@ def plot_adaptive(
             ax.set_ylim(found.rtol / _DECADE, found.rtol * _DECADE)
         _slope(ax, unknowns, levels, 1.0 if goal is not None else 0.5)
         _scales(ax, unknowns)
-        ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, labelspacing=0.8)
+        legend_beside(ax, labelspacing=0.8)
         write_below(ax, certificate_line(found.solution, certificate, statement_of(found.distance)))
         if heading := title_of(found.solution, title):
             ax.set_title(heading)
@@ -470,10 +471,7 @@ def plot_errors(
                 panel.axvspan(0.1 * reference_size, 2.8 * reference_size, color="#f3ead7", lw=0, zorder=0, label=said)
         ax.set_xlim(sizes.min() / 1.5, sizes.max() * 1.3)
         _triangle_of_one(ax, sizes, least)
-        ax.legend(
-            loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, title="method against reference: order",
-            title_fontsize=8, alignment="left",
-        )  # fmt: skip
+        legend_beside(ax, title="method against reference: order", title_fontsize=8, alignment="left")
         if title:
             ax.set_title(title)
     return fig
@@ -524,7 +522,6 @@ def plot_history(solutions: Solution | Sequence[Solution], *, title: str | None 
             panel.set_yscale("log")
             panel.set_xlabel("step")
             panel.set_ylabel(name)
-            panel.spines[["top", "right"]].set_visible(False)
             panel.xaxis.get_major_locator().set_params(integer=True)
         fig.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(solutions), 4))
         if title:

@@ -28,6 +28,7 @@ from hemivar.report.style import (
     STATE_COLOURS,
     drawing,
     in_rows,
+    legend_beside,
     with_unit,
 )
 from hemivar.solvers.contact_states import KINDS
@@ -122,13 +123,8 @@ def _panels(count: int, height: float, ratios: Sequence[float] | None = None) ->
     fig = new_figure((6.3, height), layout="constrained")
     panels = list(fig.subplots(count, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0])
     for panel in panels:
-        panel.spines[["top", "right"]].set_visible(False)
         panel.margins(x=0.0)
     return fig, panels
-
-
-def _legend(panel: Axes, **options: Any) -> None:
-    panel.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, handlelength=1.6, **options)
 
 
 # ---- the ledger ------------------------------------------------------------------------------------------------
@@ -162,9 +158,9 @@ def _ledger(table: Mapping[str, Array], columns: Sequence[str], units: Units) ->
     upper.axhline(0.0, color=GREY, lw=0.6)
     upper.set_ylabel(with_unit("energy", units.energy))
     handles, labels = upper.get_legend_handles_labels()
-    upper.legend(
-        handles[::-1], labels[::-1], loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0,
-        title="energy, stored\nor lost (dotted)", title_fontsize=8, alignment="left",
+    legend_beside(
+        upper, handles=handles[::-1], labels=labels[::-1], title="energy, stored\nor lost (dotted)", title_fontsize=8,
+        alignment="left",
     )  # fmt: skip
     gap = np.abs(given - stored - sum((table[name] for name, _, _ in _LOST), np.zeros(len(time))))
     part = gap / largest if largest > 0.0 else gap
@@ -202,9 +198,9 @@ def _forces(table: Mapping[str, Array], columns: Sequence[str], units: Units) ->
     for panel in (upper, lower):
         panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
     if len(parts) > 1 or friction:
-        _legend(upper)
+        legend_beside(upper, handlelength=1.6)
     if len(parts) > 1:
-        _legend(lower)
+        legend_beside(lower, handlelength=1.6)
     upper.set_ylabel(with_unit("force", units.force))
     solid = any(name.endswith(".u_z") for name in table)
     if solid and units.length:
@@ -233,7 +229,6 @@ def _loop(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> F
     seen = np.isfinite(x) & np.isfinite(y)
     fig = new_figure((5.2, 3.6), layout="constrained")
     ax = fig.add_subplot()
-    ax.spines[["top", "right"]].set_visible(False)
     ends = np.stack([x[seen], y[seen]], axis=1)
     if len(ends) < 2:
         raise ProblemError(f"there are no two moments at which '{across}' and '{up}' are numbers; name other columns")
@@ -267,7 +262,7 @@ def _steps(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> 
     limit = table["largest_step"][1:]
     if np.any(np.isfinite(limit)):
         first.semilogy(time, limit, color=ORANGE, ls=LINES[1], label="largest with a\npositive margin")
-        _legend(first)
+        legend_beside(first, handlelength=1.6)
     first.set_ylabel(with_unit("length of step", units.time))
     residual = table["residual"][1:]
     second.semilogy(time, np.maximum(residual, 1e-17), color=GREEN)
@@ -293,7 +288,7 @@ def _steps(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> 
     jumped = table["jumped"][1:] > 0
     if jumped.any():
         third.plot(time[jumped], margin[jumped], "v", color=RED, ms=5, label="jump")
-        _legend(third)
+        legend_beside(third, handlelength=1.6)
     third.set_ylabel("margin")
     third.set_xlabel(with_unit("time", units.time))
     fig.align_ylabels()
@@ -338,13 +333,7 @@ MARCH_FIGURES = ("ledger", "forces", "loop", "map", "steps", "columns")
 
 
 def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, stress_unit: str) -> Figure:
-    """Two panels with the coordinate along the boundary across and the time upwards: states, and pressure.
-
-    Raises
-    ------
-    ProblemError
-        The boundary is not known, the body is not plane, or there are not two frames.
-    """
+    """Two panels with the coordinate along the boundary across and the time upwards: states, and pressure."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
 

@@ -29,22 +29,8 @@ def plot_material(
     """Stress over strain in shear and in compression and tension, with C_low and C_up, and the description below.
 
     On the left the shear stress over the angle; on the right the stress along one strain, all others zero (a block
-    between rollers). The stress lies between the lines of C_low and C_up, since at zero strain it is zero.
-
-    Parameters
-    ----------
-    material : Material
-        Of one kind, not by region.
-    reach : float, optional
-        Largest strain of the picture; by default one that shows how the stiffness changes.
-    point : sequence of float, optional
-        Where constants that vary are evaluated; the origin by default.
-    title : str, optional
-
-    Raises
-    ------
-    ProblemError
-        ``reach`` is not a positive number, or the material is by regions.
+    between rollers). The stress lies between the lines of C_low and C_up, since at zero strain it is zero. ``reach`` is
+    the largest strain, by default one that shows how the stiffness changes; constants that vary are those at ``point``.
     """
     told = material.describe(point)
     if told.lower is None or told.upper is None:
@@ -93,7 +79,6 @@ def _draw(panel: Axes, strain: Array, stress: Array, bounds: tuple[float, float]
     panel.set_ylim(-highest, highest)
     panel.set_xlabel(names[0])
     panel.set_ylabel(names[1])
-    panel.spines[["top", "right"]].set_visible(False)
 
 
 def _reach_of(shear: Array, along: Array, limit: float) -> float:

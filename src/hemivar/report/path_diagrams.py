@@ -10,7 +10,7 @@ from hemivar.basics.types import Array, Record
 from hemivar.branches import Path
 from hemivar.branches.path_quantities import QUANTITIES, PathQuantity
 from hemivar.errors import ProblemError
-from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes_on, drawing, with_unit
+from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes_on, drawing, legend_beside, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -154,7 +154,7 @@ def plot_path(
         ax.spines[["top", "right"]].set_visible(False)
         if title:
             ax.set_title(title)
-        ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
+        legend_beside(ax)
     return fig
 
 

@@ -114,20 +114,10 @@ class Legend(StrEnum):
 
 @dataclass(frozen=True)
 class Print:
-    """How figures are printed; see :func:`paper`.
+    """How figures are printed; see :func:`paper`."""
 
-    Attributes
-    ----------
-    width : float
-        In inches.
-    font : float
-        In points.
-    legend : Legend
-    annotations : bool
-    """
-
-    width: float
-    font: float
+    width: float  # in inches
+    font: float  # in points
     legend: Legend
     annotations: bool
 

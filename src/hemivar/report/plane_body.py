@@ -24,7 +24,7 @@ from hemivar.report.drawn_body import (
 )
 from hemivar.report.law_figures import law_captions
 from hemivar.report.picture import NOTE
-from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, RED, figure_of, state_mark
+from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, RED, figure_of, legend_beside, state_mark
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -231,9 +231,7 @@ class PlaneBody:
             )
         lines = [line for line in (note, *law_captions(self.problem)) if line]
         fig = figure_of(ax)
-        box = ax.legend(
-            handles=self.handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, handlelength=1.6
-        )
+        box = legend_beside(ax, handles=self.handles, handlelength=1.6)
         fig.draw_without_rendering()
         # Places in fractions of the figure survive the cropping of saved files; heights are meant in inches.
         fraction = fig.transFigure.inverted()

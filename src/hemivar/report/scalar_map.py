@@ -13,10 +13,10 @@ from hemivar.files.boundary import polylines
 from hemivar.mechanics.foundation import Side
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.report.certificate_line import FOOT, write_below, write_foot
-from hemivar.report.drawn_body import DrawnSurface, mark_states
+from hemivar.report.drawn_body import DrawnSurface, flat_axes, flat_map, mark_states
 from hemivar.report.law_figures import law_captions
 from hemivar.report.picture import new_figure
-from hemivar.report.style import MANY_CELLS, body_axes, state_mark, with_unit
+from hemivar.report.style import MANY_CELLS, body_axes, legend_beside, state_mark, with_unit
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
@@ -99,10 +99,7 @@ def plot_scalar(
         lines += [text for text in law_captions(solution.problem) if not text.lower().startswith("none law")]
         lines += ["foundation below"] if sides == {Side.BELOW} else []
         handles += [Line2D([], [], ls="", label=text) for text in lines]
-        ax.legend(
-            handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, handlelength=1.6,
-            handleheight=1.2, labelspacing=0.7,
-        )  # fmt: skip
+        legend_beside(ax, handles=handles, handlelength=1.6, handleheight=1.2, labelspacing=0.7)
     if line:
         write_below(bar.ax, line)
     return fig
@@ -126,13 +123,8 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     """Force per area of the foundation, averaged over cells, and the penetration, over an area of contact.
 
     Not in cells that supports touch.
-
-    Raises
-    ------
-    ProblemError
-        The mesh lies in space.
     """
-    from matplotlib.tri import Triangulation
+    from matplotlib.ticker import MaxNLocator
 
     problem, stated = solution.problem, solution.problem.origin
     assert stated is not None
@@ -146,7 +138,7 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     held = np.ones(mesh.number_of_nodes, dtype=bool)
     held[contact.node[over]] = False
     cells = mesh.cells[(~held[mesh.cells]).all(axis=1)]
-    grid = Triangulation(mesh.points[:, 0], mesh.points[:, 1], cells)
+    outline = [mesh.points[edge] for edge in polylines(mesh.boundary_facets)]
     fig = new_figure((8.2, 4.4), layout="constrained")
     panels = fig.subplots(1, 2, sharey=True)
     for panel, values, name in (
@@ -155,17 +147,9 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     ):
         at: Array = np.zeros(mesh.number_of_nodes)
         at[contact.node[over]] = values
-        colours = panel.tripcolor(
-            grid, at, shading="gouraud", cmap="cividis", rasterized=mesh.number_of_cells > MANY_CELLS
-        )
-        fig.colorbar(colours, ax=panel, location="bottom", shrink=0.85, aspect=30).set_label(name)
-        for edge in polylines(mesh.boundary_facets):
-            panel.plot(*mesh.points[edge].T, color="black", lw=0.8)
-        panel.set_aspect("equal")
+        flat_map(panel, mesh.points, cells, at, name, location="bottom", shrink=0.85, aspect=30, ticks=MaxNLocator(5))
         panel.locator_params(nbins=5)
-        panel.set_xlabel(with_unit("x", unit))
-        panel.spines[["top", "right"]].set_visible(False)
-    panels[0].set_ylabel(with_unit("y", unit))
+        flat_axes(panel, outline, with_unit("x", unit), with_unit("y", unit) if panel is panels[0] else "")
     if title:
         fig.suptitle(title, fontsize=10)
     write_foot(fig, line)

@@ -106,21 +106,10 @@ def plot_solutions(
 
 @dataclass(frozen=True)
 class _LawCurve:
-    """The law in which several solutions differ most, and where each of them is on it.
-
-    Attributes
-    ----------
-    law : Superpotential
-        Of one point.
-    component : int
-        0 for the normal law, 1 for friction over the size of the slip.
-    most : float
-        Up to where it is drawn.
-    least : float
-    """
+    """The law in which several solutions differ most, of one point, and from where to where it is drawn."""
 
     law: Superpotential
-    component: int
+    component: int  # 0 for the normal law, 1 for friction over the size of the slip
     least: float
     most: float
 

@@ -17,6 +17,7 @@ from hemivar.solvers.contact_states import KINDS, Kind, NormalState, TangentialS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend as LegendBox
     from matplotlib.lines import Line2D
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "drawing",
     "figure_of",
     "in_rows",
+    "legend_beside",
     "state_mark",
     "with_unit",
 ]
@@ -64,6 +66,8 @@ STYLE: dict[Any, Any] = {
     "axes.labelsize": 9.0,
     "axes.titlesize": 10.0,
     "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
     "legend.fontsize": 8.0,
@@ -121,6 +125,11 @@ def in_rows(count: int) -> int:
     """Columns of a legend below a picture: few rows, of four entries at most, in print of two."""
     most = 4 if current() is None else 2
     return -(-count // max(-(-count // most), 1))
+
+
+def legend_beside(ax: Axes, **options: Any) -> LegendBox:
+    """A legend to the right of axes."""
+    return ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, **options)
 
 
 #: The settings of matplotlib belong to the process: one thread draws at a time.

@@ -32,10 +32,7 @@ Row = tuple[str, str]
 class Summary:
     """Names and values, one below the other; text at a prompt, a table in a notebook.
 
-    Attributes
-    ----------
-    rows : tuple of (str, str)
-        Name and value; a row without a name continues the one above.
+    A row without a name continues the one above.
     """
 
     rows: tuple[Row, ...]

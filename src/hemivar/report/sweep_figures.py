@@ -90,8 +90,6 @@ def _curves(sweep: Sweep, name: str, title: str | None) -> Figure:
     if done.any() and not (done & ~sure == 0).all():
         below.legend(loc="best")
     _ticks(below, axis, "x")
-    for panel in (above, below):
-        panel.spines[["top", "right"]].set_visible(False)
     if title:
         above.set_title(title)
     return fig
