@@ -106,7 +106,7 @@ def measure(ranks: Ranks, cells: tuple[int, int, int], rtol: float) -> dict[str,
     line |= {
         "status": solution.status.value,
         "steps": solution.steps,
-        "cycles": solution.cycles,
+        "cycles": solution.evaluations,
         "energy": solution.energy,
     }
     line["overhead"] = line["contact"] / line["linear"]

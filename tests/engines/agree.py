@@ -24,6 +24,6 @@ with all_or_none(ranks):
             body = assemble(ranks, piece, state(size).on, coarser=body)
         assert body is not None
         found = solve_distributed(body, controls=RTOL)
-        said[name] = [found.status.value, found.steps, found.cycles, found.energy]
+        said[name] = [found.status.value, found.steps, found.evaluations, found.energy]
     if ranks.rank == 0:
         print(json.dumps(said))

@@ -49,7 +49,7 @@ with all_or_none(ranks):
             json.dumps(
                 {
                     "ranks": told,
-                    "cycles": solution.cycles,
+                    "cycles": solution.evaluations,
                     "counts": {key: ranks.counts[key] - before[key] for key in before},
                 }
             )

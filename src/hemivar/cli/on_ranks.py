@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hemivar.basics.disk import noting_files_read, shown, try_output
 from hemivar.basics.units import Units
 from hemivar.certificates.wording import lower_bound_words
@@ -19,6 +21,7 @@ from hemivar.cli.outputs import Writer, check_distinct, keep_off, one_line
 from hemivar.cli.printing import print_not_converged, print_step, print_step_head
 from hemivar.cli.session import naming_file
 from hemivar.engines.petsc.certificate import ESTIMATE, certify_on_ranks
+from hemivar.engines.petsc.discrete_on_ranks import body_of
 from hemivar.engines.petsc.ranks import shared
 from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.errors import FileError, HemivarError, MethodError, ProblemError
@@ -29,11 +32,11 @@ from hemivar.solvers import Status
 if TYPE_CHECKING:
     from hemivar.basics.types import Array, IntArray
     from hemivar.certificates import Certificate
-    from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Piece, Ranks
+    from hemivar.engines.petsc import BodyOnRanks, Piece, Ranks
     from hemivar.files.mesh_table import StatedMesh
     from hemivar.files.problem_file import ProblemFile
     from hemivar.mesh.mesh import Mesh
-    from hemivar.solvers import Progress
+    from hemivar.solvers import Progress, Solution
     from hemivar.solvers.base import State
 
 __all__ = [
@@ -291,9 +294,16 @@ def print_head_on_ranks(stated: ProblemFile, body: BodyOnRanks, levels: int) -> 
     print(f"method            petsc: nonsmooth multigrid, with the cycles of PETSc{inside}", flush=True)
 
 
-def _print_summary(solution: DistributedSolution, certificate: Certificate) -> None:
+def _print_summary(solution: Solution, certificate: Certificate) -> None:
     """Print on rank 0 what was found."""
-    sums, body, deformed = solution.sums, solution.body, solution.deformation  # which all ranks make together
+    body, contact, deformed = body_of(solution.problem), solution.contact, solution.deformation
+    forces, energy, normal_force = solution.force, solution.energy, solution.normal_force  # which all ranks make
+    normal, tangential = solution.states.counts  # together
+    whole, *counts = body.ranks.total(float(contact.weights.sum()), *normal.values(), *tangential.values()).tolist()
+    found = [int(count) for count in counts]
+    states = dict(zip(normal, found, strict=False)), dict(zip(tangential, found[len(normal) :], strict=True))
+    top = body.ranks.largest(*(values.max(initial=-np.inf) for values in (solution.penetration, solution.pressure)))
+    closed = solution.contact_length
     if body.ranks.rank:
         return
     print(
@@ -301,8 +311,8 @@ def _print_summary(solution: DistributedSolution, certificate: Certificate) -> N
         f"{solution.residual.relative:.1e}"
     )
     print(f"time              {', '.join(f'{stage} {seconds:.3g} s' for stage, seconds in solution.timings.items())}")
-    print(f"cycles            {solution.cycles}")
-    print(f"energy            {solution.energy:.10g}")
+    print(f"cycles            {solution.evaluations}")
+    print(f"energy            {energy:.10g}")
     print(f"largest           {deformed.sizes}")
     if deformed.warning is not None:
         print(f"warning           {deformed.warning}")
@@ -323,12 +333,11 @@ def _print_summary(solution: DistributedSolution, certificate: Certificate) -> N
         print(f"body              {lower_bound_words(certificate.smallness.stiffness_by)}")
     if body.contact_points == 0:
         return
-    print(f"normal force      {sums['normal_force']:.6g}")
-    force = sums["force"]
-    print(f"force             ({', '.join(f'{c:.6g}' for c in force)}), of the foundation on the body")
+    print(f"normal force      {normal_force:.6g}")
+    print(f"force             ({', '.join(f'{c:.6g}' for c in forces)}), of the foundation on the body")
     what = "length" if body.dim == 2 else "area"
     rows = [
-        *contact_rows(what, sums["contact_length"], sums["whole_length"], sums["counts"], Units()),
-        *extreme_rows(sums["max_penetration"], sums["max_pressure"], Units()),
+        *contact_rows(what, closed, whole, states, Units()),
+        *extreme_rows(*top.tolist(), Units()),
     ]
     print("\n".join(Summary(tuple(rows)).lines()))

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from hemivar.basics.units import Units
     from hemivar.certificates import Certificate
     from hemivar.discrete.problem import DiscreteProblem
-    from hemivar.engines.petsc import DistributedSolution
     from hemivar.files.changes import Change
     from hemivar.files.problem_file import ProblemFile
     from hemivar.report.tables import Table
@@ -256,7 +255,7 @@ def _print_changes(changes: Sequence[Change]) -> None:
         print(f"set               {shown(change)}")
 
 
-def print_not_converged(solution: Solution | DistributedSolution) -> None:
+def print_not_converged(solution: Solution) -> None:
     """Say on standard error how a solve ended, and what to do."""
     sys.stdout.flush()
     sys.stderr.write(

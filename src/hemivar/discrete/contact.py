@@ -12,6 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.linear.vectors import WHOLE, Vectors
 
 __all__ = ["ContactPoints", "components_of", "contact_unknowns", "selects"]
 
@@ -46,6 +47,8 @@ class ContactPoints(PickleMixin):
         and where a support fixes a direction oblique to the contact normal.
     components : int, optional
         Number c; what the rows of the trace say by default, and needed where there are no contact points.
+    vectors : Vectors, optional
+        How the contact points and unknowns of all processes are looked at together, where these are those of one.
 
     Raises
     ------
@@ -63,6 +66,7 @@ class ContactPoints(PickleMixin):
     names: tuple[str, ...] = ()
     without_friction: BoolArray = None  # type: ignore[assignment]
     components: int = 0
+    vectors: Vectors = WHOLE
 
     def __post_init__(self) -> None:
         trace = real_matrix(self.trace, "trace")
@@ -174,6 +178,7 @@ class ContactPoints(PickleMixin):
             self.names,
             self.without_friction[index],
             self.components,
+            self.vectors,
         )
 
     def on(self, name: str) -> IntArray:

@@ -25,6 +25,7 @@ from hemivar.discrete.own_mesh import Location, located, numbered_field
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
+from hemivar.linear.vectors import Vectors
 from hemivar.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -260,6 +261,11 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         return self.model.contact
 
     @property
+    def vectors(self) -> Vectors:
+        """How the parts of all processes are looked at together, where the arrays are those of one."""
+        return self.model.contact.vectors
+
+    @property
     def space(self) -> Space | None:
         """The fields that the unknowns describe."""
         return self.model.space
@@ -398,14 +404,16 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         displacement or gap, counts as being at the end; beyond that the energy is +inf.
         """
         u = self._checked(unknowns)
-        energy = self.bulk.value(u) - float(self.load @ u) + self.constant
-        if self.contact_points > 0:
+        vectors = self.vectors
+        energy = self.bulk.value(u) - float(vectors.total(float(self.load @ u))[0]) + self.constant
+        if self.contact_points > 0 or not vectors.alone:
             contact = self.contact
             r = contact.trace_of(u) - self.offset
             moved = np.abs(contact.trace) @ np.abs(u)  # what may cancel in r
-            rounding = 1e-12 * max(float(moved.max()), float(np.abs(self.offset).max()))
+            sizes = vectors.largest(float(moved.max(initial=0.0)), float(np.abs(self.offset).max(initial=0.0)))
             law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)
-            energy += contact_energy(law, contact.weights, r, rounding)
+            own = contact_energy(law, contact.weights, r, 1e-12 * float(sizes.max()))
+            energy += float(vectors.total(own)[0])
         return energy
 
     def contact_force(self, multiplier: Array) -> Array:

@@ -228,10 +228,11 @@ def inaccurate_law(problem: DiscreteProblem, displacement: Array, multiplier: Ar
     found : Residual
         Of this pair.
     """
-    if not (problem.contact_points and problem.law.by_differences):
+    if not problem.vectors.largest(float(problem.contact_points and problem.law.by_differences))[0]:
         return None
     r = problem.local(displacement)
-    off = norm(problem.contact.weights * problem.law.frozen(r, multiplier).derivative_error(r))
+    own = problem.contact.weights * problem.law.frozen(r, multiplier).derivative_error(r)
+    off = float(problem.vectors.norms(own)[0])
     if not 2.0 * off >= found.total > 0.0 or found.scale == 0.0:
         return None
     return (

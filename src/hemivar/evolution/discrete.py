@@ -31,7 +31,7 @@ from hemivar.laws import SlipMeasure, Superpotential, VectorLaw
 from hemivar.laws.memory import MemoryChain
 from hemivar.laws.normal_and_friction import with_friction
 from hemivar.laws.transformed.algebra import homogeneous
-from hemivar.linear.vectors import WHOLE, Vectors
+from hemivar.linear.vectors import Vectors
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.statement import ContactProblem
 
@@ -125,7 +125,7 @@ class DiscreteEvolution(PickleMixin):
     @property
     def vectors(self) -> Vectors:
         """How the parts of all processes are looked at together; arrays are those of this process."""
-        return WHOLE
+        return self.problem.vectors
 
     @property
     def unknowns(self) -> int:

@@ -56,6 +56,8 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     stated, field = problem.origin, problem.field
     if stated is None or field is None:
         raise ProblemError("this problem was made of arrays: its supports are not known; state it and discretize it")
+    if not isinstance(problem.bulk, Potential):
+        quadratic(problem.bulk, "the reaction of a support")
     supports = stated_supports(stated)
     held = supports.count > 0
     mesh, order = stated.mesh, stated.order
@@ -64,7 +66,6 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     if isinstance(problem.bulk, Potential):
         moved, size = problem.bulk.initial_forces, norm(problem.bulk.initial_sizes)
     else:
-        quadratic(problem.bulk, "the reaction of a support")
         forces = internal_forces(stated, supports.value, cells).ravel()
         moved, size = field.basis.T @ forces, norm(forces)
     if norm(field.basis.T @ load.ravel() - moved - problem.load) > _SAME_LOAD * max(norm(load.ravel()), size):

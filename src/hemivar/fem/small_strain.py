@@ -70,7 +70,12 @@ def deformation_of(problem: DiscreteProblem, unknowns: Array) -> Deformation | N
     """Largest strain and rotation of unknowns (n,); None without a mesh, and for scalar problems."""
     if problem.field is None or problem.origin is None or problem.origin.kind:
         return None
-    return deformation(problem.origin, problem.field.full(unknowns))
+    own, vectors = deformation(problem.origin, problem.field.full(unknowns)), problem.vectors
+    if vectors.alone:
+        return own
+    return Deformation(
+        *vectors.largest(own.strain, own.rotation).tolist(), *vectors.total(own.volume, own.whole).tolist()
+    )
 
 
 def deformation(source: FieldSource | Mesh, displacement: Array) -> Deformation:

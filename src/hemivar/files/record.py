@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -15,19 +15,16 @@ from hemivar.basics.disk import make_folder, path_of, read_text, write_text
 from hemivar.basics.types import Array, Record
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
-from hemivar.fem import Deformation
-from hemivar.solvers import BoundaryResult, Progress, Solution
+from hemivar.solvers import BoundaryResult, Solution
 
 __all__ = [
     "MOST_BYTES",
     "boundary_names",
-    "deformation_record",
-    "iteration_record",
     "plain",
     "prepared",
     "read_json",
+    "result_record",
     "solution_record",
     "version",
     "write_json",
@@ -35,25 +32,6 @@ __all__ = [
 
 #: Bytes of a file with a solution.
 MOST_BYTES = 2**31
-
-
-def iteration_record(
-    residual: Residual, steps: int, evaluations: int, timings: Mapping[str, float], history: Sequence[Progress]
-) -> Record:
-    """The part of a record that tells how the iteration went, the same in serial and on many ranks."""
-    return {
-        "residual": residual.relative,
-        "residual_parts": {
-            "equilibrium": residual.equilibrium,
-            "inclusion": residual.inclusion,
-            "scale": residual.scale,
-            "rounding": residual.rounding,
-        },
-        "steps": steps,
-        "evaluations": evaluations,
-        "timings": dict(timings),
-        "history": [asdict(line) for line in history],
-    }
 
 
 def solution_record(solution: Solution, certificate: Certificate | None = None) -> Record:
@@ -94,20 +72,37 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     -------
     dict
     """
-    problem = solution.problem
-    residual = solution.residual
+    record = result_record(solution, certificate)
+    return record | {"displacement": plain(solution.displacement)}
+
+
+def result_record(solution: Solution, certificate: Certificate | None = None) -> Record:
+    """:func:`solution_record` without the displacement; its contact points are those of this process."""
+    problem, residual, deformed = solution.problem, solution.residual, solution.deformation
     record = {
         "hemivar": version(),
         "status": solution.status.value,
         "remedy": solution.remedy,
         "warnings": solution.warnings,
-        "deformation": deformation_record(solution.deformation),
+        "deformation": None
+        if deformed is None
+        else {"strain": deformed.strain, "rotation": deformed.rotation, "large": deformed.large},
         "method": solution.method,
         "unknowns": problem.unknowns,
-        "contact_points": problem.contact_points,
+        "contact_points": int(problem.vectors.total(problem.contact_points)[0]),
         "dim": problem.contact.components,
         "energy": solution.energy,
-        **iteration_record(residual, solution.steps, solution.evaluations, solution.timings, solution.history),
+        "residual": residual.relative,
+        "residual_parts": {
+            "equilibrium": residual.equilibrium,
+            "inclusion": residual.inclusion,
+            "scale": residual.scale,
+            "rounding": residual.rounding,
+        },
+        "steps": solution.steps,
+        "evaluations": solution.evaluations,
+        "timings": dict(solution.timings),
+        "history": [asdict(line) for line in solution.history],
         "error_bound": solution.error_bound,
         "fallbacks": solution.fallbacks,
         "contact_length": solution.contact_length,
@@ -119,18 +114,10 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
         "boundaries": {name: _boundary_record(solution.on(name)) for name in problem.contact.names},
         "reactions": _reactions(solution),
         "contact": _contact_record(solution),
-        "displacement": solution.displacement,
     }
     if certificate is not None:
         record["certificate"] = certificate.record()
     return {key: plain(value) for key, value in record.items()}
-
-
-def deformation_record(found: Deformation | None) -> Record | None:
-    """Largest strain and rotation as plain numbers; None where there are none."""
-    if found is None:
-        return None
-    return {"strain": found.strain, "rotation": found.rotation, "large": found.large}
 
 
 def _boundary_record(result: BoundaryResult) -> Record:
@@ -212,7 +199,6 @@ def write_json(
     path = prepared(path, ".json")
     record = solution_record(solution, certificate)
     record |= {key: plain(value) for key, value in ({} if more is None else more).items()}
-    record["displacement"] = record.pop("displacement")
     # the displacement comes last and on one line, for it is long
     displacement = json.dumps(record.pop("displacement"), allow_nan=False)
     head = json.dumps(record, indent=1, allow_nan=False)

@@ -7,6 +7,7 @@ method decides by goes through :class:`Vectors`, so that all processes decide al
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Protocol
 
 import numpy as np
@@ -41,6 +42,10 @@ class Vectors(Protocol):
         """The lowest of numbers that each process has, and whether it is that of this one; of equals the first."""
         ...
 
+    def named(self, names: Iterable[str]) -> tuple[str, ...]:
+        """The names that any process knows, in the same order on all."""
+        ...
+
     def before(self, count: int) -> int:
         """How many of something the processes before this one have, which has ``count`` of it."""
         ...
@@ -62,6 +67,9 @@ class Whole:
 
     def lowest(self, value: float) -> tuple[float, bool]:
         return value, True
+
+    def named(self, names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(names)
 
     def before(self, count: int) -> int:
         return 0

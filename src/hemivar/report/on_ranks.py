@@ -2,73 +2,46 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hemivar.basics.disk import shown, whole_file
-from hemivar.basics.types import Array, IntArray, Record
+from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
-from hemivar.discrete.contact import ContactPoints
-from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Ranks
+from hemivar.engines.petsc import BodyOnRanks, Ranks
+from hemivar.engines.petsc.discrete_on_ranks import body_of
 from hemivar.engines.petsc.files import one_writer
 from hemivar.errors import FileError
 from hemivar.fem import nodal_average, von_mises
-from hemivar.files.record import deformation_record, iteration_record, plain, prepared, version
+from hemivar.files.record import plain, prepared, result_record
 from hemivar.files.snapshot import Snapshot
 from hemivar.files.vtu import WHOLE, contact_quantities, region_numbers, symmetric_stress, three_components, write_grid
-from hemivar.solvers import ContactStates
-from hemivar.solvers.boundary_result import ContactValues, friction_of
+from hemivar.solvers import Solution
+from hemivar.solvers.boundary_result import ContactValues
 
 __all__ = ["pieces_of", "write_frame_on_ranks", "write_json_on_ranks", "write_vtu_on_ranks"]
 
 _NODES_AT_A_TIME = 1 << 17
 
 
-def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certificate: Certificate | None) -> Path:
+def write_json_on_ranks(solution: Solution, path: str | Path, certificate: Certificate | None) -> Path:
     """Write the record of :func:`hemivar.files.solution_record`; all ranks call this, rank 0 writes.
 
     Contact points and nodes are in the order of the serial run; reactions of supports are not known here, and null.
     Rank 0 holds the contact points, and the displacements portion by portion.
     """
-    body, ranks = solution.body, solution.body.ranks
-    path = Path(path)
-    contact = _contact(solution)
-    sums, residual = solution.sums, solution.residual
-    friction = sums["friction_force"]
-    record = {
-        "hemivar": version(),
-        "status": solution.status.value,
-        "remedy": solution.status.remedy,
-        "warnings": solution.warnings,
-        "deformation": deformation_record(solution.deformation),
-        "method": solution.method,
-        "unknowns": body.unknowns,
-        "contact_points": body.contact_points,
-        "dim": body.dim,
-        "energy": solution.energy,
-        **iteration_record(residual, solution.steps, solution.cycles, solution.timings, solution.history),
-        "error_bound": None,
-        "fallbacks": 0,  # over ranks bounds are held fixed from the first step on: nothing falls back to that
-        "contact_length": sums["contact_length"],
-        "resultants": {
-            "normal_force": sums["normal_force"],
-            "friction_force": friction,
-            "force": sums["force"],
-        },
-        "boundaries": _boundaries(solution),
-        "reactions": None,
-        "contact": contact,
-    }
-    if certificate is not None:
-        record["certificate"] = certificate.record()
-
+    body = body_of(solution.problem)
+    path, ranks = Path(path), body.ranks
+    record = result_record(solution, certificate) | {"unknowns": body.unknowns}
+    record["contact"] = _gathered(solution, record["contact"])  # type: ignore[arg-type]
     owned = body.piece.owned(ranks)
     numbers, values = body.piece.numbers[owned], solution.displacement[owned]
     order = np.argsort(numbers)
@@ -76,7 +49,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
     ranks.agree(lambda: None if ranks.rank else prepared(path, ".json"))
     with one_writer(ranks, path) as sink:
         if sink.open:
-            head = json.dumps({key: plain(value) for key, value in record.items()}, indent=1, allow_nan=False)
+            head = json.dumps(record, indent=1, allow_nan=False)
             sink.write(f'{head[:-2]},\n "displacement": [')
         for start in range(0, body.piece.total, _NODES_AT_A_TIME):
             part = slice(*np.searchsorted(numbers, [start, start + _NODES_AT_A_TIME]))
@@ -90,71 +63,23 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
     return path
 
 
-def _boundaries(solution: DistributedSolution) -> Record:
-    """Resultants of each contact boundary, over all ranks."""
-    body, lam, w = solution.body, solution.multiplier, solution.body.weights
-    closed = w * solution.states.closed
-    forces = -w[:, None] * body.contact.global_vectors(lam)
-    found = {}
-    for name in body.contact.names:
-        own = body.contact.on(name)
-        total = body.ranks.total(w[own] @ lam[own, 0], closed[own].sum(), *forces[own].sum(axis=0))
-        found[name] = {"normal_force": float(total[0]), "force": total[2:], "contact_length": float(total[1])}
-    return found
-
-
-def _contact(solution: DistributedSolution) -> Record | None:
-    """Contact points of all ranks in the order of the serial run, on rank 0; None elsewhere."""
-    body, ranks = solution.body, solution.body.ranks
-    d, contact = body.dim, body.contact
-    assert contact.points is not None
-    assert contact.frames is not None
-    table = np.column_stack(
-        [
-            contact.boundary,
-            body.piece.numbers[contact.node],
-            contact.points,
-            contact.frames[:, 0],
-            body.weights,
-            body.offset[:, 0],
-            solution.local,
-            solution.multiplier,
-            solution.states.normal,
-            solution.states.tangential,
-            contact.without_friction,
-            *solution.debonding.values(),
-        ]
-    )
-    told, _, _ = ranks.exchange(np.zeros(len(table), dtype=np.int64), table)
-    if ranks.rank:
-        return None
-    told = told[np.lexsort((told[:, 1], told[:, 0]))]
-    names = list(body.statement.contact)
-    boundary, _, x, normal, weight, gap, local, lam, states, left_out, lost = np.split(
-        told, np.cumsum([1, 1, d, d, 1, 1, d, d, 2, 1]), axis=1
-    )
-    normal_state, tangential_state = ContactStates(*states.astype(np.int64).T).names
-    return {
-        "x": x,
-        "normal": normal,
-        "boundary": [names[int(number)] for number in boundary[:, 0]],
-        "weight": weight[:, 0],
-        "gap": gap[:, 0],
-        "penetration": local[:, 0],
-        "slip": local[:, 1] if d == 2 else local[:, 1:],
-        "pressure": lam[:, 0],
-        "friction": friction_of(lam)[:, 0] if d == 2 else friction_of(lam),
-        "normal_state": normal_state,
-        "tangential_state": tangential_state,
-        "without_friction": left_out[:, 0] > 0.0,
-        **dict(zip(solution.debonding, lost.T, strict=True)),
-    }
+def _gathered(solution: Solution, columns: dict[str, list[object]]) -> dict[str, list[object]]:
+    """Columns of the contact points of all ranks in the order of the serial run, on rank 0; those of the rank
+    elsewhere."""
+    body, contact = body_of(solution.problem), solution.contact
+    told = body.ranks.mpi.gather((contact.boundary, body.piece.numbers[contact.node], columns))
+    if told is None:
+        return columns
+    boundary, number = (np.concatenate([part[k] for part in told]) for k in range(2))
+    order = np.lexsort((number, boundary)).tolist()
+    rows = {name: list(itertools.chain.from_iterable(part[2][name] for part in told)) for name in columns}
+    return {name: [values[k] for k in order] for name, values in rows.items()}
 
 
 # ---- VTU -----------------------------------------------------------------------------------------------------
 
 
-def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[Path]:
+def write_vtu_on_ranks(solution: Solution, path: str | Path) -> list[Path]:
     """Write each rank's cells as a VTU file of its own, ``NAME_RANK.vtu``, and ``NAME.pvtu`` that names them.
 
     Fields are those of :func:`hemivar.files.write_vtu`; the contact boundaries are in ``NAME_contact.pvtu``.
@@ -165,11 +90,7 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
     list of Path
         The ``.pvtu`` files.
     """
-    body = solution.body
-    seen = _Values(
-        body.contact, body.offset[:, 0], solution.local, solution.multiplier, solution.states, solution.debonding
-    )
-    return _write_pieces(body, Path(path), seen, {"displacement": solution.displacement})
+    return _write_pieces(body_of(solution.problem), Path(path), solution, {"displacement": solution.displacement})
 
 
 def write_frame_on_ranks(body: BodyOnRanks, frame: Snapshot, path: str | Path) -> list[Path]:
@@ -184,18 +105,6 @@ def write_frame_on_ranks(body: BodyOnRanks, frame: Snapshot, path: str | Path) -
     path : str or Path
     """
     return _write_pieces(body, Path(path), frame, {"displacement": frame.displacement, "velocity": frame.velocity})
-
-
-@dataclass(frozen=True, eq=False)
-class _Values(ContactValues):
-    """Values at the contact points of this rank."""
-
-    contact: ContactPoints
-    gap: Array
-    local: Array
-    multiplier: Array
-    states: ContactStates
-    debonding: Mapping[str, Array] = field(default_factory=dict)
 
 
 def _write_pieces(body: BodyOnRanks, path: Path, seen: ContactValues, nodal: dict[str, Array]) -> list[Path]:

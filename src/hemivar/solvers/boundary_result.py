@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError
 from hemivar.solvers.contact_states import ContactStates
@@ -89,7 +89,7 @@ class ContactValues:
     @cached_property
     def normal_force(self) -> float:
         """Resultant of the pressure, positive in compression."""
-        return float(self.contact.weights @ self.pressure)
+        return float(self._resultant(self.pressure)[0])
 
     @cached_property
     def friction_force(self) -> Array:
@@ -97,17 +97,21 @@ class ContactValues:
 
         As a vector it is ``contact.weights @ friction_vectors``.
         """
-        return np.asarray(self.contact.weights @ self.friction)
+        return self._resultant(self.friction)
 
     @cached_property
     def force(self) -> Array:
         """Force of the foundation on the body in the coordinates of the mesh, (d,)."""
-        return np.asarray(self.contact.weights @ self.tractions)
+        return self._resultant(self.tractions)
 
     @cached_property
     def contact_length(self) -> float:
         """Measure of the part that is neither open nor debonded (length in 2D, area in 3D)."""
-        return float(self.contact.weights @ self.states.closed)
+        return float(self._resultant(self.states.closed)[0])
+
+    def _resultant(self, values: AnyArray) -> Array:
+        """The integral of values (m,) or (m, k) over the points of all processes."""
+        return self.contact.vectors.total(*np.atleast_1d(self.contact.weights @ values).tolist())
 
 
 @dataclass(frozen=True, eq=False)

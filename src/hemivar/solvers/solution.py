@@ -155,9 +155,12 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     @cached_property
     def states(self) -> ContactStates:  # type: ignore[override]
         """The normal and the tangential state of the contact points, see :func:`hemivar.solvers.contact_states`."""
+        sizes = (float(np.abs(values).max(initial=0.0)) for values in (self.local, self.multiplier))
+        moved, pressed = self.problem.vectors.largest(*sizes).tolist()
         return contact_states(
-            self.problem.law, self.local, self.multiplier, without_friction=self.contact.without_friction
-        )
+            self.problem.law, self.local, self.multiplier, (moved, pressed),
+            without_friction=self.contact.without_friction,
+        )  # fmt: skip
 
     def strain(self) -> Array:
         """Linearised strain of each cell, shape (M, d, d), at the centroid for order 2.
@@ -248,7 +251,9 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     @cached_property
     def debonding(self) -> Mapping[str, Array]:  # type: ignore[override]
         """``damage``, ``dissipated`` and, of mixed-mode glue, ``mode_ratio`` of each contact point; else empty."""
-        return self.problem.law.debonding(self.local) if self.problem.contact_points else {}
+        own = self.problem.law.debonding(self.local) if self.problem.contact_points else {}
+        unknown = np.full(self.problem.contact_points, np.nan)
+        return {name: own.get(name, unknown) for name in self.problem.vectors.named(own)}
 
     def on(self, boundary: str) -> BoundaryResult:
         """Displacements and forces on one contact boundary.

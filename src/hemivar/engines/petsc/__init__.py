@@ -6,11 +6,10 @@ from hemivar.engines.petsc.checkpoint import read_checkpoint, write_checkpoint
 from hemivar.engines.petsc.pieces import Piece, family
 from hemivar.engines.petsc.ranks import Ranks, world
 from hemivar.engines.petsc.ranks_march import march_on_ranks, prepare_march
-from hemivar.engines.petsc.solve import DistributedSolution, Saved, solve_distributed
+from hemivar.engines.petsc.solve import Saved, solve_distributed
 
 __all__ = [
     "BodyOnRanks",
-    "DistributedSolution",
     "Piece",
     "Ranks",
     "Saved",
@@ -23,3 +22,11 @@ __all__ = [
     "world",
     "write_checkpoint",
 ]
+
+_REMOVED = {"DistributedSolution": "solve_distributed returns a hemivar.Solution, whose arrays are those of the rank"}
+
+
+def __getattr__(name: str) -> object:
+    if name in _REMOVED:
+        raise AttributeError(f"{__name__}.{name} was removed; {_REMOVED[name]}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

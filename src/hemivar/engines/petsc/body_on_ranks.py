@@ -11,7 +11,9 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.contact_energy import contact_energy
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.cycles import Cycles, ReusedCycle
+from hemivar.engines.petsc.discrete_on_ranks import problem_of
 from hemivar.engines.petsc.matrices import assembled, hold, row_sums
 from hemivar.engines.petsc.nodes import NodesOnRanks
 from hemivar.engines.petsc.pieces import Piece
@@ -116,6 +118,11 @@ class BodyOnRanks(Body):
     def points(self) -> int:
         """Contact points m of this rank."""
         return len(self.weights)
+
+    @cached_property
+    def problem(self) -> DiscreteProblem:
+        """The serial problem, whose arrays are those of this rank."""
+        return problem_of(self)
 
     # ---- what the methods ask for ------------------------------------------------------------------------
 

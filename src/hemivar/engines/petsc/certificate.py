@@ -12,11 +12,11 @@ from hemivar.certificates import Certificate, PointKind, Smallness
 from hemivar.certificates.bound import OPERATIONS
 from hemivar.certificates.linear_bodies import UNKNOWN
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
+from hemivar.engines.petsc.discrete_on_ranks import body_of
 from hemivar.engines.petsc.preconditioner import Multigrid
-from hemivar.engines.petsc.solve import DistributedSolution
 from hemivar.engines.petsc.stiffness import applied
 from hemivar.engines.petsc.time_limit import Alarm
-from hemivar.solvers import Status
+from hemivar.solvers import Solution, Status
 
 __all__ = ["ESTIMATE", "NOTHING", "certify_on_ranks", "largest_ratio"]
 
@@ -47,7 +47,7 @@ class _Margin:
         return 1.0 - self.constant
 
 
-def certify_on_ranks(solution: DistributedSolution, tolerance: float = 1e-8, alarm: Alarm | None = None) -> Certificate:
+def certify_on_ranks(solution: Solution, tolerance: float = 1e-8, alarm: Alarm | None = None) -> Certificate:
     """A certificate, as far as it is known; what is not is named in ``left_out``.
 
     For convex laws the margin is 1.  Else ``1 - c`` comes from the largest eigenvalue c of ``(B'W diag(alpha) B, K)``,
@@ -69,9 +69,9 @@ def certify_on_ranks(solution: DistributedSolution, tolerance: float = 1e-8, ala
         return _certified(solution, tolerance, Alarm() if alarm is None else alarm)
 
 
-def _certified(solution: DistributedSolution, tolerance: float, alarm: Alarm) -> Certificate:
+def _certified(solution: Solution, tolerance: float, alarm: Alarm) -> Certificate:
     began = time.perf_counter()
-    body, residual = solution.body, solution.residual
+    body, residual = body_of(solution.problem), solution.residual
     linear, proved, stiffness_by, reach = _stiffness(body)
     finite = bool(np.isfinite([residual.total, residual.scale, solution.energy]).all())
     stationary = finite and residual.below(0.0, tolerance)
@@ -341,7 +341,7 @@ def _top_vector(A: Array, K: Array) -> Array:
 
 
 def _error_bound(
-    solution: DistributedSolution, linear: BodyOnRanks, cycle: Multigrid, margin: float, lowest: float
+    solution: Solution, linear: BodyOnRanks, cycle: Multigrid, margin: float, lowest: float
 ) -> tuple[float, float]:
     """Bound of the distance to the exact discrete solution, and the norm of this one, in the energy of ``linear``.
 
@@ -349,7 +349,8 @@ def _error_bound(
     most ``|D^-1/2 e| / sqrt(lowest)``, D the diagonal of K; local displacements are rounded as well, which moves the
     point that the multiplier belongs to.  The forces of a body that is not linear have the sizes of those of C_up.
     """
-    body, ranks, x = solution.body, solution.body.ranks, solution.x
+    body, x = body_of(solution.problem), solution.unknowns
+    ranks = body.ranks
     above, curved = body.above_all(), body.stored is not None
     lam = np.where(body.active, body.law.nearest_multiplier(solution.local, solution.multiplier), solution.multiplier)
     pressed = body.gather(body.weights[:, None] * lam)

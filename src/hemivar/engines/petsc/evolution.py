@@ -11,13 +11,12 @@ import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.discrete.loading import Loading
-from hemivar.discrete.model import Model
 from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.assembly import _present, _with_facets_around, assemble
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
+from hemivar.engines.petsc.discrete_on_ranks import BulkOnRanks
 from hemivar.engines.petsc.matrices import assembled, combined, row_sums
 from hemivar.engines.petsc.nodes import NodesOnRanks
 from hemivar.engines.petsc.pieces import Piece
@@ -34,14 +33,13 @@ from hemivar.fem.mass import body_blocks, inertia, mass_blocks
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.laws import ContactLaw, separable
 from hemivar.linear.krylov import conjugate_gradients
-from hemivar.linear.vectors import Vectors
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
-__all__ = ["BulkOnRanks", "EvolutionOnRanks", "OperatorOnRanks", "discretize_on_ranks"]
+__all__ = ["EvolutionOnRanks", "OperatorOnRanks", "discretize_on_ranks"]
 
 #: Of the solution of a linear problem in terms of its right side.
 _SOLVED = 1e-13
@@ -163,40 +161,6 @@ class _Inner:
 
 
 @dataclass(frozen=True, eq=False)
-class BulkOnRanks:
-    """The body of a step: a :class:`hemivar.discrete.Bulk` whose arrays are those of this rank.
-
-    Attributes
-    ----------
-    body : BodyOnRanks
-    """
-
-    body: BodyOnRanks
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns n of this rank."""
-        return int(self.body.load.size)
-
-    def value(self, u: Array) -> float:
-        """``1/2 u'K u``, of all ranks, which call this together."""
-        return float(self.body.vectors.total(0.5 * float(u @ self.body.multiply(u)))[0])
-
-    def gradient(self, u: Array) -> Array:
-        """``K u``, (n,)."""
-        return self.body.multiply(u)
-
-    def hessian(self, u: Array) -> sp.csr_array:
-        """Refused: the matrix is in PETSc."""
-        raise MethodError("the stiffness of a body over ranks is in PETSc; multiply by it")
-
-    @property
-    def row_sums(self) -> Array:
-        """Sums of the absolute entries of the rows of the stiffness, (n,) of this rank."""
-        return self.body.row_sums
-
-
-@dataclass(frozen=True, eq=False)
 class EvolutionOnRanks(DiscreteEvolution):
     """A discrete evolution whose arrays are those of this rank: its nodes and contact points.
 
@@ -223,10 +187,6 @@ class EvolutionOnRanks(DiscreteEvolution):
     frame: OwnUnknowns = None  # type: ignore[assignment]
     skin: Mesh = None  # type: ignore[assignment]
     seen: IntArray = None  # type: ignore[assignment]
-
-    @property
-    def vectors(self) -> Vectors:
-        return self.ranks
 
     @property
     def unknowns(self) -> int:
@@ -302,7 +262,7 @@ class StepMatricesOnRanks(StepMatrices):
         known, start = discrete.problem.model, discrete.body
         inertia = bool(inert) and family.mass is not None
         body = start.stiffened(combined(start.K, there), start.supported or inertia)
-        return replace(discrete.problem, model=Model(BulkOnRanks(body), known.contact), law_known=True)
+        return replace(discrete.problem, model=replace(known, bulk=BulkOnRanks(body)), law_known=True)
 
 
 def discretize_on_ranks(
@@ -341,7 +301,7 @@ def discretize_on_ranks(
     owned[: body.owned.size] = body.owned
     moved, seen = ranks.agree(lambda: _moved(_present(state(skin).body), at_start, skin, owned))
     frame = OwnUnknowns(body.nodes, moved)
-    problem = _own_problem(body)
+    problem = body.problem
     blocks = []
     for number, name in enumerate(problem.contact.names):
         index = np.flatnonzero(problem.contact.boundary == number)
@@ -378,14 +338,6 @@ def _moved(
     seen = every[owned[every // dim]]
     place = np.cumsum(owned) - 1
     return np.asarray(place[seen // dim] * dim + seen % dim), seen
-
-
-def _own_problem(body: BodyOnRanks) -> DiscreteProblem:
-    """The contact points of this rank in terms of its unknowns."""
-    rows = np.flatnonzero(body.active.ravel())
-    trace = sp.csr_array((body.sign, (rows, body.unknown)), shape=(body.active.size, body.load.size))
-    model = Model(BulkOnRanks(body), replace(body.contact, trace=trace))
-    return DiscreteProblem(model, Loading(body.load, body.offset, body.law), body.warnings)
 
 
 class _Matrices:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
@@ -93,6 +93,10 @@ class Ranks:
         """The lowest number of all ranks, and whether it is that of this one; of equals the first."""
         number, who = min(self.mpi.allgather((value, self.rank)))
         return float(number), bool(who == self.rank)
+
+    def named(self, names: Iterable[str]) -> tuple[str, ...]:
+        """The names that any rank knows, in alphabetical order."""
+        return tuple(sorted({name for told in self.mpi.allgather(tuple(names)) for name in told}))
 
     def before(self, count: int) -> int:
         """How many of something the ranks before this one have."""

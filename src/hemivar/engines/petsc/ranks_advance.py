@@ -13,9 +13,10 @@ from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.certificate import _margin
-from hemivar.engines.petsc.evolution import BulkOnRanks, EvolutionOnRanks, StepMatricesOnRanks
+from hemivar.engines.petsc.discrete_on_ranks import body_of
+from hemivar.engines.petsc.evolution import EvolutionOnRanks, StepMatricesOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
-from hemivar.engines.petsc.solve import Saved, solve_distributed
+from hemivar.engines.petsc.solve import Saved, solved_on_ranks
 from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.evolution import Scheme, SelectionRule
 from hemivar.evolution.data_in_time import StatedData
@@ -116,11 +117,7 @@ class StageSolverOnRanks(StageSolver):
     def _solved(self, problem: DiscreteProblem, body: BodyOnRanks, start: Array, controls: Controls) -> Solution:
         saved = Saved(State(start, body.multiplier(start)), ())
         alarm = self.alarm.limited(min(self.controls.max_time, self.alarm.left))
-        found = solve_distributed(body, self.solver, controls, resume=saved, alarm=alarm)
-        return Solution(
-            problem, found.x, found.multiplier, found.status, found.residual, found.method, found.steps,
-            found.cycles, contraction=found.contraction,
-        )  # fmt: skip
+        return solved_on_ranks(problem, body, self.solver, controls, alarm, saved)
 
     def _downhill(
         self, problem: DiscreteProblem, body: BodyOnRanks, resistance: float, u: Array, controls: Controls
@@ -172,8 +169,7 @@ class StageSolverOnRanks(StageSolver):
 
 def _body_of(problem: DiscreteProblem) -> BodyOnRanks:
     """The body of a stage, under its load and with its law."""
-    assert isinstance(problem.bulk, BulkOnRanks)
-    return problem.bulk.body.under(problem.load, problem.offset, problem.law)
+    return body_of(problem).under(problem.load, problem.offset, problem.law)
 
 
 class MarginsOnRanks(Margins):

@@ -1,0 +1,89 @@
+"""The discrete problem of a body over ranks: the serial one, whose arrays are those of this rank."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array
+from hemivar.discrete.loading import Loading
+from hemivar.discrete.model import Model
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.space import Field, Space
+from hemivar.errors import MethodError
+
+if TYPE_CHECKING:
+    from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
+
+__all__ = ["BulkOnRanks", "FieldOnRanks", "body_of", "problem_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class BulkOnRanks:
+    """The stored energy of a body over ranks: a :class:`hemivar.discrete.Bulk` whose arrays are those of this rank."""
+
+    body: BodyOnRanks
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n of this rank, held ones included."""
+        return int(self.body.load.size)
+
+    def value(self, u: Array) -> float:
+        """The stored energy of all ranks, which call this together."""
+        body, stored = self.body, self.body.stored
+        if stored is None:
+            return float(body.vectors.total(0.5 * float(u @ body.multiply(u)))[0])
+        own = stored.value(body.displacement(u)) - float(stored.initial_forces @ u)
+        return float(body.vectors.total(own)[0]) - stored.initial_value
+
+    def gradient(self, u: Array) -> Array:
+        """The internal forces, (n,)."""
+        return self.body.load - self.body.out_of_balance(u)
+
+    def hessian(self, u: Array) -> sp.csr_array:
+        """Refused: the matrix is in PETSc."""
+        raise MethodError("the stiffness of a body over ranks is in PETSc; multiply by it")
+
+    @property
+    def row_sums(self) -> Array:
+        """Sums of the absolute entries of the rows of the stiffness, (n,) of this rank."""
+        return self.body.row_sums
+
+
+class FieldOnRanks(Field):
+    """The displacement of the nodes of this rank's piece; all ranks ask for it together."""
+
+    body: BodyOnRanks
+
+    def __init__(self, body: BodyOnRanks) -> None:
+        rows = body.prescribed.size
+        for name, value in {
+            "mesh": body.piece.mesh, "order": 1, "basis": sp.csr_array((rows, body.load.size)),
+            "prescribed": body.prescribed.ravel(), "components": body.dim, "body": body,
+        }.items():  # fmt: skip
+            object.__setattr__(self, name, value)
+
+    def full(self, unknowns: Array) -> Array:
+        return self.body.displacement(unknowns)
+
+    def restrict(self, values: Array) -> Array:
+        return self.body.restrict(values)
+
+
+def problem_of(body: BodyOnRanks) -> DiscreteProblem:
+    """The problem of a body, with the contact points of this rank in terms of its unknowns."""
+    rows = np.flatnonzero(body.active.ravel())
+    trace = sp.csr_array((body.sign, (rows, body.unknown)), shape=(body.active.size, body.load.size))
+    contact = replace(body.contact, trace=trace, vectors=body.ranks)
+    model = Model(BulkOnRanks(body), contact, Space((FieldOnRanks(body),)), body.statement)
+    return DiscreteProblem(model, Loading(body.load, body.offset, body.law, body.constant), body.warnings, None, True)
+
+
+def body_of(problem: DiscreteProblem) -> BodyOnRanks:
+    """The body of a problem over ranks."""
+    assert isinstance(problem.bulk, BulkOnRanks)
+    return problem.bulk.body
