@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import sys
 import types
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,7 @@ import numpy as np
 
 from hemivar.basics.types import AnyArray
 
-__all__ = ["content"]
+__all__ = ["content", "digest_of"]
 
 #: Fields that say where something stands or what it is called, and not what it is.
 _ASIDE = ("where", "title", "units")
@@ -36,6 +37,15 @@ def content(value: object) -> Iterator[bytes]:
     value : object
     """
     yield from _of(value, ())
+
+
+def digest_of(*values: object) -> str:
+    """The digest of the content of some values."""
+    digest = hashlib.sha256()
+    for value in values:
+        for piece in content(value):
+            digest.update(piece)
+    return digest.hexdigest()
 
 
 def _of(value: object, inside: tuple[int, ...]) -> Iterator[bytes]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 from importlib.metadata import version
 
 import numpy as np
 
-from hemivar.basics.content import content
+from hemivar.basics.content import digest_of
 from hemivar.basics.types import Array
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.steps import AdaptiveStep, FixedStep
@@ -46,11 +45,7 @@ def differences(one: str, other: str) -> str:
 
 
 def _digest(*values: object) -> str:
-    digest = hashlib.sha256()
-    for value in values:
-        for part in content(value):
-            digest.update(part)
-    return digest.hexdigest()[:32]
+    return digest_of(*values)[:32]
 
 
 def _evolution(stepper: TimeStepper) -> str:

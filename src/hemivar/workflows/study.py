@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import math
 import tempfile
 import time
@@ -15,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import described, expect, expecting, whole_number
-from hemivar.basics.content import content
+from hemivar.basics.content import digest_of
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
@@ -337,11 +336,7 @@ def study_digest(problem: ContactProblem, options: StudyOptions) -> str:
 
     How often the mesh is halved, and what the solutions are compared with, do not count.
     """
-    digest = hashlib.sha256()
-    for part in (problem, as_method(options.method), replace(options.controls, callback=None)):
-        for piece in content(part):
-            digest.update(piece)
-    return digest.hexdigest()
+    return digest_of(problem, as_method(options.method), replace(options.controls, callback=None))
 
 
 @known_keywords

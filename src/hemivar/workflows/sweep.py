@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import itertools
 import math
 import re
@@ -14,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from hemivar.basics.arguments import described, expect, expecting, whole_number
-from hemivar.basics.content import content
+from hemivar.basics.content import digest_of
 from hemivar.basics.disk import noting_files_read, read_bytes
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.generators import result_of
@@ -366,7 +365,6 @@ def sweeping(
 
 def sweep_digest(problem: Source, axes: Sequence[SweepAxis], options: SweepOptions) -> str:
     """What tells whether two sweeps are the same work: of the file with all that it reads, parameters and options."""
-    digest = hashlib.sha256()
     parts: list[object] = [[(axis.key, axis.values) for axis in axes], options.changes, options.search]
     if isinstance(problem, str | Path):
         text = read_text(problem)
@@ -377,10 +375,7 @@ def sweep_digest(problem: Source, axes: Sequence[SweepAxis], options: SweepOptio
         parts += [read_bytes(file) for file in files]
     else:
         parts.append(problem)
-    for part in parts:
-        for piece in content(part):
-            digest.update(piece)
-    return digest.hexdigest()
+    return digest_of(*parts)
 
 
 def _axes(axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis]) -> tuple[SweepAxis, ...]:
