@@ -15,18 +15,11 @@ import pytest
 import scipy.sparse as sp
 
 import hemivar as hv
-from hemivar.basics.content import content
+from hemivar.basics.content import content, digest_of
 from hemivar.formula import Formula
 
 LEVEL = 1.0
 TABLE = np.arange(3.0)
-
-
-def digest(value: object) -> str:
-    found = hashlib.sha256()
-    for part in content(value):
-        found.update(part)
-    return found.hexdigest()
 
 
 def enclosing(level: float) -> Callable[[Any, float], Any]:
@@ -94,18 +87,18 @@ PAIRS: dict[str, tuple[object, object]] = {
 @pytest.mark.parametrize("name", PAIRS)
 def test_what_is_another_thing_has_another_content(name: str) -> None:
     one, other = PAIRS[name]
-    assert digest(one) != digest(other)
-    assert digest(one) == digest(one)
+    assert digest_of(one) != digest_of(other)
+    assert digest_of(one) == digest_of(one)
 
 
 def test_what_a_function_names_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = digest(named)
+    before = digest_of(named)
     monkeypatch.setattr(sys.modules[__name__], "LEVEL", 2.0)
-    assert digest(named) != before
+    assert digest_of(named) != before
     monkeypatch.undo()
-    assert digest(named) == before
+    assert digest_of(named) == before
     monkeypatch.setattr(sys.modules[__name__], "TABLE", np.array([0.0, 1.0, 3.0]))
-    assert digest(named) != before
+    assert digest_of(named) != before
 
 
 def test_what_a_function_calls_in_a_module_of_the_user_counts() -> None:
@@ -116,7 +109,7 @@ def test_what_a_function_calls_in_a_module_of_the_user_counts() -> None:
         exec(text, module.__dict__)
         made: dict[str, object] = {"usermod": module}
         exec("load = lambda x, t: usermod.load(x, t)", made)
-        return digest(made["load"])
+        return digest_of(made["load"])
 
     plain = "SCALE = 2.0\ndef help(t): return SCALE * t\ndef load(x, t): return help(t)\n"
     assert under(plain) == under(plain)
@@ -129,25 +122,25 @@ def test_what_a_function_calls_in_a_module_of_the_user_counts() -> None:
 def test_packages_that_are_installed_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     made: dict[str, object] = {"np": np}
     exec("load = lambda x, t: np.full(len(x), t)", made)
-    before = digest(made["load"])
+    before = digest_of(made["load"])
     monkeypatch.setattr(np, "full", np.zeros)
-    assert digest(made["load"]) == before
+    assert digest_of(made["load"]) == before
 
 
 def test_where_something_stands_does_not_count() -> None:
-    assert digest(Formula("t", where="a.toml: load")) == digest(Formula("t", where="b.toml: load"))
-    assert digest(Formula("t", minimum=0.0)) != digest(Formula("t"))
+    assert digest_of(Formula("t", where="a.toml: load")) == digest_of(Formula("t", where="b.toml: load"))
+    assert digest_of(Formula("t", minimum=0.0)) != digest_of(Formula("t"))
 
 
 def test_a_value_that_holds_itself_comes_to_an_end() -> None:
     around: list[object] = [1.0]
     around.append(around)
-    assert digest(around) != digest([1.0])
+    assert digest_of(around) != digest_of([1.0])
 
 
 CODE = """
 import hashlib, numpy as np
-from hemivar.basics.content import content
+from hemivar.basics.content import content, digest_of
 import hemivar as hv
 pad = [object() for _ in range({pad})]
 value = {{"f": (lambda a: lambda x, t: a * t + np.sin(x))(2.5), "law": hv.Compliance(lambda x: 1.0 + x[:, 0])}}
@@ -164,3 +157,9 @@ def test_addresses_do_not_count() -> None:
         for pad in (0, 12345)
     }
     assert len(told) == 1
+
+
+def test_the_digest_of_values_is_that_of_their_contents_one_after_the_other() -> None:
+    values = ("one", TABLE, None)
+    whole = b"".join(piece for value in values for piece in content(value))
+    assert digest_of(*values) == hashlib.sha256(whole).hexdigest()

@@ -6,7 +6,7 @@ from collections.abc import Generator
 
 import pytest
 
-from hemivar.basics.generators import result_of
+from hemivar.basics.generators import each_as, result_of
 
 
 def counting(limit: int, closed: list[bool] | None = None) -> Generator[int, bool | None, str]:
@@ -53,3 +53,20 @@ def test_another_error_ends_the_work() -> None:
 def test_an_end_of_iteration_outside_is_no_result() -> None:
     with pytest.raises(StopIteration):
         result_of(counting(3), lambda _: next(iter([])))
+
+
+def test_work_told_as_other_events_gets_answers_and_interruptions_and_is_closed() -> None:
+    seen: list[str] = []
+    assert result_of(each_as(counting(3), str), seen.append) == "done"
+    assert seen == ["0", "1", "2"]
+    assert result_of(each_as(counting(9), str), lambda text: text == "4") == "stopped at 4"
+    assert result_of(each_as(counting(0), str)) == "done"
+    closed: list[bool] = []
+    work = each_as(counting(3, closed), str)
+    next(work)
+    work.close()
+    assert closed == [True]
+    work = each_as(counting(3), str)
+    next(work)
+    with pytest.raises(StopIteration, match="interrupted"):
+        work.throw(KeyboardInterrupt)
