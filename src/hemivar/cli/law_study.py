@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hemivar.basics.disk import noting_files_read
-from hemivar.basics.stated import Form
 from hemivar.cli import options as opt
 from hemivar.cli.command import Command, Done
 from hemivar.cli.options import option, written
@@ -179,6 +178,8 @@ def _drawn(curve: Superpotential | MixedMode | ModeDependentGlue | OwnCoupledLaw
 
 def _print_entry(entry: LawEntry) -> None:
     """Print a law or a material with its parameters, as a problem file writes it."""
+    from hemivar.basics.stated import Form
+
     samples = {Form.LIST: "[...]", Form.FILE: '"law.csv"', Form.TEXT: '"..."'}
     required = "".join(f", {p.key} = {samples.get(p.said.form, '...')}" for p in entry.parameters if p.required)
     print(f"\n  {entry.name}: {entry.summary}")
