@@ -29,7 +29,7 @@ _FAR = 1.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Body(Equilibrium, ABC):
-    """Energy of all unknowns; arrays are those of this process."""
+    """Energy of all unknowns, points (n,), as a :class:`ContactSystem`; arrays are those of this process."""
 
     vectors: Vectors  # how the parts of all processes are looked at together
     elastic: ContactStiffness  # what the body knows of its stiffness, whatever its load, gap and law
@@ -53,7 +53,6 @@ class Body(Equilibrium, ABC):
         """Newton's matrix, to be changed by one solve."""
 
     def posed_below(self) -> Self | None:
-        """The same on the next coarser mesh, where a problem is posed there."""
         return self.below
 
     def untouched(self) -> Array | None:
@@ -75,7 +74,6 @@ class Body(Equilibrium, ABC):
 
     @cached_property
     def fixed(self) -> Array:
-        """Values (m, d) of the components that are not active."""
         return np.where(self.active, 0.0, -self.offset)
 
     @property
@@ -90,16 +88,13 @@ class Body(Equilibrium, ABC):
 
     @property
     def diagonal(self) -> Array:
-        """See :attr:`ContactStiffness.diagonal`."""
         return self.elastic.diagonal
 
     @property
     def lambda_max(self) -> float:
-        """See :attr:`ContactStiffness.lambda_max`."""
         return self.elastic.lambda_max
 
     def multiply(self, x: Array) -> Array:
-        """``K x``, (n,)."""
         return self.elastic.multiply(x)
 
     def pull(self, x: Array) -> Array:
@@ -111,7 +106,6 @@ class Body(Equilibrium, ABC):
         return self.elastic.push(values)
 
     def couple(self, step: Array) -> Array:
-        """Elastic force (m, d) that a step (m, d) of the contact points alone takes away."""
         return self.elastic.couple(step)
 
     def spread(self, values: Array) -> Array:
@@ -124,7 +118,6 @@ class Body(Equilibrium, ABC):
 
     @property
     def blocks(self) -> Array:
-        """Stiffness between the components of each point, (m, d, d)."""
         m, d = self.active.shape
         entries = self.own_block.tocoo()
         own = entries.row // d == entries.col // d
@@ -133,13 +126,11 @@ class Body(Equilibrium, ABC):
         return blocks
 
     def local(self, x: Array) -> Array:
-        """Local displacements (m, d) of the unknowns (n,)."""
         r = self.fixed.copy()
         r[self.active] = self.sign * x[self.unknown] - self.offset[self.active]
         return r
 
     def moved(self, x: Array, r: Array) -> Array:
-        """The unknowns with their active components changed so that the local displacements are ``r``."""
         out = x.copy()
         out[self.unknown] = self.sign * (r + self.offset)[self.active]
         # Far from the foundation r is the gap, and has the digits of u no more: what differs by rounding stays.
@@ -156,12 +147,10 @@ class Body(Equilibrium, ABC):
     # ---- the protocol of systems -----------------------------------------------------------------------
 
     def start(self, guess: Array | None = None) -> Array:
-        """Admissible unknowns (n,) near ``guess``, or near zero displacement."""
         x = np.zeros(self.load.shape) if guess is None else np.array(guess, dtype=float)
         return self.moved(x, self.law.admissible(self.local(x)))
 
     def of_unknowns(self, unknowns: Array) -> Array:
-        """The unknowns (n,) themselves."""
         return unknowns
 
     @abstractmethod
@@ -169,58 +158,47 @@ class Body(Equilibrium, ABC):
         """The same body on another foundation, no problem being posed below."""
 
     def out_of_balance(self, x: Array) -> Array:
-        """``f - K u``, (n,)."""
         return np.asarray(self.load - self.multiply(x))
 
     def at_contact(self, force: Array) -> Array:
-        """Forces (m, d) on the contact points of a force (n,)."""
         return self.spread(force[self.unknown])
 
     def multiply_contact(self, change: Array) -> Array:
-        """Elastic force (n,) that a change (n,) of the contact points alone takes away."""
         return self.push(change[self.unknown])
 
     def refreshed(self, x: Array, force: Array) -> Array:
-        """The force out of balance as it is known: a product with the stiffness costs more than its last digits."""
+        """As it is known: a product with the stiffness costs more than its last digits."""
         return force
 
     def newton_equation(self, known: NewtonEquation | None = None) -> KrylovNewton:
-        """Newton's equation, for one solve; with the levels of one that is known."""
         return KrylovNewton(self, known.matrix if isinstance(known, KrylovNewton) else self.truncation())
 
     def less_contact(self, force: Array, contact: Array) -> Array:
-        """What is left of a force (n,) where contact points take up theirs, (m, d)."""
         left = force.copy()
         left[self.unknown] -= self.gather(contact)
         return left
 
     def rounding_sizes(self, x: Array) -> Array:
-        """Sizes of what is added up in the forces (n,), by the sums of the rows of the stiffness."""
         return np.asarray(self.row_sums * np.abs(x) + np.abs(self.load))
 
     def magnitude(self, x: Array) -> float:
-        """Largest displacement or gap of the contact points of this process."""
         moved = np.abs(x[self.unknown]).max(initial=0.0)
         return float(max(moved, np.abs(self.offset).max(initial=0.0)))
 
     @property
     def material_compliance(self) -> Array:
-        """:attr:`compliance`: nothing has been eliminated."""
         return self.compliance
 
     def stretch(self, change: Array) -> float:
-        """Energy norm of a change of the unknowns (n,)."""
         (square,) = self.vectors.total(float(change @ self.multiply(change)))
         return float(np.sqrt(max(square, 0.0)))
 
     def recover(self, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
-        """The unknowns themselves, with the residual for each multiplier."""
         force = self.out_of_balance(x)
         return x, [self.residual(x, lam, force) for lam in multipliers]
 
     @cached_property
     def load_scale(self) -> LoadScale:
-        """What residuals are held against."""
         lam = resting_multiplier(self.law, self.offset, self.compliance)
         with np.errstate(all="ignore"):
             rest = np.where(self.active, self.weights[:, None] * lam, 0.0).ravel()

@@ -22,8 +22,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.laws import VectorLaw
 from hemivar.linear.factor_memory import check_memory, shortage
-from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.systems.contact_system import Equilibrium
+from hemivar.systems.contact_system import OfProblem
 from hemivar.systems.dense_newton import DenseNewton
 from hemivar.systems.elimination import Recovery, SchurComplement
 from hemivar.systems.newton_equation import NewtonEquation
@@ -39,7 +38,7 @@ ROUNDED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class CondensedProblem(Equilibrium, PickleMixin):
+class CondensedProblem(OfProblem, PickleMixin):
     """Energy of the contact unknowns alone: ``1/2 r'A r - g'r + sum_j w_j j(r_j) + constant``.
 
     ``r (m, d)`` are the local displacements (penetration and slip).  All other unknowns have been eliminated, so
@@ -88,20 +87,6 @@ class CondensedProblem(Equilibrium, PickleMixin):
     # ---- views -----------------------------------------------------------------------------------------
 
     @property
-    def law(self) -> VectorLaw:
-        """The contact law."""
-        return self.problem.law
-
-    @property
-    def weights(self) -> Array:
-        """Quadrature weights (m,)."""
-        return self.problem.contact.weights
-
-    @property
-    def extent(self) -> float:
-        return self.problem.extent
-
-    @property
     def shape(self) -> tuple[int, int]:
         """Contact points m and components d."""
         return self.active.shape[0], self.active.shape[1]
@@ -125,11 +110,6 @@ class CondensedProblem(Equilibrium, PickleMixin):
     def lambda_max(self) -> float:
         """Largest eigenvalue of the matrix scaled by its diagonal."""
         return self.body.lambda_max
-
-    @property
-    def vectors(self) -> Vectors:
-        """A condensed body is in one piece."""
-        return WHOLE
 
     def couple(self, step: Array) -> Array:
         """Elastic force ``A step`` (m, d) that a step (m, d) of the local displacements takes away."""

@@ -12,12 +12,13 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact_energy import contact_energy, law_forces
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual
 from hemivar.laws import VectorLaw
-from hemivar.linear.vectors import Vectors
+from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.newton_equation import NewtonEquation
 
-__all__ = ["PASSED", "ContactSystem", "Equilibrium", "PointSystem"]
+__all__ = ["PASSED", "ContactSystem", "Equilibrium", "OfProblem", "PointSystem"]
 
 #: Part of the largest displacement or gap by which a penetration may pass the end of a law: rounding.
 PASSED = 1e-12
@@ -245,6 +246,31 @@ class Equilibrium:
             self.rounding_sizes(x),
         ).tolist()
         return Residual.of(sizes[0], sizes[1], self.load_scale, sizes[2], sizes[3])
+
+
+class OfProblem(Equilibrium):
+    """Of a discrete problem in one place."""
+
+    problem: DiscreteProblem
+
+    @property
+    def law(self) -> VectorLaw:
+        """The contact law."""
+        return self.problem.law
+
+    @property
+    def weights(self) -> Array:
+        """Quadrature weights (m,)."""
+        return self.problem.contact.weights
+
+    @property
+    def extent(self) -> float:
+        return self.problem.extent
+
+    @property
+    def vectors(self) -> Vectors:
+        """It is in one piece."""
+        return WHOLE
 
 
 def _balancing(system: PointSystem, force: Array) -> Array:

@@ -22,8 +22,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale
 from hemivar.fem.hierarchy import Coarser, coarser, tangent_problem
 from hemivar.laws import VectorLaw
-from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.systems.contact_system import Equilibrium, PointSystem
+from hemivar.systems.contact_system import OfProblem, PointSystem
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["LinearBody", "NonlinearBody", "NonlinearSystem", "linear_bulk"]
@@ -79,8 +78,9 @@ class _LinearProblem:
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearBody(Equilibrium):
-    """Energy of all unknowns of a body whose stored energy need not be quadratic."""
+class NonlinearBody(OfProblem):
+    """Energy of all unknowns, points (n,), of a body whose stored energy need not be quadratic, as a
+    :class:`NonlinearSystem`."""
 
     problem: DiscreteProblem
     workspace: Workspace  # where what belongs to its model is kept
@@ -108,82 +108,52 @@ class NonlinearBody(Equilibrium):
         model = self.problem.model
         return self.workspace.once("stiffness at rest", model, lambda: linear_bulk(bulk, np.zeros(bulk.unknowns)))
 
-    @property
-    def extent(self) -> float:
-        return self.problem.extent
-
-    @property
-    def law(self) -> VectorLaw:
-        """The contact law."""
-        return self.problem.law
-
-    @property
-    def weights(self) -> Array:
-        """Quadrature weights (m,)."""
-        return self.problem.contact.weights
-
-    @property
-    def vectors(self) -> Vectors:
-        """It is in one piece."""
-        return WHOLE
-
     @cached_property
     def active(self) -> BoolArray:
-        """Components (m, d) that are free to move."""
         return np.asarray(np.diff(self.problem.contact.trace.indptr) > 0).reshape(self.problem.contact.shape)
 
     @cached_property
     def fixed(self) -> Array:
-        """Values (m, d) of the components that are not."""
         return np.where(self.active, 0.0, -self.problem.offset)
 
     @cached_property
     def compliance(self) -> Array:
-        """Displacement for a unit pressure at a point when all else is held, (m, 2)."""
         return contact_compliance(self.problem)
 
     @property
     def material_compliance(self) -> Array:
-        """:attr:`compliance`: nothing has been eliminated."""
         return self.compliance
 
     @property
     def load(self) -> Array:
-        """Forces (n,)."""
         return self.problem.load
 
     @property
     def constant(self) -> float:
-        """Energy that does not depend on the unknowns."""
         return self.problem.constant
 
     @cached_property
     def load_scale(self) -> LoadScale:
-        """What residuals are held against."""
         return load_scale(self.problem, self.compliance)
 
     def start(self, guess: Array | None = None) -> Array:
-        """Admissible unknowns (n,) near ``guess``, or near zero displacement."""
         x = np.zeros(self.load.shape) if guess is None else np.array(guess, dtype=float)
         r = self.local(x)
         change = np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)) - r, 0.0)
         return x + self._lifted(change) if change.any() else x
 
     def of_unknowns(self, unknowns: Array) -> Array:
-        """The unknowns (n,) themselves."""
         return unknowns
 
     def local(self, x: Array) -> Array:
-        """Local displacements (m, d)."""
         return self.problem.contact.trace_of(x) - self.problem.offset
 
     def magnitude(self, x: Array) -> float:
-        """Largest displacement or gap of the contact points."""
         moved = np.abs(self.problem.contact.trace) @ np.abs(x)
         return float(max(moved.max(initial=0.0), np.abs(self.problem.offset).max(initial=0.0)))
 
     def out_of_balance(self, x: Array) -> Array:
-        """``f`` less the internal forces, (n,); those of the last place are known again."""
+        """The forces of the last place are known again."""
         if not self._last or self._last[0] is not x:
             self._last[:] = x, self.problem.out_of_balance(x)
         return self._last[1]
@@ -193,36 +163,32 @@ class NonlinearBody(Equilibrium):
         return []
 
     def at_contact(self, force: Array) -> Array:
-        """Forces (m, d) on the contact points that come closest to a force (n,)."""
+        """Those that come closest to the force."""
         B = self.problem.contact.trace
         pulled = np.asarray(B @ force)
         return (pulled if self._gram is None else self._gram(pulled)).reshape(self.active.shape)
 
     def less_contact(self, force: Array, contact: Array) -> Array:
-        """What is left of a force (n,) where contact points take up theirs, (m, d)."""
         return np.asarray(force - self.problem.contact.trace.T @ contact.ravel())
 
     def rounding_sizes(self, x: Array) -> Array:
-        """Sizes of what is added up in the forces (n,), by the stiffness at rest."""
+        """By the stiffness at rest."""
         sizes = self.at_rest.row_sums * np.abs(x) + np.abs(self.load)
         bulk = self.bulk
         return np.asarray(sizes + bulk.initial_sizes if isinstance(bulk, Potential) else sizes)
 
     def stretch(self, change: Array) -> float:
-        """Energy norm of a change of the unknowns (n,), by the stiffness at rest."""
+        """By the stiffness at rest."""
         return float(np.sqrt(max(float(change @ self.at_rest.gradient(change)), 0.0)))
 
     def energy(self, x: Array, lam: Array | None = None, force: Array | None = None) -> float:  # type: ignore[override]
-        """E(u), see :meth:`Equilibrium.energy`; the force is not needed."""
         return self.problem.energy(x, self.multiplier(x, force) if lam is None and self.law.state_dependent else lam)
 
     def recover(self, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
-        """The unknowns themselves, with the residual for each multiplier."""
         force = self.out_of_balance(x)
         return x, [self.residual(x, lam, force) for lam in multipliers]
 
     def with_law(self, law: VectorLaw) -> NonlinearBody:
-        """The same body on another foundation."""
         return self.for_problem(self.problem.with_(law=law))
 
     def for_problem(self, problem: DiscreteProblem) -> NonlinearBody:
@@ -239,7 +205,6 @@ class NonlinearBody(Equilibrium):
     # ---- linear bodies in its place ----------------------------------------------------------------------
 
     def tangent_at(self, x: Array, force: Array) -> LinearBody | None:
-        """See :class:`NonlinearSystem`."""
         if not isinstance(self.bulk, Potential):
             return self._linear(linear_bulk(self.bulk, x), x, force)
         try:
@@ -249,19 +214,16 @@ class NonlinearBody(Equilibrium):
         return _LinearProblem(found.with_(load=force + found.bulk.gradient(x)))
 
     def above_at(self, x: Array, force: Array) -> LinearBody | None:
-        """See :class:`NonlinearSystem`."""
         return self._linear(self.bulk.upper, x, force) if isinstance(self.bulk, Potential) else None
 
     def _linear(self, bulk: Quadratic, x: Array, force: Array) -> LinearBody:
         return _LinearProblem(self.problem.with_(bulk=bulk, load=force + bulk.gradient(x)))
 
     def posed_below(self) -> NonlinearBody | None:
-        """The same on the next coarser mesh, where there is one."""
         found = self._below
         return None if found is None else NonlinearBody(found.posed(self.problem), self.workspace)
 
     def from_below(self, x: Array) -> Array:
-        """Unknowns (n,) of the displacement field given by those of the next coarser mesh."""
         assert self._below is not None
         return self._below.interpolate(x)
 
