@@ -91,6 +91,9 @@ class NormalAndFriction(Glue):
         along = of_law(shut) + 0.5 * known["stiffness"] * w**2
         return np.where((w < 0.0) & (w >= -known["opening"]), along, of_law(r))
 
+    def spent_by(self, known: Mapping[str, Array]) -> Array:
+        return np.asarray(self.normal.value(-known["opening"]) - 0.5 * known["stiffness"] * known["opening"] ** 2)
+
     def lost_by(self, known: Mapping[str, Array]) -> Array:
         told = self.normal.debonding(-known["opening"])
         if "damage" not in told or np.isnan(told["damage"]).any():
