@@ -183,6 +183,9 @@ class GraphFollower(Follower):
             earlier = chain.leaves(theta, side, (1.0 - 1e2 * BESIDE * chain.length / size) * passed, 2.0 * _CURVED)
             if earlier is not None and not earlier.bends and earlier.point[0] != j:
                 return self.corner(theta, side, t, np.append(passed, load - t), earlier)
+        bound = self.high if way[-1] > 0.0 else self.low
+        if way[-1] != 0.0 and self.not_before(1.0 + (load - bound) / float(way[-1]), 1.0, way[:-1]):
+            return self.end_of_load(theta, side, place - theta, bound, _CURVED)
         return self.beyond(place, side, load, way, border, met)
 
     def beyond(

@@ -1,0 +1,130 @@
+"""Load paths of one to five points of every kind of law, point by point and fold by fold, against a continuation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import hemivar as hv
+from hemivar.branches import PathEnd, follow_path
+from hemivar.laws import VectorLaw
+from tests.samples import sampled
+
+from .own_continuation import Array, Continuation, Graph, distances, frictional, glue, rigid, turns
+
+L = hv.laws
+Random = np.random.Generator
+Kind = tuple[VectorLaw, Graph, int]
+SPRING, LENGTH, UPTO = 8.0, 0.02, 3.0
+
+
+def spring(r: float) -> float:
+    return SPRING * max(r, 0.0)
+
+
+def tresca(random: Random) -> Kind:
+    law = L.ContactLaw(L.Compliance(SPRING), L.Tresca(0.5))
+    return law, frictional(spring, lambda p, s: 0.5, SPRING), 2
+
+
+def coulomb(random: Random, components: int = 2) -> Kind:
+    mu = float(random.uniform(0.1, 0.3))
+    law = L.ContactLaw(L.Compliance(SPRING), L.Tresca(L.CoulombBound(mu)))
+    return law, frictional(spring, lambda p, s: mu * p, SPRING), components
+
+
+def weakening(random: Random) -> Kind:
+    law = L.ContactLaw(L.Compliance(SPRING), L.SlipWeakening(1.0, static=1.0, kinetic=0.3, rate=5.0))
+    return law, frictional(spring, lambda p, s: 0.3 + 0.7 * np.exp(-5.0 * s), SPRING), 2
+
+
+def softening(random: Random) -> Kind:
+    alpha = float(random.uniform(3.0, 25.0))
+
+    def off(r: Array, lam: Array) -> Array:
+        return np.asarray(lam - (10.0 * max(r[0], 0.0) if r[0] < 0.1 else max(1.0 - alpha * (r[0] - 0.1), 0.0)))
+
+    return L.ContactLaw(L.Softening(stiffness=10.0, limit=0.1, softening=alpha)), off, 1
+
+
+def adhesive(random: Random) -> Kind:
+    alpha = float(random.uniform(3.0, 25.0))
+
+    def off(r: Array, lam: Array) -> Array:
+        w = -float(r[0])
+        pull = -20.0 * max(-w, 0.0) if w <= 0.0 else 10.0 * w if w < 0.1 else max(1.0 - alpha * (w - 0.1), 0.0)
+        return np.append(lam[0] + pull, lam[1:])
+
+    return L.ContactLaw(L.Adhesive(10.0, 1.0, softening=alpha, compression=20.0)), off, 2
+
+
+def mixed(random: Random, components: int = 2) -> Kind:
+    end, ratio = 0.1 + 1.0 / float(random.uniform(3.0, 25.0)), float(random.uniform(0.6, 1.5))
+    cohesion = L.BilinearCohesion(strength=1.0, energy=0.5 * end, stiffness=10.0)
+    law = L.MixedMode(cohesion, ratio=ratio, compression=L.Compliance(20.0))
+    return law, glue(10.0, ratio, 20.0, lambda mode: (0.1, end)), components
+
+
+def mode_dependent(random: Random) -> Kind:
+    """Of Benzeggagh and Kenane, the shear stiffness of Turon: onset and end grow alike with the fracture energy."""
+    first = 0.05 + 0.5 / float(random.uniform(3.0, 25.0))
+    second = float(random.uniform(1.2, 3.0)) * first
+    law = L.ModeDependentGlue(1.0, 1.3, 10.0, L.BenzeggaghKenane(first, second, 2.0), compression=L.Compliance(20.0))
+
+    def ends(mode: float) -> tuple[float, float]:
+        energy = first + (second - first) * mode**2
+        onset = 0.1 * np.sqrt(energy / first)
+        return onset, 2.0 * energy / (10.0 * onset)
+
+    return law, glue(10.0, 1.3 * float(np.sqrt(first / second)), 20.0, ends), 2
+
+
+KINDS: list[Callable[[Random], Kind]] = [
+    lambda random: (L.ContactLaw(L.Signorini()), rigid(10.0), 2),
+    tresca,
+    coulomb,
+    softening,
+    weakening,
+    adhesive,
+    mixed,
+    lambda random: coulomb(random, 3),
+    lambda random: mixed(random, 3),
+    mode_dependent,
+]
+#: Which way the load acts along the normal: onto the foundation, away from it, or either.
+WAYS = [0, 1, 1, 1, 1, -1, -1, 1, -1, -1]
+
+
+@pytest.mark.parametrize("seed", sampled(range(100), (0, 11, 22, 33, 24, 15, 16, 17, 18, 29)))
+def test_a_path_is_that_of_another_continuation(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    law, graph, c = KINDS[seed % len(KINDS)](random)
+    points = int(random.integers(1, 6))
+    n = points * c
+    root = random.normal(size=(n, n))
+    stiffness = root @ root.T / n * 6.0 + 4.0 * np.eye(n)
+    load = random.normal(size=n) * 1.5
+    if way := WAYS[seed % len(KINDS)]:
+        load[::c] = way * np.abs(load[::c])
+    weights = random.uniform(0.5, 1.5, points)
+    own = Continuation(stiffness, load, weights, graph, c)
+    along = own.follow(UPTO, LENGTH)
+    assert along[-1, -1] > UPTO
+    problem = hv.DiscreteProblem.of_arrays(
+        sp.csr_array(stiffness), load, sp.csr_array(np.eye(n)), weights, np.zeros(points), law.at(None)
+    )
+    path = follow_path(problem, (0.0, UPTO))
+    assert path.ended is PathEnd.UPPER_END
+    t = path.load_factor[:, None]
+    states = np.hstack([path.local.reshape(len(path), n), path.multiplier.reshape(len(path), n), t])
+    assert max(np.abs(own.off(x)).max() for x in states) <= 1e-7  # the load of some is perturbed
+    theirs, ours = np.hstack([states[:, :n], t]), np.delete(along, range(n, 2 * n), axis=1)
+    assert distances(ours[:-1], theirs).max() <= (5e-3 if path.curved.any() else 1e-8)
+    assert distances(theirs, ours).max() <= LENGTH
+    folds = turns(path.load_factor, 0.05)
+    np.testing.assert_allclose(turns(along[:, -1], 0.05), folds, atol=LENGTH)
+    told = [fold.load_factor for fold in path.folds]
+    assert all(any(abs(one - other) <= 1e-8 for other in told) for one in folds)
