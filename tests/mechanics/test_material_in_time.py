@@ -140,7 +140,10 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "density negative": (lambda: Material.tensor(np.eye(3), density=-2), "density = -2; it must be positive"),
     "density huge": (lambda: Material.lame(1, 1, density=1e200), "density = 1e\\+200; it must lie between"),
     "density nan": (lambda: Material.lame(1, 1, density=math.nan), "density.*not finite"),
-    "density vector": (lambda: Material.lame(1, 1, density=(1.0, 2.0)), "density has shape"),
+    "density vector": (
+        lambda: Material.lame(1, 1, density=(1.0, 2.0)),
+        "density takes one number or a callable, not shape",
+    ),
     "density callable": (
         lambda: Material.lame(1, 1, density=lambda x: x[:, 0]).density_at(POINTS),
         r"density = 0 at x = \[0.0, 0.0\]",

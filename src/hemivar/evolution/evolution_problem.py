@@ -14,7 +14,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import evaluate_components
+from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
 
@@ -186,7 +186,7 @@ class Evolution(PickleMixin):
         if value is None:
             return np.zeros(shape)
         if callable(value):
-            return np.array(evaluate_components(value, nodes, what, components))
+            return np.array(DataField(value, what, components).at(nodes).reshape(shape))
         given = real_array(value, what)
         if components == 1 and given.shape in ((), shape[:1]):
             given = given[..., None]

@@ -18,12 +18,11 @@ from hemivar.fem.elements import scaled_gradients, shape_derivatives, shape_valu
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.kernels import BlockGraph
 from hemivar.mechanics.conditions import (
+    DataField,
     Pressure,
     ScalarData,
     Traction,
     VectorData,
-    evaluate_components,
-    evaluate_scalar,
 )
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
@@ -251,15 +250,16 @@ def load_vector(
     components = mesh.dim if components is None else components
 
     def density(load: VectorData | ScalarData, what: str) -> Density:
+        field = DataField(load, what, components)
         if callable(load):
-            return lambda points, _: evaluate_components(load, points, what, components)
-        return np.asarray(evaluate_components(load, mesh.points[:1], what, components)[0])
+            return lambda points, _: field.at(points).reshape(len(points), -1)
+        return field.at(mesh.points[:1]).reshape(-1)
 
     def on(name: str, traction: Traction) -> Density:
         if not isinstance(traction, Pressure):
             return density(traction, f"{names[1]}['{name}']")
         value, normals = traction.value, mesh.facet_normals(mesh.boundaries[name])[0]
-        return lambda points, facet: -evaluate_scalar(value, points, f"tractions['{name}']")[:, None] * normals[facet]
+        return lambda points, facet: -DataField(value, f"tractions['{name}']").at(points)[:, None] * normals[facet]
 
     stated = {name: on(name, traction) for name, traction in (tractions or {}).items()}
     return integrated_load(mesh, order, components, density(body_force, names[0]), stated)

@@ -13,7 +13,7 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
-from hemivar.mechanics.conditions import LARGEST, evaluate_scalar, evaluate_vector
+from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.obstacles import obstacle_contact
@@ -96,7 +96,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         average = sp.csr_array((np.tile(share, len(facets)), (rows, members.ravel())), shape=(len(facets), count))
         normal, weights, points = unit(normals), measures, mesh.points[facets].mean(axis=1)
     if contact.obstacle is None:
-        gap = evaluate_scalar(contact.gap, points, f"gap of contact '{name}'")
+        gap = DataField(contact.gap, f"gap of contact '{name}'").at(points)
         _refuse_beyond(gap, f"gap of contact '{name}'", "unit of length")
     else:
         assert contact.normals is not None
@@ -108,7 +108,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
             _check_never_touching(law, name, points[~meets])
             average, normal, points = sp.csr_array(average[meets]), normal[meets], points[meets]
             weights, gap, nodes, facet = weights[meets], gap[meets], nodes[meets], facet[meets]
-    belt = evaluate_vector(contact.belt, points, f"belt of contact '{name}'")
+    belt = DataField(contact.belt, f"belt of contact '{name}'", dim).at(points)
     frames = _frames(normal)
     blocked = np.zeros((len(points), dim), dtype=bool)
     if problem.quadrature is Quadrature.NODAL:
@@ -138,7 +138,7 @@ def contacts_of_one(problem: ContactProblem, supports: Supports) -> list[Boundar
     for number, place in enumerate(places):
         contact, at, count = place.contact, nodes[place.nodes], len(place.nodes)
         where = f"level of contact '{place.name}'"
-        level = evaluate_scalar(contact.gap, at, where)
+        level = DataField(contact.gap, where).at(at)
         _refuse_beyond(level, where, "unit")
         sign = 1.0 if contact.side is Side.ABOVE else -1.0
         with error_context(f"contact '{place.name}'", contact.normal, contact.friction):

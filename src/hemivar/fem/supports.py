@@ -8,13 +8,12 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import SupportError
 from hemivar.mechanics.conditions import (
     Clamped,
+    DataField,
     Fixed,
     Prescribed,
     Roller,
     ScalarData,
     Support,
-    evaluate_scalar,
-    evaluate_vector,
 )
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -97,15 +96,15 @@ def _impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Supp
         return
     if isinstance(support, Fixed):
         columns = {
-            axis: evaluate_scalar(value, points, f"{what}, {'xyz'[axis]}")
+            axis: DataField(value, f"{what}, {'xyz'[axis]}").at(points)
             for axis, value in enumerate((support.x, support.y, support.z))
             if value is not None
         }
     elif isinstance(support, Clamped | Prescribed):
         value = support.value if isinstance(support, Prescribed) else 0.0
-        columns = dict(enumerate(evaluate_vector(value, points, what).T))
+        columns = dict(enumerate(DataField(value, what, components).at(points).T))
     else:
-        columns = {0: evaluate_scalar(support, points, what)}
+        columns = {0: DataField(support, what).at(points)}
     for axis, column in columns.items():
         supports.fix(name, ids, np.broadcast_to(np.eye(components)[axis], (len(ids), components)), column)
 

@@ -19,6 +19,7 @@ from hemivar.mechanics.instants import at_time, depends_on_time
 __all__ = [
     "SUPPORTS",
     "Clamped",
+    "DataField",
     "Fixed",
     "Prescribed",
     "Pressure",
@@ -68,7 +69,7 @@ class Fixed(PickleMixin):
         for name in ("x", "y", "z"):
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, plain_data(value, f"Fixed({name}=...)", vector=False, most=LARGEST))
+                object.__setattr__(self, name, plain_data(value, f"Fixed({name}=...)", 1, LARGEST))
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,13 @@ class Prescribed(PickleMixin):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "value", plain_data(self.value, "Prescribed(...)", most=LARGEST))
+
+    def refuse_shape(self, name: str, components: int) -> None:
+        """Refuse a vector of other components."""
+        if not callable(self.value):
+            shape = np.shape(self.value)
+            if shape != (components,):
+                raise ProblemError(f"{name} has shape {shape}; it needs {components} components on this mesh")
 
 
 @dataclass(frozen=True)
@@ -107,7 +115,7 @@ class Pressure(PickleMixin):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "value", plain_data(self.value, "Pressure(...)", vector=False))
+        object.__setattr__(self, "value", plain_data(self.value, "Pressure(...)", 1))
 
 
 #: A support, a pressure or a traction.
@@ -132,63 +140,62 @@ def check_finite(value: object, name: str, most: float = np.inf) -> Array:
 
 
 @overload
-def plain_data(value: object, name: str, vector: Literal[False], most: float = np.inf) -> ScalarData: ...
+def plain_data(value: object, name: str, components: Literal[1], most: float = np.inf) -> ScalarData: ...
 
 
 @overload
-def plain_data(value: object, name: str, vector: bool = True, most: float = np.inf) -> VectorData | ScalarData: ...
+def plain_data(
+    value: object, name: str, components: int | None = None, most: float = np.inf
+) -> VectorData | ScalarData: ...
 
 
-def plain_data(value: object, name: str, vector: bool = True, most: float = np.inf) -> VectorData | ScalarData:
-    """A callable as it is; numbers as floats of the condition's own, which compare and do not change with an array."""
+def plain_data(
+    value: object, name: str, components: int | None = None, most: float = np.inf
+) -> VectorData | ScalarData:
+    """A quantity as a statement keeps it, checked: a callable as it is, a number as a float, a vector as floats.
+
+    ``components`` is None where it is not known how many a vector needs.  The number 0 means no vector.
+    """
     if callable(value):
         return value
     array = check_finite(value, name, most)
-    if array.ndim == 0:
-        return float(array)
-    if not vector:
+    if components == 1 and array.ndim:
         raise ProblemError(f"{name} takes one number or a callable, not shape {array.shape}")
-    return tuple(array.tolist())
+    if components and components > 1:
+        _refuse_shape(array, name, components)
+    return tuple(array.tolist()) if array.ndim else float(array)
 
 
-def evaluate_vector(value: object, points: Array, name: str) -> Array:
-    """A vector or a callable at points, shape (k, d); checked, shape (k, d). The number 0 means no vector."""
-    shape = points.shape
-    if not callable(value):
-        array = check_finite(value, name)
-        if array.ndim == 0 and array == 0.0:
-            return np.zeros(shape)
-        if array.shape != (shape[1],):
-            raise ProblemError(f"{name} has shape {array.shape}; it needs {shape[1]} components")
-        return np.broadcast_to(array, shape)
-    _refuse_timeless(value, name)
-    return _checked_result(value(points), shape, points, name, (shape[1],))
+def _refuse_shape(array: Array, name: str, components: int) -> None:
+    """Refuse what is neither a vector of so many components nor zero."""
+    if array.shape != (components,) and (array.ndim or array != 0.0):
+        raise ProblemError(f"{name} has shape {array.shape}; it needs {components} components on this mesh")
 
 
-def evaluate_scalar(value: object, points: Array, name: str) -> Array:
-    """A number or a callable at points, shape (k, d); checked, shape (k,)."""
-    shape = points.shape[:1]
-    if not callable(value):
-        array = check_finite(value, name)
-        if array.ndim != 0:
-            raise ProblemError(f"{name} has shape {array.shape}; it must be one number or a callable")
-        return np.full(shape, float(array))
-    _refuse_timeless(value, name)
-    return _checked_result(value(points), shape, points, name, ())
+@dataclass(frozen=True, eq=False)
+class DataField:
+    """What a statement has checked, as a function of the place: a number, or a vector of several components."""
 
+    value: object
+    name: str
+    components: int = 1
 
-def evaluate_components(value: object, points: Array, name: str, components: int) -> Array:
-    """A number, a vector or a callable at points, shape (k, components): a number or (k,) for one component."""
-    if components == 1:
-        return evaluate_scalar(value, points, name)[:, None]
-    return evaluate_vector(value, points, name)
-
-
-def _refuse_timeless(value: object, name: str) -> None:
-    if depends_on_time(value):
-        raise ProblemError(
-            f"{name} depends on time, and no time is given; take the problem at one, problem.at_time(0.0)"
-        )
+    def at(self, points: Array, time: float | None = None) -> Array:
+        """Values at points (k, d), of a number shape (k,), of a vector (k, components)."""
+        vector = (self.components,) if self.components > 1 else ()
+        shape = points.shape[:1] + vector
+        if not callable(self.value):
+            plain: Array = np.asarray(self.value, dtype=float)  # type: ignore[arg-type]
+            if vector:
+                _refuse_shape(plain, self.name, self.components)
+            return np.broadcast_to(plain, shape)
+        if not depends_on_time(self.value):
+            return _checked_result(self.value(points), shape, points, self.name, vector)
+        if time is None:
+            raise ProblemError(
+                f"{self.name} depends on time, and no time is given; take the problem at one, problem.at_time(0.0)"
+            )
+        return _checked_result(self.value(points, time), shape, points, self.name, vector)
 
 
 def _checked_result(

@@ -122,7 +122,7 @@ class Contact(PickleMixin):
     def __post_init__(self) -> None:
         _ = self.law
         self._check_evolving()
-        object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False, most=LARGEST))
+        object.__setattr__(self, "gap", plain_data(self.gap, "gap", 1, LARGEST))
         belt = plain_data(self.belt, "belt", most=LARGEST)
         if isinstance(belt, float) and belt != 0.0:
             raise ProblemError(f"belt = {belt:g} has no direction; give a vector, such as belt=({belt:g}, 0.0)")
@@ -238,7 +238,7 @@ class Contact(PickleMixin):
             return (Secant(),) if self.law.remembers else ()
         return self.memory
 
-    @property
+    @cached_property
     def time_dependent(self) -> frozenset[str]:
         """What depends on time: "gap" (of which the way of a belt is a part), "law", or both."""
         laws = any(law_depends_on_time(law) for law in (self.normal, self.friction, self.damping))

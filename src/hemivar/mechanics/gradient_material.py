@@ -12,7 +12,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import Form, Stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
+from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.gradient_energy import FluxDensity, GradientEnergy
 from hemivar.mechanics.instants import refuse_time
 from hemivar.mechanics.material import Material
@@ -203,7 +203,7 @@ def _tensors(value: Coefficient, points: Array, what: str) -> Array:
     array = real_array(value(points) if callable(value) else value, f"the {what}", finite=False)
     plain = array.ndim < 2
     if plain:
-        numbers = np.atleast_1d(array) if constant else evaluate_scalar(lambda _: array, points, f"the {what}")
+        numbers = np.atleast_1d(array) if constant else DataField(lambda _: array, f"the {what}").at(points)
         size = lowest = numbers
     else:
         if array.shape not in ((dim, dim), (k, dim, dim)):

@@ -10,10 +10,11 @@ import numpy as np
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
+from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.instants import refuse_time
 from hemivar.mechanics.material_words import PlaneState, plane_state
 from hemivar.mechanics.moduli import Number, isotropic_matrices
+from hemivar.mechanics.per_volume import plain_constant
 from hemivar.mechanics.single_material import SingleMaterial
 
 __all__ = ["Anisotropic", "Isotropic"]
@@ -41,8 +42,8 @@ class Isotropic(SingleMaterial):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "plane", plane_state(self.plane))
-        for name, value in zip(self.names, (self.first, self.second), strict=True):
-            refuse_time(value, f"material constant {name}")
+        for name, field in zip(self.names, ("first", "second"), strict=True):
+            object.__setattr__(self, field, plain_constant(getattr(self, field), f"material constant {name}"))
         if self.homogeneous:
             self._parameters(np.zeros((1, 2)), "")
         super().__post_init__()
@@ -79,8 +80,8 @@ class Isotropic(SingleMaterial):
     def _parameters(self, points: Array, where: str | None = None) -> tuple[Array, Array]:
         """Lame's constants at points, checked for what holds in every dimension."""
         names = self.names
-        first = evaluate_scalar(self.first, points, f"material constant {names[0]}")
-        second = evaluate_scalar(self.second, points, f"material constant {names[1]}")
+        first = DataField(self.first, f"material constant {names[0]}").at(points)
+        second = DataField(self.second, f"material constant {names[1]}").at(points)
         scale = first if self.technical else second
         if self.technical:
             _require(first > 0, points, first, "E", "must be positive", where)

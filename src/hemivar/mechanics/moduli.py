@@ -12,7 +12,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
+from hemivar.mechanics.conditions import LARGEST, DataField, plain_data
 from hemivar.mechanics.instants import refuse_time
 
 __all__ = ["Branch", "Moduli", "Number", "Viscosity", "isotropic_matrices", "moduli"]
@@ -117,7 +117,7 @@ class Moduli(PickleMixin):
         assert self.constants is not None
         names = ("young", "poisson") if self.technical else ("lam", "mu")
         first, second = (
-            evaluate_scalar(value, points, f"{self.name}, {name}")
+            DataField(value, f"{self.name}, {name}").at(points)
             for value, name in zip(self.constants, names, strict=True)
         )
         self._require((np.abs(first) < LARGEST) & (np.abs(second) < LARGEST), points, first, names[0],
@@ -179,11 +179,8 @@ def moduli(value: Moduli | Viscosity, name: str) -> Moduli:
 
 
 def _pair(values: Sequence[object], name: str, names: tuple[str, str]) -> tuple[Number, Number]:
-    made: list[Number] = [
-        value if callable(value) else float(evaluate_scalar(value, np.zeros((1, 2)), f"{name}, {which}")[0])
-        for value, which in zip(values, names, strict=True)
-    ]
-    return made[0], made[1]
+    made = [plain_data(value, f"{name}, {which}", 1) for value, which in zip(values, names, strict=True)]
+    return cast(Number, made[0]), cast(Number, made[1])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,10 +9,10 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
-from hemivar.mechanics.instants import refuse_time
+from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.material_words import BoundsBy, PlaneState, StrainMeasure, strain_measure
 from hemivar.mechanics.moduli import Number
+from hemivar.mechanics.per_volume import plain_constant
 from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds
 
 __all__ = ["Hencky", "Locking", "NamedEnergy", "RambergOsgood"]
@@ -27,7 +27,7 @@ class NamedEnergy(InvariantEnergy):
 
     def __post_init__(self) -> None:
         for name in self.constants:
-            refuse_time(getattr(self, name), f"material constant {name}")
+            object.__setattr__(self, name, plain_constant(getattr(self, name), f"material constant {name}"))
         if self.homogeneous:
             self.at(np.zeros((1, 2)), "")
         super().__post_init__()
@@ -64,7 +64,7 @@ class NamedEnergy(InvariantEnergy):
         """
         given = []
         for name in self.constants:
-            value = evaluate_scalar(getattr(self, name), points, f"material constant {name}")
+            value = DataField(getattr(self, name), f"material constant {name}").at(points)
             if name == "nu":  # the only one without a unit that may be zero or negative
                 self._require((value > -1.0) & (value < 0.5), points, value, name, "must lie between -1 and 0.5", where)
                 given.append(value)

@@ -18,7 +18,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, check_finite, evaluate_scalar, evaluate_vector
+from hemivar.mechanics.conditions import LARGEST, DataField, check_finite
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
@@ -228,7 +228,7 @@ class SignedDistance(Obstacle):
 
     def distance(self, points: Array) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is checked
-            distance = evaluate_scalar(self.function, points, "distance of the obstacle")
+            distance = DataField(self.function, "distance of the obstacle").at(points)
         if not (np.abs(distance) < LARGEST).all():
             worst = float(distance[np.argmax(np.abs(distance))])
             raise ProblemError(f"distance of the obstacle: {worst:g} is beyond the range of numbers; take other units")
@@ -277,7 +277,7 @@ class SignedDistance(Obstacle):
 
     def _slope(self, points: Array) -> Array:
         if self.gradient is not None:
-            return evaluate_vector(self.gradient, points, "gradient of the obstacle's distance")
+            return DataField(self.gradient, "gradient of the obstacle's distance", points.shape[1]).at(points)
         step = _STEP * _extent(points)
         columns = [
             (self.distance(points + shift) - self.distance(points - shift)) / (2.0 * step)

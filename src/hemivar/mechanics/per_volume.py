@@ -10,10 +10,18 @@ import numpy as np
 from hemivar.basics.arguments import suggest
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, ScalarData, evaluate_scalar, plain_data
+from hemivar.mechanics.conditions import LARGEST, DataField, ScalarData, plain_data
 from hemivar.mechanics.instants import refuse_time
 
-__all__ = ["Regional", "at_place", "checked_per_volume", "checked_quantity", "constant_of", "refuse_unknown"]
+__all__ = [
+    "Regional",
+    "at_place",
+    "checked_per_volume",
+    "checked_quantity",
+    "constant_of",
+    "plain_constant",
+    "refuse_unknown",
+]
 
 #: A quantity that may be given by region.
 Regional = ScalarData | Mapping[str, ScalarData]
@@ -43,6 +51,18 @@ def checked_per_volume(value: object, name: str) -> Regional:
     return checked_quantity(value, name)
 
 
+def plain_constant(value: object, name: str) -> ScalarData:
+    """A number, or a function of the place, as a statement keeps it.
+
+    Raises
+    ------
+    ProblemError
+        It is not finite, or it depends on time.
+    """
+    refuse_time(value, name)
+    return plain_data(value, name, 1)
+
+
 def checked_quantity(value: object, name: str) -> ScalarData:
     """A quantity that is not negative, a number or a function of the place.
 
@@ -52,7 +72,7 @@ def checked_quantity(value: object, name: str) -> ScalarData:
         A number is negative or not finite, or something depends on time.
     """
     refuse_time(value, name)
-    plain: ScalarData = plain_data(value, name, vector=False, most=LARGEST)
+    plain = plain_data(value, name, 1, LARGEST)
     if not callable(plain) and plain < 0.0:
         raise ProblemError(f"{name} = {plain:g}; it must not be negative")
     return plain
@@ -90,7 +110,7 @@ def at_place(value: Regional, name: str, points: Array, regions: Mapping[str, Bo
 
 
 def _at(value: ScalarData, name: str, points: Array) -> Array:
-    found = evaluate_scalar(value, points, name)
+    found = DataField(value, name).at(points)
     if not (found >= 0.0).all():
         bad = int(np.argmin(found))
         raise ProblemError(f"{name} = {found[bad]:g} at x = {points[bad].tolist()}; it must not be negative")

@@ -66,7 +66,7 @@ def ScalarContact(  # noqa: N802
             "friction such as Tresca(0.5)"
         )
     normal, friction = (NoContact(), law) if isinstance(law, Friction) else (law, NoFriction())
-    at = plain_data(level, "level", vector=False, most=LARGEST)
+    at = plain_data(level, "level", 1, LARGEST)
     made = Contact(normal, friction, at, memory=(), side=side)  # type: ignore[arg-type]
     made.refuse_directions()
     return made

@@ -10,11 +10,11 @@ import numpy as np
 from hemivar.basics.arguments import described
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, check_finite, evaluate_scalar
-from hemivar.mechanics.instants import refuse_time
+from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.material import Material, no_matrices
 from hemivar.mechanics.material_description import MaterialDescription, described_point
 from hemivar.mechanics.moduli import Branch, Moduli, Number, moduli
+from hemivar.mechanics.per_volume import plain_constant
 
 __all__ = ["SingleMaterial"]
 
@@ -69,13 +69,10 @@ class SingleMaterial(Material):
         )
 
     def __post_init__(self) -> None:
-        refuse_time(self.density, "density")
-        if self.density is not None and not callable(self.density):
-            given = check_finite(self.density, "density")
-            if given.ndim != 0:
-                raise ProblemError(f"density has shape {given.shape}; it must be one number or a callable")
-            object.__setattr__(self, "density", float(given))
-            _check_density(np.atleast_1d(given), np.zeros((1, 2)), "")
+        if self.density is not None:
+            object.__setattr__(self, "density", plain_constant(self.density, "density"))
+            if not callable(self.density):
+                _check_density(np.full(1, self.density), np.zeros((1, 2)), "")
         if self.viscosity is not None:
             object.__setattr__(self, "viscosity", moduli(self.viscosity, "viscosity"))
         branches = (self.branches,) if isinstance(self.branches, Branch) else self.branches
@@ -108,7 +105,7 @@ class SingleMaterial(Material):
     def density_at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array | None:
         if self.density is None:
             return None
-        density = evaluate_scalar(self.density, points, "density")
+        density = DataField(self.density, "density").at(points)
         _check_density(density, points, None)
         return density
 
@@ -131,7 +128,7 @@ def _text(value: object, at: Array | None, name: str) -> str:
         return value
     if callable(value) and at is None:
         return str(getattr(value, "text", "varies"))
-    return f"{evaluate_scalar(value, at if at is not None else np.zeros((1, 3)), name)[0]:.6g}"
+    return f"{DataField(value, name).at(at if at is not None else np.zeros((1, 3)))[0]:.6g}"
 
 
 def _check_density(density: Array, points: Array, where: str | None) -> None:

@@ -32,7 +32,6 @@ from hemivar.mechanics.conditions import (
     Support,
     Traction,
     VectorData,
-    check_finite,
     condition_at_time,
     plain_data,
     prescribed_values,
@@ -219,7 +218,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         """The same problem on another mesh, which must have the same names."""
         return replace(self, mesh=mesh)
 
-    @property
+    @cached_property
     def time_dependent(self) -> frozenset[str]:
         """What depends on time: some of "load", "supports", "gap" and "law"; empty at rest."""
         found = {part for contact in self.contact.values() for part in contact.time_dependent}
@@ -246,6 +245,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         def put(name: str, value: object) -> None:
             object.__setattr__(bound, name, value)
 
+        bound.__dict__.pop("time_dependent", None)
         put("body_force", condition_at_time(self.body_force, t))
         put("contact", MappingProxyType({name: one.at_time(t) for name, one in self.contact.items()}))
         for name in ("supports", "tractions"):
@@ -337,14 +337,11 @@ class ContactProblem(PickleMixin, ReprMixin):
 
     def _plain(self, name: str, value: object) -> VectorData | ScalarData:
         """A load as plain data of as many components as the field has."""
-        if self.kind:
-            return plain_data(value, name, vector=False, most=LARGEST)
-        _check_vector(value, self.mesh.dim, name, allow_zero=True)
-        return plain_data(value, name)
+        return plain_data(value, name, self.components, LARGEST if self.kind else np.inf)
 
     def _support(self, name: str, given: object) -> Support | ScalarData:
         if self.kind:
-            return plain_data(given, name, vector=False, most=LARGEST)
+            return plain_data(given, name, 1, LARGEST)
         support = SUPPORTS.get(given, given) if isinstance(given, str) else given
         if not isinstance(support, Support):
             near = suggest(support, list(SUPPORTS), "words") if isinstance(support, str) else ""
@@ -352,7 +349,7 @@ class ContactProblem(PickleMixin, ReprMixin):
                 f"{name} is {described(support)}{near}; pass Clamped(), Roller(), Fixed(...) or Prescribed(...)"
             )
         if isinstance(support, Prescribed):
-            _check_vector(support.value, self.mesh.dim, name)
+            support.refuse_shape(name, self.mesh.dim)
         if isinstance(support, Fixed) and self.mesh.dim == 2 and support.z is not None:
             raise ProblemError(f"{name} fixes z, but the mesh is plane; remove z")
         return support
@@ -404,16 +401,6 @@ class ContactProblem(PickleMixin, ReprMixin):
                         f"contact boundary '{first}' is {how} (support '{other}', {shared} common facets), so no "
                         "contact can happen there; remove one of the two"
                     )
-
-
-def _check_vector(value: object, dim: int, name: str, allow_zero: bool = False) -> None:
-    if callable(value):
-        return
-    array = check_finite(value, name)
-    if allow_zero and array.ndim == 0 and array == 0.0:
-        return
-    if array.shape != (dim,):
-        raise ProblemError(f"{name} has shape {array.shape}; on this mesh it needs {dim} components")
 
 
 def expect_body(problem: object, what: str, remedy: str) -> ContactProblem:

@@ -86,9 +86,7 @@ class HeatContact(PickleMixin):
                 f"share = {share:g}; give the part of the heat of friction that the body takes, between 0 and 1"
             )
         object.__setattr__(self, "share", share)
-        object.__setattr__(
-            self, "temperature", plain_data(self.temperature, "temperature of a foundation", vector=False, most=LARGEST)
-        )
+        object.__setattr__(self, "temperature", plain_data(self.temperature, "temperature of a foundation", 1, LARGEST))
         if self.exchange is not None:
             if not isinstance(self.exchange, Superpotential):
                 raise ProblemError(

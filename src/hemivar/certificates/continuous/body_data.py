@@ -24,7 +24,7 @@ from hemivar.fem.constitutive import elastic
 from hemivar.fem.elements import shape_derivatives, shape_values, voigt_index
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mechanics.composed_material import lower_elasticity
-from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector, traction_value
+from hemivar.mechanics.conditions import DataField, Pressure, traction_value
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import EDGES
@@ -301,11 +301,11 @@ def _loads(
         cells += body.moments(len(cells), order)
         point, weight = quadrature_rule(dim, 4)
         places = np.einsum("qa,mad->mqd", point, corners)
-        values = evaluate_vector(force, places.reshape(-1, dim), "body_force").reshape(places.shape)
+        values = DataField(force, "body_force", dim).at(places.reshape(-1, dim)).reshape(places.shape)
         _add_missed(missed, cell_nodes, cells, point, weight, table.volumes, order, values)
         np.add.at(unknown, table.cells, body.unknown(len(cells)))
     else:
-        value = evaluate_vector(force, mesh.points[:1], "body_force")[0]
+        value = DataField(force, "body_force", dim).at(mesh.points[:1])[0]
         barycentric, weights = quadrature_rule(dim, order)
         shares = np.full(dim + 1, 1.0 / (dim + 1)) if order == 1 else weights @ shape_values(order, barycentric)
         cells += table.volumes[:, None, None] * shares[:, None] * value
@@ -320,7 +320,7 @@ def _loads(
         if not callable(given):
             flat = mesh.points[table.facets[number, 0]]
             force = (
-                -evaluate_scalar(given, flat, what)[:, None] * normals if pushes else evaluate_vector(given, flat, what)
+                -DataField(given, what).at(flat)[:, None] * normals if pushes else DataField(given, what, dim).at(flat)
             )
             pushed[number] += measures[:, None, None] * shares[:, None] * force[:, None]
             continue
@@ -332,9 +332,9 @@ def _loads(
         places = np.einsum("qa,kad->kqd", point, corners)
         flat = places.reshape(-1, dim)
         if pushes:
-            values = -evaluate_scalar(given, flat, what).reshape(places.shape[:2])[:, :, None] * normals[:, None]
+            values = -DataField(given, what).at(flat).reshape(places.shape[:2])[:, :, None] * normals[:, None]
         else:
-            values = evaluate_vector(given, flat, what).reshape(places.shape)
+            values = DataField(given, what, dim).at(flat).reshape(places.shape)
         _add_missed(missed, facet_nodes[number], own, point, weight, measures, order, values)
         np.add.at(unknown, table.facets[number], found.unknown(len(number)))
     return cells, pushed, VaryingLoads(body, tractions, missed, unknown)

@@ -30,7 +30,7 @@ from hemivar.fem.quadrature import quadrature_rule
 from hemivar.laws import VectorLaw
 from hemivar.laws.coupled.joined import join_laws
 from hemivar.laws.normal_and_friction import NormalAndFriction
-from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
+from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.obstacles import obstacle_contact
 
 __all__ = [
@@ -322,7 +322,7 @@ def local_traces(data: BodyData, name: str, facets: IntArray, barycentric: Array
     normals = np.broadcast_to(table.normals[facets][:, None], places.shape)
     flat = places.reshape(-1, dim)
     if contact.obstacle is None:
-        gap = evaluate_scalar(contact.gap, flat, f"gap of contact '{name}'")
+        gap = DataField(contact.gap, f"gap of contact '{name}'").at(flat)
     else:
         assert contact.normals is not None
         turned, gap = obstacle_contact(
@@ -333,7 +333,7 @@ def local_traces(data: BodyData, name: str, facets: IntArray, barycentric: Array
     frames = _frames(normals.reshape(-1, dim)).reshape(*places.shape, dim)
     local = np.einsum("fqci,fqi->fqc", frames, moved)
     local[..., 0] -= gap.reshape(local.shape[:2])
-    belt = evaluate_vector(contact.belt, flat, f"belt of contact '{name}'").reshape(places.shape)
+    belt = DataField(contact.belt, f"belt of contact '{name}'", dim).at(flat).reshape(places.shape)
     local[..., 1:] -= np.einsum("fqci,fqi->fqc", frames[..., 1:, :], belt)
     return local, frames, places
 

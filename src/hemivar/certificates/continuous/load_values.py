@@ -16,7 +16,7 @@ from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.formula import Formula, FormulaArray
 from hemivar.formula.expansion import Expansion
-from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
+from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.instants import Instant
 from hemivar.mesh.keys import EDGES
 
@@ -116,9 +116,9 @@ def load_values(value: object, corners: Array, measures: Array, what: str, norma
     places = np.einsum("qa,kab,kbd->kqd", _rule(p)[0], at, corners[owner], optimize=True)
     flat = places.reshape(-1, dim)
     if normals is None:
-        values = evaluate_vector(value, flat, what).reshape(places.shape)
+        values = DataField(value, what, dim).at(flat).reshape(places.shape)
     else:
-        values = -evaluate_scalar(value, flat, what).reshape(places.shape[:2])[:, :, None] * normals[owner, None]
+        values = -DataField(value, what).at(flat).reshape(places.shape[:2])[:, :, None] * normals[owner, None]
     return LoadValues(owner, piece, at, measures[owner] / len(pieces), values, np.zeros(len(owner)), doubt)
 
 
