@@ -360,7 +360,7 @@ def test_several_contact_boundaries_keep_their_laws() -> None:
 
 
 #: Arguments of laws and materials that files have no key for, or one elsewhere.
-NOT_IN_FILES = {"where", "name", "even", "friction", "stress", "tangent", "density", "viscosity", "branches"}
+NOT_IN_FILES = {"where", "name", "even", "friction", "stress", "tangent", "in_time"}
 NAMED = [*NORMAL_LAWS.values(), *COUPLED_LAWS.values(), *FRICTION_LAWS.values(), *MATERIAL_LAWS.values()]
 
 

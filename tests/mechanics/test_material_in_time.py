@@ -204,3 +204,8 @@ def test_refused_in_words(name: str) -> None:
     make, message = BAD[name]
     with pytest.raises(ProblemError, match=message):
         make()
+
+
+def test_a_misspelt_part_is_named() -> None:
+    with pytest.raises(ProblemError, match="has no argument 'densty'; did you mean 'density'"):
+        Material.lame(1.0, 1.0, densty=1.0)  # type: ignore[call-arg]

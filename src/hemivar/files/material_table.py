@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypedDict, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from hemivar.mechanics.linear_material import Anisotropic, Isotropic
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_registry import MATERIAL_LAWS
 from hemivar.mechanics.material_words import PlaneState, ScalarKind
-from hemivar.mechanics.moduli import Branch, Moduli, Number
+from hemivar.mechanics.moduli import Branch, InTime, Moduli
 from hemivar.mechanics.single_material import SingleMaterial
 from hemivar.mechanics.stored_energy import StoredEnergy
 from hemivar.mesh import Mesh
@@ -155,14 +155,6 @@ def _nonlinear(table: TomlTable, dim: int) -> Material:
     constants = read_arguments(entry, table, dim)
     with context(f"{table.where('law')}:"):
         return cast(Material, entry.build(**constants, **_in_time(table, dim)))
-
-
-class InTime(TypedDict, total=False):
-    """What materials have beside their elasticity."""
-
-    density: Number
-    viscosity: Moduli
-    branches: list[Branch]
 
 
 def _in_time(table: TomlTable, dim: int) -> InTime:

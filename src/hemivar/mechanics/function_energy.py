@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.reader import shown
@@ -87,6 +88,7 @@ class RelativeEnergy(StoredEnergy):
         return found
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class FunctionEnergy(RelativeEnergy):
     """An energy by Python functions of the strain.

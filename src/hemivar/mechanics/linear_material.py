@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.arrays import real_array
+from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, DataField
@@ -23,6 +24,7 @@ __all__ = ["Anisotropic", "Isotropic"]
 _STIFF = 1e13
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class Isotropic(SingleMaterial):
     """What :meth:`Material.lame` and :meth:`Material.young` make.
@@ -125,6 +127,7 @@ class Isotropic(SingleMaterial):
         return np.asarray(lam * (strain[:, 0, 0] + strain[:, 1, 1]))
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class Anisotropic(SingleMaterial):
     """What :meth:`Material.tensor` makes.

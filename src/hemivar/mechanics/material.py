@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws.parameters import word
 from hemivar.mechanics.material_words import BoundsBy, PlaneState, ScalarKind, StrainMeasure
-from hemivar.mechanics.moduli import Branch, Moduli, Number, Viscosity
+from hemivar.mechanics.moduli import InTime, Number
 
 if TYPE_CHECKING:
     from hemivar.mechanics.gradient_material import Coefficient
@@ -61,10 +61,7 @@ class Material(PickleMixin):
         lam: Number,
         mu: Number,
         plane: PlaneState | str = PlaneState.STRAIN,
-        *,
-        density: Number | None = None,
-        viscosity: Moduli | Viscosity | None = None,
-        branches: Sequence[Branch] = (),
+        **in_time: Unpack[InTime],
     ) -> Material:
         """Isotropic material ``sigma = lam tr(eps) I + 2 mu eps``.
 
@@ -74,24 +71,20 @@ class Material(PickleMixin):
             Lame's constants; a callable gets points, shape (k, d), and returns shape (k,).
         plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``.
-        density, viscosity, branches
-            See :class:`Material`.
+        **in_time
+            Density, viscosity and branches, see :class:`Material`.
         """
         with IMPORTS:
             from hemivar.mechanics.linear_material import Isotropic
 
-        more = {"density": density, "viscosity": viscosity, "branches": branches}
-        return Isotropic(lam, mu, plane, technical=False, **more)  # type: ignore[arg-type]
+        return Isotropic(lam, mu, plane, technical=False, **in_time)  # type: ignore[arg-type]
 
     @staticmethod
     def young(
         E: Number,
         nu: Number,
         plane: PlaneState | str = PlaneState.STRAIN,
-        *,
-        density: Number | None = None,
-        viscosity: Moduli | Viscosity | None = None,
-        branches: Sequence[Branch] = (),
+        **in_time: Unpack[InTime],
     ) -> Material:
         """Isotropic material by Young's modulus ``E > 0`` and Poisson's ratio ``-1 < nu < 0.5``.
 
@@ -101,23 +94,20 @@ class Material(PickleMixin):
             A callable gets points, shape (k, d), and returns shape (k,).
         plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``; plane strain is what 3D bodies long in z do.
-        density, viscosity, branches
-            See :class:`Material`; the viscosity is given by two constants of Lame's kind here too.
+        **in_time
+            Density, viscosity and branches, see :class:`Material`; the viscosity is given by two constants of Lame's
+            kind here too.
         """
         with IMPORTS:
             from hemivar.mechanics.linear_material import Isotropic
 
-        more = {"density": density, "viscosity": viscosity, "branches": branches}
-        return Isotropic(E, nu, plane, technical=True, **more)  # type: ignore[arg-type]
+        return Isotropic(E, nu, plane, technical=True, **in_time)  # type: ignore[arg-type]
 
     @staticmethod
     def tensor(
         C: ArrayLike | Callable[[Array], object],
         out_of_plane: ArrayLike | None = None,
-        *,
-        density: Number | None = None,
-        viscosity: Moduli | Viscosity | None = None,
-        branches: Sequence[Branch] = (),
+        **in_time: Unpack[InTime],
     ) -> Material:
         """General (anisotropic) material ``sigma = C eps``.
 
@@ -129,14 +119,13 @@ class Material(PickleMixin):
         out_of_plane : array, shape (3,), or None
             In 2D the row ``c`` of ``sigma_zz = c . (eps_xx, eps_yy, gamma_xy)``. ``None`` means
             ``sigma_zz = 0`` (plane stress); it matters for von Mises stresses only.
-        density, viscosity, branches
-            See :class:`Material`.
+        **in_time
+            Density, viscosity and branches, see :class:`Material`.
         """
         with IMPORTS:
             from hemivar.mechanics.linear_material import Anisotropic
 
-        more = {"density": density, "viscosity": viscosity, "branches": branches}
-        return Anisotropic(C, out_of_plane, **more)  # type: ignore[arg-type]
+        return Anisotropic(C, out_of_plane, **in_time)  # type: ignore[arg-type]
 
     @staticmethod
     def gradient(
@@ -199,10 +188,7 @@ class Material(PickleMixin):
         softened: Number,
         strain: Number,
         plane: PlaneState | str = PlaneState.STRAIN,
-        *,
-        density: Number | None = None,
-        viscosity: Moduli | Viscosity | None = None,
-        branches: Sequence[Branch] = (),
+        **in_time: Unpack[InTime],
     ) -> Material:
         """Material of Hencky's kind, whose shear softens as the strain changes shape (deformation theory).
 
@@ -219,14 +205,13 @@ class Material(PickleMixin):
             The size e0 of the deviator at which it softens, positive.
         plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``. In plane strain the deviator is that of space.
-        density, viscosity, branches
-            See :class:`Material`.
+        **in_time
+            Density, viscosity and branches, see :class:`Material`.
         """
         with IMPORTS:
             from hemivar.mechanics.named_energies import Hencky
 
-        more = {"density": density, "viscosity": viscosity, "branches": branches}
-        return Hencky(bulk, shear, softened, strain, plane, **more)  # type: ignore[arg-type]
+        return Hencky(bulk, shear, softened, strain, plane, **in_time)  # type: ignore[arg-type]
 
     @staticmethod
     @stating(
@@ -248,10 +233,7 @@ class Material(PickleMixin):
         offset: Number = 3.0 / 7.0,
         linear_from: Number | None = None,
         plane: PlaneState | str = PlaneState.STRAIN,
-        *,
-        density: Number | None = None,
-        viscosity: Moduli | Viscosity | None = None,
-        branches: Sequence[Branch] = (),
+        **in_time: Unpack[InTime],
     ) -> Material:
         """Material of Ramberg and Osgood, in the deformation theory of plasticity with von Mises' stress.
 
@@ -274,14 +256,13 @@ class Material(PickleMixin):
             bounded.
         plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``.
-        density, viscosity, branches
-            See :class:`Material`.
+        **in_time
+            Density, viscosity and branches, see :class:`Material`.
         """
         with IMPORTS:
             from hemivar.mechanics.named_energies import RambergOsgood
 
-        more = {"density": density, "viscosity": viscosity, "branches": branches}
-        return RambergOsgood(E, nu, yield_stress, exponent, offset, linear_from, plane, **more)  # type: ignore[arg-type]
+        return RambergOsgood(E, nu, yield_stress, exponent, offset, linear_from, plane, **in_time)  # type: ignore[arg-type]
 
     @staticmethod
     @stating(
@@ -299,10 +280,7 @@ class Material(PickleMixin):
         strain: Number,
         measure: StrainMeasure | str = StrainMeasure.DEVIATOR,
         plane: PlaneState | str = PlaneState.STRAIN,
-        *,
-        density: Number | None = None,
-        viscosity: Moduli | Viscosity | None = None,
-        branches: Sequence[Branch] = (),
+        **in_time: Unpack[InTime],
     ) -> Material:
         """Elastic material with projection on a convex set of strains, beyond which it stiffens.
 
@@ -322,14 +300,13 @@ class Material(PickleMixin):
             What is limited: ``"deviator"`` (default), the size of the deviator, or ``"strain"``, that of the strain.
         plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``.
-        density, viscosity, branches
-            See :class:`Material`.
+        **in_time
+            Density, viscosity and branches, see :class:`Material`.
         """
         with IMPORTS:
             from hemivar.mechanics.named_energies import Locking
 
-        more = {"density": density, "viscosity": viscosity, "branches": branches}
-        return Locking(bulk, shear, stiffening, strain, measure, plane, **more)  # type: ignore[arg-type]
+        return Locking(bulk, shear, stiffening, strain, measure, plane, **in_time)  # type: ignore[arg-type]
 
     @staticmethod
     @stating(
@@ -349,9 +326,7 @@ class Material(PickleMixin):
         *,
         reach: float,
         plane: PlaneState | str = PlaneState.STRAIN,
-        density: Number | None = None,
-        viscosity: Moduli | Viscosity | None = None,
-        branches: Sequence[Branch] = (),
+        **in_time: Unpack[InTime],
     ) -> Material:
         """Material by a stored energy of your own, as a formula or as Python functions.
 
@@ -369,8 +344,8 @@ class Material(PickleMixin):
             can; those of functions are sampled, and called so.
         plane : PlaneState or str
             For 2D and formulas of ``tr`` and ``dev2``: ``"strain"`` (default) or ``"stress"``.
-        density, viscosity, branches
-            See :class:`Material`.
+        **in_time
+            Density, viscosity and branches, see :class:`Material`.
 
         Raises
         ------
@@ -380,8 +355,7 @@ class Material(PickleMixin):
         with IMPORTS:
             from hemivar.mechanics.own_energies import own_energy
 
-        more = {"density": density, "viscosity": viscosity, "branches": branches}
-        return own_energy(energy, stress, tangent, reach, plane, **more)  # type: ignore[arg-type]
+        return own_energy(energy, stress, tangent, reach, plane, **in_time)  # type: ignore[arg-type]
 
     @property
     def scalar(self) -> ScalarKind | None:

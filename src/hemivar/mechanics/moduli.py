@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import TypedDict, cast
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, DataField, plain_data
 from hemivar.mechanics.instants import refuse_time
 
-__all__ = ["Branch", "Moduli", "Number", "Viscosity", "isotropic_matrices", "moduli"]
+__all__ = ["Branch", "InTime", "Moduli", "Number", "Viscosity", "isotropic_matrices", "moduli"]
 
 Number = float | Callable[[Array], object]
 
@@ -244,3 +244,11 @@ class Branch(PickleMixin):
         if not isinstance(self.lame, Sequence | np.ndarray) or len(self.lame) != 2:
             raise ProblemError(f"a branch has lame = {self.lame!r}; give two constants, (lam, mu)")
         return Moduli(_pair(self.lame, name, ("lam", "mu")), None, False, name)
+
+
+class InTime(TypedDict, total=False):
+    """What materials have beside their elasticity, see :class:`Material`."""
+
+    density: Number | None
+    viscosity: Moduli | Viscosity | None
+    branches: Sequence[Branch]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, DataField
@@ -82,6 +83,7 @@ class NamedEnergy(InvariantEnergy):
             raise ProblemError(f"material constant {name} = {value[bad]:g}{place}; it {what}")
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class Hencky(NamedEnergy):
     """What :meth:`Material.hencky` makes: ``F = k p^2 / 2 + mu0 (q s + 2 (1 - q) e0^2 (sqrt(1 + s / e0^2) - 1))``.
@@ -133,6 +135,7 @@ class Hencky(NamedEnergy):
         return IsotropicBounds(bulk, softened * shear, bulk, shear)
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class RambergOsgood(NamedEnergy):
     """What :meth:`Material.ramberg_osgood` makes: ``F = k p^2 / 2 + w(t)``, t = |dev eps|, s = |dev sigma| = w'(t).
@@ -234,6 +237,7 @@ class _RambergOsgoodCurve:
         return value, self.unit / (a + more), self.unit / (a + n * more)
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class Locking(NamedEnergy):
     """What :meth:`Material.locking` makes: ``F = k p^2 / 2 + mu s + beta dist^2 / 2``.

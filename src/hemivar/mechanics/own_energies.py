@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Unpack
 
 import numpy as np
 
+from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.curvature import enclosed_range
@@ -22,6 +24,7 @@ from hemivar.mechanics.energy_bounds import (
 )
 from hemivar.mechanics.function_energy import ROUNDING, FunctionEnergy, RelativeEnergy, checked_reach, refuse_at_zero
 from hemivar.mechanics.material_words import BoundsBy, PlaneState, plane_state
+from hemivar.mechanics.moduli import InTime
 from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds, StoredEnergy
 
 __all__ = ["COMPONENTS", "INVARIANTS", "ComponentEnergy", "FormulaEnergy", "own_energy"]
@@ -40,10 +43,7 @@ def own_energy(
     tangent: object,
     reach: float,
     plane: PlaneState | str,
-    *,
-    density: object = None,
-    viscosity: object = None,
-    branches: object = (),
+    **in_time: Unpack[InTime],
 ) -> StoredEnergy:
     """What :meth:`Material.potential` makes.
 
@@ -51,7 +51,6 @@ def own_energy(
     ------
     ProblemError
     """
-    more = {"density": density, "viscosity": viscosity, "branches": branches}
     if isinstance(energy, str):
         if stress is not None or tangent is not None:
             raise ProblemError("stress and tangent are found from a formula of the energy; leave them out")
@@ -61,17 +60,18 @@ def own_energy(
                 raise ProblemError(
                     "plane stress is for energies of tr and dev2; write the energy by these, or take plane strain"
                 )
-            return ComponentEnergy(energy, reach, **more)  # type: ignore[arg-type]
-        return FormulaEnergy(energy, reach, plane_state(plane), **more)  # type: ignore[arg-type]
+            return ComponentEnergy(energy, reach, **in_time)  # type: ignore[arg-type]
+        return FormulaEnergy(energy, reach, plane_state(plane), **in_time)  # type: ignore[arg-type]
     if not (callable(energy) and callable(stress) and callable(tangent)):
         raise ProblemError(
             "give the energy as a formula in quotes, or three functions of the strain: energy, stress and tangent"
         )
     if plane_state(plane) is PlaneState.STRESS:
         raise ProblemError("plane is for formulas; leave it out, for functions of strains in the plane have their own")
-    return FunctionEnergy(energy, stress, tangent, reach, **more)  # type: ignore[arg-type]
+    return FunctionEnergy(energy, stress, tangent, reach, **in_time)  # type: ignore[arg-type]
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class FormulaEnergy(InvariantEnergy):
     """An isotropic energy by a formula of ``tr`` and ``dev2``.
@@ -225,6 +225,7 @@ def _refuse_pole(text: str, graph: Graph, node: int, largest: Mapping[str, float
         raise ProblemError(f"energy: formula '{shown(text)}' {pole_words(found)}; or take a smaller reach")
 
 
+@known_fields
 @dataclass(frozen=True, eq=False)
 class ComponentEnergy(RelativeEnergy):
     """An energy by a formula of components of the strain, ``exx`` to ``exy``; shear components are halves of angles.
