@@ -129,7 +129,7 @@ def test_problem_files_state_a_belt(tmp_path: Path) -> None:
         (0.1, "has no direction; give a vector"),
         ((0.1, np.nan), "belt: .* is not finite"),
         ("fast", "belt"),
-        ((0.1, 0.0, 0.0), r"belt of contact 'bottom' has shape \(3,\); it needs 2 components"),
+        ((0.1, 0.0, 0.0), r"belt of contact 'bottom' has shape \(3,\); on this mesh it needs 2 components"),
         (lambda x: x[:, 0], "belt of contact 'bottom': the callable returned shape"),
         (lambda x: np.full(x.shape, np.inf), "belt of contact 'bottom': the callable returned"),
         ((1e200, 0.0), "beyond the range of numbers"),

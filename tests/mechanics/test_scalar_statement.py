@@ -180,3 +180,14 @@ def test_words_and_copies() -> None:
     moving = hv.ScalarProblem(MESH, 1.0, supports={"left": 0.0}, source=1.0, density=3.0, viscosity=0.5)
     still = hv.ScalarProblem(MESH, 1.0, supports={"left": 0.0}, source=1.0)
     np.testing.assert_array_equal(hv.solve(moving).displacement, hv.solve(still).displacement)
+
+
+def test_regions_of_one_component_are_stated_at_its_material() -> None:
+    one = hv.Material.gradient(1.0)
+    with pytest.raises(
+        hv.errors.ProblemError, match=r"region 'low': .* takes its regions itself; give Material\.gradient"
+    ):
+        hv.Material.by_region({"low": one, "high": one})
+    assert "tension = 2.0" in str(hv.Material.gradient(2.0).describe())
+    with pytest.raises(AttributeError, match="has no attribute 'source'; it is body_force"):
+        _ = hv.ScalarProblem(MESH, 1.0).source

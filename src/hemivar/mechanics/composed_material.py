@@ -21,12 +21,7 @@ __all__ = ["ByRegion", "LowerElasticity", "lower_elasticity"]
 
 @dataclass(frozen=True, eq=False)
 class ByRegion(Material):
-    """What :meth:`Material.by_region` makes.
-
-    Attributes
-    ----------
-    parts : mapping of region to Material
-    """
+    """What :meth:`Material.by_region` makes."""
 
     parts: Mapping[str, Material]
 
@@ -41,7 +36,7 @@ class ByRegion(Material):
                 raise ProblemError(f"region '{name}': {part!r} is not a Material; use Material.lame(...) or the like")
             if part.scalar:
                 raise ProblemError(
-                    f"region '{name}': a material of one component takes its regions itself, "
+                    f"region '{name}': a material of one component takes its regions itself; give "
                     "Material.gradient({'region': ...})"
                 )
         light = [name for name, part in self.parts.items() if not part.inert]
@@ -185,12 +180,7 @@ class ByRegion(Material):
 
 @dataclass(frozen=True, eq=False)
 class LowerElasticity(Material):
-    """The linear elastic material of ``C_low``, the tensor below the tangent of another one at every strain.
-
-    Attributes
-    ----------
-    material : Material
-    """
+    """The linear elastic material of ``C_low``, the tensor below the tangent of another one at every strain."""
 
     material: Material
 
@@ -265,10 +255,6 @@ class LowerElasticity(Material):
 
 def lower_elasticity(material: Material) -> Material:
     """The linear material of ``C_low`` of a material, in whose energy norm errors are bounded; itself if it is linear.
-
-    Parameters
-    ----------
-    material : Material
 
     Returns
     -------

@@ -93,7 +93,7 @@ class Prescribed(PickleMixin):
         if not callable(self.value):
             shape = np.shape(self.value)
             if shape != (components,):
-                raise ProblemError(f"{name} has shape {shape}; it needs {components} components on this mesh")
+                raise ProblemError(f"{name} has shape {shape}; on this mesh it needs {components} components")
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def plain_data(
 def _refuse_shape(array: Array, name: str, components: int) -> None:
     """Refuse what is neither a vector of so many components nor zero."""
     if array.shape != (components,) and (array.ndim or array != 0.0):
-        raise ProblemError(f"{name} has shape {array.shape}; it needs {components} components on this mesh")
+        raise ProblemError(f"{name} has shape {array.shape}; on this mesh it needs {components} components")
 
 
 @dataclass(frozen=True, eq=False)
