@@ -66,11 +66,6 @@ def stiffness_matrix(mesh: Mesh, material: Material, order: int = 1) -> sp.csr_a
         Varying coefficients are integrated by a rule of degree 2 (order 1) or 4 (order 2).
     order : int
         1 or 2.
-
-    Raises
-    ------
-    ProblemError
-        If the material is not positive definite somewhere.
     """
     return stiffness_blocks(mesh, elastic(material, mesh.dim), node_graph(mesh, order)).matrix()
 

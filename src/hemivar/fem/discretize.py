@@ -206,12 +206,7 @@ def bedding_warning(share: float, field: Field) -> str | None:
 
 
 def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
-    """Refuse a statement that depends on time, and, unless it is part of an evolution, damping and memory.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse a statement that depends on time, and, unless it is part of an evolution, damping and memory."""
     gaps = [one.gap for one in problem.contact.values()]
     gap = "a level" if problem.components == 1 else "a gap" if any(map(depends_on_time, gaps)) else "a belt"
     words = {"load": "a load", "supports": "a support", "gap": gap, "law": "a law"}

@@ -108,11 +108,6 @@ def body_family(
         What :func:`discretize` made of the same problem.
     with_mass : bool
         Whether the mass is asked for.
-
-    Raises
-    ------
-    ProblemError
-        A density is not positive, a viscosity or a branch not positive semidefinite, or as in :func:`discretize`.
     """
     problem = expect(problem, ContactProblem, "what to make matrices of", "give the ContactProblem")
     discrete = discretize(problem, check_coercivity=False, evolving=True) if discrete is None else discrete

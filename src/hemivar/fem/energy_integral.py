@@ -29,12 +29,6 @@ class NodalEnergy(PickleMixin):
 
     Where W is the same all over a cell and elements are linear, one point of quadrature is exact; else the rule is of
     degree 2 (order 1) or 4 (order 2).
-
-    Attributes
-    ----------
-    mesh : Mesh
-    order : int
-    law : EnergyLaw
     """
 
     mesh: Mesh

@@ -159,13 +159,7 @@ def _coarser_family(family: OperatorFamily) -> tuple[Coarser, OperatorFamily] | 
 
 
 def family_of(problem: DiscreteProblem, inertia: bool) -> OperatorFamily:
-    """The matrices in time of an elastic body that was discretised, with its mass if that is asked for.
-
-    Raises
-    ------
-    ProblemError
-        As :func:`hemivar.fem.dynamics.body_family`.
-    """
+    """The matrices in time of an elastic body that was discretised, with its mass if that is asked for."""
     stated = problem.origin
     assert stated is not None
     return body_family(stated, problem, with_mass=inertia)

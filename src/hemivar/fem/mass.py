@@ -63,13 +63,7 @@ def per_volume(value: Regional, name: str) -> MassDensity:
 
 
 def inertia(material: Material) -> MassDensity:
-    """The density of a material.
-
-    Raises
-    ------
-    ProblemError
-        It has none.
-    """
+    """The density of a material."""
     if not material.inert:
         raise ProblemError("a body without density has no inertia; give the material a density")
 
@@ -138,13 +132,7 @@ def mass_matrix(mesh: Mesh, density: MassDensity, order: int = 1) -> sp.csr_arra
 
 
 def body_blocks(mesh: Mesh, material: Material, bedding: ScalarData, graph: NodeGraph | None = None) -> EdgeBlocks:
-    """Stiffness with that of a bedding, by nodes and edges; of linear elements where no graph is given.
-
-    Raises
-    ------
-    ProblemError
-        The material is not linear.
-    """
+    """Stiffness with that of a bedding, by nodes and edges; of linear elements where no graph is given."""
     refuse_nonlinear(material)
     graph = node_graph(mesh, 1) if graph is None else graph
     blocks, resisting = stiffness_blocks(mesh, elastic(material, mesh.dim), graph), per_volume(bedding, "bedding")

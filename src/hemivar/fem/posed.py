@@ -23,11 +23,6 @@ def posed(problem: Posable, function: str) -> DiscreteProblem:
     problem : DiscreteProblem, ContactProblem or ManufacturedProblem
     function : str
         Who asks, for messages.
-
-    Raises
-    ------
-    ProblemError
-        It is neither.
     """
     given = ManufacturedProblem.of(problem)
     if isinstance(given, DiscreteProblem):

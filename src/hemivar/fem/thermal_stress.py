@@ -40,13 +40,7 @@ def stress_per_degree(problem: ContactProblem, heat: Heat, points: Array, region
 
 
 def thermal_matrix(problem: ContactProblem, heat: Heat) -> sp.csr_array:
-    """The matrix G with ``v'G th = int th beta : eps(v)``, shape (nodes * d, nodes).
-
-    Raises
-    ------
-    ProblemError
-        An expansion is negative or not finite somewhere.
-    """
+    """The matrix G with ``v'G th = int th beta : eps(v)``, shape (nodes * d, nodes)."""
     mesh, order, dim = problem.mesh, problem.order, problem.mesh.dim
     nodes = mesh.cell_nodes(order)
     count, size = len(mesh.nodes(order)), nodes.shape[1]

@@ -106,11 +106,6 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
     """The contact boundaries of a problem with a mesh that have contact points, in the order of these.
 
     A contact over an area is none, and contact points of own arrays that are no nodes are on none.
-
-    Raises
-    ------
-    ProblemError
-        The problem was made of arrays without a mesh.
     """
     contact, field = problem.contact, problem.field
     if field is None:

@@ -115,11 +115,6 @@ def changed(data: Mapping[str, object], changes: Sequence[Change], name: str) ->
     changes : sequence of Change
     name : str
         What messages call the file.
-
-    Raises
-    ------
-    ProblemError
-        There is no such table or entry; the message names key and file, and the nearest that there is.
     """
     made: dict[str, object] = copy.deepcopy(dict(data))
     for change in changes:

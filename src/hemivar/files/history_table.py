@@ -105,13 +105,6 @@ def write_history_table(columns: Mapping[str, Array], path: str | Path, units: U
     """Write a table as ``.csv`` (every number so that it is read back the same) or ``.parquet``.
 
     ``units`` stand in the headings of CSV, ``time (s)``.
-
-    Raises
-    ------
-    ProblemError
-        Another suffix; pyarrow is not installed.
-    FileError
-        The file cannot be written.
     """
     path = path_of(path)
     if path.suffix.lower() == ".parquet":
@@ -128,13 +121,7 @@ def write_history_table(columns: Mapping[str, Array], path: str | Path, units: U
 
 
 def check_table(path: Path) -> None:
-    """Refuse, before the work, a table that could not be written after it.
-
-    Raises
-    ------
-    ProblemError
-        pyarrow is not installed.
-    """
+    """Refuse, before the work, a table that could not be written after it."""
     if path.suffix.lower() == ".parquet":
         _arrow()
 

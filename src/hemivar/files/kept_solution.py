@@ -51,13 +51,7 @@ class KeptSolution:
 
     @staticmethod
     def of(number: int, solution: Solution) -> KeptSolution:
-        """What is kept of a solution.
-
-        Parameters
-        ----------
-        number : int
-        solution : Solution
-        """
+        """What is kept of a solution."""
         names = [one.name for one in fields(KeptSolution) if one.name != "number"]
         return KeptSolution(number, **{name: getattr(solution, name) for name in names})
 
@@ -78,13 +72,7 @@ class KeptSolution:
 
     @staticmethod
     def of_line(text: str) -> KeptSolution:
-        """What a line holds.
-
-        Raises
-        ------
-        ValueError, KeyError, TypeError
-            It is no such line.
-        """
+        """What a line holds."""
         data = json.loads(text)
         arrays = [array_of_text(one) for one in data.pop("arrays")]
         found = decoded(KeptSolution, data, arrays)
@@ -96,17 +84,7 @@ class KeptSolution:
         return found
 
     def solution(self, problem: DiscreteProblem) -> Solution:
-        """The solution, of the problem that it was computed for; without the history of its steps.
-
-        Parameters
-        ----------
-        problem : DiscreteProblem
-
-        Raises
-        ------
-        ProblemError
-            The problem has another number of unknowns or contact points.
-        """
+        """The solution, of the problem that it was computed for; without the history of its steps."""
         shape = (problem.contact_points, problem.contact.components)
         if self.unknowns.shape != (problem.unknowns,) or self.multiplier.shape != shape:
             raise ProblemError(

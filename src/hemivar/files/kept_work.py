@@ -56,11 +56,6 @@ class KeptWork(Generic[Part]):
     ----------
     unkept : str
         Why the file could not be written; empty if it was.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, or it is not the record of this work; it is wanted, and cannot be written.
     """
 
     def __init__(

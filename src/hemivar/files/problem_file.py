@@ -167,10 +167,6 @@ def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") 
         Where mesh files are looked for.
     name : str
         What messages call the file.
-
-    Raises
-    ------
-    ProblemError
     """
     return parse_problem_file(text, base_dir, name).problem
 
@@ -339,11 +335,6 @@ def problem_text(problem: ContactProblem | ManufacturedProblem | ProblemFile, fo
     problem : ContactProblem or ProblemFile
     folder : str or Path
         From which files are named.
-
-    Raises
-    ------
-    ProblemError
-        As :func:`write_problem`.
     """
     stated = _as_file(problem)
     return _read_again(stated, _settings(stated.solver, None, None), Path(folder), "problem", None)

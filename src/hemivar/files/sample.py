@@ -71,13 +71,7 @@ TEMPLATES: Mapping[str, str] = MappingProxyType(
 
 
 def template(name: str) -> str:
-    """The text of a template.
-
-    Raises
-    ------
-    ProblemError
-        There is none of that name.
-    """
+    """The text of a template."""
     if name == "sample":
         return SAMPLE
     if name not in _SHIPPED:

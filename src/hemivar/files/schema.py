@@ -53,11 +53,6 @@ def decode(
         The name of the metadata, see :func:`hemivar.basics.stated.stated_fields`.
     **own : function
         Readers of fields of the form ``OWN``, by name.
-
-    Raises
-    ------
-    ProblemError
-        One line that names the file, the table and the key.
     """
     found = {}
     for key, (one, said) in stated_fields(cls, part, by).items():
@@ -104,11 +99,6 @@ def encode(
         As in :func:`decode`.
     **own : function
         Writers of fields, by name; a field of the form ``OWN`` without one is left out.
-
-    Raises
-    ------
-    ProblemError
-        A value is one that a file cannot say.
     """
     record = {}
     for key, (one, said) in stated_fields(value, part, by).items():
@@ -141,11 +131,6 @@ def read_arguments(
         Under which the table stands in another one, if it does.
     own : mapping of Form to function
         Readers of other forms.
-
-    Raises
-    ------
-    ProblemError
-        A value is none, or a parameter is missing.
     """
     found: dict[str, object] = {}
     for one in entry.parameters:

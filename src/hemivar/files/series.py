@@ -48,13 +48,7 @@ class Series:
         return both[: max((len(files) for _, files in self._written.values()), default=1)]
 
     def add(self, frames: Iterable[tuple[int, Frame]]) -> None:
-        """Write frames, each with the number of its step, and then the lists.
-
-        Raises
-        ------
-        FileError
-            A file cannot be written.
-        """
+        """Write frames, each with the number of its step, and then the lists."""
         for step, frame in frames:
             self._written[step] = frame.time, self._frame(frame, self.folder / f"{self.path.stem}_{step:06d}.vtu")
         self._list()
@@ -119,11 +113,5 @@ def numbered(history: History) -> list[tuple[int, Frame]]:
 
 
 def write_pvd(history: History, path: str | Path) -> tuple[Path, ...]:
-    """Write the frames of a history as a PVD with VTU files, see :class:`Series`; returns the lists.
-
-    Raises
-    ------
-    ProblemError, FileError
-        The name does not end in ``.pvd``; a file cannot be written.
-    """
+    """Write the frames of a history as a PVD with VTU files, see :class:`Series`; returns the lists."""
     return Series(path, history.discrete).finish(numbered(history))

@@ -88,12 +88,7 @@ class TimeSettings:
 
 @dataclass(frozen=True)
 class OutputSettings:
-    """Files that the table ``[output]`` of a problem file asks for; ``None`` where it says nothing.
-
-    Attributes
-    ----------
-    fields, animation, table : str or None
-    """
+    """Files that the table ``[output]`` of a problem file asks for; ``None`` where it says nothing."""
 
     fields: str | None = field(
         default=None,

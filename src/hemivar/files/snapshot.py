@@ -78,13 +78,7 @@ class Snapshot(ContactValues):
 
 
 def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
-    """A frame with the problem that it belongs to.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-    frame : Frame
-    """
+    """A frame with the problem that it belongs to."""
     problem = discrete.problem
     if discrete.evolution.problem.time_dependent & {"gap", "supports"}:
         offset = discrete.data_at(frame.time).offset

@@ -19,18 +19,11 @@ __all__ = ["FluxDensity", "GradientEnergy", "PowerLaw", "Profile", "SaturatingFl
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """An isotropic energy by the size t of the gradient, arrays (k,).
+    """An isotropic energy by the size t of the gradient, arrays (k,)."""
 
-    Attributes
-    ----------
-    value : W
-    secant : W'/t, its limit where t is zero
-    slope : W''
-    """
-
-    value: Array
-    secant: Array
-    slope: Array
+    value: Array  # W
+    secant: Array  # W'/t, its limit where t is zero
+    slope: Array  # W''
 
 
 class FluxDensity(Protocol):

@@ -72,12 +72,7 @@ def at_time(value: Quantity, t: float) -> Quantity | Instant:
 
 
 def refuse_time(value: object, name: str) -> None:
-    """Refuse a quantity that depends on time where only the place counts.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse a quantity that depends on time where only the place counts."""
     if depends_on_time(value):
         raise ProblemError(f"{name} depends on time, which it cannot; give a number, or a function of x alone")
 
@@ -133,12 +128,7 @@ def _instants(law: object) -> Iterator[Instant]:
 
 @contextmanager
 def error_context(where: str, *laws: object) -> Iterator[None]:
-    """Where laws are evaluated at contact points: a complaint says where and, if they change, at what time.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Where laws are evaluated at contact points: a complaint says where and, if they change, at what time."""
     try:
         yield
     except ProblemError as error:

@@ -97,13 +97,7 @@ class MaterialDescription:
 
 
 def described_point(point: Sequence[float] | None, dim: int) -> Array:
-    """The point where a material is described, shape (1, d); the origin if none is given.
-
-    Raises
-    ------
-    ProblemError
-        It is no point of the plane or of space.
-    """
+    """The point where a material is described, shape (1, d); the origin if none is given."""
     if point is None:
         return np.zeros((1, dim))
     given = real_array(point, "point")

@@ -46,13 +46,7 @@ MATERIAL_LAWS: Mapping[str, LawEntry] = MappingProxyType({entry.name: entry for 
 
 
 def named_material(name: str, **values: object) -> Material:
-    """The material of this name, such as ``named_material("locking", bulk=6.7, shear=4.0, ...)``.
-
-    Raises
-    ------
-    ProblemError
-        There is none of this name, or a constant is missing or unknown.
-    """
+    """The material of this name, such as ``named_material("locking", bulk=6.7, shear=4.0, ...)``."""
     if name not in MATERIAL_LAWS:
         raise ProblemError(f"material '{name}' is not known; the materials are {', '.join(MATERIAL_LAWS)}")
     return cast(Material, MATERIAL_LAWS[name].make(**values))

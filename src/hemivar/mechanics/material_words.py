@@ -17,12 +17,7 @@ class PlaneState(StrEnum):
 
 
 def plane_state(value: object) -> PlaneState:
-    """What a plane model assumes, by its word.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """What a plane model assumes, by its word."""
     try:
         return PlaneState(value)  # type: ignore[arg-type]
     except ValueError as error:
@@ -53,12 +48,7 @@ class ScalarKind(StrEnum):
 
 
 def scalar_kind(value: object) -> ScalarKind:
-    """What one component is, by its word.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """What one component is, by its word."""
     try:
         return ScalarKind(value)  # type: ignore[arg-type]
     except ValueError:
@@ -86,12 +76,7 @@ class BoundsBy(StrEnum):
 
 
 def strain_measure(value: object) -> StrainMeasure:
-    """What a locking material limits, by its word.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """What a locking material limits, by its word."""
     try:
         return StrainMeasure(value)  # type: ignore[arg-type]
     except ValueError as error:

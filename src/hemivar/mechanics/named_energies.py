@@ -56,13 +56,7 @@ class NamedEnergy(InvariantEnergy):
         return BoundsBy.CLOSED_FORM
 
     def at(self, points: Array, where: str | None = None) -> tuple[Array, ...]:
-        """The constants at points (k, d), each (k,), checked.
-
-        Raises
-        ------
-        ProblemError
-            If one is not what it must be; the message names the point.
-        """
+        """The constants at points (k, d), each (k,), checked."""
         given = []
         for name in self.constants:
             value = DataField(getattr(self, name), f"material constant {name}").at(points)
@@ -142,12 +136,6 @@ class RambergOsgood(NamedEnergy):
 
     Between them ``t = s / (2 G) + (3 offset / (2 E)) (q / yield_stress)^(exponent - 1) s``, von Mises' stress
     ``q = sqrt(3/2) s``. The slope of s falls as t grows, below s / t: its value at ``linear_from`` is the lower bound.
-
-    Attributes
-    ----------
-    E, nu, yield_stress, exponent, offset : float or callable
-    linear_from : float, callable or None
-    plane : PlaneState
     """
 
     E: Number

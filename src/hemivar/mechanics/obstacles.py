@@ -292,11 +292,6 @@ def obstacle_contact(
     """Contact normals (k, d) and gaps (k,) of points (k, d) of a body with outward normals (k, d).
 
     The gap is inf where the body's normal misses the obstacle.
-
-    Raises
-    ------
-    ProblemError
-        If no point can meet the obstacle, or the body lies on the wrong side of its surface.
     """
     _check_reach(obstacle, points, what)
     if normals is Normals.BODY:
@@ -333,10 +328,6 @@ def refuse_inside(obstacle: Obstacle, mesh: Mesh, contact_points: Array, what: s
         Points of the contact boundary.
     what : str
         Which contact it is, for messages.
-
-    Raises
-    ------
-    ProblemError
     """
     remedy = "turn the obstacle round (inside = true), or move it out of the body"
     depth = -obstacle.distance(mesh.points)

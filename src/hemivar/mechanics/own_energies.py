@@ -45,12 +45,7 @@ def own_energy(
     plane: PlaneState | str,
     **in_time: Unpack[InTime],
 ) -> StoredEnergy:
-    """What :meth:`Material.potential` makes.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """What :meth:`Material.potential` makes."""
     if isinstance(energy, str):
         if stress is not None or tangent is not None:
             raise ProblemError("stress and tangent are found from a formula of the energy; leave them out")
@@ -78,12 +73,6 @@ class FormulaEnergy(InvariantEnergy):
 
     With ``q = tr / sqrt(3)`` and ``t = |dev eps|`` the tangent has the second derivatives by q and t, and across them
     W_t / t, which is a mean of W_tt between 0 and t. So bounds of the former bound it.
-
-    Attributes
-    ----------
-    text : str
-    reach : float
-    plane : PlaneState
     """
 
     text: str
@@ -228,13 +217,7 @@ def _refuse_pole(text: str, graph: Graph, node: int, largest: Mapping[str, float
 @known_fields
 @dataclass(frozen=True, eq=False)
 class ComponentEnergy(RelativeEnergy):
-    """An energy by a formula of components of the strain, ``exx`` to ``exy``; shear components are halves of angles.
-
-    Attributes
-    ----------
-    text : str
-    reach : float
-    """
+    """An energy by a formula of components of the strain, ``exx`` to ``exy``; shear components are halves of angles."""
 
     text: str
     reach: float = np.inf

@@ -36,13 +36,7 @@ def refuse_unknown(what: str, parts: Mapping[str, object], regions: Sequence[str
 
 
 def checked_per_volume(value: object, name: str) -> Regional:
-    """A quantity that is not negative: a number, a function of the place, or a mapping of region name to one of these.
-
-    Raises
-    ------
-    ProblemError
-        A number is negative or not finite, or something depends on time.
-    """
+    """A quantity that is not negative: a number, a function of the place, or one of these by region."""
     if isinstance(value, Mapping):
         if not value:
             raise ProblemError(f"{name} is an empty mapping; give a number for each region of the mesh")
@@ -52,25 +46,13 @@ def checked_per_volume(value: object, name: str) -> Regional:
 
 
 def plain_constant(value: object, name: str) -> ScalarData:
-    """A number, or a function of the place, as a statement keeps it.
-
-    Raises
-    ------
-    ProblemError
-        It is not finite, or it depends on time.
-    """
+    """A number, or a function of the place, as a statement keeps it."""
     refuse_time(value, name)
     return plain_data(value, name, 1)
 
 
 def checked_quantity(value: object, name: str) -> ScalarData:
-    """A quantity that is not negative, a number or a function of the place.
-
-    Raises
-    ------
-    ProblemError
-        A number is negative or not finite, or something depends on time.
-    """
+    """A quantity that is not negative, a number or a function of the place."""
     refuse_time(value, name)
     plain = plain_data(value, name, 1, LARGEST)
     if not callable(plain) and plain < 0.0:
@@ -84,13 +66,7 @@ def constant_of(value: Regional) -> float | None:
 
 
 def at_place(value: Regional, name: str, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-    """A quantity at points (k, d), shape (k,).
-
-    Raises
-    ------
-    ProblemError
-        It is negative somewhere, or its regions do not cover the points.
-    """
+    """A quantity at points (k, d), shape (k,)."""
     if not isinstance(value, Mapping):
         return _at(value, name, points)
     found, covered = np.zeros(len(points)), np.zeros(len(points), dtype=int)

@@ -21,14 +21,7 @@ __all__ = ["SingleMaterial"]
 
 @dataclass(frozen=True, eq=False)
 class SingleMaterial(Material):
-    """A material of one kind: what it has of density, viscosity and branches.
-
-    Attributes
-    ----------
-    density : float, callable or None
-    viscosity : Moduli or None
-    branches : tuple of Branch
-    """
+    """A material of one kind: what it has of density, viscosity and branches."""
 
     density: Number | None = field(default=None, kw_only=True)
     viscosity: Moduli | None = field(default=None, kw_only=True)

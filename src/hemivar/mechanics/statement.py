@@ -404,12 +404,7 @@ class ContactProblem(PickleMixin, ReprMixin):
 
 
 def expect_body(problem: object, what: str, remedy: str) -> ContactProblem:
-    """The problem, if it is one of an elastic body.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """The problem, if it is one of an elastic body."""
     found = expect(problem, ContactProblem, what, remedy)
     if found.kind:
         raise ProblemError(f"{what} is a ScalarProblem; {remedy}")

@@ -236,12 +236,7 @@ class InvariantEnergy(StoredEnergy):
 
 
 def refuse_nonlinear(material: Material) -> None:
-    """Refuse a material that is not linear.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse a material that is not linear."""
     if not material.linear:
         raise ProblemError(
             "the material is not linear, and a stiffness matrix is asked for; give Material.lame(...), "
