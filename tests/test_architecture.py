@@ -280,7 +280,7 @@ UNTYPED = {
     "evolution.march": (1, "keywords of a plan"),
     "evolution.save": (4, "places as users give them"),
     "files.material_table": (1, "keywords of a dataclass, read from a file"),
-    "files.memory_table": (3, "dataclasses found by their names"),
+    "files.contact_table": (3, "dataclasses found by their names"),
     "files.schema": (1, "keywords of a dataclass, read from a file"),
     "linear.truncated_level": (1, "compiled kernels without types"),
     "linear.threads": (4, "libraries of threadpoolctl"),

@@ -43,7 +43,7 @@ _WHAT_TO_DO = re.compile(
 _REASONS = (
     "basics/packed", "basics/deprecation", "engines/petsc/checkpoint", "files/kept_solution", "files/sweep_point",
     "files/time_table", "laws/coupled/plane_potential",
-    "files/contact_table.py", "files/problem_file", "files/schema", "files/thermal_table", "files/quantities",
+    "files/body_table", "files/contact_table.py", "files/problem_file", "files/schema", "files/quantities",
     "certificates/continuous/compiled_patches", "kernels/library", "kernels/mesh_sums", "linear/compiled",
     "linear/factorisation", "systems/compiled_rounds", "basics/codec", "certificates/__init__", "files/toml",
     "fem/energy_integral",

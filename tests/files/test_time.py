@@ -12,7 +12,7 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.fem.dynamics import body_family
-from hemivar.files.memory_table import memory_kinds
+from hemivar.files.contact_table import memory_kinds
 from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import ProblemFile, parse_problem, parse_problem_file, read_problem_file, write_problem
 from hemivar.files.settings import OutputSettings, TimeSettings

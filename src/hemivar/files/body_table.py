@@ -1,20 +1,24 @@
-"""The tables [loads] and [supports] of a problem file, read and written."""
+"""The tables [loads], [supports] and [heat] of a problem file, read and written."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from hemivar.basics.arguments import suggest
-from hemivar.basics.stated import OF_ONE
+from hemivar.basics.stated import OF_ONE, keys_of
+from hemivar.files.contact_table import SideFiles, _law_record, _Reader
+from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.schema import check_named, decode, encode
-from hemivar.files.toml import TomlTable, kind
+from hemivar.files.toml import TomlTable, context, kind
 from hemivar.formula import VARIABLES
+from hemivar.laws.registry import NORMAL_LAWS
 from hemivar.mechanics.conditions import SUPPORTS, Fixed, Prescribed, Pressure, ScalarData, Support
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.thermal import Heat, HeatContact, Touching
 from hemivar.mesh import Mesh
 
-__all__ = ["loads_record", "read_loads", "read_supports", "supports_record"]
+__all__ = ["HEAT_KEYS", "heat_record", "loads_record", "read_heat", "read_loads", "read_supports", "supports_record"]
 
 
 def read_loads(table: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, object]:
@@ -91,3 +95,81 @@ def supports_record(problem: ContactProblem) -> dict[str, object]:
         name: words.get(type(one)) or encode(one, f"supports['{name}']")  # type: ignore[arg-type]
         for name, one in problem.supports.items()
     }
+
+
+# ---- heat ---------------------------------------------------------------------------------------------------------
+
+
+#: Keys of [heat].
+HEAT_KEYS = keys_of(Heat)
+
+
+def read_heat(table: TomlTable, problem: ContactProblem, reader: _Reader) -> Heat:
+    """The table [heat] of a body."""
+    mesh = problem.mesh
+    for key in ("conductivity", "capacity"):
+        if key not in table:
+            raise table.error(key, "is missing; heat needs a conductivity and a capacity")
+
+    def contact(given: TomlTable) -> dict[str, HeatContact]:
+        parts = given.table("contact", None)
+        for boundary in parts.data:
+            check_named(mesh, parts, boundary)
+        return {name: _read_contact(parts.table(name, keys_of(HeatContact)), reader) for name in parts.data}
+
+    found = decode(Heat, table, mesh, contact=contact)
+    with context(f"{table.source}: [heat]"):
+        heat = Heat(**found)
+        heat.conduction(problem)
+    return heat
+
+
+def _read_contact(table: TomlTable, reader: _Reader) -> HeatContact:
+    found = decode(
+        HeatContact,
+        table,
+        reader.dim,
+        conductance=_conductance,
+        exchange=lambda given: reader.law(given, "exchange", NORMAL_LAWS),
+    )
+    with context(f"{table.source}: [{table.name}]"):
+        return HeatContact(**found)
+
+
+def _conductance(table: TomlTable) -> float | Touching:
+    value = table.data["conductance"]
+    if isinstance(value, dict):
+        given = table.table("conductance", keys_of(Touching), inline=True)
+        with context(f"{table.source}: [{table.name}]"):
+            return Touching(**decode(Touching, given))
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise table.error(
+            "conductance", f"must be a number or {{ closed = 2.0, per_pressure = 0.1 }}, not {kind(value)}"
+        )
+    return table.number("conductance", value)
+
+
+def heat_record(heat: Heat, aside: SideFiles) -> dict[str, object]:
+    """The table [heat]."""
+
+    return encode(
+        heat, "heat", contact=lambda parts: {name: _contact_record(name, one, aside) for name, one in parts.items()}
+    )
+
+
+def _contact_record(name: str, contact: HeatContact, aside: SideFiles) -> dict[str, object]:
+    where = f"heat.contact['{name}']"
+
+    def conductance(value: object) -> object:
+        if isinstance(value, Touching):
+            return encode(value)
+        if callable(value):
+            raise not_expressible(f"{where}.conductance", value, "a number, or HeatContact.touching(...)")
+        return value
+
+    return encode(
+        contact,
+        where,
+        conductance=conductance,
+        exchange=lambda law: _law_record(law, f"{where}.exchange", name, aside, NORMAL_LAWS),
+    )

@@ -1,17 +1,18 @@
-"""The tables [contact.NAME] of a problem file, read and written: laws, friction bounds, gaps and obstacles."""
+"""The tables [contact.NAME] of a problem file, read and written: laws, friction bounds, obstacles, memory."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from hemivar.basics.arguments import suggest
 from hemivar.basics.stated import OF_ONE, Argument, Form, keys_of
 from hemivar.basics.types import Array, Parameter
-from hemivar.files.memory_table import memory_record, read_memory
 from hemivar.files.mesh_table import file_name
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import quantity_record
@@ -26,6 +27,7 @@ from hemivar.laws import (
     PenetrationBound,
     Superpotential,
     VectorLaw,
+    memory,
 )
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
@@ -36,7 +38,7 @@ from hemivar.mechanics.scalar import ScalarContact
 from hemivar.mechanics.statement import AREA, ContactProblem
 from hemivar.mesh import Mesh
 
-__all__ = ["SideFiles", "contact_records", "read_contacts"]
+__all__ = ["SideFiles", "contact_records", "memory_kinds", "read_contacts"]
 
 _OBSTACLES: Mapping[str, type[Plane | Sphere | Cylinder]] = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
 
@@ -98,7 +100,7 @@ class _Reader:
             normals = Normals(one.text("normals", Normals.OBSTACLE, [way.value for way in Normals]))
         damping = self.law(one, "damping", NORMAL_LAWS) if "damping" in one else None
         assert damping is None or isinstance(damping, Superpotential)
-        memory = read_memory(one, self.dim)
+        memory = _read_memory(one, self.dim)
         with context(f"{one.where('normal')}:"):
             return Contact(
                 normal, friction, obstacle=obstacle, normals=normals, damping=damping, memory=memory, **moved
@@ -253,7 +255,7 @@ def _contact_record(name: str, contact: Contact, aside: SideFiles) -> dict[str, 
     if contact.damping is not None:
         record["damping"] = _law_record(contact.damping, f"{where}.damping", name, aside, NORMAL_LAWS)
     if contact.memory is not None:
-        record["memory"] = memory_record(contact.memory, f"{where}.memory")
+        record["memory"] = _memory_record(contact.memory, f"{where}.memory")
     return record
 
 
@@ -346,3 +348,65 @@ def _obstacle_record(obstacle: Obstacle, where: str) -> dict[str, object]:
         case SignedDistance(gradient=None):
             raise not_expressible(f"{where}.function", obstacle.function)
     raise not_expressible(where, obstacle, "planes, spheres, cylinders, and signed distances as text, without gradient")
+
+
+# ---- memory -------------------------------------------------------------------------------------------------------
+
+
+def memory_kinds() -> Mapping[str, Any]:
+    """The memories that a problem file can state, by name: those whose fields are all parameters."""
+    named: list[Any] = [getattr(memory, name) for name in memory.__all__]
+    kinds = [one for one in named if inspect.isclass(one) and issubclass(one, memory.Memory) and is_dataclass(one)]
+    return {one.name: one for one in kinds if all(_is_parameter(field) for field in fields(one))}
+
+
+def _is_parameter(field: Field[object]) -> bool:
+    return field.init and str(field.type).split(" ")[0] in ("Parameter", "float")
+
+
+def _read_memory(table: TomlTable, dim: int) -> tuple[memory.Memory, ...] | None:
+    """The memories of a contact, in the order in which they are stated; None where nothing is said of them."""
+    if "memory" not in table:
+        return None
+    kinds, value = memory_kinds(), table.data["memory"]
+    example = 'memory = [{ kind = "secant" }]'
+    if not isinstance(value, list):
+        raise table.error("memory", f"must be a list such as {example}, not {kind(value)}")
+    made = []
+    for number, one in enumerate(value):
+        if not isinstance(one, dict):
+            raise table.error("memory", f"must be a list of tables such as {example}; it holds {kind(one)}")
+        given = TomlTable(one, table.source, table.name, None, f"{table.prefix}memory[{number}].")
+        if "kind" not in given:
+            raise given.error("kind", f"is missing; add kind = one of {listed(list(kinds))}")
+        name = given.text("kind", None, list(kinds))
+        parts = fields(kinds[name])
+        given.only(("kind", *(part.name for part in parts)))
+        parameters: dict[str, object] = {}
+        for part in parts:
+            if part.name in given:
+                parameters[part.name] = given.quantity(part.name, one[part.name], dim)
+            elif part.default is MISSING and part.default_factory is MISSING:
+                required = ", ".join(f"{p.name} = ..." for p in parts if p.default is MISSING)
+                raise given.error(part.name, f'is missing; write {{ kind = "{name}", {required} }}')
+        with context(f"{table.where('memory')}:"):
+            remembered = kinds[name](**parameters)
+            if not any(callable(value) for value in parameters.values()):
+                remembered.at(None)
+            made.append(remembered)
+    return tuple(made)
+
+
+def _memory_record(memories: Sequence[Any], where: str) -> list[object]:
+    """The list of a contact's memories."""
+    kinds, record = memory_kinds(), list[object]()
+    for number, stated in enumerate(memories):
+        if kinds.get(getattr(stated, "name", "")) is not type(stated):
+            raise not_expressible(f"{where}[{number}]", stated, f"memories of the kinds {', '.join(kinds)}")
+        one: dict[str, object] = {"kind": stated.name}
+        for part in fields(stated):
+            value = getattr(stated, part.name)
+            if part.default is MISSING or callable(value) or value != part.default:
+                one[part.name] = quantity_record(value, f"{where}[{number}].{part.name}")
+        record.append(one)
+    return record

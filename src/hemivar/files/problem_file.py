@@ -23,7 +23,15 @@ from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.stated import OF_ONE, keys_of
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
-from hemivar.files.body_table import loads_record, read_loads, read_supports, supports_record
+from hemivar.files.body_table import (
+    HEAT_KEYS,
+    heat_record,
+    loads_record,
+    read_heat,
+    read_loads,
+    read_supports,
+    supports_record,
+)
 from hemivar.files.changes import Change, changed
 from hemivar.files.contact_table import SideFiles, _Reader, contact_records, read_contacts
 from hemivar.files.material_table import material_record, read_material
@@ -31,7 +39,6 @@ from hemivar.files.mesh_table import StatedMesh, mesh_record, read_mesh_table
 from hemivar.files.not_expressible import difference, not_expressible
 from hemivar.files.schema import decode, encode
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
-from hemivar.files.thermal_table import HEAT_KEYS, heat_record, read_heat
 from hemivar.files.toml import KEYS, KEYS_OF_ONE, TomlTable, context, printable, text_of
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.statement import ContactProblem, Quadrature
