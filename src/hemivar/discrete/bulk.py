@@ -16,7 +16,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.linear.products import diagonal
 
-__all__ = ["FEW_ZEROS", "Bulk", "Quadratic", "without_zeros"]
+__all__ = ["FEW_ZEROS", "Bulk", "Quadratic", "Sized", "without_zeros"]
 
 _SYMMETRY_TOLERANCE = 1e-10
 #: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
@@ -55,6 +55,20 @@ class Bulk(Protocol):
     @property
     def row_sums(self) -> Array:
         """Sums (n,) of the absolute entries of the rows of a second derivative, by which rounding is measured."""
+        ...
+
+
+@runtime_checkable
+class Sized(Protocol):
+    """A bulk that knows the sizes of its forces: a :class:`Quadratic`, a potential, or a body over ranks."""
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of the stiffness (n,), at rest."""
+        ...
+
+    def rounding_scale(self, u: Array, load: Array) -> float:
+        """Norm of the sizes of what is added up in ``f - K u``, entry by entry."""
         ...
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import norm, real_array
 from hemivar.basics.types import Array
-from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.bulk import Sized
 from hemivar.discrete.contact_energy import law_forces
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
@@ -123,11 +123,14 @@ class Residual:
 
 def load_scale(problem: DiscreteProblem, compliance: Array) -> LoadScale:
     """What the residuals of a problem are held against; ``compliance`` is :func:`contact_compliance` of it."""
-    load = max(problem.loading.load_size, _known_force(problem))
-    if not problem.contact_points:
+    vectors = problem.vectors
+    load = problem.loading.load_size if vectors.alone else float(vectors.norms(problem.load)[0])
+    load = max(load, _known_force(problem))
+    if not problem.contact_points and vectors.alone:
         return LoadScale(load, 0.0)
     with np.errstate(all="ignore"):
-        rest = norm(problem.contact_force(resting_multiplier(problem.law, problem.offset, compliance)))
+        resting = problem.contact_force(resting_multiplier(problem.law, problem.offset, compliance))
+        rest = float(vectors.norms(resting)[0])
     return LoadScale(load, rest if math.isfinite(rest) else math.inf)
 
 
@@ -158,15 +161,13 @@ def contact_compliance(problem: DiscreteProblem) -> Array:
     It makes displacement and multiplier comparable; the columns are for the normal and the tangential part.
     """
     bulk = problem.bulk
-    stiff = (
-        bulk.diagonal if isinstance(bulk, Quadratic | Potential) else bulk.hessian(np.zeros(bulk.unknowns)).diagonal()
-    )
+    stiff = bulk.diagonal if isinstance(bulk, Sized) else bulk.hessian(np.zeros(bulk.unknowns)).diagonal()
     flexibility = problem.contact.trace.power(2) @ (1.0 / stiff)
     flexibility = flexibility.reshape(problem.contact_points, problem.contact.components)
     normal = flexibility[:, 0]
     tangential = flexibility[:, 1:].max(axis=1) if problem.contact.components > 1 else normal
     pair = np.stack([normal, tangential], axis=1)
-    largest = pair.max(initial=0.0)
+    largest = float(problem.vectors.largest(float(pair.max(initial=0.0)))[0])
     return problem.contact.weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0)
 
 
@@ -213,7 +214,8 @@ def residuals(
     for lam in multipliers:
         force = problem.contact_force(lam)
         off = law_forces(problem.law, problem.contact.weights, r, lam, compliance)
-        found.append(Residual.of(norm(balance - force), norm(off), scale, norm(force), moved))
+        left, missed, pressed = problem.vectors.norms(balance - force, off, force).tolist()
+        found.append(Residual.of(left, missed, scale, pressed, moved))
     return found
 
 
@@ -245,7 +247,7 @@ def inaccurate_law(problem: DiscreteProblem, displacement: Array, multiplier: Ar
 def _moved(problem: DiscreteProblem, u: Array) -> float:
     """Norm of the sizes of what is added up in the forces on the unknowns."""
     bulk = problem.bulk
-    if isinstance(bulk, Quadratic | Potential):
+    if isinstance(bulk, Sized):
         return bulk.rounding_scale(u, problem.load)
     sums = np.asarray(abs(bulk.hessian(u)).sum(axis=1))
     return norm(sums * np.abs(u) + np.abs(problem.load))

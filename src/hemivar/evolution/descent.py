@@ -11,13 +11,14 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
-from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import StepMatrices
-from hemivar.solvers import Controls, NonsmoothMultigrid, Solution, Solver, Status, solve
+from hemivar.laws import VectorLaw
+from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Solver, Status, solve
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import finish
 from hemivar.solvers.status import STOPPED
@@ -25,14 +26,11 @@ from hemivar.systems.body import Body
 from hemivar.systems.workspace import Workspace
 
 __all__ = [
-    "MAX_FLOW_STEPS",
     "TIGHT",
-    "Backoff",
+    "Descent",
     "Slowed",
     "bottom",
     "downhill",
-    "leads_on",
-    "minimiser_on_pieces",
     "regularising_viscosity",
     "slowed",
 ]
@@ -40,7 +38,7 @@ __all__ = [
 #: Least resistance to a jump in units of the stiffness.
 _LEAST = 0.05
 #: Steps of a jump at most.
-MAX_FLOW_STEPS = 2000
+_FLOW_STEPS = 2000
 #: Components of contact points up to which the graph of the law is laid out: every step on it is a dense solve.
 _LARGEST = 1500
 #: Rounding of a place on a segment, as a part of a typical displacement.
@@ -57,7 +55,7 @@ _AWAY = 100.0
 _EXACT = 1e-13
 
 
-class Backoff:
+class _Backoff:
     """When to look at the bottom of the pieces of the laws: once all points stay on them, and then ever more rarely."""
 
     def __init__(self) -> None:
@@ -97,7 +95,7 @@ class Slowed:
     #: The resistance where the body has free motions, which its own stiffness would not resist: of the contact points.
     contact: sp.csr_array | None = None  # (n, n)
 
-    def drag(self, body: Quadratic, u: Array) -> Array:
+    def drag(self, body: Bulk, u: Array) -> Array:
         """Force (n,) that moves the resistance to u (n,)."""
         return self.resistance * body.gradient(u) if self.contact is None else np.asarray(self.contact @ u)
 
@@ -144,43 +142,66 @@ def bottom(
     return Solution(problem, u, lam, Status.CONVERGED, residuals[0], "nonsmooth-newton", 1)
 
 
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """How the problems of a descent are solved."""
+
+    solver: Solver | None
+    workspace: Workspace
+
+    @property
+    def multigrid(self) -> NonsmoothMultigrid:
+        """The method on levels."""
+        inner = self.solver.inner if isinstance(self.solver, FixedPoint) else self.solver
+        return inner if isinstance(inner, NonsmoothMultigrid) else NonsmoothMultigrid()
+
+    def solved(self, problem: DiscreteProblem, u: Array, controls: Controls) -> Solution:
+        """The solution of a problem from u (n,)."""
+        return solve(problem, self.solver, controls, initial=u, workspace=self.workspace)
+
+    def on_levels(self, problem: DiscreteProblem) -> Body | None:
+        """The body of a problem as multigrid has it; None where it treats it not."""
+        if not isinstance(problem.bulk, Quadratic) or self.multigrid.refuse(problem) is not None:
+            return None
+        return self.multigrid.prepare(problem, self.workspace)
+
+
 def downhill(
     problem: DiscreteProblem,
     slowed: Slowed,
     u: Array,
-    solver: Solver | None,
+    by: Descent,
     controls: Controls,
-    workspace: Workspace,
     chain: Chain | None = None,
 ) -> Solution:
     """The equilibrium that is reached from u (n,): steps against a resistance that leaves each of them one solution."""
-    load, slow, bulk = problem.load, slowed.problem, problem.bulk
-    assert isinstance(bulk, Quadratic | Potential)
-    body = bulk.resisting()
+    load, slow, bulk, vectors = problem.load, slowed.problem, problem.bulk, problem.vectors
+    body = bulk.resisting() if isinstance(bulk, Potential) else bulk
+    dependent = bool(vectors.largest(float(problem.law.state_dependent))[0])
     tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
     last: IntArray | None = None
-    looks, solved = Backoff(), u
-    for _ in range(MAX_FLOW_STEPS):
+    looks, solved = _Backoff(), u
+    for _ in range(_FLOW_STEPS):
         start, before, here = u, problem.local(u), load + slowed.drag(body, u)
-        solution = solve(slow.with_(load=here), solver, tight, initial=u, workspace=workspace)
+        solution = by.solved(slow.with_(load=here), u, tight)
         u = solution.unknowns
         # What a leap onward leaves out of balance inside the body is no part of the way of a body with free motions.
         way, solved = u - (start if slowed.contact is None else solved), u
         off = residual(problem, u, solution.multiplier)
         if off.below(controls.atol, controls.rtol) and solution.status not in STOPPED:
             return replace(solution, problem=problem, residual=off, status=Status.CONVERGED)
-        if not leads_on(solution, controls):
+        if not _leads_on(solution, controls):
             return replace(solution, problem=problem, residual=off)
         if slowed.contact is not None and _endless(problem, u, way):
             return replace(solution, problem=problem, residual=off, status=Status.NOT_CARRIED)
-        known = problem.law.state_dependent or not problem.law.splits or problem.contact.components > 2
-        if chain is None and not known and workspace.condenses(slow):
-            system = workspace.condensed(problem)
+        known = dependent or not problem.law.splits or problem.contact.components > 2
+        if chain is None and not known and by.workspace.condenses(slow):
+            system = by.workspace.condensed(problem)
             chain = chain_of(system) if system.free.size <= _LARGEST else None
         if chain is not None:
             theta, segment = chain.nearest(solution.local, solution.multiplier)
             if last is not None and np.array_equal(segment, last):
-                there = bottom(chain, problem, theta, segment, controls, workspace)
+                there = bottom(chain, problem, theta, segment, controls, by.workspace)
                 if there is not None:
                     return there
             last = segment
@@ -188,23 +209,29 @@ def downhill(
             continue
         after = problem.local(u)
         law = problem.law.frozen(after, solution.multiplier)
-        softens = bool((np.linalg.eigvalsh(law.linearise(after).hessian) < 0.0).any())
-        stays = np.array_equal(law.clamp(before, after), after)
-        if softens and not problem.law.state_dependent:
-            if looks.due(stays):
-                found = _on_pieces(problem, u, solver, controls, workspace)
+        bent = bool((np.linalg.eigvalsh(law.linearise(after).hessian) < 0.0).any())
+        softens, leaves = vectors.largest(float(bent), float(_leaves(law, before, after))).tolist()
+        if softens and not dependent:
+            if looks.due(not leaves):
+                found = _on_pieces(problem, u, by, controls)
                 if found is not None:
                     return found
-        elif looks.due(stays) if problem.law.state_dependent else stays:
+        elif looks.due(not leaves) if dependent else not leaves:
             # On pieces where all laws harden there is no barrier: straight to the bottom, if it lies there.
-            there = solve(problem, solver, controls, initial=u, workspace=workspace)
-            if leads_on(there, controls) and np.array_equal(law.clamp(after, there.local), there.local):
+            there = by.solved(problem, u, controls)
+            stays = not vectors.largest(float(_leaves(law, after, there.local)))[0]
+            if _leads_on(there, controls) and stays:
                 return there
         u = _onward(problem, u, way)
     return replace(solution, problem=problem, residual=off, status=Status.STALLED)
 
 
-def leads_on(solution: Solution, controls: Controls) -> bool:
+def _leaves(law: VectorLaw, before: Array, after: Array) -> bool:
+    """Whether a contact point of this process is on another piece of its law than before."""
+    return not np.array_equal(law.clamp(before, after), after)
+
+
+def _leads_on(solution: Solution, controls: Controls) -> bool:
     """Whether a solve to the tight tolerance leads on: it has converged, or ended by itself below that of the step."""
     if solution.status is Status.CONVERGED:
         return True
@@ -214,31 +241,33 @@ def leads_on(solution: Solution, controls: Controls) -> bool:
 def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[float], bool], float] | None:
     """Whether the energy goes on to fall so many times the last step further, on the same pieces of all laws; and the
     steps that are a small part of where the body is. None where contact points do not move, or leave their kinks."""
-    r, bulk = problem.local(u), problem.bulk
+    r, bulk, vectors = problem.local(u), problem.bulk, problem.vectors
     slip = r - problem.local(u - way)
-    size = float(np.abs(slip).max(initial=0.0))
+    size, far = vectors.largest(float(np.abs(slip).max(initial=0.0)), float(np.abs(r).max(initial=0.0))).tolist()
     held = ~problem.law.linearise(r).smooth
     held = np.column_stack([held[:, :1], np.repeat(held[:, 1:], slip.shape[1] - 1, axis=1)])
-    if not size > 0.0 or (np.abs(slip[held]) > _RESTS * size).any():
+    moves = float(np.abs(slip[held]).max(initial=0.0))
+    if not size > 0.0 or vectors.largest(moves)[0] > _RESTS * size:
         return None
     slip = np.where(held, 0.0, slip)
+    linear = not isinstance(bulk, Potential)
     pull = -float(way @ problem.out_of_balance(u))
-    bend = float(way @ bulk.gradient(way)) if isinstance(bulk, Quadratic) else 0.0
+    bend = float(way @ bulk.gradient(way)) if linear else 0.0
     weights = problem.contact.weights[:, None]
 
     def against(times: float) -> float:
-        if isinstance(bulk, Quadratic):
+        if linear:
             return pull + times * bend
         return -float(way @ problem.out_of_balance(u + times * way))
 
     def falls(times: float) -> bool:
         there = r + times * slip
-        if not np.array_equal(problem.law.clamp(r, there), there):
+        if vectors.largest(float(_leaves(problem.law, r, there)))[0]:
             return False
         pushed = weights * problem.law.linearise(there).gradient
-        return against(times) + float((pushed * slip).sum()) < 0.0
+        return bool(vectors.total(against(times) + float((pushed * slip).sum()))[0] < 0.0)
 
-    return falls, _ONWARD * float(np.abs(r).max()) / size
+    return falls, _ONWARD * far / size
 
 
 def _onward(problem: DiscreteProblem, u: Array, way: Array) -> Array:
@@ -246,7 +275,8 @@ def _onward(problem: DiscreteProblem, u: Array, way: Array) -> Array:
 
     As far as the energy goes on to fall, on the same pieces of all laws, so that no barrier is crossed.
     """
-    further = None if problem.law.state_dependent else _further(problem, u, way)
+    dependent = problem.vectors.largest(float(problem.law.state_dependent))[0]
+    further = None if dependent else _further(problem, u, way)
     if further is None:
         return u
     (falls, most), times = further, 0.0
@@ -265,22 +295,17 @@ def _endless(problem: DiscreteProblem, u: Array, way: Array) -> bool:
     return step > 0.0 and further[0](_AWAY * float(np.ptp(problem.field.nodes, axis=0).max()) / step)
 
 
-def _on_pieces(
-    problem: DiscreteProblem, u: Array, solver: Solver | None, controls: Controls, workspace: Workspace
-) -> Solution | None:
+def _on_pieces(problem: DiscreteProblem, u: Array, by: Descent, controls: Controls) -> Solution | None:
     """The bottom of the pieces on which a place lies, where laws that soften leave the body stable there."""
-    method = solver if isinstance(solver, NonsmoothMultigrid) else NonsmoothMultigrid()
-    if not isinstance(problem.bulk, Quadratic) or method.refuse(problem) is not None:
-        return None
-    body = method.prepare(problem, workspace)
-    found = minimiser_on_pieces(method, body, u, controls)
+    method, body = by.multigrid, by.on_levels(problem)
+    found = None if body is None else _minimiser_on_pieces(method, body, u, controls)
     if found is None:
         return None
     x, multiplier, off = found
     return Solution(problem, x, multiplier, Status.CONVERGED, off, method.name, 1)
 
 
-def minimiser_on_pieces(
+def _minimiser_on_pieces(
     method: NonsmoothMultigrid, body: Body, u: Array, controls: Controls
 ) -> tuple[Array, Array, Residual] | None:
     """The bottom of the pieces on which a place lies, with its multiplier and residual; None if there is none there.

@@ -42,11 +42,21 @@ class BulkOnRanks:
 
     def gradient(self, u: Array) -> Array:
         """The internal forces, (n,)."""
-        return self.body.load - self.body.out_of_balance(u)
+        body = self.body
+        return body.multiply(u) if body.stored is None else body.load - body.out_of_balance(u)
 
     def hessian(self, u: Array) -> sp.csr_array:
         """Refused: the matrix is in PETSc."""
         raise MethodError("the stiffness of a body over ranks is in PETSc; multiply by it")
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of the stiffness, (n,) of this rank."""
+        return self.body.elastic.matrix_diagonal
+
+    def rounding_scale(self, u: Array, load: Array) -> float:
+        """Norm of the sizes of what is added up in the forces of all ranks."""
+        return float(self.body.vectors.norms(self.body.row_sums * np.abs(u) + np.abs(load))[0])
 
     @property
     def row_sums(self) -> Array:

@@ -11,12 +11,13 @@ import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.model import Model
 from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.assembly import _present, _with_facets_around, assemble
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
-from hemivar.engines.petsc.discrete_on_ranks import BulkOnRanks
+from hemivar.engines.petsc.discrete_on_ranks import BulkOnRanks, body_of
 from hemivar.engines.petsc.matrices import assembled, combined, row_sums
 from hemivar.engines.petsc.nodes import NodesOnRanks
 from hemivar.engines.petsc.pieces import Piece
@@ -243,14 +244,14 @@ class StepMatricesOnRanks(StepMatrices):
 
     def __init__(self, discrete: DiscreteEvolution) -> None:
         super().__init__(discrete)
-        self._resisted: tuple[object, float, BodyOnRanks] | None = None
+        self._resisted: tuple[BodyOnRanks, float, Model] | None = None
 
-    def slow(self, body: BodyOnRanks, resistance: float) -> BodyOnRanks:
-        """The body with a stiffness that is larger by a factor; the last one is kept."""
-        if self._resisted is None or self._resisted[0] is not body.elastic or self._resisted[1] != resistance:
-            matrix = combined(body.K, [(resistance, body.K)])
-            self._resisted = body.elastic, resistance, body.stiffened(matrix, body.supported)
-        return self._resisted[2]
+    def slower(self, problem: DiscreteProblem, resistance: float) -> DiscreteProblem:
+        body, known = body_of(problem), self._resisted
+        if known is None or known[0] is not body or known[1] != resistance:
+            stiffer = body.stiffened(combined(body.K, [(resistance, body.K)]), body.supported)
+            self._resisted = known = body, resistance, replace(problem.model, bulk=BulkOnRanks(stiffer))
+        return replace(problem, model=known[2], law_known=True)
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,14 +20,7 @@ from hemivar.engines.petsc.solve import Saved, solved_on_ranks
 from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.evolution import Scheme, SelectionRule
 from hemivar.evolution.data_in_time import StatedData
-from hemivar.evolution.descent import (
-    MAX_FLOW_STEPS,
-    TIGHT,
-    Backoff,
-    leads_on,
-    minimiser_on_pieces,
-    regularising_viscosity,
-)
+from hemivar.evolution.descent import Descent, downhill, slowed
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.stage import Stage
@@ -35,9 +28,9 @@ from hemivar.evolution.stage_solver import StageSolution, StageSolver
 from hemivar.evolution.step_operator import StepOperators
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.laws import VectorLaw
-from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Solver, Status
+from hemivar.solvers import Controls, Solution, Solver
 from hemivar.solvers.base import State
-from hemivar.solvers.status import STOPPED
+from hemivar.systems.body import Body
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["MarginsOnRanks", "StageSolverOnRanks", "stepper_on_ranks"]
@@ -107,64 +100,30 @@ class StageSolverOnRanks(StageSolver):
 
     def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule, size: float) -> StageSolution:
         problem, controls = stage.problem, self.controls.within(self.controls.rtol * size)
-        body = _body_of(problem)
-        start = body.start(None if initial is None else initial.unknowns)
+        start = np.zeros(problem.unknowns) if initial is None else initial.unknowns
         convexity_defect = self.convexity_defect(stage)
+        by = DescentOnRanks(self.solver, self.workspace, self.controls, self.alarm)
         if not 0.0 <= convexity_defect < math.inf:
-            return StageSolution(self._solved(problem, body, start, controls))
-        return StageSolution(self._downhill(problem, body, regularising_viscosity(convexity_defect), start, controls))
+            return StageSolution(by.solved(problem, start, controls))
+        return StageSolution(downhill(problem, slowed(self.bodies, problem, convexity_defect), start, by, controls))
 
-    def _solved(self, problem: DiscreteProblem, body: BodyOnRanks, start: Array, controls: Controls) -> Solution:
-        saved = Saved(State(start, body.multiplier(start)), ())
+
+@dataclass(frozen=True, eq=False)
+class DescentOnRanks(Descent):
+    """How the problems of a descent are solved over ranks."""
+
+    controls: Controls
+    alarm: Alarm
+
+    def solved(self, problem: DiscreteProblem, u: Array, controls: Controls) -> Solution:
+        body = _body_of(problem)
+        start = body.start(u)
         alarm = self.alarm.limited(min(self.controls.max_time, self.alarm.left))
+        saved = Saved(State(start, body.multiplier(start)), ())
         return solved_on_ranks(problem, body, self.solver, controls, alarm, saved)
 
-    def _downhill(
-        self, problem: DiscreteProblem, body: BodyOnRanks, resistance: float, u: Array, controls: Controls
-    ) -> Solution:
-        """Downhill from a place without a leap: steps against a resistance that leaves each of them one solution."""
-        ranks, law = self.discrete.ranks, body.law
-        tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
-        slow = self.bodies.slow(body, resistance)
-        looks = Backoff()
-        for _ in range(MAX_FLOW_STEPS):
-            before, here = body.local(u), body.load + resistance * body.multiply(u)
-            solution = self._solved(problem, slow.under(here, body.offset, law), u, tight)
-            u = solution.unknowns
-            off, onward = body.residual(u, solution.multiplier), leads_on(solution, controls)
-            solution = replace(solution, residual=off)
-            if off.below(controls.atol, controls.rtol) and solution.status not in STOPPED:
-                return replace(solution, status=Status.CONVERGED)
-            if not onward:
-                return solution
-            after = body.local(u)
-            softens = float((np.linalg.eigvalsh(law.linearise(after).hessian) < 0.0).any())
-            leaves = float(not np.array_equal(law.clamp(before, after), after))
-            softening, leaving = ranks.largest(softens, leaves).tolist()
-            if softening:
-                if looks.due(not leaving):
-                    found = self._bottom(problem, body, u, controls)
-                    if found is not None:
-                        return found
-                continue
-            if leaving:
-                continue
-            # On pieces where all laws harden there is no barrier: straight to the bottom, if it lies there.
-            there = self._solved(problem, body, u, controls)
-            reached = body.local(there.unknowns)
-            if not ranks.largest(float(not np.array_equal(law.clamp(after, reached), reached)))[0]:
-                return there
-        return replace(solution, status=Status.STALLED)
-
-    def _bottom(self, problem: DiscreteProblem, body: BodyOnRanks, u: Array, controls: Controls) -> Solution | None:
-        """The bottom of the pieces on which a place lies, if laws that soften leave the body stable there."""
-        inner = self.solver.inner if isinstance(self.solver, FixedPoint) else self.solver
-        method = inner if isinstance(inner, NonsmoothMultigrid) else NonsmoothMultigrid()
-        found = minimiser_on_pieces(method, body, u, controls)
-        if found is None:
-            return None
-        x, multiplier, off = found
-        return Solution(problem, x, multiplier, Status.CONVERGED, off, "petsc", 1)
+    def on_levels(self, problem: DiscreteProblem) -> Body | None:
+        return _body_of(problem)
 
 
 def _body_of(problem: DiscreteProblem) -> BodyOnRanks:
