@@ -84,8 +84,10 @@ def test_no_more_is_claimed_than_serially(folder: Path, name: str) -> None:
     discrete, reference = serial_of(folder / f"{name}.toml")
     serial = certify(discrete, reference.unknowns, reference.multiplier)
     assert found["unique"] is not True or serial.unique is True
-    if found["margin"] is not None and np.isfinite(serial.margin):
-        assert found["margin"] == pytest.approx(serial.margin, rel=1e-3)
+    margin = -np.inf if "margin" in found["minus_infinite"] else found["margin"]
+    assert margin == pytest.approx(serial.margin, rel=1e-3)
+    assert found["unique"] is (True if serial.unique is True else None)
+    assert found["coupling"] == pytest.approx(serial.smallness.coupling, rel=1e-3) or "coupling" in found["infinite"]
 
 
 @pytest.mark.parametrize("name", ["bilinear", "orthotropic"])

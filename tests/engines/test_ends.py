@@ -143,17 +143,21 @@ def test_claims_of_the_certificate(tmp_path: Path) -> None:
     for key in ("large", "sampled", "no time"):
         assert said[key]["unique"] is None, key
         assert said[key]["kind"] == "stationary", key
-        assert said[key]["error_bound"] is None, key
-        assert {"kind", "error bound"} <= set(said[key]["left_out"]), key
+        assert (said[key]["error_bound"] is None) == (key != "sampled"), key
+        assert ("error bound" in said[key]["left_out"]) == (key != "sampled"), key
+        assert "kind" in said[key]["left_out"], key
+    assert said["sampled"]["error_bound_sampled"] is True
     assert said["shown"]["kind"] == "unique minimiser"
-    assert said["shown"]["left_out"] == ["equilibrium", "trace constant"]
+    assert said["shown"]["left_out"] == ["trace constant"]
+    assert 0.0 < said["shown"]["equilibrium"] <= said["shown"]["error_bound"]
     assert said["no time"]["margin"] is None
     assert "margin" in said["no time"]["left_out"]
     assert "estimate" in said["large"]["method"]
     assert said["large"]["margin"] == pytest.approx(said["shown"]["margin"], abs=1e-3)
     assert said["sampled"]["alpha_sampled"] is True
-    assert said["nan"]["unique"] is None
-    assert said["nan"]["stationary"] is False
+    assert said["off"]["stationary"] is False
+    assert said["off"]["kind"] == "not stationary"
+    assert said["nan"] is None
     # a constant that is too small is found out
     assert said["too small"]["unique"] is None
     np.testing.assert_allclose(said["norms"], [5e200, 5e-200, 0.0, np.sqrt(2.0), np.inf])

@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import AnyArray, Array, BoolArray
 from hemivar.certificates.norms import EnergyNorm
-from hemivar.discrete.bulk import Quadratic
-from hemivar.discrete.potential import Potential
+from hemivar.discrete.bulk import Quadratic, Sized
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import StateBound, VectorLaw
@@ -33,6 +32,7 @@ from hemivar.laws.coupled import bounded
 __all__ = [
     "OPERATIONS",
     "Point",
+    "anywhere",
     "equilibrium_multiplier",
     "error_bound",
     "friction_bound",
@@ -107,7 +107,7 @@ class Point:
     def bulk(self) -> Quadratic:
         """The body; where it is not linear the linear one above it, for the sizes of its forces."""
         bulk = self.problem.bulk
-        if isinstance(bulk, Quadratic | Potential):
+        if isinstance(bulk, Sized):
             return bulk.upper
         return Quadratic(bulk.hessian(self.u))
 
@@ -181,6 +181,11 @@ def friction_bound(problem: DiscreteProblem, r: Array, lam: Array) -> Array:
     return np.asarray(bound.value(r[:, 0], lam[:, 0]))
 
 
+def anywhere(problem: DiscreteProblem, values: AnyArray) -> bool:
+    """Whether a value of any process is not zero or False; all processes ask together."""
+    return bool(problem.vectors.largest(float(np.any(values)))[0])
+
+
 def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> float:
     """Bound of ``|u - u*|_K`` for every solution u* of the discrete problem; inf if the margin is not positive.
 
@@ -189,14 +194,15 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
     if not (margin > 0.0 and point.energy.definite):
         return np.inf
     problem = point.problem
-    if problem.contact_points == 0:
+    counted = problem.vectors.total(problem.contact_points, int(point.active.sum()), problem.unknowns)
+    points, rows, unknowns = counted.tolist()
+    if points == 0:
         return _evaluate(point, point.u, np.zeros((0, problem.contact.components)), point.lam, margin)
     best = np.inf
     r = problem.local(point.u)
     tau = point.compliance
     scale = point.energy.norm(point.u)
-    rows = int(point.active.sum())
-    poor = _POOR[0] if rows * problem.unknowns <= _SMALL else _POOR[1]
+    poor = _POOR[0] if rows * unknowns <= _SMALL else _POOR[1]
     for given in (True, False):
         lam = point.lam if given else equilibrium_multiplier(problem, point.u)
         law = point.law(r, lam)
@@ -212,11 +218,12 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
 
 def _admissible(point: Point, base: Array, r: Array, lam: Array, margin: float, ceiling: Array | None = None) -> float:
     """The bound from the pair ``(base moved to r, element of dj(r) nearest to lam)``; inf if there is no such pair."""
-    if ceiling is not None and not bool((friction_bound(point.problem, r, lam) <= ceiling).all()):
+    problem = point.problem
+    if ceiling is not None and not bool((friction_bound(problem, r, lam) <= ceiling).all()):
         return np.inf
     law = point.law(r, lam)
     with np.errstate(invalid="ignore"):
-        if not np.isfinite(law.value(r)).all():
+        if problem.vectors.largest(float(not np.isfinite(law.value(r)).all()))[0]:
             return np.inf
         nearest = law.nearest_multiplier(r, lam)
     return _evaluate(point, base, r, nearest, margin)
@@ -226,14 +233,14 @@ def _evaluate(point: Point, base: Array, r: Array, lam: Array, margin: float) ->
     """``|u - v|_K + |f - K v - B'W lam|_{K^-1} / margin`` with v = ``base``, moved so that its trace is exactly r."""
     problem, energy = point.problem, point.energy
     v = base
-    if problem.contact_points and np.any(r != problem.local(base)):
+    if anywhere(problem, r != problem.local(base)):
         change = (r - problem.local(base)).ravel()
         moved = lift(problem.contact.trace, np.where(point.active.ravel(), change, 0.0), point.active.ravel())
         if moved is None:
             return np.inf
         v = base + moved
     distance = _distance(point, v) if v is not point.u else 0.0
-    if v is point.u and np.array_equal(lam, point.lam):
+    if v is point.u and not anywhere(problem, lam != point.lam):
         norm, doubt = point.imbalance[1], point.balance[1]
     else:
         rest, doubt = _nearby(point, v, lam)
@@ -243,9 +250,9 @@ def _evaluate(point: Point, base: Array, r: Array, lam: Array, margin: float) ->
 
 def _distance(point: Point, v: Array) -> float:
     """``|u - v|_K``, raised by what rounding can hide."""
-    step = point.u - v
+    step, norms = point.u - v, point.problem.vectors.norms
     size, longest = _rounding_size(point, step, np.zeros_like(v), np.zeros_like(point.lam))
-    hidden = longest * float(np.finfo(float).eps) * size * float(np.linalg.norm(np.sqrt(point.energy.diagonal) * step))
+    hidden = longest * float(np.finfo(float).eps) * size * float(norms(np.sqrt(point.energy.diagonal) * step)[0])
     return float(np.hypot(point.energy.norm(step), np.sqrt(hidden)))
 
 
@@ -254,7 +261,8 @@ def _nearby(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
     problem, (rest, doubt) = point.problem, point.balance
     step, change = v - point.u, problem.contact_force(lam - point.lam)
     size, longest = _rounding_size(point, step, np.zeros_like(v), lam - point.lam)
-    more = longest * float(np.finfo(float).eps) * (size + float(np.linalg.norm(rest / np.sqrt(point.energy.diagonal))))
+    left = float(problem.vectors.norms(rest / np.sqrt(point.energy.diagonal))[0])
+    more = longest * float(np.finfo(float).eps) * (size + left)
     if more > doubt or not (v is point.u or isinstance(problem.bulk, Quadratic)):
         return _out_of_balance(point, v, lam)
     moved = point.bulk.stiffness @ step if v is not point.u else 0.0
@@ -269,9 +277,7 @@ def _out_of_balance(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
     """
     problem, bulk, long = point.problem, point.bulk, np.longdouble
     if not isinstance(problem.bulk, Quadratic):
-        sizes = np.abs(problem.load)
-        if isinstance(problem.bulk, Potential):
-            sizes = sizes + problem.bulk.initial_sizes
+        sizes = np.abs(problem.load) + getattr(problem.bulk, "initial_sizes", 0.0)
         size, longest = _rounding_size(point, v, sizes, lam)
         rest = problem.out_of_balance(v) - problem.contact_force(lam)
         return rest, (longest + OPERATIONS) * float(np.finfo(float).eps) * size
@@ -291,11 +297,13 @@ def _rounding_size(point: Point, v: Array, load: Array, lam: Array) -> tuple[flo
     """
     problem, diagonal = point.problem, point.energy.diagonal
     transposed = sp.csr_array(problem.contact.trace.T)
-    longest = max(int(np.diff(matrix.indptr).max(initial=0)) for matrix in (point.bulk.stiffness, transposed)) + 4
+    seen = int(np.diff(transposed.indptr).max(initial=0))
     root = np.sqrt(diagonal)
     applied = np.abs(load) + abs(transposed) @ np.abs(problem.contact.weights[:, None] * lam).ravel()
-    spread = float((point.bulk.row_sums / diagonal).max(initial=0.0))
-    return spread * float(np.linalg.norm(root * v)) + float(np.linalg.norm(applied / root)), longest
+    own = float((point.bulk.row_sums / diagonal).max(initial=0.0))
+    spread, longest = problem.vectors.largest(own, float(max(point.bulk.longest, seen))).tolist()
+    moved, pressed = problem.vectors.norms(root * v, applied / root).tolist()
+    return spread * moved + pressed, int(longest) + 4
 
 
 def _product(matrix: sp.csr_array, x: NDArray[_Real]) -> NDArray[_Real]:

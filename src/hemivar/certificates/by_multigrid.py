@@ -165,6 +165,9 @@ class SolveByCycles:
     """
 
     factorised: ClassVar[bool] = False
+    method: str = "multigrid"
+    #: See :class:`Factorised`.
+    proves: bool = True
 
     def __init__(
         self, stiffness: Matrix, diagonal: Array, cycle: Callable[[Array], Array], vectors: Vectors = WHOLE

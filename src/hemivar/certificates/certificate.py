@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import Never, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
-from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, Record
-from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound
+from hemivar.certificates.bound import Point, anywhere, equilibrium_multiplier, error_bound
 from hemivar.certificates.distance_to_exact import DistanceToExact
 from hemivar.certificates.kind import LocalStudy, study
 from hemivar.certificates.linear_bodies import convex_body
@@ -40,7 +41,7 @@ from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["Certificate", "certify"]
+__all__ = ["Certificate", "certified", "certify"]
 
 _Part = TypeVar("_Part")
 
@@ -281,7 +282,7 @@ def certify(
     budget = Budget(max_time)
     kept = Workspace.given(workspace)
     energy = energy_norm(problem, kept) if factor is None else factor
-    if energy.stiffness.shape[0] != problem.unknowns:
+    if energy.diagonal.size != problem.unknowns:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
     if not energy.definite:
         refuse_indefinite(energy.indefinite)
@@ -295,7 +296,7 @@ def certify(
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
     with one_thread(not energy.factorised):
         point = Point(problem, energy, u, lam)
-        found = _known(_certified(point, tolerance, kept if trace_constant else None, budget, exact))
+        found = certified(point, tolerance, kept if trace_constant else None, budget, exact)
     if not exact:
         return found
     with IMPORTS:
@@ -368,17 +369,24 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
     return unknowns
 
 
-def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: Budget, exact: bool) -> Certificate:
-    """The certificate of a point, with the trace constant where a workspace is given, in space of the body if exact."""
-    problem, energy, u, lam = point.problem, point.energy, point.u, point.lam
+def certified(
+    point: Point, tolerance: float, kept: Workspace | None, budget: Budget, exact: bool = False
+) -> Certificate:
+    """The certificate of a point, with the trace constant where a workspace is given, in space of the body if exact.
+
+    Of a point over many processes what takes the whole matrix is left out, and that matrix looks at the budget.
+    """
+    problem, vectors = point.problem, point.problem.vectors
+    energy, u, lam = point.energy, point.u, point.lam
     m, r = problem.contact_points, problem.local(point.u)
     law = problem.law.frozen(r, lam) if m else None
     left_out: list[str] = []
 
     def in_time(name: str, work: Callable[[], _Part], instead: _Part) -> _Part:
         try:
-            with limited(budget):
-                check_time()
+            if vectors.largest(budget.due())[0]:
+                raise OutOfTime
+            with limited(budget) if energy.at_hand else nullcontext():
                 return work()
         except OutOfTime:
             left_out.append(name)
@@ -398,24 +406,27 @@ def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: B
         lambda: (point.imbalance[1], energy.least_dual_norm(problem.load)) if energy.definite else (np.inf, np.inf),
         (np.inf, np.inf),
     )
-    bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
+    proved = energy.by.proves
+    bound = in_time("error bound", lambda: error_bound(point, constants.margin) if proved else _unproved(), np.inf)
     nothing: _Classified = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
     kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
     if kept is not None:
         asked = constants
         constants = in_time("trace constant", lambda: with_survey(problem, asked, True, kept, exact), constants)
+    elif not energy.at_hand:
+        left_out.append("trace constant")
     size = energy.norm(u)
     deformed = deformation_of(problem, u)
     strained = None if deformed is None else deformed.warning
     inaccurate = None if stationary else inaccurate_law(problem, u, lam, found)
     with np.errstate(invalid="ignore"):
         off = law.distance(r, lam) if law is not None else np.zeros(0)
-    return Certificate(
+    certificate = Certificate(
         equilibrium=equilibrium,
         equilibrium_relative=_ratio(equilibrium, load_norm),
         inclusion=found.inclusion,
         inclusion_relative=_ratio(found.inclusion, found.scale),
-        inclusion_distance=float(off.max(initial=0.0)),
+        inclusion_distance=float(vectors.largest(float(off.max(initial=0.0)))[0]),
         residual=found,
         energy=problem.energy(u, lam),
         margin=constants.margin,
@@ -428,12 +439,18 @@ def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: B
         stationary=stationary,
         tolerance=tolerance,
         smallness=constants,
-        method="factorisation" if energy.factorised else "multigrid",
+        method=energy.by.method,
         seconds=budget.spent,
         warnings=tuple(said for said in (*problem.notes, strained, outside, inaccurate) if said),
         error_bound_sampled=constants.sampled or bool(constants.within),
         left_out=tuple(left_out),
     )
+    return _known(certificate)
+
+
+def _unproved() -> Never:
+    """What takes a proof, or the whole matrix, is left out where there is none."""
+    raise OutOfTime
 
 
 def _ratio(part: float, whole: float) -> float:
@@ -459,13 +476,13 @@ def _multiplier(problem: DiscreteProblem, u: Array) -> Array:
 def _classify(point: Point, constants: Smallness, stationary: bool) -> _Classified:
     problem = point.problem
     m = problem.contact_points
-    dependent = bool(m and problem.law.state_dependent)
-    unique: bool | None = True if one_solution(problem, constants) else None
+    dependent = anywhere(problem, bool(m and problem.law.state_dependent))
+    unique: bool | None = True if point.energy.by.proves and one_solution(problem, constants) else None
     if not stationary:
         return PointKind.NOT_STATIONARY, unique, None
     if unique:
         return PointKind.UNIQUE_SOLUTION if dependent else PointKind.UNIQUE_MINIMISER, True, None
-    local = study(point)
+    local = study(point) if point.energy.at_hand else _unproved()
     if constants.within and constants.margin > 0.0 and not constants.sampled:
         return local.kind, f"the only one with {constants.within}", local
     if dependent:

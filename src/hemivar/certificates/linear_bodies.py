@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.bulk import Quadratic, Sized
 from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
@@ -87,9 +87,10 @@ def lower_bound_by(problem: DiscreteProblem) -> str:
     Empty for a linear body.
     """
     bulk, origin = problem.bulk, problem.origin
-    if isinstance(bulk, Quadratic):
+    lower = bulk.lower if isinstance(bulk, Sized) else None
+    if lower is bulk:
         return ""
-    if not isinstance(bulk, Potential) or bulk.lower is None:
+    if lower is None:
         return UNKNOWN
     return STATED if origin is None or origin.kind else origin.material.bounds_by.value
 
@@ -113,7 +114,7 @@ def largest_strain(problem: DiscreteProblem, u: Array) -> float:
     square = np.einsum("mij,mij->m", strain, strain)
     if field.mesh.dim == 2:
         square += np.einsum("mii->m", strain) ** 2
-    return float(np.sqrt(square.max(initial=0.0)))
+    return float(problem.vectors.largest(float(np.sqrt(square.max(initial=0.0))))[0])
 
 
 def convex_body(problem: DiscreteProblem) -> bool:

@@ -50,6 +50,12 @@ class Solve(Protocol):
     @property
     def lowest(self) -> float: ...
 
+    @property
+    def method(self) -> str: ...
+
+    @property
+    def proves(self) -> bool: ...
+
     def multiply(self, v: Array) -> Array:
         """``K v``."""
         ...
@@ -77,6 +83,9 @@ class Factorised:
     """
 
     factorised: ClassVar[bool] = True
+    method: ClassVar[str] = "factorisation"
+    #: Whether eigenvalues are shown to be no larger, as far as the method goes.
+    proves: ClassVar[bool] = True
     vectors: ClassVar[Vectors] = WHOLE
 
     def __init__(self, stiffness: sp.csr_array, singular: bool = False) -> None:
@@ -193,6 +202,11 @@ class EnergyNorm:
     def factorised(self) -> bool:
         """Whether K is factorised; else what is found by multigrid is less accurate, on the safe side."""
         return self.by.factorised
+
+    @property
+    def at_hand(self) -> bool:
+        """Whether this process has all of K."""
+        return isinstance(self.by, Factorised | SolveByMultigrid)
 
     @property
     def stiffness(self) -> sp.csr_array:

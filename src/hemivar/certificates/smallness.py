@@ -13,10 +13,12 @@ import scipy.sparse as sp
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
-from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound, friction_bound
+from hemivar.certificates.bound import Point, anywhere, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
 from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, strain_reach
 from hemivar.certificates.norms import EnergyNorm, energy_norm, factorises
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_matrix
@@ -231,7 +233,8 @@ def with_survey(
 
     ``in_space`` tells whether to look for the c_gamma of the continuous problem in space, too.
     """
-    if problem.origin is None or not problem.contact_points:
+    known = problem.origin is not None and isinstance(problem.bulk, Quadratic | Potential)
+    if problem.origin is None or not known or not problem.contact_points:
         return constants
     m_a, stated = ellipticity(problem.origin), problem.origin
     material = stated.material
@@ -274,7 +277,7 @@ def unknown_constants(problem: DiscreteProblem) -> Smallness:
 def _bound_depends(problem: DiscreteProblem) -> bool:
     """Whether a friction bound depends on the state, beside a normal law that does not."""
     law = problem.law
-    return bool(problem.contact_points and law.state_dependent and not law.depends_on_whole_state)
+    return anywhere(problem, bool(problem.contact_points and law.state_dependent and not law.depends_on_whole_state))
 
 
 def largest_bounds(
@@ -287,6 +290,8 @@ def largest_bounds(
     within ``reach`` if that is finite.
     """
     m, d = problem.contact_points, problem.contact.components
+    if not problem.vectors.alone:
+        return np.full(m, np.inf)
     rate = np.broadcast_to(problem.law.lipschitz, (m,))
     own = bounded(problem.law)
     weakens = np.broadcast_to(own.friction.profile.weak_convexity, (m,)) > 0.0
@@ -350,14 +355,14 @@ def _constants(
         weight = np.zeros((m, d))
         weight[:, 0] = on_normal
         weight[:, 1:] = on_tangential[:, None]
-        if not np.any(weight):
+        if not anywhere(problem, weight):
             return 0.0
-        if energy is None or not (energy.definite and np.isfinite(weight).all()):
+        if energy is None or not energy.definite or anywhere(problem, ~np.isfinite(weight)):
             return np.inf
         return energy.largest_eigenvalue(problem.contact.trace, (w[:, None] * weight).ravel(), near).bound
 
     none = np.zeros(m)
-    both = bool(np.any(normal) and np.any(tangential))
+    both = anywhere(problem, normal) and anywhere(problem, tangential)
     c_normal: float | None = None
     c_tangential: float | None = None
     if both and energy is not None and not energy.factorised:
@@ -367,16 +372,21 @@ def _constants(
         c = top(normal, tangential) if both and np.isfinite(c_normal + c_tangential) else max(c_normal, c_tangential)
     slips = bool(d > 1 and np.any(seen_normal & seen_tangential))
     coupling = 0.0
-    if np.any(coupling_weight) and law.depends_on_whole_state:
+    if anywhere(problem, coupling_weight) and anywhere(problem, bool(m and problem.law.depends_on_whole_state)):
         coupling = top(coupling_weight, coupling_weight)
-    elif np.any(coupling_weight):
+    elif anywhere(problem, coupling_weight):
         coupling = float(np.sqrt(top(coupling_weight, none)) * np.sqrt(top(none, coupling_weight)))
-    alpha_normal, alpha_tangential = float(normal.max(initial=0.0)), float(tangential.max(initial=0.0))
-    m_alpha, m_l = max(alpha_normal, alpha_tangential), float(coupling_weight.max(initial=0.0))
+    largest = problem.vectors.largest(
+        *(float(values.max(initial=0.0)) for values in (normal, tangential, coupling_weight)),
+        float(sampled),
+        float(slips and problem.law.lipschitz_sampled),
+    )
+    alpha_normal, alpha_tangential, m_l, sampled, sampled_rate = largest.tolist()
+    m_alpha = max(alpha_normal, alpha_tangential)
     return Smallness(
         alpha_normal=alpha_normal,
         alpha_tangential=alpha_tangential,
-        alpha_sampled=sampled,
+        alpha_sampled=bool(sampled),
         m_alpha=m_alpha,
         m_L=m_l,
         m_A=None,
@@ -389,7 +399,7 @@ def _constants(
         coupling=coupling,
         contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
         margin=_margin(energy, c, coupling),
-        m_L_sampled=slips and problem.law.lipschitz_sampled,
+        m_L_sampled=bool(sampled_rate),
         stiffness_by=stiffness_by,
         reach_strain=strain_reach(problem),
     )
@@ -439,7 +449,7 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
             why = f"{outside}: whether there are other solutions is not known; give the material a larger reach"
             return replace(constants, margin=-np.inf), why
     m, d = problem.contact_points, problem.contact.components
-    if not (m and constants.alpha_sampled):
+    if not (m and constants.alpha_sampled and problem.vectors.alone):
         return constants, ""
     r, law = problem.local(point.u), problem.law
     limits = (law.alpha_reach[0], law.alpha_reach[1] if d > 1 else np.inf)

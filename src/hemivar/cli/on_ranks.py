@@ -294,7 +294,7 @@ def print_head_on_ranks(stated: ProblemFile, body: BodyOnRanks, levels: int) -> 
     print(f"method            petsc: nonsmooth multigrid, with the cycles of PETSc{inside}", flush=True)
 
 
-def _print_summary(solution: Solution, certificate: Certificate) -> None:
+def _print_summary(solution: Solution, certificate: Certificate | None) -> None:
     """Print on rank 0 what was found."""
     body, contact, deformed = body_of(solution.problem), solution.contact, solution.deformation
     forces, energy, normal_force = solution.force, solution.energy, solution.normal_force  # which all ranks make
@@ -318,19 +318,8 @@ def _print_summary(solution: Solution, certificate: Certificate) -> None:
         print(f"warning           {deformed.warning}")
     if solution.status is not Status.CONVERGED:
         print(f"what to do        {solution.status.remedy}")
-    if certificate.smallness.alpha_sampled:
-        print("note              alpha of a law is not proved for all penetrations: nothing is claimed of uniqueness")
-    unique = "the only solution" if certificate.unique else "uniqueness not known"
-    kind = "not known" if "kind" in certificate.left_out else certificate.kind.value
-    print(f"kind              {kind}; {unique}")
-    estimate = ", an estimate from above" if certificate.method == ESTIMATE else ""
-    unknown = "margin" in certificate.left_out
-    print(f"margin            {'not known' if unknown else format(certificate.margin, '.4g') + estimate}")
-    if math.isfinite(certificate.error_bound):
-        bound, relative = certificate.error_bound, certificate.error_bound_relative
-        print(f"distance          at most {bound:.2e}, relative {relative:.1e}, to the exact discrete solution")
-    if certificate.smallness.stiffness_by:
-        print(f"body              {lower_bound_words(certificate.smallness.stiffness_by)}")
+    if certificate is not None:
+        _print_certificate(certificate)
     if body.contact_points == 0:
         return
     print(f"normal force      {normal_force:.6g}")
@@ -341,3 +330,20 @@ def _print_summary(solution: Solution, certificate: Certificate) -> None:
         *extreme_rows(*top.tolist(), Units()),
     ]
     print("\n".join(Summary(tuple(rows)).lines()))
+
+
+def _print_certificate(certificate: Certificate) -> None:
+    """Print what is known of a solution."""
+    if certificate.smallness.alpha_sampled:
+        print("note              alpha of a law is not proved for all penetrations: nothing is claimed of uniqueness")
+    kind = "not known" if "kind" in certificate.left_out else certificate.kind.value
+    print(f"kind              {kind}; {certificate.uniqueness}")
+    estimate = ", an estimate" if certificate.method == ESTIMATE else ""
+    unknown = "margin" in certificate.left_out
+    print(f"margin            {'not known' if unknown else format(certificate.margin, '.4g') + estimate}")
+    if math.isfinite(certificate.error_bound):
+        bound, relative = certificate.error_bound, certificate.error_bound_relative
+        most = "about" if certificate.error_bound_sampled else "at most"
+        print(f"distance          {most} {bound:.2e}, relative {relative:.1e}, to the exact discrete solution")
+    if certificate.smallness.stiffness_by:
+        print(f"body              {lower_bound_words(certificate.smallness.stiffness_by)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import InitVar, dataclass
 from typing import Protocol, runtime_checkable
 
@@ -58,22 +59,31 @@ class Bulk(Protocol):
         ...
 
 
-@runtime_checkable
-class Sized(Protocol):
-    """A bulk that knows the sizes of its forces: a :class:`Quadratic`, a potential, or a body over ranks."""
+class Sized(ABC):
+    """A bulk that knows the sizes of its forces, and the linear bodies below and above it."""
 
     @property
+    @abstractmethod
     def diagonal(self) -> Array:
         """Diagonal of the stiffness (n,), at rest."""
-        ...
 
+    @property
+    @abstractmethod
+    def lower(self) -> Quadratic | None:
+        """The linear body by which this one is strongly monotone, itself if it is linear; None where none is known."""
+
+    @property
+    @abstractmethod
+    def upper(self) -> Quadratic:
+        """The linear body above, itself if it is linear."""
+
+    @abstractmethod
     def rounding_scale(self, u: Array, load: Array) -> float:
         """Norm of the sizes of what is added up in ``f - K u``, entry by entry."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
-class Quadratic(PickleMixin):
+class Quadratic(PickleMixin, Sized):
     """Stored energy of a linear elastic body: ``1/2 u'K u``.
 
     Parameters
@@ -130,6 +140,11 @@ class Quadratic(PickleMixin):
             part = np.abs(K.data[bounds[0] : bounds[-1]])
             sums[start : start + len(bounds) - 1] = np.add.reduceat(part, bounds[:-1] - bounds[0])
         return sums
+
+    @property
+    def longest(self) -> int:
+        """Most entries in a row of the stiffness."""
+        return int(np.diff(self.stiffness.indptr).max(initial=0))
 
     def value(self, u: Array) -> float:
         """``1/2 u'K u``."""

@@ -13,7 +13,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
-from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.bulk import Quadratic, Sized
 from hemivar.discrete.operators import combined
 from hemivar.errors import ProblemError
 from hemivar.linear.products import diagonal
@@ -137,7 +137,7 @@ class SumEnergy(PickleMixin):
 
 
 @dataclass(frozen=True, eq=False)
-class Potential(PickleMixin):
+class Potential(PickleMixin, Sized):
     """Stored energy of a body that is not linear, a :class:`Bulk`: ``W(u) - W(0) - W'(0) u``.
 
     What is taken away, which prescribed displacements leave, belongs to load and constant of the loading, as for a

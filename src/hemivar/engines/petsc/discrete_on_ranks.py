@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
+from hemivar.discrete.bulk import Sized
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
@@ -22,7 +24,7 @@ __all__ = ["BulkOnRanks", "FieldOnRanks", "body_of", "problem_of"]
 
 
 @dataclass(frozen=True, eq=False)
-class BulkOnRanks:
+class BulkOnRanks(Sized):
     """The stored energy of a body over ranks: a :class:`hemivar.discrete.Bulk` whose arrays are those of this rank."""
 
     body: BodyOnRanks
@@ -57,6 +59,29 @@ class BulkOnRanks:
     def rounding_scale(self, u: Array, load: Array) -> float:
         """Norm of the sizes of what is added up in the forces of all ranks."""
         return float(self.body.vectors.norms(self.body.row_sums * np.abs(u) + np.abs(load))[0])
+
+    @cached_property
+    def lower(self) -> BulkOnRanks | None:  # type: ignore[override]
+        """The linear body of C_low, itself if it is linear; None where none is known."""
+        low = self.body.below_all()
+        return self if low is self.body else low and BulkOnRanks(low)
+
+    @cached_property
+    def upper(self) -> BulkOnRanks:  # type: ignore[override]
+        """The linear body of C_up, itself if it is linear."""
+        above = self.body.above_all()
+        return self if above is self.body else BulkOnRanks(above)
+
+    @property
+    def longest(self) -> int:
+        """Most entries in a row of the stiffness."""
+        return int(np.diff(self.body.K.getValuesCSR()[0]).max(initial=0))
+
+    @property
+    def initial_sizes(self) -> Array:
+        """Sizes of the forces under the prescribed displacements alone, (n,)."""
+        stored = self.body.stored
+        return np.zeros(self.unknowns) if stored is None else np.abs(stored.initial_forces)
 
     @property
     def row_sums(self) -> Array:

@@ -9,13 +9,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hemivar.basics.deadline import OutOfTime
 from hemivar.basics.types import Array
+from hemivar.certificates import EnergyNorm
+from hemivar.certificates.smallness import smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
-from hemivar.engines.petsc.certificate import _margin
+from hemivar.engines.petsc.certificate import CyclesOnRanks
 from hemivar.engines.petsc.discrete_on_ranks import body_of
 from hemivar.engines.petsc.evolution import EvolutionOnRanks, StepMatricesOnRanks
-from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.solve import Saved, solved_on_ranks
 from hemivar.engines.petsc.time_limit import Alarm
 from hemivar.evolution import Scheme, SelectionRule
@@ -68,7 +70,7 @@ class StageSolverOnRanks(StageSolver):
     alarm: Alarm = field(kw_only=True)
 
     def constant(self, stage: Stage, law: VectorLaw) -> float:
-        """The largest eigenvalue c of ``(B'W diag(alpha) B, K)`` as :func:`certify_on_ranks` finds it; nan if not."""
+        """The constant c of a stage, as :func:`certify_on_ranks` finds it; nan where the time did not suffice."""
         ranks, problem = self.discrete.ranks, stage.problem
         alphas = [np.asarray(alpha) for alpha in law.weak_convexity] if problem.contact_points else []
         (softest,) = ranks.largest(max((float(alpha.max(initial=0.0)) for alpha in alphas), default=0.0)).tolist()
@@ -79,12 +81,13 @@ class StageSolverOnRanks(StageSolver):
         own = hashlib.sha256(b"".join(np.broadcast_to(alpha, shape).tobytes() for alpha in alphas)).digest()
 
         def found() -> float:
-            body = _body_of(problem)
-            cycle = Multigrid(body)
-            cycle.build(np.zeros(body.unknown.size, dtype=bool), np.zeros((*body.active.shape, body.dim)))
-            margin = _margin(body, cycle, self.alarm) if body.supported else None
-            cycle.release()
-            return math.nan if margin is None else margin.constant
+            by = CyclesOnRanks(_body_of(problem), self.alarm, examined=False)
+            try:
+                return smallness(problem.with_(law=law), factor=EnergyNorm(by), trace_constant=False).constant
+            except OutOfTime:
+                return math.nan
+            finally:
+                by.release()
 
         return stage.operator.constants.once(tuple(ranks.mpi.allgather(own)), found)
 
