@@ -24,10 +24,11 @@ from hemivar.evolution import (
     Scheme,
     Touch,
 )
+from hemivar.laws.coupled import BilinearCohesion, MixedMode
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import Controls
 
-__all__ = ["CASES", "ENDING", "Case"]
+__all__ = ["CASES", "COUPLED", "ENDING", "Case"]
 
 _RTOL = Controls(rtol=1e-12)
 
@@ -284,6 +285,81 @@ def _rested(mesh: Mesh, push: Callable[[float], float] = lambda t: 0.2 + 0.1 * t
         )
     )
 
+
+def _pulled(x: Array, t: float) -> Array:
+    """A support that is pulled off and along, and goes back a way."""
+    far = min(t, 0.8 - 0.5 * t)
+    return np.stack([0.03 * far + 0.0 * x[:, 0], 0.04 * far + 0.0 * x[:, 0]], axis=1)
+
+
+def _glued(mesh: Mesh, remembers: bool = True) -> Evolution:
+    """A block on mixed-mode glue, which remembers how far it was opened or does not, beside a foundation with friction
+    that not every rank has."""
+    glue = MixedMode(BilinearCohesion(strength=0.05, energy=0.004, stiffness=5.0), ratio=1.5)
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.young(10.0, 0.3),
+            supports={"top": hv.Prescribed(_pulled)},
+            contact={
+                "bottom": hv.Contact(glue) if remembers else hv.Contact(glue, memory=()),
+                "right": hv.Contact(hv.Compliance(5.0), hv.Tresca(0.002), gap=-0.001),
+            },
+        )
+    )
+
+
+def _grained(mesh: Mesh) -> Evolution:
+    """A cube that is dragged over a foundation with orthotropic friction."""
+    rubs = hv.laws.OrthotropicFriction(0.05, 0.4, axis=(1.0, 1.0, 0.0))
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0),
+            supports={"left": hv.Clamped()},
+            body_force=lambda x, t: np.array([-0.5 * t, -0.4 * t * t, -0.5]) + 0.0 * x,
+            contact={"bottom": hv.Contact(hv.Compliance(10.0), rubs)},
+        )
+    )
+
+
+def _bonded(mesh: Mesh, memory: hv.laws.Memory | None = None) -> Evolution:
+    """A block pulled off and along a bond, pressed before, whose memory makes opening and slip act together."""
+    glue = hv.Adhesive(24.0, 0.3, 6.0, 72.0)
+    remembers = hv.laws.Secant(friction=0.4) if memory is None else memory
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.young(10.0, 0.3),
+            supports={"top": hv.Prescribed(_pressed)},
+            contact={"bottom": hv.Contact(glue if memory is None else hv.Compliance(72.0), memory=(remembers,))},
+        )
+    )
+
+
+def _pressed(x: Array, t: float) -> Array:
+    """A support that goes along, up, and down again."""
+    return np.stack([0.05 * t + 0.0 * x[:, 0], 0.04 * np.sin(4.0 * t) + 0.0 * x[:, 0]], axis=1)
+
+
+#: Laws that couple opening and slip.
+COUPLED = {
+    "glue": Case(lambda times: hv.rectangle((1.0, 0.5), (8, 4)), _glued, 1.0, options={"step": 0.1}),
+    "glue that forgets": Case(
+        lambda times: hv.rectangle((1.0, 0.5), (8, 4)), lambda mesh: _glued(mesh, remembers=False), 1.0,
+        options={"step": 0.1},
+    ),
+    "glue with friction": Case(
+        lambda times: hv.rectangle((1.0, 0.5), (8, 4)), _bonded, 1.0, options={"step": 0.05}
+    ),
+    "plastic bond": Case(
+        lambda times: hv.rectangle((1.0, 0.5), (8, 4)),
+        lambda mesh: _bonded(mesh, hv.laws.PlasticBond(24.0, 12.0, 0.01, 0.05, 3.0)), 1.0, options={"step": 0.05},
+    ),
+    "orthotropic friction": Case(
+        lambda times: hv.box((1.0, 1.0, 1.0), (4, 4, 4)), _grained, 1.0, options={"step": 0.2}
+    ),
+}  # fmt: skip
 
 CASES = {
     # a coarser mesh below, and a support that moves

@@ -14,7 +14,7 @@ from hemivar.engines.petsc.evolution import EvolutionOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks_advance import DescentOnRanks
 from hemivar.evolution import Checkpoint
-from tests.engines.evolutions import CASES, ENDING
+from tests.engines.evolutions import CASES, COUPLED, ENDING
 
 parser = argparse.ArgumentParser()
 parser.add_argument("cases", nargs="+")
@@ -45,7 +45,7 @@ ranks = world()
 with all_or_none(ranks):
     said: dict[str, Any] = {}
     for name in given.cases:
-        case = (CASES | ENDING)[name]
+        case = (CASES | COUPLED | ENDING)[name]
         pieces = family(ranks, case.mesh, case.halvings)
         kept = None if given.checkpoint is None else Checkpoint(given.checkpoint, 0.0)
         plan = case.plan(checkpoint=kept, resume=given.resume)

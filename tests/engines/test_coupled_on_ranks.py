@@ -12,7 +12,6 @@ import pytest
 from hemivar.certificates import certify
 from hemivar.files import write_json
 from tests.engines.against_serial import plan, record_of, serial_of
-from tests.engines.running import mpirun
 
 pytest.importorskip("petsc4py")
 pytest.importorskip("mpi4py")
@@ -88,14 +87,3 @@ def test_no_more_is_claimed_than_serially(folder: Path, name: str) -> None:
     assert margin == pytest.approx(serial.margin, rel=1e-3)
     assert found["unique"] is (True if serial.unique is True else None)
     assert found["coupling"] == pytest.approx(serial.smallness.coupling, rel=1e-3) or "coupling" in found["infinite"]
-
-
-@pytest.mark.parametrize("name", ["bilinear", "orthotropic"])
-def test_in_time_they_are_refused_in_one_sentence(tmp_path: Path, name: str) -> None:
-    problem = tmp_path / "p.toml"
-    problem.write_text(CASES[name] + "[time]\nuntil = 1.0\nstep = 0.5\n", encoding="utf-8")
-    done = mpirun(2, "-m", "hemivar", "march", problem, "--engine", "petsc", "-q")
-    lines = [line for line in done.stderr.splitlines() if line.startswith("hemivar:")]
-    assert done.returncode == 2, done.stderr
-    assert len(lines) == 1, lines
-    assert "a march in time" in lines[0]

@@ -15,7 +15,7 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array
 from hemivar.evolution import History
 from hemivar.evolution.march import marching
-from tests.engines.evolutions import CASES, ENDING
+from tests.engines.evolutions import CASES, COUPLED, ENDING
 from tests.engines.running import mpirun
 
 pytest.importorskip("petsc4py")
@@ -38,7 +38,7 @@ def _over_ranks(ranks: int, *arguments: str) -> dict[str, Any]:
 
 @cache
 def _serial(name: str) -> History:
-    case = (CASES | ENDING)[name]
+    case = (CASES | COUPLED | ENDING)[name]
     return result_of(marching(case.state(case.mesh(0)), case.plan()))
 
 
@@ -57,7 +57,11 @@ def _agree(found: Array, wanted: Array, what: str) -> None:
     ("name", "ranks"), [*((name, 2) for name in CASES), ("thrown", 1), ("block", 3), ("thrown", 3), ("cube", 3)]
 )
 def test_the_march_is_the_serial_one(name: str, ranks: int) -> None:
-    serial, said = _serial(name), _over_ranks(ranks, *(CASES if ranks == 2 else [name]))[name]
+    _ends_as_in_serial(name, _over_ranks(ranks, *(CASES if ranks == 2 else [name]))[name])
+
+
+def _ends_as_in_serial(name: str, said: dict[str, Any]) -> None:
+    serial = _serial(name)
     assert said["ended"] == serial.ended == "finished"
     discrete, moment = serial.discrete, serial.moment
     mesh, contact = discrete.field.mesh, discrete.problem.contact
@@ -81,7 +85,22 @@ def test_the_march_is_the_serial_one(name: str, ranks: int) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_the_table_is_the_serial_one(name: str) -> None:
     """Energies against the largest of them: what is lost in one step is small beside what is there."""
-    serial, said = _serial(name), _over_ranks(2, *CASES)[name]
+    _tells_as_in_serial(name, _over_ranks(2, *CASES)[name])
+
+
+@pytest.mark.parametrize("name", COUPLED)
+def test_laws_that_couple_opening_and_slip_march_as_in_serial(name: str) -> None:
+    """Some ranks have no part of the foundation whose law does so."""
+    said, serial = _over_ranks(3, *COUPLED)[name], _serial(name)
+    _ends_as_in_serial(name, said)
+    _tells_as_in_serial(name, said)
+    # glue was opened beyond its strength and went back along the secant, bonds broke
+    assert (serial.ledger["memory"] > 1e-4) == (name in ("glue", "glue with friction", "plastic bond"))
+    assert np.abs(serial["friction_force"]).max() > 1e-3
+
+
+def _tells_as_in_serial(name: str, said: dict[str, Any]) -> None:
+    serial = _serial(name)
     assert tuple(said["columns"]) == serial.columns
     table = dict(zip(said["columns"], map(np.array, said["table"]), strict=True))
     assert len(table["time"]) == len(serial.rows)

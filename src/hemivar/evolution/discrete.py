@@ -144,8 +144,9 @@ class DiscreteEvolution(PickleMixin):
 
     @cached_property
     def breakable(self) -> int:
-        """How many bonds may break in a step, one after the other."""
-        return sum(index.size for name, index in self.blocks if MemoryChain(self.contacts[name].remembers).couples)
+        """How many bonds of all processes may break in a step, one after the other."""
+        own = sum(index.size for name, index in self.blocks if MemoryChain(self.contacts[name].remembers).couples)
+        return int(self.vectors.total(own)[0])
 
     def _whether(self, chosen: Callable[[VectorLaw], bool]) -> BoolArray:
         found = np.zeros(self.problem.contact_points, dtype=bool)

@@ -91,6 +91,8 @@ def healing(discrete: DiscreteEvolution, before: TimeState, after: TimeState) ->
 
 
 def _closes(discrete: DiscreteEvolution, index: IntArray, before: TimeState, after: TimeState) -> bool:
+    if not index.size:
+        return False
     law, places = discrete.problem.law.take(index), [state.local.displacement[index] for state in (before, after)]
     old, new = (law.debonding(r)["damage"] for r in places)
     return bool((law.past_peak(places[0]) & (new < old - _HEALS)).any())

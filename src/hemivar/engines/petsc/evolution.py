@@ -32,7 +32,7 @@ from hemivar.fem.dynamics import moved_components
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.mass import body_blocks, inertia, mass_blocks
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.laws import ContactLaw, separable
+from hemivar.laws import VectorLaw
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -217,16 +217,14 @@ class EvolutionOnRanks(DiscreteEvolution):
         load = self.frame.reduced(nodes.summed(nodes.along(ranks.agree(forces).reshape(nodes.free.shape))))
         if not stated.time_dependent & {"supports", "gap", "law"}:
             prescribed, loading = self._prescribed(self.body.prescribed), self.problem.loading
-            return ExternalData(
-                load, prescribed, loading.offset, separable(loading.law, "a march in time"), dampings(stated)
-            )
+            return ExternalData(load, prescribed, loading.offset, loading.law, dampings(stated))
 
-        def conditions() -> tuple[Array, ContactLaw, Array]:
+        def conditions() -> tuple[Array, VectorLaw, Array]:
             nodal = nodal_conditions(_present(self.state(self.skin).body.at_time(time)))
             inside = np.zeros(self.skin.number_of_nodes, dtype=bool)
             inside[: self.body.owned.size] = self.body.owned
             _, offset, law, _ = nodal.contact(inside)
-            return offset, separable(law, "a march in time"), nodal.supports.value[: self.body.owned.size]
+            return offset, law, nodal.supports.value[: self.body.owned.size]
 
         offset, law, prescribed = ranks.agree(conditions)
         return ExternalData(load, self._prescribed(prescribed), offset, law, dampings(stated.at_time(time)))

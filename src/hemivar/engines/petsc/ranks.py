@@ -74,10 +74,11 @@ class Ranks:
         return self._reduce([np.inf if np.isnan(value) else value for value in values], MPI.MAX)
 
     def norms(self, *vectors: Array) -> Array:
-        """Euclidean norms of vectors of which each rank has a part, without overflow or underflow on the way.
+        """Euclidean norms of arrays of which each rank has a part, without overflow or underflow on the way.
 
         They are not finite only where an entry is not, or the norm itself is too large for a number.
         """
+        vectors = tuple(v.ravel() for v in vectors)
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
             squares = self.total(*(float(v @ v) for v in vectors))
             if ((squares > _TINY) & (squares < _HUGE)).all():

@@ -25,7 +25,6 @@ from hemivar.evolution.march import Backend, marching, refuse_plan
 from hemivar.evolution.save import PROBED, nearest_cell, probe_outside, probe_point
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.time_error import TimeBound
-from hemivar.laws import MemoryChain, separable
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid, as_method
 
@@ -66,13 +65,6 @@ def prepare_march(
                 "the engine 'petsc' marches linear bodies only, and this material is not linear; leave --engine out, "
                 "or solve for one load, hemivar solve --engine petsc"
             )
-        for name, contact in evolution.body.contact.items():
-            separable(contact.law, "a march in time")
-            if MemoryChain(contact.remembers).couples:
-                raise MethodError(
-                    f"the memory of contact '{name}' makes opening and slip act together, which the engine 'petsc' "
-                    "does not march; leave --engine out"
-                )
         refuse_plan(evolution, plan)
         _refuse(plan)
 
