@@ -354,7 +354,7 @@ COUPLED = {
     ),
     "plastic bond": Case(
         lambda times: hv.rectangle((1.0, 0.5), (8, 4)),
-        lambda mesh: _bonded(mesh, hv.laws.PlasticBond(24.0, 12.0, 0.01, 0.05, 3.0)), 1.0, options={"step": 0.05},
+        lambda mesh: _bonded(mesh, hv.laws.PlasticBond(24.0, 12.0, 0.006, 0.05, 3.0)), 1.0, options={"step": 0.05},
     ),
     "orthotropic friction": Case(
         lambda times: hv.box((1.0, 1.0, 1.0), (4, 4, 4)), _grained, 1.0, options={"step": 0.2}
