@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -120,7 +121,7 @@ def gradient(problem: ContactProblem, values: Array) -> tuple[Array, Array]:
     return slope, problem.material.stress(_centroids(mesh), slope, region_masks(mesh))
 
 
-def nodal_average(source: FieldSource | Mesh, values: Array) -> Array:
+def nodal_average(source: FieldSource | Mesh, values: Array, summed: Callable[[Array], Array] | None = None) -> Array:
     """Averages at the nodes of values on the cells, weighted by the cell volumes.
 
     Parameters
@@ -128,6 +129,8 @@ def nodal_average(source: FieldSource | Mesh, values: Array) -> Array:
     source : Field, ContactProblem or Mesh
         A mesh means its vertices.
     values : array, shape (M, ...)
+    summed : function, optional
+        Adds what other processes have of sums (nodes, k) at the nodes of a part of a mesh.
 
     Returns
     -------
@@ -147,12 +150,14 @@ def nodal_average(source: FieldSource | Mesh, values: Array) -> Array:
     count = len(mesh.nodes(order))
     repeated = cells.ravel()
     volume = np.repeat(mesh.volumes, cells.shape[1])
-    total = np.bincount(repeated, weights=volume, minlength=count)
     flat = values.reshape(len(values), -1)
-    result = np.empty((count, flat.shape[1]))
-    for k, column in enumerate(flat.T):
-        weights = volume * np.repeat(column, cells.shape[1])
-        result[:, k] = np.bincount(repeated, weights=weights, minlength=count) / total
+    sums = np.empty((count, 1 + flat.shape[1]))
+    sums[:, 0] = np.bincount(repeated, weights=volume, minlength=count)
+    for k, column in enumerate(flat.T, start=1):
+        sums[:, k] = np.bincount(repeated, weights=volume * np.repeat(column, cells.shape[1]), minlength=count)
+    if summed is not None:
+        sums = summed(sums)
+    result = sums[:, 1:] / sums[:, :1]
     return result.reshape(count, *values.shape[1:])
 
 

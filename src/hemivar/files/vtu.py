@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -30,9 +30,10 @@ from hemivar.solvers.boundary_result import ContactValues
 __all__ = [
     "CELL_TYPES",
     "WHOLE",
+    "body_fields",
     "contact_quantities",
+    "field_data",
     "region_numbers",
-    "symmetric_stress",
     "three_components",
     "write_grid",
     "write_vtu",
@@ -108,7 +109,7 @@ def write_vtu(
         )
     mesh, nodes = field.mesh, field.nodes
     scalar = problem.origin is not None and problem.origin.kind is not None
-    point_data, own = (_scalar_fields if scalar else _body_fields)(solution)
+    point_data, own = (_scalar_fields if scalar else body_fields)(solution)
     cell_data: dict[str, Array] = {"region": region_numbers(mesh), **own, **_checked(mesh, cell_values)}
     boundaries = [] if scalar else contact_boundaries(problem)
     quantities = contact_quantities(solution) if boundaries or (scalar and problem.contact.count) else {}
@@ -127,7 +128,7 @@ def write_vtu(
             point_data[name][used[~held]] = values[~held]
         blocks.insert(0, (boundary, data))
     kind = {CELL_TYPES[mesh.dim, field.order]: mesh.cell_nodes(field.order)}
-    write_grid(path, three_components(nodes), kind, point_data, cell_data, _told(solution))
+    write_grid(path, three_components(nodes), kind, point_data, cell_data, field_data(solution))
     if not boundaries:
         return path, None
     second = path.with_name(f"{path.stem}_contact.vtu")
@@ -135,7 +136,7 @@ def write_vtu(
     return path, second
 
 
-def _told(solution: Solution | Snapshot) -> dict[str, float]:
+def field_data(solution: Solution | Snapshot) -> dict[str, float]:
     """What a file says of the whole: numbers of boundaries, the time of forces, and whether this is no equilibrium."""
     names: dict[str, float] = {f"boundary {name}": number for number, name in enumerate(solution.problem.contact.names)}
     if isinstance(solution, Snapshot):
@@ -143,8 +144,10 @@ def _told(solution: Solution | Snapshot) -> dict[str, float]:
     return names if solution.status is Status.CONVERGED else {**names, f"NOT A SOLUTION: {solution.status.value}": 1}
 
 
-def _body_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Point data and cell data of a body."""
+def body_fields(
+    solution: Solution | Snapshot, summed: Callable[[Array], Array] | None = None
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Point data and cell data of a body; ``summed`` as in :func:`hemivar.fem.nodal_average`."""
     stated = solution.problem.origin
     point_data: dict[str, Array] = {"displacement": three_components(solution.displacement)}
     cell_data: dict[str, Array] = {}
@@ -153,8 +156,8 @@ def _body_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[
         if solution.temperature is not None:
             point_data["temperature"] = solution.temperature
     if stated is not None:
-        tensor = symmetric_stress(stated, solution.displacement)
-        point_data["stress"] = nodal_average(stated, tensor)
+        tensor = _symmetric_stress(stated, solution.displacement)
+        point_data["stress"] = nodal_average(stated, tensor, summed)
         cell_data |= {"stress": tensor, "von_mises": von_mises(stated, solution.displacement)}
         if isinstance(solution, Snapshot) and solution.thermal_stress is not None:
             cell_data["thermal_stress"] = solution.thermal_stress.reshape(len(solution.thermal_stress), -1)
@@ -238,7 +241,9 @@ def _write_contact(
     for name in blocks[0][1]:
         point_data[name] = np.concatenate([data[name] for _, data in blocks])
     data: dict[str, Array] = {"boundary": np.asarray(np.concatenate(numbers))}
-    write_grid(path, three_components(field.nodes[used]), {kind: np.vstack(cells)}, point_data, data, _told(solution))
+    write_grid(
+        path, three_components(field.nodes[used]), {kind: np.vstack(cells)}, point_data, data, field_data(solution)
+    )
 
 
 def write_grid(
@@ -271,7 +276,7 @@ def write_grid(
             name.write_bytes(read_bytes(name, "VTU file", 1 << 62).replace(start, begun, 1))
 
 
-def symmetric_stress(stated: ContactProblem, displacement: Array) -> Array:
+def _symmetric_stress(stated: ContactProblem, displacement: Array) -> Array:
     """Stress of each cell as xx, yy, zz, xy, yz, xz, shape (M, 6)."""
     sigma = stress(stated, displacement)
     out = np.zeros((len(sigma), 6))

@@ -20,12 +20,18 @@ from hemivar.engines.petsc import BodyOnRanks, Ranks
 from hemivar.engines.petsc.discrete_on_ranks import body_of
 from hemivar.engines.petsc.files import one_writer
 from hemivar.errors import FileError
-from hemivar.fem import nodal_average, von_mises
 from hemivar.files.record import plain, prepared, result_record
 from hemivar.files.snapshot import Snapshot
-from hemivar.files.vtu import WHOLE, contact_quantities, region_numbers, symmetric_stress, three_components, write_grid
+from hemivar.files.vtu import (
+    WHOLE,
+    body_fields,
+    contact_quantities,
+    field_data,
+    region_numbers,
+    three_components,
+    write_grid,
+)
 from hemivar.solvers import Solution
-from hemivar.solvers.boundary_result import ContactValues
 
 __all__ = ["pieces_of", "write_frame_on_ranks", "write_json_on_ranks", "write_vtu_on_ranks"]
 
@@ -90,7 +96,7 @@ def write_vtu_on_ranks(solution: Solution, path: str | Path) -> list[Path]:
     list of Path
         The ``.pvtu`` files.
     """
-    return _write_pieces(body_of(solution.problem), Path(path), solution, {"displacement": solution.displacement})
+    return _write_pieces(body_of(solution.problem), Path(path), solution)
 
 
 def write_frame_on_ranks(body: BodyOnRanks, frame: Snapshot, path: str | Path) -> list[Path]:
@@ -104,15 +110,15 @@ def write_frame_on_ranks(body: BodyOnRanks, frame: Snapshot, path: str | Path) -
         Displacements and velocities of the nodes of this rank's piece, and its contact points.
     path : str or Path
     """
-    return _write_pieces(body, Path(path), frame, {"displacement": frame.displacement, "velocity": frame.velocity})
+    return _write_pieces(body, Path(path), frame)
 
 
-def _write_pieces(body: BodyOnRanks, path: Path, seen: ContactValues, nodal: dict[str, Array]) -> list[Path]:
+def _write_pieces(body: BodyOnRanks, path: Path, seen: Solution | Snapshot) -> list[Path]:
     """Write the piece of each rank; the ``.pvtu`` files."""
     ranks, mesh = body.ranks, body.piece.mesh
-    fields, cell_fields = _fields(body, seen, nodal)
+    fields, cell_fields = _fields(body, seen)
     kind = {2: "triangle", 3: "tetra"}[mesh.dim]
-    told = {"force_time": seen.force_time} if isinstance(seen, Snapshot) else {}
+    told = field_data(seen)
     grids = [_Grid("", three_components(mesh.points), {kind: mesh.cells}, fields, cell_fields, told)]
     names = list(body.statement.contact)
     if names:
@@ -207,28 +213,12 @@ def _alone(folder: Path) -> Iterator[None]:
             os.close(descriptor)
 
 
-def _fields(
-    body: BodyOnRanks, seen: ContactValues, nodal: dict[str, Array]
-) -> tuple[dict[str, Array], dict[str, Array]]:
+def _fields(body: BodyOnRanks, seen: Solution | Snapshot) -> tuple[dict[str, Array], dict[str, Array]]:
     """Point and cell data of this rank's piece, as in the serial file."""
-    ranks, piece, mesh, statement = body.ranks, body.piece, body.piece.mesh, body.statement
-    nodes, displacement = mesh.number_of_nodes, nodal["displacement"]
-    point_data = {name: three_components(values) for name, values in nodal.items()}
-    cell_data: dict[str, Array] = {"region": region_numbers(statement.mesh)}
-    tensor, mises = np.zeros((0, 6)), np.zeros(0)
-    size: Array = np.zeros(nodes)
-    average = np.zeros((nodes, 6))
-    if mesh.number_of_cells:
-        tensor = symmetric_stress(statement, displacement)
-        mises = von_mises(statement, displacement)
-        size = np.asarray(
-            np.bincount(mesh.cells.ravel(), weights=np.repeat(mesh.volumes, mesh.dim + 1), minlength=nodes), dtype=float
-        )
-        average = nodal_average(mesh, tensor) * size[:, None]
-    total = piece.summed(ranks, np.column_stack([average, size]))
-    point_data["stress"] = total[:, :6] / total[:, 6:] if nodes else average
-    cell_data |= {"stress": tensor, "von_mises": mises}
-    if not statement.contact:
+    ranks, piece, nodes = body.ranks, body.piece, body.piece.mesh.number_of_nodes
+    point_data, cell_data = body_fields(seen, lambda values: piece.summed(ranks, values))
+    cell_data = {"region": region_numbers(piece.mesh), **cell_data}
+    if not body.statement.contact:
         return point_data, cell_data
     contact, quantities = seen.contact, contact_quantities(seen)
     columns = {name: values[:, None] if values.ndim == 1 else values for name, (values, _) in quantities.items()}
