@@ -11,14 +11,14 @@ import numpy as np
 from hemivar.cli.end_on_ranks import all_or_none
 from hemivar.cli.on_ranks import read_on_ranks
 from hemivar.engines.petsc import certificate, solve_distributed, world
-from hemivar.engines.petsc.time_limit import Alarm
+from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.laws import ContactLaw
 from hemivar.solvers import Solution
 
 ranks = world()
 
 
-def record(solution: Solution, alarm: Alarm | None = None) -> Any:
+def record(solution: Solution, alarm: TimeLimit | None = None) -> Any:
     """What is claimed."""
     found = certificate.certify_on_ranks(solution, alarm=alarm)
     return None if found is None else found.record()
@@ -45,7 +45,7 @@ with all_or_none(ranks):
     certificate.CyclesOnRanks._started = started  # type: ignore[method-assign]
     certificate._definite = definite
 
-    late = Alarm()
+    late = TimeLimit()
     late.ring()
     said["no time"] = record(solution, late)
     said["off"] = record(replace(solution, unknowns=1.01 * solution.unknowns))

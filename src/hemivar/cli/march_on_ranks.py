@@ -16,7 +16,7 @@ from hemivar.cli.march_view import MarchView, code_of, print_history
 from hemivar.cli.on_ranks import end_of_all, named, print_head_on_ranks, stated_on_ranks
 from hemivar.cli.options import Exit, controls_of
 from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
-from hemivar.engines.petsc.time_limit import Alarm
+from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.files.history_table import write_history_json
 from hemivar.report.series_on_ranks import SeriesOnRanks
@@ -51,8 +51,8 @@ def march_file_on_ranks(
     from hemivar.engines.petsc import world
 
     ranks = world()
-    bell = Alarm()
-    with all_or_none(ranks), bell.listening():
+    limit = TimeLimit()
+    with all_or_none(ranks), limit.listening():
         ranks.agree(begin)
         ranks.agree(lambda: _check(given, path))
         with noting_files_read() as read:
@@ -62,7 +62,7 @@ def march_file_on_ranks(
         plan, base = ranks.agree(lambda: _planned(stated, options, outputs))
         run = _Run(ranks, pieces, stated, outputs, Writer(inputs), quiet)
         with protecting(inputs):
-            return run.march(base, plan, bell)
+            return run.march(base, plan, limit)
 
 
 class _Run:
@@ -81,13 +81,13 @@ class _Run:
         self.outputs, self.writer, self.quiet = outputs, writer, quiet
         self.first = ranks.rank == 0
 
-    def march(self, base: Evolution, plan: March, bell: Alarm) -> int:
+    def march(self, base: Evolution, plan: March, limit: TimeLimit) -> int:
         """March, write what was asked for, and return the exit code."""
         from hemivar.engines.petsc import prepare_march
         from hemivar.workflows import march as work
         from hemivar.workflows import result_of
 
-        alarm = bell.limited(plan.max_time)
+        alarm = limit.limited(plan.max_time)
 
         def state(mesh: Mesh) -> Evolution:
             return replace(base, problem=base.problem.on(mesh))

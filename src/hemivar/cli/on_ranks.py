@@ -23,7 +23,7 @@ from hemivar.cli.session import naming_file
 from hemivar.engines.petsc.certificate import ESTIMATE, certify_on_ranks
 from hemivar.engines.petsc.discrete_on_ranks import body_of
 from hemivar.engines.petsc.ranks import shared
-from hemivar.engines.petsc.time_limit import Alarm
+from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.errors import FileError, HemivarError, MethodError, ProblemError
 from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on_ranks
 from hemivar.report.summary import Summary, contact_rows, extreme_rows
@@ -174,9 +174,9 @@ def run_on_ranks(
 
     ranks = world()
     first = ranks.rank == 0
-    bell = Alarm()
+    limit = TimeLimit()
     json, vtu, checkpoint = (outputs[option] for option in ("--json", "--vtu", "--checkpoint"))
-    with all_or_none(ranks), bell.listening():
+    with all_or_none(ranks), limit.listening():
         ranks.agree(check)
         ranks.agree(lambda: _try_pieces(vtu, ranks))
         with noting_files_read() as inputs:
@@ -191,7 +191,7 @@ def run_on_ranks(
         begun = resume and ranks.mpi.bcast(checkpoint is not None and os.path.lexists(checkpoint))
         state = read_checkpoint(checkpoint, body) if begun and checkpoint is not None else None
         keep = None if checkpoint is None else _Keeper(checkpoint, body)
-        alarm = bell.limited(controls.max_time)
+        alarm = limit.limited(controls.max_time)
         solution = solve_distributed(body, None, controls, resume=state, watch=keep, alarm=alarm)
         certificate = certify_on_ranks(solution, alarm=alarm)
         _print_summary(solution, certificate)

@@ -53,19 +53,19 @@ def write_json_on_ranks(solution: Solution, path: str | Path, certificate: Certi
     order = np.argsort(numbers)
     numbers, values = numbers[order], values[order]
     ranks.agree(lambda: None if ranks.rank else prepared(path, ".json"))
-    with one_writer(ranks, path) as sink:
-        if sink.open:
+    with one_writer(ranks, path) as target:
+        if target.open:
             head = json.dumps(record, indent=1, allow_nan=False)
-            sink.write(f'{head[:-2]},\n "displacement": [')
+            target.write(f'{head[:-2]},\n "displacement": [')
         for start in range(0, body.piece.total, _NODES_AT_A_TIME):
             part = slice(*np.searchsorted(numbers, [start, start + _NODES_AT_A_TIME]))
             told, _, _ = ranks.exchange(
                 np.zeros(part.stop - part.start, dtype=np.int64), np.column_stack([numbers[part], values[part]])
             )
-            if sink.open:
+            if target.open:
                 told = told[np.argsort(told[:, 0]), 1:]
-                sink.write((", " if start else "") + json.dumps(plain(told), allow_nan=False)[1:-1])
-        sink.write("]\n}\n")
+                target.write((", " if start else "") + json.dumps(plain(told), allow_nan=False)[1:-1])
+        target.write("]\n}\n")
     return path
 
 

@@ -18,7 +18,7 @@ from hemivar.certificates.certificate import certified
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.discrete_on_ranks import BulkOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
-from hemivar.engines.petsc.time_limit import Alarm
+from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.solvers import Solution
 
 __all__ = ["ESTIMATE", "CyclesOnRanks", "certify_on_ranks"]
@@ -34,7 +34,7 @@ _SINGULAR = 1e-12
 ESTIMATE = "LOBPCG, an estimate"
 
 
-def certify_on_ranks(solution: Solution, tolerance: float = 1e-8, alarm: Alarm | None = None) -> Certificate | None:
+def certify_on_ranks(solution: Solution, tolerance: float = 1e-8, alarm: TimeLimit | None = None) -> Certificate | None:
     """The certificate of :func:`hemivar.certify`, as far as it is known; what is not is named in ``left_out``.
 
     The largest eigenvalue c of ``(B'W diag(alpha) B, K)`` is found by locally optimal conjugate gradients.  A
@@ -46,7 +46,7 @@ def certify_on_ranks(solution: Solution, tolerance: float = 1e-8, alarm: Alarm |
     if solution.problem.vectors.largest(float(not own))[0]:
         return None
     with np.errstate(all="ignore"):
-        began, alarm = time.perf_counter(), Alarm() if alarm is None else alarm
+        began, alarm = time.perf_counter(), TimeLimit() if alarm is None else alarm
         bulk = solution.problem.bulk
         assert isinstance(bulk, BulkOnRanks)
         by = CyclesOnRanks((bulk.lower or bulk).body, alarm)
@@ -71,7 +71,7 @@ class _Stiffness:
 class CyclesOnRanks(SolveByCycles):
     """The stiffness of a linear body over ranks and a cycle for it; ``alarm`` ends a search between two cycles."""
 
-    def __init__(self, body: BodyOnRanks, alarm: Alarm, examined: bool = True) -> None:
+    def __init__(self, body: BodyOnRanks, alarm: TimeLimit, examined: bool = True) -> None:
         self.body, self.alarm, self.examined = body, alarm, examined
         self._multigrid: Multigrid | None = None
         super().__init__(_Stiffness(body), body.elastic.matrix_diagonal, self._cycled, body.ranks)

@@ -115,10 +115,10 @@ def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
         isinstance(memory, Outer), tuple(map(float, changes)), saved.history, tuple(_sums(ranks, naturals)),
     )  # fmt: skip
     record = {"format": _FORMAT, "head": encoded(head, [])}
-    with one_writer(ranks, path) as sink:
-        sink.write(json.dumps(record, allow_nan=False) + "\n")
+    with one_writer(ranks, path) as file:
+        file.write(json.dumps(record, allow_nan=False) + "\n")
         for natural in naturals:
-            write_rows(ranks, sink, natural.array_r)
+            write_rows(ranks, file, natural.array_r)
             natural.destroy()
     return True
 

@@ -15,13 +15,13 @@ from hemivar.basics.types import Array
 from hemivar.engines.petsc.ranks import Ranks
 from hemivar.errors import FileError
 
-__all__ = ["Sink", "one_writer", "read_rows", "write_rows"]
+__all__ = ["RankZeroFile", "one_writer", "read_rows", "write_rows"]
 
 _ROWS = 1 << 20
 _TAG = 77
 
 
-class Sink:
+class RankZeroFile:
     """Where rank 0 writes; an error is kept for the end, for the other ranks go on sending."""
 
     def __init__(self, stream: IO[bytes] | None) -> None:
@@ -44,7 +44,7 @@ class Sink:
 
 
 @contextmanager
-def one_writer(ranks: Ranks, path: Path) -> Iterator[Sink]:
+def one_writer(ranks: Ranks, path: Path) -> Iterator[RankZeroFile]:
     """A file that rank 0 writes whole or not at all, see :func:`hemivar.basics.disk.whole_file`.  All ranks call this.
 
     Raises
@@ -52,14 +52,14 @@ def one_writer(ranks: Ranks, path: Path) -> Iterator[Sink]:
     ProblemError
         On all ranks, after the block.
     """
-    stack, sink, refused = ExitStack(), Sink(None), None
+    stack, file, refused = ExitStack(), RankZeroFile(None), None
     if ranks.rank == 0:
         try:
             name = stack.enter_context(whole_file(path))
             try:
-                sink = Sink(stack.enter_context(name.open("wb")))
+                file = RankZeroFile(stack.enter_context(name.open("wb")))
             except OSError as error:
-                sink.error = error
+                file.error = error
         except FileError as error:
             refused = error
 
@@ -67,31 +67,31 @@ def one_writer(ranks: Ranks, path: Path) -> Iterator[Sink]:
         if refused is not None:
             raise refused
         with stack:
-            if sink.error is not None:
-                raise sink.error
+            if file.error is not None:
+                raise file.error
 
     try:
-        yield sink
+        yield file
     except BaseException:
         stack.__exit__(*sys.exc_info())
         raise
     ranks.agree(finish)
 
 
-def write_rows(ranks: Ranks, sink: Sink, values: Array) -> None:
+def write_rows(ranks: Ranks, file: RankZeroFile, values: Array) -> None:
     """Write the numbers that the ranks hold one after the other, 64 bits each, little end first."""
     counts = ranks.mpi.gather(len(values))
     if ranks.rank:
         for start in range(0, len(values), _ROWS):
             ranks.mpi.Send(np.ascontiguousarray(values[start : start + _ROWS]), dest=0, tag=_TAG)
         return
-    sink.write(values.astype("<f8").tobytes())
+    file.write(values.astype("<f8").tobytes())
     buffer = np.empty(_ROWS)
     for rank in range(1, ranks.size):
         for start in range(0, counts[rank], _ROWS):
             part = buffer[: min(_ROWS, counts[rank] - start)]
             ranks.mpi.Recv(part, source=rank, tag=_TAG)
-            sink.write(part.astype("<f8").tobytes())
+            file.write(part.astype("<f8").tobytes())
 
 
 def read_rows(ranks: Ranks, stream: IO[bytes] | None, count: int) -> Array:

@@ -42,9 +42,9 @@ class CheckpointOnRanks(Checkpoint):
         data = stream.getvalue()
         sizes = self.ranks.mpi.gather(len(data))
         head = {"kind": _KIND, "format": _FORMAT, "ranks": self.ranks.size, "bytes": sizes}
-        with one_writer(self.ranks, self.file) as sink:
-            sink.write(json.dumps(head) + "\n")
-            write_rows(self.ranks, sink, np.frombuffer(data + bytes(-len(data) % 8), dtype="<f8"))
+        with one_writer(self.ranks, self.file) as file:
+            file.write(json.dumps(head) + "\n")
+            write_rows(self.ranks, file, np.frombuffer(data + bytes(-len(data) % 8), dtype="<f8"))
 
     def read(self, identity: str) -> MarchState | None:
         """The march in the file, None if there is no file; all ranks call this.

@@ -122,10 +122,10 @@ def _places(ranks: Ranks, piece: Piece) -> IntArray:
     places = np.full(len(owned), -1, dtype=np.int64)
     places[owned] = start + np.arange(int(owned.sum()))
     ghost = np.flatnonzero(~owned)
-    asked, _, post = ranks.exchange(piece.owner[ghost], piece.numbers[ghost, None])
+    asked, _, back = ranks.exchange(piece.owner[ghost], piece.numbers[ghost, None])
     order = np.argsort(piece.numbers)
     known = order[np.searchsorted(piece.numbers, asked[:, 0], sorter=order)] if len(asked) else asked[:, 0]
-    places[ghost] = post.answer(places[known][:, None])[:, 0]
+    places[ghost] = back.answer(places[known][:, None])[:, 0]
     return places
 
 

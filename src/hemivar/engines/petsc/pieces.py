@@ -223,7 +223,7 @@ def _packet(mesh: Mesh, cells: IntArray) -> Packet:
 def _shared(ranks: Ranks, mesh: Mesh, numbers: IntArray, total: int, ends: IntArray | None) -> Piece:
     """Find out which nodes other ranks have as well, by asking the rank that keeps the record of each number."""
     skin = np.unique(mesh.boundary_facets) if mesh.number_of_cells else np.zeros(0, dtype=np.int64)
-    asked, source, post = ranks.exchange(_home(ranks, numbers[skin], total), numbers[skin, None])
+    asked, source, back = ranks.exchange(_home(ranks, numbers[skin], total), numbers[skin, None])
     order = np.lexsort((source, asked[:, 0]))
     ids, who = asked[order, 0], source[order]
     first = np.flatnonzero(np.diff(ids, prepend=-1))
@@ -231,7 +231,7 @@ def _shared(ranks: Ranks, mesh: Mesh, numbers: IntArray, total: int, ends: IntAr
     lowest = np.empty(len(ids), dtype=np.int64)
     lowest[order] = np.repeat(who[first], count)
     owner = np.full(len(numbers), ranks.rank, dtype=np.int64)
-    owner[skin] = post.answer(lowest[:, None])[:, 0]
+    owner[skin] = back.answer(lowest[:, None])[:, 0]
     # all pairs of ranks that have the same node
     group = np.repeat(np.arange(len(first)), count)
     rows = np.repeat(np.arange(len(ids)), count[group])
@@ -278,11 +278,11 @@ def _crossed(mesh: Mesh) -> Mesh:
 
 def _edge_numbers(ranks: Ranks, pairs: IntArray, total: int) -> tuple[IntArray, int]:
     """Place of each edge, a pair of node numbers with the lower one first, among all edges sorted; and their count."""
-    asked, _, post = ranks.exchange(_home(ranks, pairs[:, 0], total), pairs)
+    asked, _, back = ranks.exchange(_home(ranks, pairs[:, 0], total), pairs)
     keys = asked[:, 0] * total + asked[:, 1]
     distinct, place = np.unique(keys, return_inverse=True)
     before, count = ranks.offset(len(distinct))
-    return post.answer((before + place.reshape(-1, 1)).astype(np.int64))[:, 0], count
+    return back.answer((before + place.reshape(-1, 1)).astype(np.int64))[:, 0], count
 
 
 def renumber(ranks: Ranks, piece: Piece, numbers: IntArray) -> Piece:

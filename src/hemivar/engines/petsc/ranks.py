@@ -124,7 +124,7 @@ class Ranks:
         counts = np.array(self.mpi.allgather(count), dtype=np.int64)
         return int(counts[: self.rank].sum()), int(counts.sum())
 
-    def exchange(self, destination: IntArray, rows: Rows) -> tuple[Rows, IntArray, Post]:
+    def exchange(self, destination: IntArray, rows: Rows) -> tuple[Rows, IntArray, Exchange]:
         """Send each row to a rank: the rows received, ordered by rank, where they came from, and the way back.
 
         Parameters
@@ -138,9 +138,9 @@ class Ranks:
         sent = np.bincount(destination, minlength=self.size).astype(np.int64)
         received = np.empty_like(sent)
         self.mpi.Alltoall(sent, received)
-        post = Post(self, order, sent, received)
+        back = Exchange(self, order, sent, received)
         out = self._transfer(packed[order], sent, received)
-        return out, np.repeat(np.arange(self.size), received), post
+        return out, np.repeat(np.arange(self.size), received), back
 
     def _transfer(self, rows: Rows, sent: IntArray, received: IntArray) -> Rows:
         width = int(np.prod(rows.shape[1:], dtype=np.int64)) * rows.itemsize
@@ -180,7 +180,7 @@ class Ranks:
 
 
 @dataclass(frozen=True, eq=False)
-class Post:
+class Exchange:
     """The way back of an exchange."""
 
     ranks: Ranks

@@ -19,7 +19,7 @@ from hemivar.engines.petsc.certificate import CyclesOnRanks
 from hemivar.engines.petsc.discrete_on_ranks import body_of
 from hemivar.engines.petsc.evolution import EvolutionOnRanks, StepMatricesOnRanks
 from hemivar.engines.petsc.solve import Saved, solved_on_ranks
-from hemivar.engines.petsc.time_limit import Alarm
+from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.evolution import Scheme, SelectionRule
 from hemivar.evolution.data_in_time import StatedData
 from hemivar.evolution.descent import Descent, downhill, slowed
@@ -46,7 +46,7 @@ def stepper_on_ranks(
     workspace: Workspace | None,
     stops: Mapping[float, float],
     *,
-    alarm: Alarm,
+    alarm: TimeLimit,
 ) -> TimeStepper:
     """What takes steps whose stages are solved over ranks; see :meth:`hemivar.evolution.stepper.TimeStepper.of`."""
     assert isinstance(discrete, EvolutionOnRanks)
@@ -61,13 +61,13 @@ class StageSolverOnRanks(StageSolver):
 
     Parameters
     ----------
-    alarm : Alarm
+    alarm : TimeLimit
         Ends a solve before it is done.
     """
 
     discrete: EvolutionOnRanks
     bodies: StepMatricesOnRanks
-    alarm: Alarm = field(kw_only=True)
+    alarm: TimeLimit = field(kw_only=True)
 
     def constant(self, stage: Stage, law: VectorLaw) -> float:
         """The constant c of a stage, as :func:`certify_on_ranks` finds it; nan where the time did not suffice."""
@@ -116,7 +116,7 @@ class DescentOnRanks(Descent):
     """How the problems of a descent are solved over ranks."""
 
     controls: Controls
-    alarm: Alarm
+    alarm: TimeLimit
 
     def solved(self, problem: DiscreteProblem, u: Array, controls: Controls) -> Solution:
         body = _body_of(problem)

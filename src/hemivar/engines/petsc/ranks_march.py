@@ -16,7 +16,7 @@ from hemivar.engines.petsc.march_checkpoint import CheckpointOnRanks
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.ranks_advance import MarginsOnRanks, stepper_on_ranks
-from hemivar.engines.petsc.time_limit import Alarm
+from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.errors import MethodError
 from hemivar.evolution import Checkpoint, Evolution, History, March, SelectionRule, StepEvent
 from hemivar.evolution.digest import identity
@@ -48,7 +48,7 @@ class MarchOnRanks:
 
 
 def prepare_march(
-    ranks: Ranks, pieces: tuple[Piece, ...], state: Callable[[Mesh], Evolution], plan: March, alarm: Alarm
+    ranks: Ranks, pieces: tuple[Piece, ...], state: Callable[[Mesh], Evolution], plan: March, alarm: TimeLimit
 ) -> MarchOnRanks:
     """Discretise an evolution over ranks and make ready what marches through it; see :func:`march_on_ranks`.
 
@@ -84,7 +84,7 @@ def march_on_ranks(
     state: Callable[[Mesh], Evolution],
     plan: March,
     *,
-    alarm: Alarm | None = None,
+    alarm: TimeLimit | None = None,
     watch: Callable[[StepEvent], bool | None] | None = None,
 ) -> History:
     """Compute an evolution over ranks, which all call this; scheme, ledger, steps and table are those of one process.
@@ -103,7 +103,7 @@ def march_on_ranks(
         Makes the evolution on a mesh.
     plan : March
         The method, if one is given, is ``NonsmoothMultigrid`` or a ``FixedPoint`` around one.
-    alarm : Alarm, optional
+    alarm : TimeLimit, optional
         Ends the march before it is done; by default once ``plan.max_time`` has passed.
     watch : callable, optional
         Called on every rank after every step; the march ends after it if it returns True on one.
@@ -113,7 +113,7 @@ def march_on_ranks(
     ProblemError, MethodError, FileError
         On all ranks: the evolution cannot be computed as stated or by this engine, the checkpoint is another's.
     """
-    alarm = Alarm(plan.max_time) if alarm is None else alarm
+    alarm = TimeLimit(plan.max_time) if alarm is None else alarm
     ready = prepare_march(ranks, pieces, state, plan, alarm)
     with np.errstate(all="ignore"):
         going = marching(ready.discrete, ready.plan, tools=ready.tools)

@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
-from hemivar.engines.petsc.time_limit import Alarm
+from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Progress, ProximalNewton, Solution, Solver, Status
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import Watch, finish, iterate
@@ -37,7 +37,7 @@ def solve_distributed(
     *,
     resume: Saved | None = None,
     watch: Watch | None = None,
-    alarm: Alarm | None = None,
+    alarm: TimeLimit | None = None,
 ) -> Solution:
     """Solve a contact problem over ranks by the serial method; all of them call this.
 
@@ -52,7 +52,7 @@ def solve_distributed(
         Where to go on from.
     watch : function, optional
         Called with every state, and the history up to it.
-    alarm : Alarm, optional
+    alarm : TimeLimit, optional
         When to end before it is done; by default once ``controls.max_time`` has passed, coarser meshes included.
 
     Returns
@@ -62,7 +62,7 @@ def solve_distributed(
         ranks, which ask for them together.
     """
     controls = Controls() if controls is None else controls
-    alarm = Alarm(controls.max_time) if alarm is None else alarm
+    alarm = TimeLimit(controls.max_time) if alarm is None else alarm
     return solved_on_ranks(body.problem, body, solver, controls, alarm, resume, watch)
 
 
@@ -71,7 +71,7 @@ def solved_on_ranks(
     body: BodyOnRanks,
     solver: Solver | None,
     controls: Controls,
-    alarm: Alarm,
+    alarm: TimeLimit,
     resume: Saved | None = None,
     watch: Watch | None = None,
 ) -> Solution:

@@ -12,14 +12,14 @@ from types import FrameType
 
 from hemivar.basics.deadline import CALLED, Budget
 
-__all__ = ["Alarm"]
+__all__ = ["TimeLimit"]
 
 #: ``mpirun`` hands SIGUSR1 on without ending the ranks after it, as it does after the others.
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
 
 
-class Alarm(Budget):
-    """A limit of time with a bell for signals, looked at by the ranks together, each having its own.
+class TimeLimit(Budget):
+    """A limit of time, and the signals that came, looked at by the ranks together, each having its own.
 
     Parameters
     ----------
@@ -27,22 +27,22 @@ class Alarm(Budget):
         Seconds from now.
     """
 
-    def __init__(self, limit: float = math.inf, bell: list[float] | None = None) -> None:
+    def __init__(self, limit: float = math.inf, signals: list[float] | None = None) -> None:
         super().__init__(limit)
-        self._bell: list[float]
-        object.__setattr__(self, "_bell", [] if bell is None else bell)
+        self._signals: list[float]
+        object.__setattr__(self, "_signals", [] if signals is None else signals)
 
-    def limited(self, limit: float) -> Alarm:
-        """The same bell with another limit of time, from now."""
-        return Alarm(limit, self._bell)
+    def limited(self, limit: float) -> TimeLimit:
+        """The same signals with another limit of time, from now."""
+        return TimeLimit(limit, self._signals)
 
     def due(self) -> float:
         """:data:`CALLED`, :data:`LATE` or 0 on this rank; the largest over the ranks holds for all."""
-        return CALLED if self._bell else super().due()
+        return CALLED if self._signals else super().due()
 
     def ring(self) -> None:
         """End the work as a signal does."""
-        self._bell.append(time.perf_counter())
+        self._signals.append(time.perf_counter())
 
     @contextmanager
     def listening(self) -> Iterator[None]:
@@ -50,7 +50,7 @@ class Alarm(Budget):
 
         def hear(number: int, _: FrameType | None) -> None:
             # a launcher and a terminal may both send the first one
-            if self._bell and time.perf_counter() - self._bell[0] > 1.0:
+            if self._signals and time.perf_counter() - self._signals[0] > 1.0:
                 os._exit(128 + number)
             self.ring()
 
