@@ -147,22 +147,12 @@ def assemble(
 
 @dataclass(frozen=True, eq=False)
 class _CellForces:
-    """What the cells of a rank add up to, apart from the stiffness.
+    """What the cells of a rank add up to, apart from the stiffness."""
 
-    Attributes
-    ----------
-    load, reaction : arrays (N d,)
-        Forces, and internal ones under the prescribed displacements alone.
-    energy : float
-        Stored under these.
-    stored : BeddedEnergy or None
-        Of a body that is not linear.
-    """
-
-    load: Array
-    reaction: Array
-    energy: float
-    stored: BeddedEnergy | None = None
+    load: Array  # (N d,)
+    reaction: Array  # (N d,): internal forces under the prescribed displacements alone
+    energy: float  # stored under these
+    stored: BeddedEnergy | None = None  # of a body that is not linear
 
 
 def _elements(own: ContactProblem, prescribed: Array) -> tuple[EdgeBlocks | None, _CellForces]:

@@ -163,31 +163,15 @@ class _Inner:
 
 @dataclass(frozen=True, eq=False)
 class EvolutionOnRanks(DiscreteEvolution):
-    """A discrete evolution whose arrays are those of this rank: its nodes and contact points.
-
-    Attributes
-    ----------
-    ranks : Ranks
-    pieces : tuple of Piece
-        Of this and the coarser meshes, coarsest first.
-    state : callable
-        Makes the statement on a mesh.
-    body : BodyOnRanks
-        The elastic body at the start.
-    frame : OwnUnknowns
-    skin : Mesh
-        This rank's mesh with all boundary facets at its nodes.
-    seen : int array (k,)
-        Components of the nodes of ``skin`` that are ``moved``.
-    """
+    """A discrete evolution whose arrays are those of this rank: its nodes and contact points."""
 
     ranks: Ranks = None  # type: ignore[assignment]
-    pieces: tuple[Piece, ...] = ()
-    state: Callable[[Mesh], Evolution] = None  # type: ignore[assignment]
-    body: BodyOnRanks = None  # type: ignore[assignment]
+    pieces: tuple[Piece, ...] = ()  # of this and the coarser meshes, coarsest first
+    state: Callable[[Mesh], Evolution] = None  # type: ignore[assignment]  # makes the statement on a mesh
+    body: BodyOnRanks = None  # type: ignore[assignment]  # the elastic body at the start
     frame: OwnUnknowns = None  # type: ignore[assignment]
-    skin: Mesh = None  # type: ignore[assignment]
-    seen: IntArray = None  # type: ignore[assignment]
+    skin: Mesh = None  # type: ignore[assignment]  # this rank's mesh with all boundary facets at its nodes
+    seen: IntArray = None  # type: ignore[assignment]  # (k,): components of the nodes of ``skin`` that are ``moved``
 
     @property
     def unknowns(self) -> int:

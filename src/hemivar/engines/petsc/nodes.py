@@ -21,27 +21,14 @@ __all__ = ["NodesOnRanks"]
 
 @dataclass(frozen=True, eq=False)
 class NodesOnRanks:
-    """The nodes of this rank's piece, with d unknowns each along its directions, be they held or not.
-
-    Attributes
-    ----------
-    ranks : Ranks
-    piece : Piece
-    places : int array (N,)
-        Global number, in the order of the vectors, of each node of the piece.
-    directions : array (N, d, d)
-    free : bool array (N, d)
-        Which unknowns supports do not hold.
-    coarser : NodesOnRanks or None
-        Of the next coarser mesh.
-    """
+    """The nodes of this rank's piece, with d unknowns each along its directions, be they held or not."""
 
     ranks: Ranks
     piece: Piece
-    places: IntArray
-    directions: Array
-    free: BoolArray
-    coarser: NodesOnRanks | None = None
+    places: IntArray  # (N,): global number, in the order of the vectors, of each node of the piece
+    directions: Array  # (N, d, d)
+    free: BoolArray  # (N, d): which unknowns supports do not hold
+    coarser: NodesOnRanks | None = None  # of the next coarser mesh
 
     @staticmethod
     def of(

@@ -33,14 +33,7 @@ __all__ = ["MarchOnRanks", "march_on_ranks", "prepare_march"]
 
 @dataclass(frozen=True, eq=False)
 class MarchOnRanks:
-    """An evolution over ranks that is ready to be marched by :func:`hemivar.evolution.march.marching`.
-
-    Attributes
-    ----------
-    discrete : EvolutionOnRanks
-    plan : March
-    tools : Backend
-    """
+    """An evolution over ranks that is ready to be marched by :func:`hemivar.evolution.march.marching`."""
 
     discrete: EvolutionOnRanks
     plan: March

@@ -25,22 +25,12 @@ class StoredOnRanks:
 
     It is shifted as that of :class:`hemivar.discrete.Potential`: it and its forces are zero under the prescribed
     displacements.
-
-    Attributes
-    ----------
-    nodes : NodesOnRanks
-    own : BeddedEnergy or None
-        That of the cells of this rank; None where there are none.
-    initial_value : float
-        Stored under the prescribed displacements alone, by all ranks.
-    initial_forces : array (n,)
-        Internal forces under these.
     """
 
     nodes: NodesOnRanks
-    own: BeddedEnergy | None
-    initial_value: float
-    initial_forces: Array
+    own: BeddedEnergy | None  # that of the cells of this rank; None where there are none
+    initial_value: float  # stored under the prescribed displacements alone, by all ranks
+    initial_forces: Array  # (n,): internal forces under these
 
     def value(self, field: Array) -> float:
         """The part of this rank, before the shift."""
