@@ -19,7 +19,7 @@ from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
 from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.files.history_table import write_history_json
-from hemivar.report.series_on_ranks import SeriesOnRanks
+from hemivar.report.on_ranks import SeriesOnRanks
 
 if TYPE_CHECKING:
     from hemivar.engines.petsc import Piece, Ranks

@@ -13,15 +13,18 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import shown, whole_file
+from hemivar.basics.disk import make_folder, shown, try_output, whole_file
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.engines.petsc import BodyOnRanks, Ranks
 from hemivar.engines.petsc.discrete_on_ranks import body_of
+from hemivar.engines.petsc.evolution import EvolutionOnRanks
 from hemivar.engines.petsc.files import one_writer
 from hemivar.errors import FileError
+from hemivar.evolution import Frame
 from hemivar.files.record import plain, prepared, result_record
-from hemivar.files.snapshot import Snapshot
+from hemivar.files.series import Series
+from hemivar.files.snapshot import Snapshot, snapshot
 from hemivar.files.vtu import (
     WHOLE,
     body_fields,
@@ -33,7 +36,7 @@ from hemivar.files.vtu import (
 )
 from hemivar.solvers import Solution
 
-__all__ = ["pieces_of", "write_frame_on_ranks", "write_json_on_ranks", "write_vtu_on_ranks"]
+__all__ = ["SeriesOnRanks", "pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]
 
 _NODES_AT_A_TIME = 1 << 17
 
@@ -97,20 +100,6 @@ def write_vtu_on_ranks(solution: Solution, path: str | Path) -> list[Path]:
         The ``.pvtu`` files.
     """
     return _write_pieces(body_of(solution.problem), Path(path), solution)
-
-
-def write_frame_on_ranks(body: BodyOnRanks, frame: Snapshot, path: str | Path) -> list[Path]:
-    """As :func:`write_vtu_on_ranks`, of a moment of an evolution over ranks.
-
-    Parameters
-    ----------
-    body : BodyOnRanks
-        The elastic body at the start.
-    frame : Snapshot
-        Displacements and velocities of the nodes of this rank's piece, and its contact points.
-    path : str or Path
-    """
-    return _write_pieces(body, Path(path), frame)
 
 
 def _write_pieces(body: BodyOnRanks, path: Path, seen: Solution | Snapshot) -> list[Path]:
@@ -250,3 +239,49 @@ def _parallel_file(files: list[str], point_data: dict[str, Array], cell_data: di
 
 def _components(values: Array) -> int:
     return int(values.shape[1]) if values.ndim == 2 else 1
+
+
+# ---- frames of an evolution --------------------------------------------------------------------------------
+
+
+class SeriesOnRanks(Series):
+    """A :class:`hemivar.files.series.Series` that all ranks write together; what fails on one fails on all.
+
+    ``run.pvd`` and ``run_contact.pvd`` name ``run/run_000005.pvtu`` and the like, whose pieces
+    ``run/run_000005_RANK.vtu`` hold the cells of one rank.
+
+    Parameters
+    ----------
+    path : str or Path
+        Ends in ``.pvd``.
+    discrete : EvolutionOnRanks
+
+    Raises
+    ------
+    ProblemError, FileError
+        On all ranks: the name does not end in ``.pvd``; the folder cannot be made, or written to.
+    """
+
+    discrete: EvolutionOnRanks
+
+    def __init__(self, path: str | Path, discrete: EvolutionOnRanks) -> None:
+        self.ranks = discrete.ranks
+        super().__init__(path, discrete)
+
+    def _made(self, folder: Path) -> Path:
+        ranks = self.ranks
+        ranks.agree(lambda: make_folder(folder) if ranks.rank == 0 else None)
+        ranks.agree(lambda: try_output(folder / f"{folder.name}_{ranks.rank}.vtu"))
+        return folder
+
+    def _frame(self, frame: Frame, path: Path) -> tuple[Path, ...]:
+        return tuple(_write_pieces(self.discrete.body, path.with_suffix(".pvtu"), snapshot(self.discrete, frame)))
+
+    def _parts(self, file: Path) -> list[str]:
+        return [piece.name for piece in pieces_of(file, self.ranks.size)]
+
+    def _clear(self, named: set[str]) -> None:
+        self.ranks.agree(lambda: super(SeriesOnRanks, self)._clear(named) if self.ranks.rank == 0 else None)
+
+    def _list(self) -> None:
+        self.ranks.agree(lambda: super(SeriesOnRanks, self)._list() if self.ranks.rank == 0 else None)

@@ -12,12 +12,11 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.contact_energy import contact_energy
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.engines.petsc.cycles import Cycles, ReusedCycle
 from hemivar.engines.petsc.discrete_on_ranks import problem_of
 from hemivar.engines.petsc.matrices import assembled, hold, row_sums
 from hemivar.engines.petsc.nodes import NodesOnRanks
 from hemivar.engines.petsc.pieces import Piece
-from hemivar.engines.petsc.preconditioner import Multigrid
+from hemivar.engines.petsc.preconditioner import Multigrid, MultigridForMany, ReusedCycle
 from hemivar.engines.petsc.ranks import Ranks
 from hemivar.engines.petsc.stiffness import Stiffness
 from hemivar.engines.petsc.stored_on_ranks import StoredOnRanks
@@ -63,7 +62,7 @@ class BodyOnRanks(Body):
         As :attr:`hemivar.mechanics.DiscreteProblem.warnings`.
     coarser : BodyOnRanks or None
         The problem on the next coarser mesh; a solve starts there if it is ``below`` as well.
-    cycles : Cycles or None
+    cycles : MultigridForMany or None
         What solves leave to one another of their cycles, where there will be many.
     stored : StoredOnRanks or None
         The energy of a body that is not linear; its stiffness is that at rest then, by which sizes are compared.
@@ -81,7 +80,7 @@ class BodyOnRanks(Body):
     contact_points: int
     warnings: tuple[str, ...]
     coarser: BodyOnRanks | None = None
-    cycles: Cycles | None = None
+    cycles: MultigridForMany | None = None
     stored: StoredOnRanks | None = None
 
     @property
@@ -151,7 +150,7 @@ class BodyOnRanks(Body):
 
     def stiffened(self, matrix: PETSc.Mat, supported: bool) -> Self:
         """The body with another stiffness, held where it is, for many solves; all ranks call this."""
-        return replace(self._with_matrix(matrix), supported=supported, cycles=Cycles())
+        return replace(self._with_matrix(matrix), supported=supported, cycles=MultigridForMany())
 
     def _with_matrix(self, matrix: PETSc.Mat) -> Self:
         """The linear body with another stiffness, held where this one is; all ranks call this."""
