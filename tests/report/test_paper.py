@@ -86,3 +86,19 @@ def test_bad_wishes_are_refused(options: dict[str, object], words: str | None) -
             return
     with pytest.raises(ProblemError, match=words), paper(**options):
         pass
+
+
+@pytest.mark.parametrize("kind", ["body", "membrane", "maps"])
+def test_a_legend_covers_no_name_of_an_axis(kind: str) -> None:
+    """Nor a scale of colours; whatever the height of the axes above it."""
+    if kind == "membrane":
+        found = hv.solve(gallery.membrane_obstacle(8).problem)
+    else:
+        found = hv.solve(gallery.survey_cube("5.1", 3) if kind == "maps" else gallery.survey("5.1", 4))
+    with paper("84mm", legend="inside"):
+        figure = plot_contact(found) if kind == "maps" else found.plot()
+    figure.draw_without_rendering()
+    (legend,) = (one for ax in figure.axes if (one := ax.get_legend()) is not None)
+    covered = legend.get_window_extent()
+    for name in (axis.label for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) if axis.label.get_text()):
+        assert not covered.overlaps(name.get_window_extent()), name

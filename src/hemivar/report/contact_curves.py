@@ -16,7 +16,7 @@ from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.laws import ContactLaw
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, with_notes, write_foot
 from hemivar.report.drawn_body import flat_axes, flat_map
-from hemivar.report.picture import new_figure
+from hemivar.report.picture import BELOW, new_figure
 from hemivar.report.scalar_map import area_maps, over_area
 from hemivar.report.style import (
     BLUE,
@@ -279,7 +279,7 @@ def _state_map(
         label = f"slip up to {largest:.3g} {unit}".rstrip()
         handles.append(Line2D([], [], color="black", marker=r"$\rightarrow$", ms=9, ls="", mew=0.1, label=label))
     # one column: two are wider than the panel, and push the scale of the panel above it aside
-    panel.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.24), handlelength=1.0)
+    panel.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=BELOW, handlelength=1.0)
 
 
 def _thinned(places: Array, chosen: IntArray, extent: float) -> IntArray:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend as Box
 
-__all__ = ["NOTE", "Legend", "Print", "current", "new_figure", "new_figures", "paper"]
+__all__ = ["BELOW", "NOTE", "Legend", "Print", "current", "new_figure", "new_figures", "paper"]
 
 #: Dots per inch in a notebook.
 _DPI = 110
@@ -38,6 +38,8 @@ _WIDTHS, _FONTS = (20.0, 500.0), (4.0, 24.0)
 _FITS = 4
 #: The least part of their height that figures keep.
 _LEAST = 0.7
+#: Room for ticks and a name between axes and a legend below them, in letters.
+BELOW = 4.4
 #: Marks texts that are notes, which print leaves out.
 NOTE = "note"
 
@@ -161,13 +163,14 @@ class Print:
 
     @staticmethod
     def _move(legend: Box, ax: Axes) -> None:
-        """Put a legend into its axes; below a body, which fills them."""
+        """Put a legend into its axes; below a body, which fills them, if no scale of colours stands there."""
         if ax.get_aspect() == "auto":
             legend.set_bbox_to_anchor((0.0, 0.0, 1.0, 1.0), transform=ax.transAxes)
             legend.set_loc("best")
-        else:
-            legend.set_bbox_to_anchor((0.0, -0.2), transform=ax.transAxes)
+        elif len(ax.get_figure(root=True).axes) == 1:  # type: ignore[union-attr]
+            legend.set_bbox_to_anchor((0.0, 0.0), transform=ax.transAxes)
             legend.set_loc("upper left")
+            legend.borderaxespad = BELOW
 
     def _fit(self, figure: Figure) -> None:
         """Scale the figure until what is drawn, which is what is saved, has the width."""
