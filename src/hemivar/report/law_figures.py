@@ -136,9 +136,13 @@ def _reach(told: LawDescription, reach: float | None) -> float:
     if reach is None:
         largest = max((abs(knot) for knot in told.knots), default=0.0)
         reach = 1.6 * largest if largest > 0.0 else 1.0
+    _check_length(reach)
+    return reach
+
+
+def _check_length(reach: float) -> None:
     if not 0.0 < reach < math.inf:
         raise ProblemError(f"reach = {reach}; it must be a positive length")
-    return reach
 
 
 def _pieces(told: LawDescription, reach: float) -> Iterator[Array]:
@@ -253,8 +257,7 @@ def plot_mixed_mode(law: MixedMode, *, point: int = 0, reach: float | None = Non
     last, peak = one.opening_at_break.item(), one.opening_at_peak.item()
     beta = float(one.beta[0])
     far = 1.25 * last if reach is None else reach
-    if not 0.0 < far < math.inf:
-        raise ProblemError(f"reach = {reach}; it must be a positive length")
+    _check_length(far)
     rho = np.unique(np.concatenate([np.linspace(0.0, far, 400), one.curve_knots[one.curve_knots <= far]]))
     with drawing():
         fig = new_figure((8.4, 3.1), layout="constrained")
@@ -274,12 +277,16 @@ def plot_mixed_mode(law: MixedMode, *, point: int = 0, reach: float | None = Non
         for size, colour, name in ((peak, BLUE, "strength reached"), (last, RED, "broken")):
             envelope.plot(size * np.cos(angle), size * np.sin(angle) / beta, color=colour, label=name)
         envelope.set(xlabel="opening $w$", ylabel="slip $s$", xlim=(0.0, None), ylim=(0.0, None))
-        for panel in (opening, slipping, envelope):
-            panel.axhline(0.0, color=GREY, lw=0.6, zorder=0)
-            panel.legend(frameon=False, fontsize=7)
+        _finish_tractions(opening, slipping, envelope)
         told = f"$G_c$ = {one.fracture_energy.item():.4g}, shear over normal strength {beta:g}"
         fig.suptitle(f"{title}\n{told}" if title else told, fontsize=9)
     return fig
+
+
+def _finish_tractions(*panels: Axes) -> None:
+    for panel in panels:
+        panel.axhline(0.0, color=GREY, lw=0.6, zorder=0)
+        panel.legend(fontsize=7)
 
 
 def plot_mode_dependent(
@@ -292,8 +299,7 @@ def plot_mode_dependent(
     one, modes = law.take(np.array([point])), np.linspace(0.0, 1.0, 201)
     ends = [one.at_mode(mode).opening_at_break.item() for mode in modes.tolist()]
     far = 1.1 * max(ends) if reach is None else reach
-    if not 0.0 < far < math.inf:
-        raise ProblemError(f"reach = {reach}; it must be a positive length")
+    _check_length(far)
     with drawing():
         fig = new_figure((8.4, 3.1), layout="constrained")
         traction, energy, break_ = fig.subplots(1, 3)
@@ -308,8 +314,7 @@ def plot_mode_dependent(
         last = np.array(ends)
         break_.plot(last * np.sqrt(1.0 - modes), last * np.sqrt(modes) / one.ratio, color=RED, label="broken")
         break_.set(xlabel="opening $w$", ylabel="slip $s$", xlim=(0.0, None), ylim=(0.0, None))
-        for panel in (traction, break_):
-            panel.legend(frameon=False, fontsize=7)
+        _finish_tractions(traction, break_)
         if title:
             fig.suptitle(title, fontsize=9)
     return fig
@@ -321,8 +326,7 @@ def plot_coupled_law(law: OwnCoupledLaw, *, reach: float | None = None, title: s
     Up to an opening and slip ``reach``: by default where the tractions have fallen to a fiftieth.
     """
     far = _seen_reach(law) if reach is None else reach
-    if not 0.0 < far < math.inf:
-        raise ProblemError(f"reach = {reach}; it must be a positive length")
+    _check_length(far)
     last = 0.0 if law.rigid else 0.3 * far
     along = np.linspace(1e-9, 1.0, 400) * far
     opening = np.linspace(far, -last, 521)
@@ -344,9 +348,7 @@ def plot_coupled_law(law: OwnCoupledLaw, *, reach: float | None = None, title: s
         lines = potential.contour(w, s, stored, levels=12, colors=[BLUE], linewidths=0.8)
         potential.clabel(lines, fontsize=6)
         potential.set(xlabel="opening $w$", ylabel="slip $s$", title="potential $j$")
-        for panel in (normal, shear):
-            panel.axhline(0.0, color=GREY, lw=0.6, zorder=0)
-            panel.legend(frameon=False, fontsize=7)
+        _finish_tractions(normal, shear)
         if title:
             fig.suptitle(title, fontsize=9)
     return fig

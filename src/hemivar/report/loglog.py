@@ -62,13 +62,14 @@ def _log_axes(ax: Axes, across: str, up: str) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def _curve(ax: Axes, x: Array, y: Array, filled: BoolArray, colour: str, mark: str, label: str, **style: Any) -> None:
+def _curve(ax: Axes, x: Array, y: Array, filled: BoolArray, colour: str, mark: str, label: str) -> None:
     """A curve of what is positive, with filled marks (k,) and hollow ones."""
+    label += "\n(zero)" if (y == 0.0).all() else ""
     y = np.where(np.isfinite(y) & (y > 0.0), y, np.nan)
-    hollow = style | {"markerfacecolor": "white"}
-    ax.plot(x, y, color=colour, marker=mark, label=label, **(style if filled.any() else hollow))
+    style: dict[str, Any] = {"color": colour, "marker": mark, "ms": 4.8, "mew": 0.9}
+    ax.plot(x, y, mfc=colour if filled.any() else "white", label=label, **style)
     if filled.any() and not filled.all():
-        ax.plot(x[~filled], y[~filled], color=colour, ls="", marker=mark, **hollow)
+        ax.plot(x[~filled], y[~filled], ls="", mfc="white", **style)
 
 
 def _sizes_at_ticks(ax: Axes, sizes: Array) -> None:
@@ -197,7 +198,7 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
         for number, (name, values) in enumerate(curves.items()):
             order = study.orders[name]
             text = _CURVES[name] + ("" if math.isnan(order) else f", order {order:.2f}")
-            _curve(ax, sizes, values, study.trusted, SERIES[number], _MARKS[number], text, ms=5.0)
+            _curve(ax, sizes, values, study.trusted, SERIES[number], _MARKS[number], text)
         drawn = list(curves.values())
         if np.isfinite(study.bounds).any() and study.norms["energy"] > 0.0:
             bounds = np.where(np.isfinite(study.bounds), study.bounds, np.nan) / study.norms["energy"]
@@ -276,8 +277,8 @@ def plot_adaptive(
             sure = np.array([level.goal.relative for level in levels if level.goal is not None])
             about = np.array([level.goal.estimated for level in levels if level.goal is not None])
             proved = np.array([level.guaranteed for level in levels])
-            _marked(ax, unknowns, sure, proved, RED, "s", f"{name}:\nhalf the interval over the value")
-            _marked(
+            _curve(ax, unknowns, sure, proved, RED, "s", f"{name}:\nhalf the interval over the value")
+            _curve(
                 ax, unknowns, about, np.zeros(len(levels), dtype=bool), GREEN, "D", f"{name}:\nestimate, dual weights"
             )
         ax.axhline(found.rtol, color="black", lw=0.8, ls=(0, (1, 2)), label=f"asked for: {_percent(found.rtol)}")
@@ -328,7 +329,7 @@ def _compared(
             if not levels:
                 raise ProblemError(f"no mesh of '{name}' has a distance to draw; see the reasons of its distance")
             for ax, across in ((left, unknowns), (right, seconds)):
-                _marked(ax, across, bound, proved, SERIES[number % len(SERIES)], "osD^vX"[number % 6], name)
+                _curve(ax, across, bound, proved, SERIES[number % len(SERIES)], "osD^vX"[number % 6], name)
             seen += [unknowns, seconds]
         for ax, places, label in ((left, seen[::2], "unknowns"), (right, seen[1::2], "time (s)")):
             ax.axhline(found.rtol, color="black", lw=0.8, ls=(0, (1, 2)), label=f"asked for: {_percent(found.rtol)}")
@@ -343,18 +344,13 @@ def _compared(
     return fig
 
 
-def _marked(ax: Axes, x: Array, y: Array, proved: BoolArray, colour: str, mark: str, label: str) -> None:
-    label += "\n(zero)" if (y == 0.0).all() else ""
-    _curve(ax, x, y, proved, colour, mark, label, ms=4.6, mew=0.9)
-
-
 def _bounds(ax: Axes, unknowns: Array, levels: list[AdaptiveLevel]) -> None:
     """The bound of the distance and its parts."""
     size = np.array([level.distance.energy_norm for level in levels])
     proved = np.array([level.distance.guaranteed for level in levels])
     bound = np.array([level.distance.relative for level in levels])
     label = "distance to the exact solution:\n" + ("guaranteed bound" if proved.any() else "estimate")
-    _marked(ax, unknowns, bound, proved, BLUE, "o", label)
+    _curve(ax, unknowns, bound, proved, BLUE, "o", label)
     parts = (("misfit", "constitutive residual", SKY), ("contact", "contact", ORANGE), ("oscillation", "loads", PURPLE))
     for name, called, colour in parts:
         part = np.array([getattr(level.distance.parts, name) for level in levels])
