@@ -38,6 +38,7 @@ from typing import Any
 
 import numpy as np
 from common import show
+from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 import hemivar as hv
 from hemivar import gallery
@@ -52,7 +53,6 @@ from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import LevelMatrix, Preconditioner
 from hemivar.linear.pardiso import pardiso_available
 from hemivar.linear.threads import one_thread
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 STEP = 0.01
 RTOL = 1e-9

@@ -181,7 +181,7 @@ def friction_bound(problem: DiscreteProblem, r: Array, lam: Array) -> Array:
     return np.asarray(bound.value(r[:, 0], lam[:, 0]))
 
 
-def anywhere(problem: DiscreteProblem, values: AnyArray) -> bool:
+def anywhere(problem: DiscreteProblem, values: AnyArray | bool) -> bool:
     """Whether a value of any process is not zero or False; all processes ask together."""
     return bool(problem.vectors.largest(float(np.any(values)))[0])
 
