@@ -302,7 +302,8 @@ def _print_summary(solution: Solution, certificate: Certificate | None) -> None:
     whole, *counts = body.ranks.total(float(contact.weights.sum()), *normal.values(), *tangential.values()).tolist()
     found = [int(count) for count in counts]
     states = dict(zip(normal, found, strict=False)), dict(zip(tangential, found[len(normal) :], strict=True))
-    top = body.ranks.largest(*(values.max(initial=-np.inf) for values in (solution.penetration, solution.pressure)))
+    extremes = (float(values.max(initial=-np.inf)) for values in (solution.penetration, solution.pressure))
+    deepest, pressure = body.ranks.largest(*extremes).tolist()
     closed = solution.contact_length
     if body.ranks.rank:
         return
@@ -313,8 +314,9 @@ def _print_summary(solution: Solution, certificate: Certificate | None) -> None:
     print(f"time              {', '.join(f'{stage} {seconds:.3g} s' for stage, seconds in solution.timings.items())}")
     print(f"cycles            {solution.evaluations}")
     print(f"energy            {energy:.10g}")
-    print(f"largest           {deformed.sizes}")
-    if deformed.warning is not None:
+    if deformed is not None:
+        print(f"largest           {deformed.sizes}")
+    if deformed is not None and deformed.warning is not None:
         print(f"warning           {deformed.warning}")
     if solution.status is not Status.CONVERGED:
         print(f"what to do        {solution.status.remedy}")
@@ -327,7 +329,7 @@ def _print_summary(solution: Solution, certificate: Certificate | None) -> None:
     what = "length" if body.dim == 2 else "area"
     rows = [
         *contact_rows(what, closed, whole, states, Units()),
-        *extreme_rows(*top.tolist(), Units()),
+        *extreme_rows(deepest, pressure, Units()),
     ]
     print("\n".join(Summary(tuple(rows)).lines()))
 

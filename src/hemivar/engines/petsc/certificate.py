@@ -112,7 +112,8 @@ class CyclesOnRanks(SolveByCycles):
         """The largest eigenvalue of ``(S'S, K)``, ``S`` (k, n), shown to be no larger where a factorisation can."""
         subspace = self._started(part)
         added = subspace.improve(self.quality, _STEPS, _ACCURATE)
-        found, softening = float(subspace.values[0]), np.bincount(part.indices, part.data**2, self.diagonal.size)
+        found = float(subspace.values[0])
+        softening: Array = np.bincount(part.indices, part.data**2, self.diagonal.size).astype(float)
         for trial in (*(found * (1.0 + more) for more in _TRIALS), 0.5 * (found + 1.0)):
             shown = None if found >= 1.0 else trial < 1.0 and self._shown(0, trial, softening[self.body.unknown])
             if shown:

@@ -64,7 +64,9 @@ class BulkOnRanks(Sized):
     def lower(self) -> BulkOnRanks | None:  # type: ignore[override]
         """The linear body of C_low, itself if it is linear; None where none is known."""
         low = self.body.below_all()
-        return self if low is self.body else low and BulkOnRanks(low)
+        if low is None:
+            return None
+        return self if low is self.body else BulkOnRanks(low)
 
     @cached_property
     def upper(self) -> BulkOnRanks:  # type: ignore[override]
