@@ -67,6 +67,9 @@ def test_heat_in_space() -> None:
 def test_what_a_notebook_shows() -> None:
     problem = gallery.antiplane_friction(4).problem
     assert "support: left" in texts(plot_problem(problem))
+    over_area = texts(plot_problem(gallery.membrane_obstacle(4).problem))  # its contact is on no boundary
+    assert "support: " in over_area
+    assert "contact: " not in over_area
     for shown, words in (
         (problem, "shear modulus"), (hv.discretize(problem), "local components"), (hv.solve(problem), "contact length"),
         (hv.solve(gallery.membrane_obstacle(4).problem), "contact area"),
