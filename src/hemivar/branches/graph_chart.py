@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as la
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -39,6 +40,8 @@ BESIDE = 1e-7
 _NEAR, _TELL, _ROUNDED = 2e-9, 5e-9, 1e-12
 #: A jump of the derivative that counts, in units of what r moves with theta.
 _JUMP = 1e-4
+#: Parts of a reach in which a corner is searched one after the other.
+_PARTS = (1e-2, 1e-1, 1.0)
 #: Pairs that are remembered.
 _KEPT = 8
 #: Second singular value of a jump, relative to the first one, above which it has no normal.
@@ -84,9 +87,15 @@ class GraphChart(Curves):
     def size(self) -> int:
         return self.system.active.size
 
-    @property
+    @cached_property
     def length(self) -> float:
-        return self.system.length_scale
+        """A typical displacement under the load; gaps do not count, for points far away may never close theirs."""
+        free, moved = self.system.free, self.system.displaced
+        held = self.system.matrix + 1e-3 * np.diag(self.system.diagonal.ravel())
+        u = la.solve(held[np.ix_(free, free)], moved.load[free], assume_a="pos") if free.size else moved.load[free]
+        fixed = np.where(moved.active, 0.0, self.system.fixed + self.system.problem.offset)
+        size = max(float(np.abs(u).max(initial=0.0)), float(np.abs(fixed).max(initial=0.0)))
+        return size if size > 0.0 else self.system.length_scale
 
     @property
     def weights(self) -> Array:
@@ -281,7 +290,14 @@ class GraphChart(Curves):
         return Corner(part, point, _normals(jump[point], way.reshape(m, c)[point]))
 
     def crossing(self, j: int, place: Array, normal: Array, reach: float) -> float | None:
-        """How far along its normal a contact point at ``place (c,)`` is from a corner; None if none is in reach."""
+        """How far along its normal a contact point at ``place (c,)`` is from a corner; None if none is in reach.
+
+        Corners may lie close to one another: a small part of the reach is searched first.
+        """
+        found = (self._crossing(j, place, normal, part * reach) for part in _PARTS)
+        return next((off for off in found if off is not None), None)
+
+    def _crossing(self, j: int, place: Array, normal: Array, reach: float) -> float | None:
         ends = self.pair_of(j, place + np.array([-reach, reach])[:, None] * normal)
         if np.abs(ends[1] - ends[0]).max() <= _JUMP:
             return None

@@ -94,6 +94,9 @@ class GraphFollower(Follower):
             else:
                 reach = reach if corner is None or not corner.bends else corner.part * reach
                 found = self.smooth(theta, segment, t, v, reach, slack)
+                if found is None and load <= reach:  # beyond the end there may be no equilibrium, or too many
+                    goal = self.high if v[-1] > 0.0 else self.low
+                    found = self.end_of_load(theta, segment, load * v[:-1], goal, slack)
             if found is not None:
                 return found
             length, slack = 0.5 * reach, 0.5 * slack
@@ -101,11 +104,10 @@ class GraphFollower(Follower):
 
     def smooth(self, theta: Array, side: Array, t: float, v: Array, reach: float, slack: float) -> FollowedPoint | None:
         """A step to a point on the same pieces, to the end of the load, or to a corner that was met on the way."""
-        chain, load = self.chain, self.load_room(t, v)
+        chain = self.chain
         arrived = self.arc(theta, chain.here, t, v, reach)
         if arrived is None:
-            goal = self.high if v[-1] > 0.0 else self.low
-            return self.end_of_load(theta, side, load * v[:-1], goal, slack) if load <= reach else None
+            return None
         new, new_t, steps = arrived
         met = chain.leaves(theta, side, new - theta, 2.0 * slack)
         over = not self.low < new_t < self.high
@@ -168,7 +170,7 @@ class GraphFollower(Follower):
             off = chain.crossing(j, own, normal, reach)
             if off is None:
                 return None
-            if abs(off) <= _ON * chain.length:
+            if abs(off) <= _ON * chain.length + 4e-16 * float(np.abs(own).max()):
                 break
             goal += off
         else:
