@@ -206,3 +206,12 @@ def test_the_command_solves_and_draws(name: str, tmp_path: Path) -> None:
     assert ("contact area" if name.startswith("membrane") else "contact length") in done.stdout
     assert (tmp_path / "plot.png").stat().st_size > 10_000
     assert (tmp_path / "plot-contact.png").stat().st_size > 10_000
+
+
+def test_contact_stated_as_a_bodys_is_written(tmp_path: Path) -> None:
+    made = {"area": hv.Contact(hv.Compliance(2.0), gap=0.1, side=Side.BELOW)}
+    problem = hv.ContactProblem(hv.rectangle((1.0, 1.0), 2), hv.Material.gradient(1.0), made)
+    assert difference(problem, hv.read_problem(hv.write_problem(problem, tmp_path / "p.toml"))) is None
+    damped = replace(problem, contact={"area": replace(made["area"], damping=hv.Compliance(1.0))})
+    with pytest.raises(hv.errors.ProblemError, match=r"contact\['area'\].damping would come back otherwise"):
+        hv.write_problem(damped, tmp_path / "q.toml")

@@ -57,6 +57,18 @@ STOP = hv.ScalarContact(hv.Signorini(), 0.1)
         ({"contact": {"left": hv.Contact(hv.Signorini(), hv.Tresca(1.0))}}, "contact 'left': .* give one of the two"),
         ({"contact": {"left": hv.Contact(hv.Signorini(), obstacle=hv.Plane((0.0, 0.0), (0.0, 1.0)))}}, "an obstacle"),
         ({"contact": {"left": hv.Contact(hv.Signorini(), belt=(0.0, 1.0))}}, "a belt, which needs directions"),
+        (
+            {"area": hv.Contact(hv.Compliance(1.0), memory=(hv.laws.Wear(0.1),))},
+            "contact 'area': the memory 'wear' is of a slip beside the penetration",
+        ),
+        (
+            {"area": hv.Contact(hv.Adhesive(1.0, 0.1, softening=0.1), memory=(hv.laws.Secant(friction=0.2),))},
+            "the memory 'secant' is of a slip",
+        ),
+        (
+            {"area": hv.Contact(hv.laws.NoContact(), hv.Tresca(0.1), damping=hv.Compliance(1.0))},
+            "with friction has damping, which is of the penetration",
+        ),
         ({"area": hv.Signorini()}, "area is .*; give ScalarContact"),
         ({"area": {"low": STOP}}, "area names region 'low'"),
         ({"mesh": HALVES, "area": {"low": hv.Signorini()}}, r"contact\['low'\] is .*; wrap the law"),

@@ -25,12 +25,16 @@ from hemivar.laws import (
     VectorLaw,
 )
 from hemivar.laws.friction.bounds import StateBound
-from hemivar.laws.memory import Memory, Secant
+from hemivar.laws.memory import Bonding, Memory, PenetrationMemory, Secant, ViscousFoundation
 from hemivar.mechanics.conditions import LARGEST, ScalarData, VectorData, plain_data
 from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time
 from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
 
 __all__ = ["Contact", "Side"]
+
+
+#: Memories of the penetration alone.
+_OF_PENETRATION = (Bonding, PenetrationMemory, Secant, ViscousFoundation)
 
 
 class Side(StrEnum):
@@ -160,6 +164,20 @@ class Contact(PickleMixin):
         if self.obstacle is not None or callable(self.belt) or np.any(self.belt):
             what = "a belt" if self.obstacle is None else "an obstacle"
             raise ProblemError(f"a scalar contact has {what}, which needs directions; give gap, where it stands")
+        self._refuse_memory_of_slip()
+
+    def _refuse_memory_of_slip(self) -> None:
+        """Refuse what needs penetration and slip at one point, or the penetration where there is slip alone."""
+        if self.rubs and (self.damping is not None or self.memory):
+            what = "damping" if self.damping is not None else "memory"
+            raise ProblemError(f"a scalar contact with friction has {what}, which is of the penetration; leave it out")
+        for one in self.remembers:
+            rubs = getattr(one, "friction", 0.0)
+            if not isinstance(one, _OF_PENETRATION) or callable(rubs) or np.any(rubs):
+                raise ProblemError(
+                    f"the memory '{one.name}' is of a slip beside the penetration, and a scalar contact has no two; "
+                    f"give one of {', '.join(kind.__name__ for kind in _OF_PENETRATION)}, without friction"
+                )
 
     @property
     def rubs(self) -> bool:

@@ -10,6 +10,7 @@ displacement across the plane, heat the conductivity and the temperature.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Never
 
@@ -67,7 +68,8 @@ def ScalarContact(  # noqa: N802
         )
     normal, friction = (NoContact(), law) if isinstance(law, Friction) else (law, NoFriction())
     at = plain_data(level, "level", 1, LARGEST)
-    made = Contact(normal, friction, at, memory=(), side=side)  # type: ignore[arg-type]
+    made = Contact(normal, friction, at, side=side)  # type: ignore[arg-type]
+    made = replace(made, memory=()) if made.law.remembers else made
     made.refuse_directions()
     return made
 
