@@ -36,7 +36,7 @@ from skfem.models.elasticity import linear_elasticity
 import hemivar as hv
 from hemivar import gallery
 from hemivar.fem.edge_blocks import EdgeBlocks
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.body_on_levels import ElasticMultigrid
 
 TOLERANCE = 1e-10
 PROBLEMS = {2: lambda n: gallery.survey("5.1", n, "right"), 3: lambda n: gallery.survey_cube("5.1", n)}

@@ -38,7 +38,6 @@ from typing import Any
 
 import numpy as np
 from common import show
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
 
 import hemivar as hv
 from hemivar import gallery
@@ -53,6 +52,7 @@ from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import LevelMatrix, Preconditioner
 from hemivar.linear.pardiso import pardiso_available
 from hemivar.linear.threads import one_thread
+from hemivar.systems.body_on_levels import ElasticMultigrid
 
 STEP = 0.01
 RTOL = 1e-9

@@ -42,8 +42,7 @@ from hemivar import gallery
 from hemivar.fem.energy_integral import EnergyIntegral
 from hemivar.kernels import kernels, threads
 from hemivar.linear.levels import Truncated
-from hemivar.systems.body_on_levels import levels_of
-from hemivar.systems.elastic_multigrid import ElasticMultigrid
+from hemivar.systems.body_on_levels import ElasticMultigrid, levels_of
 
 TOLERANCE = 1e-10
 #: Numbers in a vector of the triad, beyond all caches, and bytes that it moves for each: four are read, two written.

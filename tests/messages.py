@@ -90,6 +90,8 @@ def _of(nodes: Iterable[ast.AST], command: bool) -> Iterator[tuple[str, str, int
 
 
 def _called(node: ast.Call, called: str, command: bool) -> Iterator[tuple[str, str, int]]:
+    if called in ("option", "written", "argument") and command and node.args and (text := text_of(node.args[0])):
+        yield "help", text, node.lineno
     if called.endswith("Error") or called in _CALLS:
         kind = "error" if called.endswith("Error") else _CALLS[called]
         if called == "print" and not command:

@@ -323,6 +323,7 @@ def any_stands_at_true_boundaries_only(files: Files) -> Iterator[str]:
 WORKING = {
     "branches.follower": ("TrackPoint", "Track", "Follower"),
     "branches.graph_follower": ("GraphFollower",),
+    "branches.nonlinear_follower": ("NonlinearFollower",),
     "coercivity.recession": ("_Programme",),
     "evolution.stage_solver": ("_GradientFlow",),
     "solvers.newton_on_graph": ("NewtonCache",),

@@ -106,7 +106,9 @@ def test_meshes_stay_read_only_and_know_what_they_refine(trip: str) -> None:
     assert mesh.edges.size
     assert mesh.parent is not None
     there: Mesh = TRIPS[trip](mesh)
-    assert set(vars(there)) == {"points", "cells", "boundaries", "regions", "parent", "recipe"}, "caches travelled"
+    assert set(vars(there)) == {"points", "cells", "boundaries", "regions", "parent", "recipe", "interfaces"}, (
+        "caches travelled"
+    )
     assert isinstance(there.boundaries, MappingProxyType)
     for name, part in mesh.boundaries.items():
         np.testing.assert_array_equal(there.boundaries[name], part)

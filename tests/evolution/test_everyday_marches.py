@@ -43,7 +43,7 @@ def marches(problem: hv.ContactProblem, inertia: bool) -> None:
     step = 0.05 if inertia else 0.1
     history = hv.march(hv.Evolution(ramped(problem), inertia=inertia), until=1.5, step=step)
     assert history.finished, (history.ended, history.messages)
-    slips = any(contact.friction.acts for contact in problem.contacts.values())
+    slips = any(contact.friction.acts for contact in problem.contact.values())
     if not inertia and not slips and history.margin > 0.0:
         still = hv.solve(problem).displacement
         assert np.abs(history.frames[-1].displacement - still).max() <= 1e-6 * np.abs(still).max()

@@ -27,7 +27,7 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = [
     "TIGHT",
-    "Descent",
+    "DescentSolver",
     "Slowed",
     "bottom",
     "downhill",
@@ -143,7 +143,7 @@ def bottom(
 
 
 @dataclass(frozen=True, eq=False)
-class Descent:
+class DescentSolver:
     """How the problems of a descent are solved."""
 
     solver: Solver | None
@@ -170,7 +170,7 @@ def downhill(
     problem: DiscreteProblem,
     slowed: Slowed,
     u: Array,
-    by: Descent,
+    by: DescentSolver,
     controls: Controls,
     chain: Chain | None = None,
 ) -> Solution:
@@ -295,7 +295,7 @@ def _endless(problem: DiscreteProblem, u: Array, way: Array) -> bool:
     return step > 0.0 and further[0](_AWAY * float(np.ptp(problem.field.nodes, axis=0).max()) / step)
 
 
-def _on_pieces(problem: DiscreteProblem, u: Array, by: Descent, controls: Controls) -> Solution | None:
+def _on_pieces(problem: DiscreteProblem, u: Array, by: DescentSolver, controls: Controls) -> Solution | None:
     """The bottom of the pieces on which a place lies, where laws that soften leave the body stable there."""
     method, body = by.multigrid, by.on_levels(problem)
     found = None if body is None else _minimiser_on_pieces(method, body, u, controls)

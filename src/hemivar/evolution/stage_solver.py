@@ -29,7 +29,7 @@ from hemivar.certificates.smallness import smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError
-from hemivar.evolution.descent import TIGHT, Descent, bottom, downhill, slowed
+from hemivar.evolution.descent import TIGHT, DescentSolver, bottom, downhill, slowed
 from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
 from hemivar.evolution.jumps import DissipatedJump, SelectionRule
 from hemivar.evolution.stage import Stage, StageState, extrapolated_multiplier, out_of_balance_force, stage_state
@@ -184,7 +184,7 @@ class _GradientFlow:
     def down(self, problem: DiscreteProblem, u: Array) -> Solution:
         """Down the gradient in the norm of K."""
         slow = slowed(self.paths.bodies, problem, self.convexity_defect)
-        return downhill(problem, slow, u, Descent(self.solver, self.paths.workspace), self.controls, self.chain)
+        return downhill(problem, slow, u, DescentSolver(self.solver, self.paths.workspace), self.controls, self.chain)
 
     def jumped(self, part: float, problem: DiscreteProblem, u: Array, landed: Solution) -> list[DissipatedJump]:
         """The jump from a place to where it led, if it was one."""
@@ -352,7 +352,7 @@ class StageSolver:
                 )
             crept = solve(slow.problem, self.solver, controls, initial=start, workspace=self.workspace)
             return StageSolution(crept, slow.resistance)
-        return StageSolution(downhill(problem, slow, start, Descent(self.solver, self.workspace), controls))
+        return StageSolution(downhill(problem, slow, start, DescentSolver(self.solver, self.workspace), controls))
 
     def _at_rest(self, problem: DiscreteProblem) -> StageSolution | None:
         """The solution where the body is, if nothing acts there and the foundation does not push.

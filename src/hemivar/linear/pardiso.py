@@ -104,7 +104,7 @@ class PardisoFactorisation:
             self._definite = self.interior_positive = False
             error = self._factorise(upper, _SYMMETRIC)
         if error == _NO_MEMORY:
-            raise MemoryError("PARDISO got no memory for the factors")
+            raise MemoryError("PARDISO got no memory for the factors; take a coarser mesh, or method multigrid")
         if error:
             raise singular_interior()
         self.schur = 0.5 * (self.schur + self.schur.T)

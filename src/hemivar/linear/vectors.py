@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -51,6 +52,7 @@ class Vectors(Protocol):
         ...
 
 
+@dataclass(frozen=True)
 class Whole:
     """Vectors in one piece."""
 

@@ -136,7 +136,8 @@ class Mesh(PickleMixin):
         if negative.any():
             connectivity = connectivity.copy()
             connectivity[negative, :2] = connectivity[negative, 1::-1]
-        return cls(nodes, connectivity, boundaries or {}, regions or {}, interfaces=interfaces or {})  # type: ignore[arg-type]
+        given = [{} if group is None else group for group in (boundaries, regions, interfaces)]
+        return cls(nodes, connectivity, given[0], given[1], interfaces=given[2])  # type: ignore[arg-type]
 
     @classmethod
     def trusted(

@@ -22,7 +22,7 @@ from hemivar.engines.petsc.solve import Saved, solved_on_ranks
 from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.evolution import Scheme, SelectionRule
 from hemivar.evolution.data_in_time import StatedData
-from hemivar.evolution.descent import Descent, downhill, slowed
+from hemivar.evolution.descent import DescentSolver, downhill, slowed
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.stage import Stage
@@ -105,14 +105,14 @@ class StageSolverOnRanks(StageSolver):
         problem, controls = stage.problem, self.controls.within(self.controls.rtol * size)
         start = np.zeros(problem.unknowns) if initial is None else initial.unknowns
         convexity_defect = self.convexity_defect(stage)
-        by = DescentOnRanks(self.solver, self.workspace, self.controls, self.alarm)
+        by = DescentSolverOnRanks(self.solver, self.workspace, self.controls, self.alarm)
         if not 0.0 <= convexity_defect < math.inf:
             return StageSolution(by.solved(problem, start, controls))
         return StageSolution(downhill(problem, slowed(self.bodies, problem, convexity_defect), start, by, controls))
 
 
 @dataclass(frozen=True, eq=False)
-class DescentOnRanks(Descent):
+class DescentSolverOnRanks(DescentSolver):
     """How the problems of a descent are solved over ranks."""
 
     controls: Controls
