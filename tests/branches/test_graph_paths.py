@@ -221,6 +221,23 @@ def test_the_value_of_an_end_is_met_on_curved_pieces(curves: str, monkeypatch: p
     assert path.ended is hv.branches.PathEnd.UNTIL
 
 
+@pytest.mark.parametrize(("where", "load"), [("left", 0.3), ("right", 0.15)])
+def test_a_path_ends_where_one_boundary_has_its_value(where: str, load: float) -> None:
+    """Two bars on springs of 4 and 12 that are pulled by ends that move alike: u = 12 t / (12 + k)."""
+    bars = {side: hv.rectangle((1.0, 1.0), 1, origin=(at, 0.0)) for side, at in (("left", 0.0), ("right", 2.0))}
+    springs = {"left": hv.laws.BilinearCohesion(1e3, 1e6, 4.0), "right": hv.laws.BilinearCohesion(1e3, 1e6, 12.0)}
+    contact = {f"{side}:bottom": hv.Contact(law) for side, law in springs.items()}
+    mesh = hv.Mesh.assembled(bars)
+    supports = {f"{side}:top": hv.Prescribed((0.0, 1.0)) for side in ("left", "right")}
+    supports |= {f"{side}:{edge}": hv.Roller() for side in ("left", "right") for edge in ("left", "right")}
+    problem = hv.ContactProblem(mesh, hv.Material.young(12.0, 0.0), contact, supports)
+    ends = {"left": 0.75 * load, "right": 0.5 * load}
+    path = follow_path(problem, until={f"opening:{where}:bottom": ends[where]})
+    assert path.load_factor[-1] == pytest.approx(load, rel=1e-9)
+    with pytest.raises(hv.errors.ProblemError, match="no contact boundary 'lef'"):
+        follow_path(problem, until={"slip:lef": 1.0})
+
+
 def test_values_of_an_end_are_refused_before_any_work() -> None:
     with pytest.raises(hv.errors.ProblemError, match=r"'max-openin', which is not known; did you mean 'max-opening'"):
         follow_path(pair(6.0, 4.5), until={"max-openin": 1.0})

@@ -13,7 +13,7 @@ from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.basics.deadline import Budget
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.curves import Curves
 from hemivar.branches.follower import Follower, PathProgress, Quantity, Track
@@ -21,7 +21,8 @@ from hemivar.branches.graph_chart import GraphChart, chart_of
 from hemivar.branches.graph_follower import GraphFollower, OutOfChartError
 from hemivar.branches.nonlinear_follower import NonlinearFollower, linear_in_place
 from hemivar.branches.path import Bifurcation, Fold, Path, PathEnd, PathJump
-from hemivar.branches.path_quantities import QUANTITIES, PathQuantity, checked_until
+from hemivar.branches.path_quantities import PathQuantity, checked_until, quantity_on
+from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
@@ -56,7 +57,8 @@ class PathOptions:
     largest_step : float
         Of the arc length, as a part of the whole.
     until : mapping of name to value
-        The path ends where one of these quantities has its value.
+        The path ends where one of these quantities has its value, such as ``max-opening``, or ``opening:tip`` for the
+        contact boundary ``tip`` alone.
 
     Raises
     ------
@@ -82,13 +84,14 @@ class PathOptions:
             raise ProblemError(f"largest_step is {self.largest_step}; it must be positive")
         checked_until(self.until)
 
-    def ends(self, weights: Array) -> tuple[Quantity, ...]:
-        """Numbers that are zero where the path ends, for weights (m,) of contact points."""
-        return tuple(_beyond(QUANTITIES[name], weights, value) for name, value in self.until.items())
+    def ends(self, contact: ContactPoints) -> tuple[Quantity, ...]:
+        """Numbers that are zero where the path ends."""
+        found = ((*quantity_on(name, contact), value) for name, value in self.until.items())
+        return tuple(_beyond(quantity, points, contact.weights[points], value) for quantity, points, value in found)
 
 
-def _beyond(quantity: PathQuantity, weights: Array, value: float) -> Quantity:
-    return lambda r, lam: float(quantity.evaluate(weights, r[None], lam[None])[0]) - value
+def _beyond(quantity: PathQuantity, points: IntArray, weights: Array, value: float) -> Quantity:
+    return lambda r, lam: float(quantity.evaluate(weights, r[None, points], lam[None, points])[0]) - value
 
 
 @known_keywords
@@ -128,7 +131,8 @@ def follow_path(
         Limit in seconds; the path then ends where it is, and says so.
     until : mapping of name to value, optional
         The path ends where one of these quantities passes its value, such as ``{"max-opening": 0.1}``.  Names are those
-        of ``hemivar path --quantity``.  A value that is passed twice within one step is not seen.
+        of ``hemivar path --quantity``; ``{"opening:tip": 0.1}`` is the largest opening on the contact boundary ``tip``.
+        A value that is passed twice within one step is not seen.
     workspace : Workspace, optional
         Keeps what is expensive for other calls on the same body.
 
@@ -240,7 +244,7 @@ def _followed(
                 f"no equilibrium was found at load factor {first:g} ({begun.status.value}); give another start"
             )
         back = yield from follower.running(corrected, segment, first, -1.0)
-        follower.until = options.ends(system.weights)
+        follower.until = options.ends(system.problem.contact)
         forth = yield from follower.running(corrected, segment, first, 1.0)
         if not follower.ties or attempt or follower.stopped:
             break

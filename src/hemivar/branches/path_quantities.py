@@ -9,11 +9,12 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import expect, number, suggest
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError
 from hemivar.solvers.boundary_result import friction_of
 
-__all__ = ["QUANTITIES", "PathQuantity", "checked_until"]
+__all__ = ["QUANTITIES", "PathQuantity", "checked_until", "quantity_on"]
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,19 @@ QUANTITIES: Mapping[str, PathQuantity] = MappingProxyType(
 )
 
 
+def quantity_on(name: str, contact: ContactPoints) -> tuple[PathQuantity, IntArray]:
+    """The quantity of a name, and the contact points (k,) that it sees: all, or those of ``quantity:boundary``.
+
+    Raises
+    ------
+    ProblemError
+        There is no such contact boundary.
+    """
+    known, _, boundary = name.partition(":")
+    points = contact.on(boundary) if boundary else np.arange(contact.count)
+    return QUANTITIES[known if known in QUANTITIES else f"max-{known}"], points
+
+
 def checked_until(until: object) -> Mapping[str, float]:
     """Values of quantities by name, as they are given.
 
@@ -61,7 +75,8 @@ def checked_until(until: object) -> Mapping[str, float]:
     """
     given: Mapping[str, float] = expect(until, Mapping, "until", "give values by names, such as {'max-opening': 0.1}")
     for name, value in given.items():
-        if name not in QUANTITIES:
+        known, on, _ = str(name).partition(":")
+        if known not in QUANTITIES and not (on and f"max-{known}" in QUANTITIES):
             raise ProblemError(
                 f"until names the quantity '{name}', which is not known{suggest(str(name), list(QUANTITIES))}"
             )
