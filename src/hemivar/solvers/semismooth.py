@@ -58,7 +58,7 @@ class SemismoothNewton(Solver):
     Stadler and Wohlmuth 2008).  The equation is that of the system of the method inside the fixed point: on the
     condensed body it is solved by LU factors, on all unknowns by minimal residuals, preconditioned with the multigrid
     cycle of the law whose bound is frozen.  A step is halved until ``|F|`` falls.  Where it does not, as in a body that
-    nothing holds where it starts, or where a law softens and the whole step does not lower ``|F|``, Newton's equation
+    nothing holds where it starts, or where glue of two energies softens and the whole step does not lower ``|F|``, Newton's equation
     begins anew where one step of the fixed point leads.  Where that fails, the bound is raised from zero in parts, each
     solved from the one before.  Where that fails, too, or where the bound has no derivatives or the profile falls at
     once, the fixed point takes over.  ``solution.fallbacks`` counts.
@@ -142,7 +142,7 @@ class SemismoothNewton(Solver):
 
     def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:
         equation = GraphEquation.of(system)
-        softens = bool(system.vectors.largest(float(system.law.softens))[0])
+        softens = bool(system.vectors.largest(float(system.law.softens and system.law.depends_on_whole_state))[0])
         search = None if equation is None else _Search(equation, self._accuracy, softens)
         point = None if search is None else search.at(start.r)
         if search is None or point is None:
