@@ -12,7 +12,7 @@ from hemivar.engines.petsc import evolution as engine
 from hemivar.engines.petsc import family, march_on_ranks, world
 from hemivar.engines.petsc.evolution import EvolutionOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
-from hemivar.engines.petsc.ranks_advance import DescentOnRanks
+from hemivar.engines.petsc.ranks_advance import DescentSolverOnRanks
 from hemivar.evolution import Checkpoint
 from tests.engines.evolutions import CASES, COUPLED, ENDING
 
@@ -39,7 +39,7 @@ def counted(owner: Any, name: str, what: str) -> None:
 
 counted(engine, "assemble", "assembled")
 counted(Multigrid, "build", "set up")
-counted(DescentOnRanks, "solved", "solved")
+counted(DescentSolverOnRanks, "solved", "solved")
 
 ranks = world()
 with all_or_none(ranks):
