@@ -289,6 +289,10 @@ def energy_norm(problem: DiscreteProblem, workspace: Workspace | None = None) ->
     problem : DiscreteProblem
     workspace : Workspace, optional
         Where factors and levels are kept.
+
+    Returns
+    -------
+    EnergyNorm
     """
     kept = Workspace.given(workspace)
 
@@ -303,6 +307,15 @@ def energy_norm(problem: DiscreteProblem, workspace: Workspace | None = None) ->
 
 
 def factorises(problem: DiscreteProblem) -> bool:
-    """Whether :func:`energy_norm` factorises the stiffness of a problem."""
+    """Whether :func:`energy_norm` factorises the stiffness of a problem.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+
+    Returns
+    -------
+    bool
+    """
     dimension = problem.contact.components if problem.field is None else problem.field.mesh.dim
     return problem.unknowns <= FACTORISED[dimension == 3]

@@ -58,9 +58,9 @@ class Event(ABC):
         Parameters
         ----------
         discrete : DiscreteEvolution
-        moment : TimeState
+        state : TimeState
         margin : float
-            Smallness margin of the step that led to the moment.
+            Smallness margin of the step that led to the state.
         """
 
     def points(self, discrete: DiscreteEvolution) -> np.ndarray:  # type: ignore[type-arg]

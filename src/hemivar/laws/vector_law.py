@@ -322,7 +322,7 @@ class VectorLaw(PickleMixin, ABC):
         return up, down, slip
 
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
-        """The most that the law resists on ways of length ``size`` from ``rest (m, c)``, as :attr:`rates`; (m,)."""
+        """The most that the law resists on ways of length ``size`` from ``rest (m, c)``, (m,)."""
         return most_resisted(self, rest, size)
 
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:

@@ -98,8 +98,8 @@ def ScalarProblem(  # noqa: N802
     ----------
     mesh : Mesh
         Plane, or in space for heat.
-    coefficient, kind, density, viscosity, capacity
-        The material, see :meth:`Material.gradient`.  A problem at rest knows nothing of the last three.
+    coefficient : float, callable, tensor or GradientEnergy, or mapping of region name to one
+        Of the material, see :meth:`Material.gradient`.
     contact : mapping of boundary name to Contact
         See :func:`ScalarContact`.
     area : Contact, or mapping of region name to Contact
@@ -113,11 +113,21 @@ def ScalarProblem(  # noqa: N802
         ``A grad u . nu``, per length (area in space), zero by default: the tractions of the problem.
     bedding : float or callable
         Elastic bedding ``-bedding u`` per area, not negative.
+    kind : ScalarKind
     title : str
     order : int
         Polynomial degree of the elements, 1 or 2.
+    density : float or callable, or mapping of region name to one, optional
+        Of what moves; a problem at rest knows nothing of it, nor of the next two.
+    viscosity : float or callable, or mapping of region name to one, optional
+    capacity : float or callable, or mapping of region name to one, optional
+        Of heat.
     units : Units, optional
         For labels; no number is converted.
+
+    Returns
+    -------
+    ContactProblem
 
     Raises
     ------

@@ -21,7 +21,17 @@ __all__ = ["SingleMaterial"]
 
 @dataclass(frozen=True, eq=False)
 class SingleMaterial(Material):
-    """A material of one kind: what it has of density, viscosity and branches."""
+    """A material of one kind: what it has of density, viscosity and branches.
+
+    Attributes
+    ----------
+    density : float, callable or None
+        Mass per volume, of motion.
+    viscosity : Moduli or None
+        Of a force that follows the rate of the strain.
+    branches : tuple of Branch
+        What relaxes.
+    """
 
     density: Number | None = field(default=None, kw_only=True)
     viscosity: Moduli | None = field(default=None, kw_only=True)

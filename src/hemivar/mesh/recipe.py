@@ -72,7 +72,15 @@ class Assembly:
 
 @dataclass(frozen=True)
 class Opening:
-    """A curve or surface inside a body that was opened: an interface, or all facets between two regions."""
+    """A curve or surface inside a body that was opened.
+
+    Attributes
+    ----------
+    name : str
+        What it is called: an interface of the mesh where no regions are named.
+    between : pair of str or None
+        Two regions; all facets between a cell of the one and a cell of the other.
+    """
 
     name: str
     between: tuple[str, str] | None = None

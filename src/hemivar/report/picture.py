@@ -216,6 +216,10 @@ def paper(
     annotations : bool
         Whether titles and the notes beside and below figures are kept.
 
+    Yields
+    ------
+    None
+
     Raises
     ------
     ProblemError

@@ -142,15 +142,33 @@ class LoadStepping(Solver):
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """How far the load has grown."""
+    """How far the load has grown.
 
-    at: State  # the equilibrium of the largest load that has one; where the body began if there is none
-    low: float  # its load factor
-    failed: float  # the next one at which none was found, infinite where there is none
-    length: float  # of the next step
-    status: Status  # how the last search ended
-    tried: int = 0  # load factors so far
-    top: float = 1.0  # what is called a load factor of 1 here
+    Attributes
+    ----------
+    at : State
+        The equilibrium of the largest load that has one; where the body began if there is none.
+    low : float
+        Its load factor.
+    failed : float
+        The next one at which none was found, infinite where there is none.
+    length : float
+        Of the next step.
+    status : Status
+        How the last search ended.
+    tried : int
+        Load factors so far.
+    top : float
+        What is called a load factor of 1 here.
+    """
+
+    at: State
+    low: float
+    failed: float
+    length: float
+    status: Status
+    tried: int = 0
+    top: float = 1.0
 
     @property
     def carried(self) -> float:
