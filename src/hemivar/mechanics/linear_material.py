@@ -106,7 +106,7 @@ class Isotropic(SingleMaterial):
 
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         dim = points.shape[1]
-        constant = self.homogeneous
+        constant = self.homogeneous and len(points) > 0
         at = points[:1] if constant else points
         lam, mu = self._parameters(at, "" if constant else None)
         if dim == 3 or self.plane is PlaneState.STRESS:
