@@ -150,7 +150,7 @@ def nodal_average(source: FieldSource | Mesh, values: Array, summed: Callable[[A
     count = len(mesh.nodes(order))
     repeated = cells.ravel()
     volume = np.repeat(mesh.volumes, cells.shape[1])
-    flat = values.reshape(len(values), -1)
+    flat = values.reshape(len(values), int(np.prod(values.shape[1:])))  # a rank may have no cells
     sums = np.empty((count, 1 + flat.shape[1]))
     sums[:, 0] = np.bincount(repeated, weights=volume, minlength=count)
     for k, column in enumerate(flat.T, start=1):
