@@ -240,6 +240,7 @@ def test_other_interfaces_and_boundaries_stay() -> None:
         (lambda mesh: mesh.opened("glue", between=("steel", "rubber")), "has an interface 'glue' already"),
         (lambda mesh: mesh.with_interfaces({"glue": mesh.boundaries["top"]}), "does not lie between two cells"),
         (lambda mesh: mesh.with_interfaces({"top": mesh.interfaces["glue"]}), "names a boundary and an interface"),
+        (lambda mesh: mesh.with_boundaries({"glue": mesh.boundaries["top"]}), "names a boundary and an interface"),
         (lambda mesh: mesh.with_interfaces({"glue": []}), "interface 'glue' holds no facets"),
         (lambda mesh: mesh.with_interfaces({"glue": [[0, 1, 2]]}), "must list 2 nodes per facet"),
         (lambda mesh: mesh.with_interfaces({"glue": lambda x: x[:, 0]}), "must return a bool mask"),

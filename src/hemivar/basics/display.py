@@ -23,7 +23,7 @@ _FIELD, _WHOLE, _FEW = 90, 400, 6
 class ReprMixin:
     """Base of classes that have a picture and a table, and that a notebook shows by both.
 
-    What they show is told in one place, :mod:`hemivar.report.notebook`.
+    What they show is written in one place, :mod:`hemivar.report.notebook`.
     """
 
     def _repr_html_(self) -> str:

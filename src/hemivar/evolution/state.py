@@ -154,7 +154,7 @@ class TimeState(PickleMixin):
     heat: ThermalState | None = None
     #: None where the next step begins anew: at the start, and where velocities jump.
     history: LastStep | None = None
-    #: Contact forces that are told of this moment, where they are not the multiplier at this time.
+    #: Contact forces that are reported for this state, where they are not the multiplier at this time.
     shown: ContactForce | None = None
 
     @property

@@ -34,7 +34,7 @@ _ROUNDED = 1e-14
 
 
 def shown_force(discrete: DiscreteEvolution, end: ExternalData, moment: TimeState, stage: float) -> ContactForce:
-    """Contact forces that are told of the end of a step: those at the end where all laws are functions.
+    """Contact forces that are reported for the end of a step: those at the end where all laws are functions.
 
     The law of a rigid obstacle, of friction that sticks and of glue that breaks at once has a whole interval of forces
     at a displacement and its rate.  A force at the end is then known to nobody, and neither is one that depends on what

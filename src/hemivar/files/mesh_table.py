@@ -185,11 +185,8 @@ def _recipe_record(recipe: MeshRecipe, folder: Path) -> dict[str, object]:
             record["pattern"] = source.pattern
         if any(source.origin):
             record["origin"] = source.origin
-    return (
-        {**encode(recipe, part="mesh", opened=_opened_record), **record}
-        if isinstance(source, Assembly)
-        else {**record, **encode(recipe, part="mesh", opened=_opened_record)}
-    )
+    placed = encode(recipe, part="mesh", opened=_opened_record)
+    return placed | record if isinstance(source, Assembly) else record | placed
 
 
 def _opened_record(opened: tuple[Opening, ...]) -> list[object]:

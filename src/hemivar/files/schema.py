@@ -79,9 +79,11 @@ def check_named(mesh: Mesh, table: TomlTable, name: str, what: str = "boundary")
     """Refuse the name of a boundary or region that the mesh does not have."""
     many = "boundaries" if what == "boundary" else "regions"
     known = list(getattr(mesh, many))
-    if what == "boundary" and name in mesh.interfaces:
-        raise table.error(name, f"lies inside the body; write [mesh] opened = ['{name}'] and name one of its two sides")
     if name not in known:
+        if what == "boundary" and name in mesh.interfaces:
+            raise table.error(
+                name, f"lies inside the body; write [mesh] opened = ['{name}'] and name one of its two sides"
+            )
         raise table.error(name, f"the mesh has no {what} '{name}'{suggest(name, known, many)}")
 
 

@@ -42,7 +42,7 @@ def pardiso_available() -> bool:
 
 
 class _Handle:
-    """A matrix in PARDISO's memory, of which the marked unknowns are left over."""
+    """A matrix in PARDISO's memory, of which the marked unknowns are kept."""
 
     def __init__(self, upper: sp.csr_array, kept: IntArray, kind: int) -> None:
         module = _pypardiso()

@@ -13,7 +13,7 @@ from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh.keys import EDGES, cell_facets, facet_keys, frozen, signed_volumes
+from hemivar.mesh.keys import EDGES, cell_facets, facet_keys, frozen, shared_facets, signed_volumes
 from hemivar.mesh.parts import cell_parts
 
 __all__ = [
@@ -266,8 +266,7 @@ def checked_interfaces(
         return {}
     dim, count = points.shape[1], len(points)
     facets, keys, _ = cell_facets(cells, count)
-    order = np.argsort(keys, kind="stable")
-    ordered = keys[order]
+    inner, _ = shared_facets(keys)
     result = {}
     for name, value in named:
         if name in boundaries:
@@ -279,16 +278,15 @@ def checked_interfaces(
             raise ProblemError(
                 f"interface '{name}' has shape {given.shape}; it must list {dim} nodes per facet, shape (k, {dim})"
             )
-        wanted = np.unique(facet_keys(given, count))
-        first = np.searchsorted(ordered, wanted)
-        last = np.searchsorted(ordered, wanted, side="right")
-        if (last - first != 2).any():
-            bad = given[int(np.argmax(np.isin(facet_keys(given, count), wanted[last - first != 2])))]
+        wanted = facet_keys(given, count)
+        outside = ~np.isin(wanted, keys[inner])
+        if outside.any():
+            bad = given[int(np.argmax(outside))]
             raise ProblemError(
                 f"interface '{name}': the facet with nodes {bad.tolist()} does not lie between two cells; list facets "
                 "inside the body only"
             )
-        result[str(name)] = frozen(facets[order[first]])
+        result[str(name)] = frozen(facets[inner[np.isin(keys[inner], wanted)]])
     return result
 
 

@@ -20,6 +20,7 @@ __all__ = [
     "facet_measures",
     "frozen",
     "pair_keys",
+    "shared_facets",
     "signed_volumes",
 ]
 
@@ -112,6 +113,16 @@ def cell_facets(cells: IntArray, count: int) -> tuple[IntArray, IntArray, IntArr
     dim = cells.shape[1] - 1
     facets = np.stack([cells[:, local] for local in FACETS[dim]], axis=1).reshape(-1, dim)
     return facets, facet_keys(facets, count), np.repeat(np.arange(len(cells)), dim + 1)
+
+
+def shared_facets(keys: IntArray) -> tuple[IntArray, IntArray]:
+    """Rows (k,) and (k,) of the facets that two cells share, among all facets with these keys, in rising order of keys.
+
+    The first of two belongs to the cell with the smaller number.
+    """
+    order = np.argsort(keys, kind="stable")
+    same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
+    return order[same], order[same + 1]
 
 
 def signed_volumes(points: Array, cells: IntArray) -> Array:

@@ -28,7 +28,7 @@ from hemivar.mesh.checks import (
     checked_regions,
     is_whole,
 )
-from hemivar.mesh.keys import EDGES, cell_facets, distinct_pairs, frozen, pair_keys, signed_volumes
+from hemivar.mesh.keys import EDGES, cell_facets, distinct_pairs, frozen, pair_keys, shared_facets, signed_volumes
 from hemivar.mesh.local_refinement import refined_where
 from hemivar.mesh.opened import opened
 from hemivar.mesh.parts import Parts, parts_of
@@ -425,9 +425,8 @@ class Mesh(PickleMixin):
         """
         found = checked_boundaries(self.points, self.cells, boundaries)
         areas = checked_regions(regions, self.number_of_cells)
-        inner = self.interfaces
-        if interfaces is not None:
-            inner = checked_interfaces(self.points, self.cells, interfaces, found)
+        kept = self.interfaces if interfaces is None else interfaces
+        inner = checked_interfaces(self.points, self.cells, kept, found)
         parent = self.parent and self.parent.named(found, areas, inner)
         return Mesh.trusted(self.points, self.cells, found, areas, parent, interfaces=inner)
 
@@ -513,9 +512,8 @@ class Mesh(PickleMixin):
     def _inner(self) -> tuple[IntArray, IntArray, IntArray]:
         """Facets between two cells (k, d), and these cells (k,) and (k,)."""
         facets, keys, cell = cell_facets(self.cells, self.number_of_nodes)
-        order = np.argsort(keys, kind="stable")
-        same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-        return facets[order[same]], cell[order[same]], cell[order[same + 1]]
+        first, second = shared_facets(keys)
+        return facets[first], cell[first], cell[second]
 
     @property
     def inner_facets(self) -> IntArray:

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from hemivar.basics.types import BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh.keys import cell_facets, facet_keys, frozen
+from hemivar.mesh.keys import cell_facets, facet_keys, frozen, shared_facets
 from hemivar.mesh.refine import Refinement
 
 if TYPE_CHECKING:
@@ -59,9 +59,7 @@ def _doubled(mesh: Mesh, facets: IntArray) -> tuple[IntArray, IntArray]:
     """
     count, dim = mesh.number_of_nodes, mesh.dim
     every, keys, owner = cell_facets(mesh.cells, count)
-    order = np.argsort(keys, kind="stable")
-    same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-    one, other = order[same], order[same + 1]
+    one, other = shared_facets(keys)
     inside = np.zeros(count, dtype=bool)
     inside[facets] = True
     closed = ~np.isin(keys[one], facet_keys(facets, count)) & inside[every[one]].any(axis=1)
@@ -98,10 +96,8 @@ def _sides(mesh: Mesh, name: str, cells: IntArray, facets: IntArray) -> dict[str
     count = mesh.number_of_nodes
     every, keys, owner = cell_facets(mesh.cells, count)
     fresh, new_keys, _ = cell_facets(cells, int(cells.max()) + 1)
-    order = np.argsort(keys, kind="stable")
-    wanted = np.unique(facet_keys(facets, count))
-    first = np.searchsorted(keys[order], wanted)
-    pair = np.column_stack([order[first], order[first + 1]])
+    pair = np.column_stack(shared_facets(keys))
+    pair = pair[np.isin(keys[pair[:, 0]], facet_keys(facets, count))]
     pair = pair[new_keys[pair[:, 0]] != new_keys[pair[:, 1]]]  # the others did not open
     regions = _region(mesh, owner[pair])
     found: dict[str, list[IntArray]] = {}

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.mesh.keys import cell_facets
+from hemivar.mesh.keys import cell_facets, shared_facets
 
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
@@ -64,9 +64,8 @@ def parts_of(mesh: Mesh) -> Parts:
 def cell_parts(cells: IntArray, nodes: int) -> tuple[int, IntArray]:
     """The number of parts, and the part of each cell (M, d + 1) of a mesh of so many nodes."""
     _, keys, cell = cell_facets(cells, nodes)
-    order = np.argsort(keys, kind="stable")
-    same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-    first, second = cell[order[same]], cell[order[same + 1]]
-    graph = sp.csr_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(len(cells), len(cells)))
+    first, second = shared_facets(keys)
+    shape = (len(cells), len(cells))
+    graph = sp.csr_array((np.ones(len(first), dtype=np.int8), (cell[first], cell[second])), shape=shape)
     count, label = connected_components(graph, directed=False)
     return int(count), label.astype(np.int64)

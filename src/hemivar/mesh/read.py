@@ -14,7 +14,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import require
 from hemivar.basics.types import IntArray
 from hemivar.errors import FileError, ProblemError
-from hemivar.mesh.keys import cell_facets, facet_keys
+from hemivar.mesh.keys import cell_facets, facet_keys, shared_facets
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
 from hemivar.mesh.raw import RawMesh
@@ -121,8 +121,7 @@ def _between_cells(cells: IntArray, groups: dict[str, IntArray], count: int) -> 
     if not groups:
         return []
     _, keys, _ = cell_facets(cells, count)
-    keys.sort()
-    inner = keys[1:][keys[1:] == keys[:-1]]
+    inner = keys[shared_facets(keys)[0]]
     return [name for name, facets in groups.items() if np.isin(facet_keys(facets, count), inner).all()]
 
 

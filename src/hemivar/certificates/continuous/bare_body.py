@@ -103,7 +103,7 @@ def _is_plane(contact: Contact) -> bool:
 def facet_cover(mine: Array, others: Array) -> BoolArray:
     """Whether facets may have inner points in common, shape (k, m): never False where they have.
 
-    They are told by their boxes, so that in space some are found that are only near.
+    They are found by their boxes, so that in space some are found that are only near.
 
     ``mine`` is (k, d, d); ``others`` is (m, d, d).
     """
