@@ -14,6 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.kernels import kernels
 from hemivar.linear import factorisation
+from hemivar.linear.condensed_load import CondensedLoad
 from hemivar.linear.factorisation import Factorisation, PanelSweeps, SuperLUFactorisation, factorise
 from hemivar.linear.pardiso import PardisoFactorisation, pardiso_available
 from hemivar.mechanics import Material
@@ -64,6 +65,17 @@ def test_pardiso_takes_loads_there_and_back_too(seed: int, definite: bool) -> No
     if not definite:
         K = sp.csr_array(K - 0.3 * sp.diags_array(K.diagonal()))
     check_loads(seed, PardisoFactorisation, K, definite)
+
+
+@needs_pardiso
+def test_what_a_load_leaves_has_one_form_in_both_factorisations() -> None:
+    """The way back of kept values alone begins with zeros for all other unknowns, whoever factorises."""
+    K, kept = body(6, 1), np.array([3, 8, 20])
+    n = K.shape[0]
+    nothing = CondensedLoad(np.zeros(n), np.zeros(kept.size), 0.0, np.zeros(n - kept.size))
+    values = np.array([1.0, -2.0, 0.5])
+    ways = [factor.extend(nothing, values) for factor in (PardisoFactorisation(K, kept), made(K, kept, True))]
+    np.testing.assert_allclose(*ways, atol=1e-12)
 
 
 @needs_pardiso

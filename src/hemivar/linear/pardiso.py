@@ -90,9 +90,9 @@ class PardisoFactorisation:
     def __init__(self, matrix: sp.csr_array, kept: IntArray) -> None:
         self._kept, self._matrix = kept, matrix
         self.schur: Array = np.zeros((kept.size, kept.size))
-        self._interior = matrix.shape[0] - kept.size
+        self._others = np.setdiff1d(np.arange(matrix.shape[0]), kept)
         self.interior_positive = True
-        if self._interior == 0:
+        if not self._others.size:
             self.schur = matrix.toarray()[np.ix_(kept, kept)]
             return
         upper = sp.csr_array(sp.triu(matrix) + sp.csr_array(matrix.shape))
@@ -140,18 +140,18 @@ class PardisoFactorisation:
         return self.extend(self.reduce(load), np.zeros(self._kept.size))
 
     def reduce(self, load: Array) -> CondensedLoad:
-        if self._interior == 0:
-            return CondensedLoad(load, np.array(load[self._kept]), 0.0, np.zeros(load.shape))
+        if not self._others.size:
+            return CondensedLoad(load, np.array(load[self._kept]), 0.0, np.zeros(0))
         inner = self._swept(_FORWARD, load)
         if not (self._definite or self._kept.size):  # beside a Schur complement the way back divides by the pivots
             inner = self._swept(_DIAGONAL, inner)
         force = inner[self._kept]
         inner[self._kept] = 0.0
         work = inner @ inner if self._definite else load @ self._swept(_BACKWARD, inner)
-        return CondensedLoad(load, force, float(work), inner)
+        return CondensedLoad(load, force, float(work), inner[self._others])
 
     def extend(self, reduced: CondensedLoad, kept: Array) -> Array:
         assert reduced.inner is not None
-        out = np.array(reduced.inner)
-        out[self._kept] = kept
-        return out if self._interior == 0 else self._swept(_BACKWARD, out)
+        out = np.zeros(self._matrix.shape[0])
+        out[self._others], out[self._kept] = reduced.inner, kept
+        return self._swept(_BACKWARD, out) if self._others.size else out
