@@ -68,6 +68,13 @@ def test_pardiso_takes_loads_there_and_back_too(seed: int, definite: bool) -> No
 
 
 @needs_pardiso
+def test_pardiso_refuses_vectors_of_another_size() -> None:
+    factor = PardisoFactorisation(body(6, 1), np.array([3, 8, 20]))
+    with pytest.raises(ValueError, match="numbers is needed"):
+        factor.reduce(np.ones(5))
+
+
+@needs_pardiso
 def test_what_a_load_leaves_has_one_form_in_both_factorisations() -> None:
     """The way back of kept values alone begins with zeros for all other unknowns, whoever factorises."""
     K, kept = body(6, 1), np.array([3, 8, 20])

@@ -126,6 +126,8 @@ class PardisoFactorisation:
             raise singular_interior()
 
     def _swept(self, phase: int, values: Array) -> Array:
+        if values.shape != (self._matrix.shape[0],):  # the library would read and write beyond it
+            raise ValueError(f"a vector of {self._matrix.shape[0]} numbers is needed, not {values.shape}")
         out = np.zeros(values.shape)
         error = self._handle.run(phase, np.ascontiguousarray(values, dtype=float), out)
         if error == _NO_MEMORY:
