@@ -34,7 +34,7 @@ STRAIGHT = 1e-8
 _STIFF = 1e12
 #: Rounds in which the first corner of a way is found.
 _ROUNDS = 60
-#: Distance from a corner at which its sides are told apart, as a part of the length.
+#: Distance from a corner at which its sides are evaluated, as a part of the length.
 BESIDE = 1e-7
 #: How near a corner of a way is found, distance from there at which it is told from a bend, and what is rounding.
 _NEAR, _TELL, _ROUNDED = 2e-9, 5e-9, 1e-12
