@@ -11,6 +11,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
+from hemivar.fem.mortar import mortar
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
@@ -51,6 +52,8 @@ class BoundaryContact:
     law : VectorLaw
     blocked : bool array, shape (m, components)
         Rows that supports or another boundary make dependent on a row before.
+    pair : bool
+        Whether another body is touched, and no foundation.
     """
 
     points: ContactPoints
@@ -58,17 +61,25 @@ class BoundaryContact:
     belt: Array
     law: VectorLaw
     blocked: BoolArray
+    pair: bool = False
 
     def take(self, index: IntArray) -> BoundaryContact:
         """The contact points of the given numbers."""
         return BoundaryContact(
-            self.points.take(index), self.gap[index], self.belt[index], self.law.take(index), self.blocked[index]
+            self.points.take(index),
+            self.gap[index],
+            self.belt[index],
+            self.law.take(index),
+            self.blocked[index],
+            self.pair,
         )
 
 
 def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> BoundaryContact:
     """The contact points of a boundary; rows of their trace are taken of nodal displacements (nodes * d,)."""
     mesh, order, contact = problem.mesh, problem.order, problem.contact[name]
+    if contact.against:
+        return _pair(problem, name, supports)
     facets = mesh.boundaries[name]
     members = mesh.facet_nodes(facets, order)
     normals, measures = mesh.facet_normals(facets)
@@ -79,17 +90,8 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         nodes, place = np.unique(members.ravel(), return_inverse=True)
         place = place.ravel()
         weights = np.asarray(np.bincount(place, weights=np.outer(measures, share).ravel()), dtype=float)
-        summed = sum_by(place, np.repeat(normals * measures[:, None], members.shape[1], axis=0), len(nodes))
-        around = np.bincount(place, weights=np.repeat(measures, members.shape[1]))
-        fold = np.linalg.norm(summed, axis=1) <= 1e-8 * around
-        if fold.any():
-            bad = int(nodes[np.flatnonzero(fold)[0]])
-            raise ProblemError(
-                f"contact boundary '{name}' folds back on itself at node {bad}, x = "
-                f"{in_words(supports.nodes[bad])}, so it has no normal there; split it into two boundaries"
-            )
         average, facet = _selection(nodes, count), np.full(len(nodes), -1)
-        normal, points = unit(summed), supports.nodes[nodes]
+        normal, points = _nodal_normals(problem, name, nodes, place, supports), supports.nodes[nodes]
     else:
         rows = np.repeat(np.arange(len(facets)), members.shape[1])
         nodes, facet = np.full(len(facets), -1), np.arange(len(facets))
@@ -118,6 +120,47 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     found = ContactPoints(local_components(average, frames), weights, points, frames, nodes, facet, boundary, names)
     with error_context(f"contact '{name}'", contact.normal, contact.friction):
         return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
+
+
+def _nodal_normals(problem: ContactProblem, name: str, nodes: IntArray, place: IntArray, supports: Supports) -> Array:
+    """Unit normals (k, d) at the nodes (k,) of a boundary: means of those of the facets around, by their measures."""
+    normals, measures = problem.mesh.facet_normals(problem.mesh.boundaries[name])
+    size = len(place) // len(measures)
+    summed = sum_by(place, np.repeat(normals * measures[:, None], size, axis=0), len(nodes))
+    fold = np.linalg.norm(summed, axis=1) <= 1e-8 * np.bincount(place, weights=np.repeat(measures, size))
+    if fold.any():
+        bad = int(nodes[np.flatnonzero(fold)[0]])
+        raise ProblemError(
+            f"contact boundary '{name}' folds back on itself at node {bad}, x = "
+            f"{in_words(supports.nodes[bad])}, so it has no normal there; split it into two boundaries"
+        )
+    return unit(summed)
+
+
+def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryContact:
+    """The contact points of two bodies: nodes of the slave, with the jump that the mortar projection gives."""
+    mesh, order, contact = problem.mesh, problem.order, problem.contact[name]
+    slave, master = problem.pair(name)
+    nodes, place = np.unique(mesh.facet_nodes(mesh.boundaries[slave], order).ravel(), return_inverse=True)
+    normal = _nodal_normals(problem, slave, nodes, place.ravel(), supports)
+    free = movable(normal[:, None], supports.directions[nodes])[:, 0]
+    without = np.zeros(len(supports.nodes), dtype=bool)
+    without[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
+    title = f"contact '{name}' against '{contact.against}'"
+    found = mortar(mesh, order, mesh.boundaries[slave], mesh.boundaries[master], without, title)
+    if not found.nodes.size:
+        raise ProblemError(f"{title}: supports hold all nodes of '{slave}'; give slave = '{master}'")
+    normal, points = normal[np.searchsorted(nodes, found.nodes)], supports.nodes[found.nodes]
+    stated = DataField(contact.gap, f"gap of {title}").at(points)
+    _refuse_beyond(stated, f"gap of {title}", "unit of length")
+    gap = stated - np.einsum("kd,kd->k", normal, found.jump @ supports.nodes)
+    frames, blocked = _adapt(_frames(normal), supports, found.nodes)
+    moves = np.linalg.norm(movable(frames, supports.directions[found.nodes]), axis=2) > DEPENDENT
+    names, count = tuple(problem.contact), len(points)
+    trace, boundary = local_components(found.jump, frames), np.full(count, names.index(name))
+    at = ContactPoints(trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names)
+    with error_context(title, contact.normal, contact.friction):
+        return BoundaryContact(at, gap, np.zeros(points.shape), contact.law.at(points), blocked | ~moves, pair=True)
 
 
 # ---- one component ----------------------------------------------------------------------------------------
@@ -238,6 +281,8 @@ def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[Bou
     """Make the displacements of contact points independent at nodes of two boundaries (nodal quadrature)."""
     for later in range(1, len(groups)):
         for earlier in range(later):
+            if groups[earlier].pair or groups[later].pair:
+                continue  # each of their points sees nodes of its own on the other side
             first, second = groups[earlier].points, groups[later].points
             assert first.frames is not None
             assert second.frames is not None

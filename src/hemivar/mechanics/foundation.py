@@ -83,6 +83,12 @@ class Contact(PickleMixin):
         What the contact points remember, one after the other: wear, a bond, the largest opening so far (see
         ``hemivar.laws.memory``); what does not depend on time refuses it.  Glue remembers its largest opening by
         default (``Secant()``), and ``memory=()`` keeps it elastic; any other law remembers nothing.
+    against : str
+        The boundary of another body, or of another side of an interface that was opened, which this one touches; there
+        is no foundation then.  The gap is the distance along the normal, to which ``gap`` is added; where the two
+        overlap it is negative (an interference fit).
+    slave : str
+        Which of the two boundaries has the contact points: by default the finer one, else the one with fewer supports.
     side : Side
         Of one component: where the foundation lies, ``"above"`` (default) or ``"below"``.
 
@@ -119,6 +125,23 @@ class Contact(PickleMixin):
             left_out="at rest",
         ),
     )
+    against: str = field(
+        default="",
+        metadata=stated(
+            Form.TEXT,
+            "the boundary of another body that this one touches, in place of a foundation; `gap` adds to the distance "
+            "of the two",
+            left_out="a foundation",
+        ),
+    )
+    slave: str = field(
+        default="",
+        metadata=stated(
+            Form.TEXT,
+            "which of the two boundaries has the contact points",
+            left_out="the finer one, else the one with fewer supports",
+        ),
+    )
     side: Side = field(
         default=Side.ABOVE, metadata=stated_of_one(Form.TEXT, '`"above"` or `"below"`', choices=tuple(Side))
     )
@@ -132,6 +155,7 @@ class Contact(PickleMixin):
             raise ProblemError(f"belt = {belt:g} has no direction; give a vector, such as belt=({belt:g}, 0.0)")
         object.__setattr__(self, "belt", belt)
         self._check_obstacle()
+        self._check_pair()
         try:
             object.__setattr__(self, "side", Side(self.side))
         except ValueError:
@@ -231,6 +255,19 @@ class Contact(PickleMixin):
             object.__setattr__(self, "normals", Normals(self.normals or Normals.OBSTACLE))
         except ValueError:
             raise ProblemError(f"normals = {self.normals!r}; choose Normals.OBSTACLE or Normals.BODY") from None
+
+    def _check_pair(self) -> None:
+        for name in ("against", "slave"):
+            if not isinstance(getattr(self, name), str):
+                raise ProblemError(f"{name} is {described(getattr(self, name))}; give the name of a boundary")
+        if not self.against:
+            if self.slave:
+                raise ProblemError(f"slave = '{self.slave}' goes with against, the boundary that is touched; give both")
+            return
+        if self.obstacle is not None:
+            raise ProblemError("against and obstacle are both given; a boundary touches one of the two: leave one out")
+        if callable(self.belt) or np.any(self.belt):
+            raise ProblemError("against and belt are both given; move the other body in place of a belt")
 
     @property
     def law(self) -> VectorLaw:

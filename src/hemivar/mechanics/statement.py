@@ -312,6 +312,8 @@ class ContactProblem(PickleMixin, ReprMixin):
                 contact.refuse_directions()
         elif contact.side is not Side.ABOVE:
             raise ProblemError(f"contact['{name}'] has a side, which is for one component; leave it out")
+        if contact.against:
+            self._check_pair(name, contact)
         dim = self.mesh.dim
         if contact.obstacle is not None and contact.obstacle.dim not in (None, dim):
             raise ProblemError(
@@ -374,6 +376,47 @@ class ContactProblem(PickleMixin, ReprMixin):
         if name not in known:
             near = suggest(str(name), known, many)
             raise ProblemError(f"{what} names {one} '{name}', which the mesh does not have{near}")
+
+    def _check_pair(self, name: str, contact: Contact) -> None:
+        """Refuse a pair whose boundaries are not two, or that the field or the quadrature does not take."""
+        where, other = f"contact '{name}' against '{contact.against}'", contact.against
+        if self.kind:
+            raise ProblemError(f"{where}: a scalar problem has no bodies that touch; leave against out")
+        self._check_name(f"{where}:", other, "boundary", "boundaries")
+        if contact.slave not in ("", name, other):
+            raise ProblemError(f"{where}: slave = '{contact.slave}'; give '{name}' or '{other}'")
+        count = self.mesh.number_of_nodes
+        one, two = (facet_keys(self.mesh.boundaries[side], count) for side in (name, other))
+        if np.isin(one, two).any():
+            raise ProblemError(f"{where}: the two share facets, and contact of a boundary with itself is not known")
+        if self.quadrature is not Quadrature.NODAL:
+            raise ProblemError(f"{where}: quadrature at midpoints is for foundations; take Quadrature.NODAL")
+
+    def pair(self, name: str) -> tuple[str, str]:
+        """The boundary with the contact points, and the one that it touches, of a contact with another body.
+
+        The finer boundary has the contact points, else the one of which supports hold fewer nodes, else the one that
+        the contact is named after.
+        """
+        contact = self.contact[name]
+        other = contact.against
+        if contact.slave:
+            return (name, other) if contact.slave == name else (other, name)
+        held = np.zeros(self.mesh.number_of_nodes, dtype=bool)
+        for support in self.supports:
+            held[self.mesh.boundaries[support]] = True
+        size, share = {}, {}
+        for side in (name, other):
+            facets = self.mesh.boundaries[side]
+            size[side] = float(self.mesh.facet_normals(facets)[1].mean())
+            share[side] = float(held[np.unique(facets)].mean())
+        if max(share.values()) == 1.0 > min(share.values()):
+            first = min(share, key=lambda side: share[side])
+        elif abs(size[name] - size[other]) > 0.01 * size[name]:
+            first = min(size, key=lambda side: size[side])
+        else:
+            first = name if share[name] <= share[other] else other
+        return (name, other) if first == name else (other, name)
 
     def _check_overlaps(self) -> None:
         """Refuse facets of two foundations, and of one where a support holds everything."""
