@@ -73,6 +73,12 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     remedy = "give the ContactProblem that states it: bounds are for elastic bodies at rest"
     expect_body(problem, "the problem of the bound", remedy)
     refuse_evolution(problem)
+    for name, contact in problem.contact.items():
+        if contact.against:
+            raise ProblemError(
+                f"contact '{name}' is against '{contact.against}', another body: distances to the exact solution are "
+                "known for bodies on foundations; compare with a finer mesh"
+            )
     found: list[str] = []
     if displacement is not None and _well_formed(problem, displacement):
         _check_supports(problem, displacement)

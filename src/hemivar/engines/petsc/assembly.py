@@ -188,6 +188,12 @@ def _check_suited(problem: ContactProblem) -> None:
         raise MethodError("the engine 'petsc' has linear elements only; write order = 1, or leave --engine out")
     if problem.contact and problem.quadrature is not Quadrature.NODAL:
         raise MethodError("the engine 'petsc' needs quadrature = \"nodal\", or leave --engine out")
+    for name, contact in problem.contact.items():
+        if contact.against:
+            raise MethodError(
+                f"the engine 'petsc' has foundations only, and contact '{name}' is against '{contact.against}'; "
+                "leave --engine out"
+            )
 
 
 def _present(problem: ContactProblem, mesh: Mesh | None = None) -> ContactProblem:
