@@ -35,6 +35,8 @@ __all__ = [
 _ZERO = 1e-12
 #: What rounding may put a held point beyond the end of a law by, of the largest place of the foundation or value there.
 _ROUNDED = 1e-12
+#: Overlap of two bodies that is no rounding, of their size, and degrees between facets that a projection can bear.
+_OVERLAP, _TURNED = 1e-9, 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +56,7 @@ class BoundaryContact:
         Rows that supports or another boundary make dependent on a row before.
     pair : bool
         Whether another body is touched, and no foundation.
+    warnings : tuple of str
     """
 
     points: ContactPoints
@@ -62,16 +65,17 @@ class BoundaryContact:
     law: VectorLaw
     blocked: BoolArray
     pair: bool = False
+    warnings: tuple[str, ...] = ()
 
     def take(self, index: IntArray) -> BoundaryContact:
         """The contact points of the given numbers."""
-        return BoundaryContact(
-            self.points.take(index),
-            self.gap[index],
-            self.belt[index],
-            self.law.take(index),
-            self.blocked[index],
-            self.pair,
+        return replace(
+            self,
+            points=self.points.take(index),
+            gap=self.gap[index],
+            belt=self.belt[index],
+            law=self.law.take(index),
+            blocked=self.blocked[index],
         )
 
 
@@ -153,14 +157,34 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     normal, points = normal[np.searchsorted(nodes, found.nodes)], supports.nodes[found.nodes]
     stated = DataField(contact.gap, f"gap of {title}").at(points)
     _refuse_beyond(stated, f"gap of {title}", "unit of length")
-    gap = stated - np.einsum("kd,kd->k", normal, found.jump @ supports.nodes)
+    apart = -np.einsum("kd,kd->k", normal, found.jump @ supports.nodes)
     frames, blocked = _adapt(_frames(normal), supports, found.nodes)
     moves = np.linalg.norm(movable(frames, supports.directions[found.nodes]), axis=2) > DEPENDENT
     names, count = tuple(problem.contact), len(points)
     trace, boundary = local_components(found.jump, frames), np.full(count, names.index(name))
+    trace = sp.csr_array(
+        sp.diags_array(moves.ravel().astype(float)) @ trace
+    )  # what supports hold of the slave is still
     at = ContactPoints(trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names)
+    said = _pair_warnings(title, float(-apart.min()), supports.nodes, found.turned)
     with error_context(title, contact.normal, contact.friction):
-        return BoundaryContact(at, gap, np.zeros(points.shape), contact.law.at(points), blocked | ~moves, pair=True)
+        law, still = contact.law.at(points), np.zeros(points.shape)
+        return BoundaryContact(at, stated + apart, still, law, blocked, True, said)
+
+
+def _pair_warnings(title: str, overlap: float, nodes: Array, turned: float) -> tuple[str, ...]:
+    found = []
+    if overlap > _OVERLAP * float(np.ptp(nodes, axis=0).max()):
+        found.append(
+            f"{title}: the meshes overlap by up to {overlap:.3g}, which is taken for an interference; if it is not "
+            "meant, move one of the bodies"
+        )
+    if turned > _TURNED:
+        found.append(
+            f"{title}: facets that touch are up to {turned:.0f} degrees from parallel; beyond {_TURNED:.0f} degrees "
+            "the projection of one on the other is inaccurate: refine both boundaries there"
+        )
+    return tuple(found)
 
 
 # ---- one component ----------------------------------------------------------------------------------------

@@ -144,7 +144,7 @@ def _discretize(
     discrete = DiscreteProblem(
         Model(body.bulk, contact, Space((field,)), problem, body.bedded > 0.0),
         Loading(load, offset, law, constant + energy),
-        tuple(sentence for sentence in (locking_warning(problem), left_out, soft) if sentence is not None),
+        tuple(said for said in (locking_warning(problem), left_out, soft, *conditions.warnings) if said is not None),
     )
     if check_coercivity:
         discrete = refuse_free_motion(discrete, full_load)

@@ -34,6 +34,7 @@ class Mortar:
     nodes: IntArray  # (m,)
     weights: Array  # (m,), integrals of psi
     jump: sp.csr_array  # (m, nodes): psi-weighted mean of the field on the slave less that on the master
+    turned: float  # degrees, by which facets that face each other are not parallel, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +88,21 @@ def mortar(mesh: Mesh, order: int, slave: IntArray, master: IntArray, without: B
     rows = sp.diags_array(1.0 / weights[nodes]) @ sp.csr_array(matrix)[nodes]
     rows.data[np.abs(rows.data) < _ROUNDED] = 0.0
     rows.eliminate_zeros()
-    return Mortar(nodes, weights[nodes], sp.csr_array(rows))
+    turned = _turned(mesh, slave, master, pieces)
+    return Mortar(nodes, weights[nodes], sp.csr_array(rows), turned)
+
+
+def _turned(mesh: Mesh, slave: IntArray, master: IntArray, pieces: _Pieces) -> float:
+    """The largest angle in degrees between facets that are nearer to each other than their size."""
+    normal, measure = (part[pieces.slave] for part in mesh.facet_normals(slave))
+    middle = [
+        np.einsum("kc,kcd->kd", at.mean(axis=1), mesh.points[facets])
+        for at, facets in ((pieces.on_slave, slave[pieces.slave]), (pieces.on_master, master[pieces.master]))
+    ]
+    far = np.abs(np.einsum("kd,kd->k", normal, middle[1] - middle[0]))
+    near = far <= measure ** (1.0 / (mesh.dim - 1))
+    cosine = -np.einsum("kd,kd->k", normal, mesh.facet_normals(master)[0][pieces.master])[near]
+    return float(np.degrees(np.arccos(np.clip(cosine.min(initial=1.0), -1.0, 1.0))))
 
 
 def _dual(mass: Array, without: BoolArray) -> Array:
@@ -123,7 +138,14 @@ def _overlap(mesh: Mesh, slave: IntArray, master: IntArray) -> _Pieces:
     inner = np.einsum("pcd,pde->pce", seen - corner[:, :1], np.linalg.inv(frame))[:, :, : d - 1]
     inner = np.concatenate([1.0 - inner.sum(axis=2, keepdims=True), inner], axis=2)
     both = np.concatenate([inner, np.broadcast_to(np.eye(d), (len(first), d, d))], axis=2)
-    some = np.flatnonzero((inner.max(axis=1) > _ROUNDED).all(axis=1))
+    # what lies deeper behind than both facets are wide is the other side of the body, and no overlap of two
+    behind = np.einsum("pcd,pd->pc", corner.mean(axis=1, keepdims=True) - seen, normal[first]).min(axis=1)
+    width = sum(
+        mesh.facet_normals(part)[1][number] ** (1.0 / (d - 1)) for part, number in ((slave, first), (master, second))
+    )
+    some = np.flatnonzero((inner.max(axis=1) > _ROUNDED).all(axis=1) & (behind < width))
+    if not len(some):
+        return _Pieces(first[some], second[some], *np.zeros((2, 0, d, d)), np.zeros(0))
     polygon, corners = _clipped(both[some], d)
     simplices, of = _fanned(polygon, corners, d)
     on_slave = simplices[:, :, :d]

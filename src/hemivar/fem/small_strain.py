@@ -13,7 +13,7 @@ from hemivar.fem.elements import scaled_gradients, shape_derivatives
 from hemivar.fem.fields import FieldSource, _mesh_and_order
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["SMALL", "Deformation", "deformation", "deformation_of"]
+__all__ = ["SMALL", "Deformation", "deformation", "deformation_of", "slid_beyond"]
 
 #: Strain and rotation (radians) from which they are called large.
 SMALL = 0.1
@@ -75,6 +75,24 @@ def deformation_of(problem: DiscreteProblem, unknowns: Array) -> Deformation | N
         return own
     return Deformation(
         *vectors.largest(own.strain, own.rotation).tolist(), *vectors.total(own.volume, own.whole).tolist()
+    )
+
+
+def slid_beyond(problem: DiscreteProblem, unknowns: Array) -> str | None:
+    """A sentence where two bodies slide on each other by more than an element, for they are projected at the start."""
+    stated, contact = problem.origin, problem.contact
+    if stated is None or problem.field is None or contact.components == 1:
+        return None
+    paired = np.isin(contact.boundary, [k for k, name in enumerate(contact.names) if stated.contact[name].against])
+    if not paired.any():
+        return None
+    slip = np.linalg.norm(problem.local(unknowns)[paired, 1:], axis=1)
+    share = slip / contact.weights[paired] ** (1.0 / (problem.field.mesh.dim - 1))
+    if not (worst := float(share.max(initial=0.0))) > 1.0:
+        return None
+    return (
+        f"two bodies slide on each other by up to {worst:.3g} elements, but each point keeps the facet that it faced "
+        "at the start: begin from a mesh in which one of them has been moved"
     )
 
 

@@ -53,6 +53,11 @@ class NodalConditions:
         """The prescribed values u0, shape (nodes * c,)."""
         return self.supports.value.ravel()
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is doubtful about the contact of two bodies."""
+        return tuple(sentence for group in self.groups for sentence in group.warnings)
+
     def contact(self, nodes: BoolArray | None = None) -> tuple[ContactPoints, Array, VectorLaw, float]:
         """Contact points, all or those at the nodes where the mask, shape (nodes,), holds; see :func:`join`."""
         groups = self.groups

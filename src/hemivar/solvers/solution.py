@@ -26,7 +26,7 @@ from hemivar.discrete.residual import Residual, inaccurate_law
 from hemivar.errors import ProblemError
 from hemivar.fem.fields import strain, stress, von_mises
 from hemivar.fem.reactions import support_reactions
-from hemivar.fem.small_strain import Deformation, deformation_of
+from hemivar.fem.small_strain import Deformation, deformation_of, slid_beyond
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.boundary_result import BoundaryResult, ContactValues, contact_table, table_columns
 from hemivar.solvers.contact_states import ContactStates, contact_states, state_words
@@ -117,7 +117,8 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         strained = None if self.deformation is None else self.deformation.warning
         solved = self.status is Status.CONVERGED
         off = None if solved else inaccurate_law(self.problem, self.unknowns, self.multiplier, self.residual)
-        return tuple(said for said in (*self.problem.notes, *self.remarks, strained, off) if said is not None)
+        slid = slid_beyond(self.problem, self.unknowns)
+        return tuple(said for said in (*self.problem.notes, *self.remarks, strained, slid, off) if said is not None)
 
     @property
     def remedy(self) -> str:
