@@ -82,7 +82,7 @@ def mortar(mesh: Mesh, order: int, slave: IntArray, master: IntArray, without: B
     there = np.einsum("kij,kjl->kil", dual[pieces.slave], np.einsum("k,q,kqi,kql->kil", weight, portion, phi, across))
     count = len(mesh.nodes(order))
     matrix = _assembled(own, own, here, count) - _assembled(own[pieces.slave], other[pieces.master], there, count)
-    weights = np.bincount(own.ravel(), here.sum(axis=2).ravel(), count)
+    weights: Array = np.bincount(own.ravel(), here.sum(axis=2).ravel(), count).astype(float)
     around = np.bincount(own.ravel(), np.repeat(mesh.facet_normals(slave)[1], size), count)
     nodes = np.flatnonzero(weights > _COVERED * around)
     rows = sp.diags_array(1.0 / weights[nodes]) @ sp.csr_array(matrix)[nodes]
@@ -145,7 +145,7 @@ def _overlap(mesh: Mesh, slave: IntArray, master: IntArray) -> _Pieces:
     )
     some = np.flatnonzero((inner.max(axis=1) > _ROUNDED).all(axis=1) & (behind < width))
     if not len(some):
-        return _Pieces(first[some], second[some], *np.zeros((2, 0, d, d)), np.zeros(0))
+        return _Pieces(first[some], second[some], np.zeros((0, d, d)), np.zeros((0, d, d)), np.zeros(0))
     polygon, corners = _clipped(both[some], d)
     simplices, of = _fanned(polygon, corners, d)
     on_slave = simplices[:, :, :d]
