@@ -39,6 +39,7 @@ _REACHES = (10.0, 2.0, 1.25)
 _NEAR = 1e-6
 #: The energy of this material is the square of the norm of V.
 _NORM = Material.lame(0.0, 0.5)
+_RING_NORM = Material.lame(0.0, 0.5, plane="axisymmetric")
 #: Roundings of an eigenvalue, in units of the condition number of K scaled to a unit diagonal.
 _HIDDEN = 16.0
 
@@ -560,10 +561,10 @@ def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float
         plain = replace(origin, material=Material.gradient(1.0, origin.kind), bedding=0.0)
         energy = energy_norm(discretize(plain, check_coercivity=False))
     elif origin is not None and not factorises(problem):
-        body = replace(origin, material=_NORM, bedding=0.0)
+        body = replace(origin, material=_RING_NORM if field.ring else _NORM, bedding=0.0)
         energy = energy_norm(discretize(body, check_coercivity=False, evolving=True))
     else:
-        strain = stiffness_matrix(field.mesh, _NORM, field.order)
+        strain = stiffness_matrix(field.mesh, _RING_NORM if field.ring else _NORM, field.order)
         energy = EnergyNorm(sp.csr_array(field.basis.T @ strain @ field.basis))
     both = np.repeat(problem.contact.weights[:, None], problem.contact.components, axis=1)
     normal = both * (np.arange(problem.contact.components) == 0)

@@ -140,16 +140,23 @@ def _stopped(field: Field) -> tuple[IntArray, Array]:
     return nodes, projection
 
 
+def _deforming_nothing(field: Field) -> Array:
+    """Coefficients of the motions that deform no part of a body, (3 or 6, q): of rings the one along the axis."""
+    return np.eye(3)[:, [1]] if field.ring else np.eye(3 if field.mesh.dim == 2 else 6)
+
+
 def _of_one(field: Field) -> RigidModes:
     """The motions of a body of one part."""
     nodes, dim = field.nodes, field.mesh.dim
     corners = (nodes.min(axis=0), nodes.max(axis=0))
     where, stop = _stopped(field)
     count = 3 if dim == 2 else 6
-    admissible = np.eye(count)
+    admissible = _deforming_nothing(field)
     if len(where):
         moved = rigid_basis(nodes[where], corners)[0].reshape(len(where), dim, count)
-        admissible = admitted(np.einsum("kij,kjr->kir", stop, moved).reshape(-1, count))
+        admissible = admissible @ admitted(
+            np.einsum("kij,kjr->kir", stop, moved @ admissible).reshape(-1, admissible.shape[1])
+        )
     left = admissible.shape[1]
     if not left:
         return no_motions(field)
@@ -185,13 +192,13 @@ class _Body:
 def _of_many(field: Field) -> RigidModes:
     """The motions of a body of several parts: first the parts that supports hold, then what hangs on them."""
     body = _Body(field)
-    dim, count, kinds = body.dim, body.all.count, body.kinds
+    dim, count, able = body.dim, body.all.count, _deforming_nothing(field)
     where, projection = _stopped(field)
     stop = np.zeros((len(body.nodes), dim, dim))
     stop[where] = projection
     stopped = np.zeros(len(body.nodes), dtype=bool)
     stopped[where] = True
-    left = [np.eye(kinds)] * count
+    left = [able] * count
     held = np.zeros(count, dtype=bool)
     sharing = sp.csr_array(
         (np.ones(len(body.node), dtype=np.int8), (body.node, body.owner)), shape=(len(body.nodes), count)
@@ -203,8 +210,8 @@ def _of_many(field: Field) -> RigidModes:
             continue
         nodes = body.nodes_of(part)
         on = nodes[stopped[nodes]]
-        moved = np.einsum("kij,kjr->kir", stop[on], body.motions(part, on)).reshape(-1, kinds)
-        left[part] = admitted(moved)
+        moved = np.einsum("kij,kjr->kir", stop[on], body.motions(part, on) @ able).reshape(-1, able.shape[1])
+        left[part] = able @ admitted(moved)
         if left[part].shape[1] == 0:
             held[part] = True
             joints = nodes[body.shared[nodes]]

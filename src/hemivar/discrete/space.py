@@ -50,6 +50,8 @@ class Field(PickleMixin):
     rigid : bool
         The energy of a displacement vanishes along rigid motions and no others. False where that is not known, as of a
         stiffness that comes from elsewhere.
+    ring : bool
+        A displacement of a body of revolution about the second axis, which alone it can follow without strain.
 
     Raises
     ------
@@ -66,6 +68,7 @@ class Field(PickleMixin):
     lift: sp.csr_array = None
     constants: bool = False
     rigid: bool = True
+    ring: bool = False
 
     def __post_init__(self) -> None:
         expect(self.mesh, Mesh, "the mesh of a field", "hemivar.rectangle, hemivar.box and read_mesh make one")

@@ -16,6 +16,7 @@ from hemivar.fem.constitutive import ConstitutiveLaw, elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule
+from hemivar.fem.rings import hoop_matrices, ring_length
 from hemivar.kernels import BlockGraph
 from hemivar.mechanics.conditions import (
     DataField,
@@ -91,7 +92,7 @@ def stiffness_blocks(mesh: Mesh, law: ConstitutiveLaw, graph: NodeGraph) -> Edge
     compiled = BlockGraph.of(graph.edges, graph.count, components) if graph.order == 1 else None
     if compiled is not None:
         _add_compiled(compiled, mesh, law, upper)
-        return EdgeBlocks(compiled.close(upper), upper, graph.edges)
+        return _with_hoop(EdgeBlocks(compiled.close(upper), upper, graph.edges), mesh, law, graph)
     for part in portions(mesh, graph.order):
         edge = graph.cell_edges[part].T
         first, last = int(edge.min()), int(edge.max()) + 1
@@ -111,7 +112,25 @@ def stiffness_blocks(mesh: Mesh, law: ConstitutiveLaw, graph: NodeGraph) -> Edge
         flat = upper.reshape(-1, dim * dim)
         for start in range(0, len(flat), _CHUNK):
             flat[start : start + _CHUNK] = flat[start : start + _CHUNK] @ change
-    return EdgeBlocks(_closing_blocks(upper, graph.edges, graph.count), upper, graph.edges)
+    return _with_hoop(
+        EdgeBlocks(_closing_blocks(upper, graph.edges, graph.count), upper, graph.edges), mesh, law, graph
+    )
+
+
+def _with_hoop(blocks: EdgeBlocks, mesh: Mesh, law: ConstitutiveLaw, graph: NodeGraph) -> EdgeBlocks:
+    """What the strain around the axis adds to the blocks, in place; nothing without axial symmetry."""
+    if law.hoop is None:
+        return blocks
+    one, other = graph.local
+    for part in portions(mesh, graph.order):
+        local = hoop_matrices(mesh, graph.order, law.hoop, law.strains, part)
+        nodes = graph.cells[part]
+        corner = np.arange(nodes.shape[1])
+        np.add.at(blocks.diagonal, nodes, local[:, corner, :, corner].swapaxes(0, 1))
+        pairs = local[:, one, :, other].swapaxes(0, 1)
+        ahead = (nodes[:, one] < nodes[:, other])[:, :, None, None]
+        np.add.at(blocks.upper, graph.cell_edges[part], np.where(ahead, pairs, pairs.swapaxes(2, 3)))
+    return blocks
 
 
 def _add_compiled(graph: BlockGraph, mesh: Mesh, law: ConstitutiveLaw, upper: Array) -> None:
@@ -221,6 +240,7 @@ def load_vector(
     tractions: Mapping[str, Traction] | None = None,
     components: int | None = None,
     names: tuple[str, str] = ("body_force", "tractions"),
+    ring: bool = False,
 ) -> Array:
     """Load vector ``F'v = int b . v + int_boundary t . v`` of fields of c components.
 
@@ -237,6 +257,8 @@ def load_vector(
         c; as many as the mesh has directions by default. Loads of one component are numbers or callables.
     names : (str, str)
         What messages call the two.
+    ring : bool
+        The loads are integrated over whole rings, of a body of revolution about the second axis.
 
     Returns
     -------
@@ -257,16 +279,18 @@ def load_vector(
         return lambda points, facet: -DataField(value, f"tractions['{name}']").at(points)[:, None] * normals[facet]
 
     stated = {name: on(name, traction) for name, traction in (tractions or {}).items()}
-    return integrated_load(mesh, order, components, density(body_force, names[0]), stated)
+    return integrated_load(mesh, order, components, density(body_force, names[0]), stated, ring)
 
 
 def stated_load(problem: ContactProblem) -> Array:
     """The load vector of a statement, shape (nodes * c,)."""
     loads, names = (problem.body_force, problem.tractions), problem.load_names
-    return load_vector(problem.mesh, problem.order, *loads, problem.components, names)
+    return load_vector(problem.mesh, problem.order, *loads, problem.components, names, problem.material.axisymmetric)
 
 
-def integrated_load(mesh: Mesh, order: int, components: int, body: Density, boundaries: Mapping[str, Density]) -> Array:
+def integrated_load(
+    mesh: Mesh, order: int, components: int, body: Density, boundaries: Mapping[str, Density], ring: bool = False
+) -> Array:
     """Integrals of densities times the shape functions of each component, shape (nodes * c,).
 
     Parameters
@@ -279,14 +303,30 @@ def integrated_load(mesh: Mesh, order: int, components: int, body: Density, boun
         Per volume.  A function is integrated by a rule of degree 4.
     boundaries : mapping of boundary name to Density
         By a rule of degree 5.
+    ring : bool
+        Over whole rings, see :func:`load_vector`.
     """
+    around = _on_rings if ring else _as_it_is
     load = np.zeros((mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0), components))
-    _add_load(load, mesh.points, mesh.cells, mesh.cell_nodes(order), mesh.volumes, order, 4, body)
+    _add_load(load, mesh.points, mesh.cells, mesh.cell_nodes(order), mesh.volumes, order, 4, around(body))
     for name, density in sorted(boundaries.items()):  # in whatever order they are stated: the same sum
         facets = mesh.boundaries[name]
         measures = mesh.facet_normals(facets)[1]
-        _add_load(load, mesh.points, facets, mesh.facet_nodes(facets, order), measures, order, 5, density)
+        _add_load(load, mesh.points, facets, mesh.facet_nodes(facets, order), measures, order, 5, around(density))
     return load.ravel()
+
+
+def _as_it_is(density: Density) -> Density:
+    return density
+
+
+def _on_rings(density: Density) -> Density:
+    """A density times the length of the ring through each place."""
+    if not callable(density):
+        if not np.any(density):
+            return density
+        return lambda points, _: ring_length(points)[:, None] * density
+    return lambda points, number: ring_length(points)[:, None] * density(points, number)
 
 
 def _add_load(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Protocol
 
@@ -12,6 +12,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.quadrature import at_quadrature_points
+from hemivar.fem.rings import Hoop, ring_length
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -83,11 +84,15 @@ class ConstitutiveLaw:
         Of points (k, d) and of masks of regions, shape (k,) each: symmetric matrices (k, v, v).
     homogeneous : bool
         Whether the matrices are the same everywhere.
+    hoop : function or None
+        Of axial symmetry: the stress around the axis for the strains and that around the axis, (k, v + 1), of the same
+        arguments.  It and the matrices are those of a whole ring, times its length.
     """
 
     strains: IntArray
     matrices: Callable[[Array, Mapping[str, BoolArray] | None], Array]
     homogeneous: bool
+    hoop: Hoop | None = field(default=None, kw_only=True)
 
     def on(
         self, mesh: Mesh, degree: int, cells: slice | IntArray = slice(None), vertices: IntArray | None = None
@@ -115,7 +120,16 @@ def _strains(material: Material, dim: int) -> IntArray:
 
 def elastic(material: Material, dim: int) -> ConstitutiveLaw:
     """The elasticity of a material in d dimensions."""
-    return ConstitutiveLaw(_strains(material, dim), material.stiffness_tensor, material.homogeneous)
+    if not material.axisymmetric:
+        return ConstitutiveLaw(_strains(material, dim), material.stiffness_tensor, material.homogeneous)
+
+    def matrices(points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
+        return ring_length(points)[:, None, None] * material.stiffness_tensor(points, regions)
+
+    def hoop(points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
+        return ring_length(points)[:, None] * material.hoop_row(points, regions)
+
+    return ConstitutiveLaw(_strains(material, dim), matrices, False, hoop=hoop)
 
 
 def constitutive_law(problem: ContactProblem) -> ConstitutiveLaw:

@@ -12,7 +12,8 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.mortar import mortar
-from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
+from hemivar.fem.rings import facet_shares
+from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.foundation import Contact, Side
@@ -93,9 +94,12 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     if problem.quadrature is Quadrature.NODAL:
         nodes, place = np.unique(members.ravel(), return_inverse=True)
         place = place.ravel()
-        weights = np.asarray(np.bincount(place, weights=np.outer(measures, share).ravel()), dtype=float)
-        average, facet = _selection(nodes, count), np.full(len(nodes), -1)
-        normal, points = _nodal_normals(problem, name, nodes, place, supports), supports.nodes[nodes]
+        parts = facet_shares(mesh, facets, order, problem.material.axisymmetric)
+        weights = np.asarray(np.bincount(place, weights=parts.ravel()), dtype=float)
+        normal = _nodal_normals(problem, name, nodes, place, supports)
+        seen = weights > _ZERO * weights.max()  # the corner of a quadratic facet on the axis of a body has none
+        nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
+        average, facet, points = _selection(nodes, count), np.full(len(nodes), -1), supports.nodes[nodes]
     else:
         rows = np.repeat(np.arange(len(facets)), members.shape[1])
         nodes, facet = np.full(len(facets), -1), np.arange(len(facets))
@@ -131,6 +135,9 @@ def _nodal_normals(problem: ContactProblem, name: str, nodes: IntArray, place: I
     normals, measures = problem.mesh.facet_normals(problem.mesh.boundaries[name])
     size = len(place) // len(measures)
     summed = sum_by(place, np.repeat(normals * measures[:, None], size, axis=0), len(nodes))
+    if problem.material.axisymmetric:  # on the axis the other half of the section is the mirror image
+        middle = on_axis(supports.nodes)[nodes] & (np.abs(summed[:, 1]) > np.abs(summed[:, 0]))
+        summed[middle, 0] = 0.0
     fold = np.linalg.norm(summed, axis=1) <= 1e-8 * np.bincount(place, weights=np.repeat(measures, size))
     if fold.any():
         bad = int(nodes[np.flatnonzero(fold)[0]])
@@ -151,7 +158,8 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     without = np.zeros(len(supports.nodes), dtype=bool)
     without[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
     title = f"contact '{name}' against '{contact.against}'"
-    found = mortar(mesh, order, mesh.boundaries[slave], mesh.boundaries[master], without, title)
+    ring = problem.material.axisymmetric
+    found = mortar(mesh, order, mesh.boundaries[slave], mesh.boundaries[master], without, title, ring)
     if not found.nodes.size:
         raise ProblemError(f"{title}: supports hold all nodes of '{slave}'; give slave = '{master}'")
     normal, points = normal[np.searchsorted(nodes, found.nodes)], supports.nodes[found.nodes]

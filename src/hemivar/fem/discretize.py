@@ -117,7 +117,10 @@ def _discretize(
 
     full_load = stated_load(problem)
     one = problem.components == 1
-    field = Field(mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, constants=one)
+    field = Field(
+        mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, constants=one,
+        ring=problem.material.axisymmetric,
+    )  # fmt: skip
     contact, offset, law, energy = conditions.contact()
     if problem.material.linear:
         start, body = None, _linear(problem, conditions)
@@ -190,7 +193,8 @@ def _nonlinear(problem: ContactProblem, integral: EnergyIntegral) -> _DiscreteBo
 
 
 def _bedded(problem: ContactProblem, blocks: EdgeBlocks) -> float:
-    bedding, diagonal = per_volume(problem.bedding, "bedding"), np.einsum("ncc->nc", blocks.diagonal)
+    bedding = per_volume(problem.bedding, "bedding", problem.material.axisymmetric)
+    diagonal = np.einsum("ncc->nc", blocks.diagonal)
     return bedding_share(problem.mesh, problem.order, bedding, diagonal)
 
 

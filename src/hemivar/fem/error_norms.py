@@ -13,6 +13,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule, region_masks
+from hemivar.fem.rings import ring_length
 from hemivar.formula import TIME, Formula
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
@@ -120,8 +121,12 @@ def error_norms(problem: ContactProblem, values: Array, known: KnownField | None
             gradient = gradient - known.gradients(places)
             off = off - known.values(places)
         density = energy_density(problem, places, gradient, masks)
-        energy += float(weight * (mesh.volumes @ density))
-        square += float(weight * (mesh.volumes @ np.einsum("mc,mc->m", off, off)))
+        volumes = weight * mesh.volumes
+        if problem.material.axisymmetric:
+            volumes = volumes * ring_length(places)
+            density = density + _around(problem, places, gradient, off, masks)
+        energy += float(volumes @ density)
+        square += float(volumes @ np.einsum("mc,mc->m", off, off))
     return ErrorNorms(math.sqrt(max(energy, 0.0)), math.sqrt(square))
 
 
@@ -130,6 +135,15 @@ def energy_density(problem: ContactProblem, places: Array, gradient: Array, mask
     :class:`ErrorNorms` for C of a material that is not linear."""
     strain = constitutive_law(problem).strain(gradient)
     return np.asarray(np.einsum("mi,mij,mj->m", strain, _tensor(problem.material, places, masks), strain))
+
+
+def _around(
+    problem: ContactProblem, places: Array, gradient: Array, off: Array, masks: Mapping[str, BoolArray]
+) -> Array:
+    """What the strain around the axis of a body of revolution adds to ``eps : C eps``, shape (k,)."""
+    row, hoop = problem.material.hoop_row(places, masks), off[:, 0] / places[:, 0]
+    plane = np.einsum("mi,mi->m", row[:, :-1], constitutive_law(problem).strain(gradient))
+    return np.asarray(hoop * (2.0 * plane + row[:, -1] * hoop))
 
 
 def _tensor(material: Material, places: Array, masks: Mapping[str, BoolArray]) -> Array:

@@ -12,10 +12,11 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
 from hemivar.fem.quadrature import quadrature_rule, region_masks
+from hemivar.fem.rings import hoop_strain
 from hemivar.mechanics.statement import ContactProblem, expect_body
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["FieldSource", "gradient", "nodal_average", "strain", "stress", "v_norm", "von_mises"]
+__all__ = ["FieldSource", "gradient", "nodal_average", "out_of_plane_stress", "strain", "stress", "v_norm", "von_mises"]
 
 
 class FieldSource(Protocol):
@@ -68,8 +69,25 @@ def stress(source: ContactProblem, displacement: Array) -> Array:
     doubled = np.zeros((len(eps), int(index.max()) + 1))
     for (i, j), row in np.ndenumerate(index):
         doubled[:, row] += eps[:, i, j]
-    found = source.material.stress(_centroids(mesh), doubled, region_masks(mesh))
+    places, masks = _centroids(mesh), region_masks(mesh)
+    found: Array = source.material.stress(places, doubled, masks)
+    if source.material.axisymmetric:
+        found = found + source.material.hoop_row(places, masks)[:, :3] * _around(source, displacement)[:, None]
     return np.asarray(found[:, index])
+
+
+def _around(source: FieldSource, displacement: Array) -> Array:
+    """The strain around the axis in the middle of each cell."""
+    return hoop_strain(source.mesh, source.order, displacement, np.full(3, 1.0 / 3.0))
+
+
+def out_of_plane_stress(source: ContactProblem, displacement: Array) -> Array:
+    """The stress across the plane in the middle of each cell, of axial symmetry that around the axis; shape (M,)."""
+    points, masks = _centroids(source.mesh), region_masks(source.mesh)
+    across = source.material.out_of_plane_stress(points, strain(source, displacement), masks)
+    if not source.material.axisymmetric:
+        return across
+    return across + source.material.hoop_row(points, masks)[:, 3] * _around(source, displacement)
 
 
 def von_mises(source: ContactProblem, displacement: Array) -> Array:
@@ -92,9 +110,7 @@ def von_mises(source: ContactProblem, displacement: Array) -> Array:
     full = np.zeros((len(sigma), 3, 3))
     full[:, : mesh.dim, : mesh.dim] = sigma
     if mesh.dim == 2:
-        eps = strain(source, displacement)
-        masks = region_masks(mesh)
-        full[:, 2, 2] = source.material.out_of_plane_stress(_centroids(mesh), eps, masks)
+        full[:, 2, 2] = out_of_plane_stress(source, displacement)
     mean = np.einsum("mii->m", full) / 3.0
     deviator = full - mean[:, None, None] * np.eye(3)
     return np.asarray(np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator)))

@@ -16,6 +16,7 @@ from hemivar.fem.constitutive import elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
+from hemivar.fem.rings import ring_length
 from hemivar.mechanics.conditions import ScalarData
 from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mechanics.material import Material
@@ -57,9 +58,16 @@ class MassDensity:
         return self.constant == 0.0
 
 
-def per_volume(value: Regional, name: str) -> MassDensity:
-    """A number, a function of the place, or either by region."""
-    return MassDensity(partial(at_place, value, name), constant_of(value))
+def per_volume(value: Regional, name: str, ring: bool = False) -> MassDensity:
+    """A number, a function of the place, or either by region; of a ``ring`` times its length."""
+    stated = MassDensity(partial(at_place, value, name), constant_of(value))
+    return _on_rings(stated) if ring else stated
+
+
+def _on_rings(density: MassDensity) -> MassDensity:
+    if density.none:
+        return density
+    return MassDensity(lambda points, regions: ring_length(points) * density.at(points, regions), None)
 
 
 def inertia(material: Material) -> MassDensity:
@@ -73,7 +81,8 @@ def inertia(material: Material) -> MassDensity:
         return density
 
     stated = material.density if isinstance(material, SingleMaterial | GradientMaterial) else None
-    return MassDensity(at, None if stated is None else constant_of(stated))
+    found = MassDensity(at, None if stated is None else constant_of(stated))
+    return _on_rings(found) if material.axisymmetric else found
 
 
 def cell_masses(mesh: Mesh, order: int, density: MassDensity, cells: slice | IntArray = slice(None)) -> Array:
@@ -135,7 +144,8 @@ def body_blocks(mesh: Mesh, material: Material, bedding: ScalarData, graph: Node
     """Stiffness with that of a bedding, by nodes and edges; of linear elements where no graph is given."""
     refuse_nonlinear(material)
     graph = node_graph(mesh, 1) if graph is None else graph
-    blocks, resisting = stiffness_blocks(mesh, elastic(material, mesh.dim), graph), per_volume(bedding, "bedding")
+    blocks = stiffness_blocks(mesh, elastic(material, mesh.dim), graph)
+    resisting = per_volume(bedding, "bedding", material.axisymmetric)
     return blocks if resisting.none else mass_blocks(mesh, resisting, graph, blocks)
 
 

@@ -17,6 +17,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
+from hemivar.fem.rings import facet_shares
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Mortar", "mortar"]
@@ -48,11 +49,20 @@ class _Pieces:
     share: Array  # (k,), of the slave facet
 
 
-def mortar(mesh: Mesh, order: int, slave: IntArray, master: IntArray, without: BoolArray, names: str) -> Mortar:
+def mortar(
+    mesh: Mesh,
+    order: int,
+    slave: IntArray,
+    master: IntArray,
+    without: BoolArray,
+    names: str,
+    ring: bool = False,
+) -> Mortar:
     """The projection from the facets ``master (g, d)`` to ``slave (f, d)``.
 
-    ``without (nodes,)`` are nodes that give no multiplier; ``names`` is what messages call the pair.  Facets are seen
-    along the normals of the slave's facets.  Raises ProblemError: nothing faces the slave, or several layers do.
+    ``without (nodes,)`` are nodes that give no multiplier; ``names`` is what messages call the pair; integrals are over
+    whole rings of a body of revolution where ``ring`` says so.  Facets are seen along the normals of the slave's
+    facets.  Raises ProblemError: nothing faces the slave, or several layers do.
     """
     pieces = _overlap(mesh, slave, master)
     own, other = mesh.facet_nodes(slave, order), mesh.facet_nodes(master, order)
@@ -67,23 +77,26 @@ def mortar(mesh: Mesh, order: int, slave: IntArray, master: IntArray, without: B
             f"{names}: several layers face the facet at ({', '.join(f'{x:.6g}' for x in place)}); name a smaller "
             "boundary"
         )
-    rule, portion = quadrature_rule(mesh.dim - 1, 2 * order)
+    rule, portion = quadrature_rule(mesh.dim - 1, 2 * order + ring)
     phi = shape_values(order, np.einsum("qc,kcb->kqb", rule, pieces.on_slave))
     across = shape_values(order, np.einsum("qc,kcb->kqb", rule, pieces.on_master))
-    weight = pieces.share * mesh.facet_normals(slave)[1][pieces.slave]
+    weight = (pieces.share * mesh.facet_normals(slave)[1][pieces.slave])[:, None] * portion
+    if ring:
+        radius = mesh.points[slave, 0][pieces.slave]
+        weight = weight * 2.0 * np.pi * np.einsum("qc,kcb,kb->kq", rule, pieces.on_slave, radius)
     size = own.shape[1]
     mass = np.zeros((len(slave), size, size))
-    np.add.at(mass, pieces.slave, np.einsum("k,q,kqi,kqj->kij", weight, portion, phi, phi))
+    np.add.at(mass, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, phi, phi))
     seen = np.flatnonzero(covered > _COVERED)
     dual = np.zeros_like(mass)
     dual[seen] = _dual(mass[seen], without[own[seen]])
     # coupling of psi with the slave's and the master's shape functions
     here = np.einsum("fij,fjk->fik", dual, mass)
-    there = np.einsum("kij,kjl->kil", dual[pieces.slave], np.einsum("k,q,kqi,kql->kil", weight, portion, phi, across))
+    there = np.einsum("kij,kjl->kil", dual[pieces.slave], np.einsum("kq,kqi,kql->kil", weight, phi, across))
     count = len(mesh.nodes(order))
     matrix = _assembled(own, own, here, count) - _assembled(own[pieces.slave], other[pieces.master], there, count)
     weights: Array = np.bincount(own.ravel(), here.sum(axis=2).ravel(), count).astype(float)
-    around = np.bincount(own.ravel(), np.repeat(mesh.facet_normals(slave)[1], size), count)
+    around = np.bincount(own.ravel(), facet_shares(mesh, slave, order, ring).ravel(), count)
     nodes = np.flatnonzero(weights > _COVERED * around)
     rows = sp.diags_array(1.0 / weights[nodes]) @ sp.csr_array(matrix)[nodes]
     rows.data[np.abs(rows.data) < _ROUNDED] = 0.0

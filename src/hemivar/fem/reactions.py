@@ -17,6 +17,7 @@ from hemivar.fem.elements import barycentric_gradients, shape_derivatives
 from hemivar.fem.energy_integral import NodalEnergy
 from hemivar.fem.mass import cell_masses, per_volume
 from hemivar.fem.quadrature import quadrature_rule
+from hemivar.fem.rings import hoop_matrices
 from hemivar.fem.supports import stated_supports, sum_by
 from hemivar.mechanics.statement import ContactProblem
 
@@ -107,7 +108,7 @@ def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArra
     That of a bedding is counted."""
     mesh, order = problem.mesh, problem.order
     forces = _of_material(problem, displacement, cells)
-    bedding = per_volume(problem.bedding, "bedding")
+    bedding = per_volume(problem.bedding, "bedding", problem.material.axisymmetric)
     if not bedding.none:
         nodes = mesh.cell_nodes(order)[cells]
         own = cell_masses(mesh, order, bedding, cells) @ displacement[nodes]
@@ -131,4 +132,6 @@ def _of_material(problem: ContactProblem, displacement: Array, cells: IntArray) 
         strain = law.strain(np.einsum("kld,klc->kcd", shapes, values))
         stress = (matrices[:, min(q, matrices.shape[1] - 1)] @ strain[:, :, None])[:, :, 0]
         forces += np.einsum("k,kcd,kld->klc", weight * volumes, stress[:, law.strains], shapes)
+    if law.hoop is not None:
+        forces += np.einsum("kicjd,kjd->kic", hoop_matrices(mesh, order, law.hoop, law.strains, cells), values)
     return sum_by(nodes.ravel(), forces.reshape(-1, forces.shape[2]), len(displacement))

@@ -11,6 +11,8 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import scaled_gradients, shape_derivatives
 from hemivar.fem.fields import FieldSource, _mesh_and_order
+from hemivar.fem.rings import hoop_strain
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["SMALL", "Deformation", "deformation", "deformation_of", "slid_beyond"]
@@ -130,6 +132,9 @@ def deformation(source: FieldSource | Mesh, displacement: Array) -> Deformation:
             strain, rotation = max(strain, float(stretched.max())), max(rotation, float(turned.max()))
             beyond |= (stretched >= SMALL) | (turned >= SMALL)
         volume += float(mesh.volumes[cells][beyond].sum())
+    if isinstance(source, ContactProblem) and source.material.axisymmetric:
+        around = hoop_strain(mesh, order, displacement, np.full(3, 1.0 / 3.0))
+        strain = max(strain, float(np.abs(around).max()))
     return Deformation(strain, rotation, volume, float(mesh.volumes.sum()))
 
 

@@ -15,9 +15,9 @@ from hemivar.basics.disk import read_bytes, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.fem import gradient, nodal_average, strain, stress, von_mises
+from hemivar.fem import gradient, nodal_average, stress, von_mises
 from hemivar.fem.area_average import area_average
-from hemivar.fem.quadrature import region_masks
+from hemivar.fem.fields import out_of_plane_stress
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.files.record import prepared
 from hemivar.files.snapshot import Snapshot
@@ -285,8 +285,7 @@ def _symmetric_stress(stated: ContactProblem, displacement: Array) -> Array:
     if mesh.dim == 3:
         out[:, 2], out[:, 4], out[:, 5] = sigma[:, 2, 2], sigma[:, 1, 2], sigma[:, 0, 2]
     else:
-        centroids = mesh.points[mesh.cells].mean(axis=1)
-        out[:, 2] = stated.material.out_of_plane_stress(centroids, strain(stated, displacement), region_masks(mesh))
+        out[:, 2] = out_of_plane_stress(stated, displacement)
     return out
 
 

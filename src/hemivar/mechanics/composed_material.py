@@ -39,6 +39,12 @@ class ByRegion(Material):
                     f"region '{name}': a material of one component takes its regions itself; give "
                     "Material.gradient({'region': ...})"
                 )
+        round_ones = [name for name, part in self.parts.items() if part.axisymmetric]
+        if 0 < len(round_ones) < len(self.parts):
+            raise ProblemError(
+                f"the material of region '{round_ones[0]}' is axisymmetric, those of other regions are not; write "
+                "plane = 'axisymmetric' in every region or in none"
+            )
         light = [name for name, part in self.parts.items() if not part.inert]
         if 0 < len(light) < len(self.parts):
             raise ProblemError(
@@ -75,6 +81,16 @@ class ByRegion(Material):
         result = np.empty((len(points), size, size))
         for name, mask, inner in self._split(points, regions):
             result[mask] = self.parts[name].stiffness_tensor(points[mask], inner)
+        return result
+
+    @property
+    def axisymmetric(self) -> bool:
+        return all(part.axisymmetric for part in self.parts.values())
+
+    def hoop_row(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        result = np.empty((len(points), 4))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].hoop_row(points[mask], inner)
         return result
 
     def out_of_plane_stress(

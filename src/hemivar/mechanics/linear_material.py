@@ -49,10 +49,19 @@ class Isotropic(SingleMaterial):
         if self.homogeneous:
             self._parameters(np.zeros((1, 2)), "")
         super().__post_init__()
+        if self.axisymmetric and (self.viscosity is not None or self.branches):
+            raise ProblemError(
+                "plane = 'axisymmetric' has no viscosity and no branches that relax; leave them out, or take a quarter "
+                "of the body in space"
+            )
 
     @property
     def _in_plane_stress(self) -> bool:
         return self.plane is PlaneState.STRESS
+
+    @property
+    def axisymmetric(self) -> bool:
+        return self.plane is PlaneState.AXISYMMETRIC
 
     @property
     def homogeneous(self) -> bool:
@@ -76,7 +85,7 @@ class Isotropic(SingleMaterial):
         )
 
     def stated(self) -> Mapping[str, object]:
-        plane = self.plane.value if self._in_plane_stress else None
+        plane = None if self.plane is PlaneState.STRAIN else self.plane.value
         return {**dict(zip(self.names, (self.first, self.second), strict=True)), "plane": plane}
 
     def _parameters(self, points: Array, where: str | None = None) -> tuple[Array, Array]:
@@ -109,7 +118,7 @@ class Isotropic(SingleMaterial):
         constant = self.homogeneous and len(points) > 0
         at = points[:1] if constant else points
         lam, mu = self._parameters(at, "" if constant else None)
-        if dim == 3 or self.plane is PlaneState.STRESS:
+        if dim == 3 or self.plane is not PlaneState.STRAIN:
             _require(3 * lam + 2 * mu > 0, at, lam, "lam", "must exceed -2 mu / 3", "" if constant else None)
         if self.plane is PlaneState.STRESS:
             if dim == 3:
@@ -117,6 +126,10 @@ class Isotropic(SingleMaterial):
             lam = 2 * lam * mu / (lam + 2 * mu)
         matrix = isotropic_matrices(lam, mu, dim)
         return np.broadcast_to(matrix[0], (len(points), *matrix.shape[1:])) if constant else matrix
+
+    def hoop_row(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        lam, mu = self._parameters(points)
+        return np.column_stack([lam, lam, 0.0 * lam, lam + 2.0 * mu])
 
     def out_of_plane_stress(
         self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None

@@ -29,7 +29,7 @@ _STRESS = "force/area"
 #: What a problem file says of constants of materials.
 _constant = partial(stated, Form.QUANTITY)
 _BULK = _constant("bulk modulus", unit=_STRESS, example=6.5)
-_PLANE = word("what a plane mesh assumes across the plane", *PlaneState)
+_PLANE = word("what a plane mesh assumes across the plane", PlaneState.STRAIN, PlaneState.STRESS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Material(PickleMixin):
         lam, mu : float or callable
             Lame's constants; a callable gets points, shape (k, d), and returns shape (k,).
         plane : PlaneState or str
-            For 2D: ``"strain"`` (default) or ``"stress"``.
+            For 2D: ``"strain"`` (default), ``"stress"`` or ``"axisymmetric"``, see :class:`PlaneState`.
         **in_time
             Density, viscosity and branches, see :class:`Material`.
         """
@@ -93,7 +93,8 @@ class Material(PickleMixin):
         E, nu : float or callable
             A callable gets points, shape (k, d), and returns shape (k,).
         plane : PlaneState or str
-            For 2D: ``"strain"`` (default) or ``"stress"``; plane strain is what 3D bodies long in z do.
+            For 2D: ``"strain"`` (default), ``"stress"`` or ``"axisymmetric"``, see :class:`PlaneState`; plane strain is
+            what 3D bodies long in z do.
         **in_time
             Density, viscosity and branches, see :class:`Material`; the viscosity is given by two constants of Lame's
             kind here too.
@@ -361,6 +362,15 @@ class Material(PickleMixin):
     def scalar(self) -> ScalarKind | None:
         """What the field is where it has one component; None of a displacement."""
         return None
+
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether plane meshes are half sections of bodies of revolution: x is the radius and y the axis."""
+        return False
+
+    def hoop_row(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Stress around the axis for strains rr, zz, rz (doubled) and around the axis, of axial symmetry; (k, 4)."""
+        raise NotImplementedError
 
     @property
     def capacity(self) -> Regional | None:

@@ -10,10 +10,15 @@ __all__ = ["BoundsBy", "PlaneState", "ScalarKind", "StrainMeasure", "plane_state
 
 
 class PlaneState(StrEnum):
-    """What a plane model assumes about the third direction."""
+    """What a plane model assumes about the third direction.
+
+    ``AXISYMMETRIC``: the mesh is half of a section of a body of revolution, x is the radius r >= 0 and y the axis z;
+    nothing turns about it.
+    """
 
     STRAIN = "strain"
     STRESS = "stress"
+    AXISYMMETRIC = "axisymmetric"
 
 
 def plane_state(value: object) -> PlaneState:
@@ -21,7 +26,7 @@ def plane_state(value: object) -> PlaneState:
     try:
         return PlaneState(value)  # type: ignore[arg-type]
     except ValueError as error:
-        raise ProblemError(f"plane = {value!r}; choose 'strain' or 'stress'") from error
+        raise ProblemError(f"plane = {value!r}; choose 'strain', 'stress' or 'axisymmetric'") from error
 
 
 class ScalarKind(StrEnum):

@@ -54,7 +54,7 @@ class SingleMaterial(Material):
     @property
     def _natural_dim(self) -> int:
         """2 for a material of the plane only, else 3."""
-        return 2 if self._in_plane_stress else 3
+        return 2 if self._in_plane_stress or self.axisymmetric else 3
 
     def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:
         at = described_point(point, self._natural_dim)

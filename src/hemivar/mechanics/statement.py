@@ -269,10 +269,25 @@ class ContactProblem(PickleMixin, ReprMixin):
         if self.kind not in (None, ScalarKind.HEAT) and self.mesh.dim == 3:
             raise ProblemError(f"kind = '{self.kind}' needs a plane mesh, and this one lies in space; take a rectangle")
         self.material.check_on(self.mesh.dim, list(self.mesh.regions))
+        if self.material.axisymmetric:
+            self._check_half_section()
         try:
             object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
         except ValueError as error:
             raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
+
+    def _check_half_section(self) -> None:
+        """Refuse what is no half of a section of a body of revolution."""
+        if self.mesh.dim == 3:
+            raise ProblemError("plane = 'axisymmetric' is for plane meshes, and this one lies in space; leave it out")
+        radius = self.mesh.points[:, 0]
+        if radius.min() < -1e-9 * radius.max():
+            raise ProblemError(
+                f"plane = 'axisymmetric', but the mesh reaches x = {radius.min():.6g}; x is the radius: mesh the half "
+                "of the section with x >= 0"
+            )
+        if Quadrature(self.quadrature) is not Quadrature.NODAL:
+            raise ProblemError("plane = 'axisymmetric' has contact at the nodes; take Quadrature.NODAL")
 
     def _check_contacts(self) -> None:
         """Refuse contact that is none, or that the mesh, the order or the field does not take."""

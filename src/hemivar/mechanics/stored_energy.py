@@ -125,6 +125,8 @@ class InvariantEnergy(StoredEnergy):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "plane", plane_state(self.plane))
+        if self.plane is PlaneState.AXISYMMETRIC:
+            raise ProblemError("plane = 'axisymmetric' is for linear materials; take Material.young or Material.lame")
         super().__post_init__()
 
     @property

@@ -310,6 +310,10 @@ class Heat(PickleMixin):
             A name is unknown to the mesh, something is of the wrong kind or range, or the two do not go together.
         """
         mesh = problem.mesh
+        if problem.material.axisymmetric:
+            raise ProblemError(
+                "plane = 'axisymmetric' has no heat; leave heat out, or take a quarter of the body in space"
+            )
         for name in self.contact:
             if name not in mesh.boundaries:
                 near = suggest(str(name), list(mesh.boundaries), "boundaries")

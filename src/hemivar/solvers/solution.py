@@ -217,7 +217,8 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         stated = self.problem.origin
         if stated is not None and stated.kind:
             return ("length", "area", "volume")[stated.mesh.dim - 2 + bool(stated.areas)]
-        return "area" if self.problem.contact.components == 3 else "length"
+        ring = stated is not None and stated.material.axisymmetric
+        return "area" if ring or self.problem.contact.components == 3 else "length"
 
     def certify(
         self,

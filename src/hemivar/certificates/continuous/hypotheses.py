@@ -73,6 +73,11 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     remedy = "give the ContactProblem that states it: bounds are for elastic bodies at rest"
     expect_body(problem, "the problem of the bound", remedy)
     refuse_evolution(problem)
+    if problem.material.axisymmetric:
+        raise ProblemError(
+            "the body is one of revolution: distances to the exact solution are known for plane bodies and in space; "
+            "compare with a finer mesh"
+        )
     for name, contact in problem.contact.items():
         if contact.against:
             raise ProblemError(
