@@ -302,6 +302,7 @@ def _leaning(penetration: Array, pressure: Array) -> Array:
         ("[heat.contact.left]", "[heat.contact.lft]", "no boundary 'lft'"),
         ("{ closed = 0.5, per_pressure = 2.0 }", "{ per_pressure = 2.0 }", "closed: is missing"),
         ("{ closed = 0.5, per_pressure = 2.0 }", '"2*p"', "must be a number or"),
+        ('exchange = { law = "compliance"', 'exchange = { law = "complaint"', "'complaint' is not a normal law"),
         ("supports = { right", "supports = { rigth", "no boundary 'rigth'"),
         ('temperature = "0.5*y"', 'temperature = "0.5*t"', "cannot change with time"),
         ("[time]\nuntil = 0.5\nstep = 0.1\n", "", "heat: flows in time; add a table"),

@@ -136,6 +136,7 @@ def test_regions_are_written_beside(tmp_path: Path) -> None:
         ("density = 3", "density = -3", "density: is -3; it must be at least 0"),
         ("left = 0", 'left = "clamped"', "must be the value of u"),
         ("left = 0", "left = { x = 0 }", "must be the value of u, a number or a formula, not a table"),
+        ("left = 0", "left = [0, 1]", "must be the value of u, a number or a formula, not a list"),
         ("left = 0", "lft = 0", "the mesh has no boundary 'lft'; did you mean 'left'"),
         ('right = "y"', 'rigt = "y"', "loads. flux.rigt: the mesh has no boundary"),
         ("source = -1", "body = [0, 1]", "body: unknown key"),

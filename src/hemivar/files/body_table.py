@@ -60,7 +60,7 @@ def read_supports(top: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, Support
     if of_one:
         for name, value in table.data.items():
             check_named(mesh, table, name)
-            if isinstance(value, dict) or value in SUPPORTS:
+            if isinstance(value, dict | list) or value in SUPPORTS:
                 raise table.error(name, f"must be the value of u, a number or a formula, not {kind(value)}; write 0.0")
         values: dict[str, Support | ScalarData] = decode(ContactProblem, top, mesh, by=OF_ONE).get("supports", {})
         return values

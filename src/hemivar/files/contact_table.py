@@ -31,7 +31,7 @@ from hemivar.laws import (
 )
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
-from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawEntry
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.scalar import ScalarContact
@@ -45,7 +45,6 @@ _OBSTACLES: Mapping[str, type[Plane | Sphere | Cylinder]] = {"plane": Plane, "sp
 #: What may stand under "normal".
 _LAWS = {**NORMAL_LAWS, **COUPLED_LAWS}
 _OF_ONE = ("normal", "friction", *keys_of(Contact, by=OF_ONE))
-_KIND = {"normal": LawKind.NORMAL, "friction": LawKind.FRICTION, "damping": LawKind.NORMAL}
 
 
 def read_contacts(top: TomlTable, mesh: Mesh, folder: Path, of_one: bool) -> dict[str, Contact]:
@@ -160,7 +159,8 @@ class _Reader:
                 raise given.error(
                     "law", f"'{name}' is a {kind_of} law; use it under {kind_of} (known here: {', '.join(laws)})"
                 )
-            raise given.error("law", f"'{name}' is not a {_KIND[key]} law{suggest(name, list(laws))}")
+            kind_of = next(iter(laws.values())).kind
+            raise given.error("law", f"'{name}' is not a {kind_of} law{suggest(name, list(laws))}")
         entry = laws[name]
         given.only(("law", *(p.key for p in entry.parameters)))
         parameters = read_arguments(entry, given, self.dim, key, {Form.OWN: self.bound, Form.FILE: self.file})
