@@ -4,7 +4,7 @@ import json
 import sys
 from typing import Any
 
-from hemivar.cli.end_on_ranks import all_or_none
+from hemivar.cli.petsc import all_or_none
 from hemivar.engines.petsc import BodyOnRanks, assemble, family, solve_distributed, world
 from hemivar.mesh.mesh import Mesh
 from tests.engines.benchmark_problems import PROBLEMS, RTOL

@@ -4,12 +4,12 @@ import json
 import sys
 from pathlib import Path
 
-from hemivar.cli.end_on_ranks import all_or_none
-from hemivar.cli.on_ranks import read_on_ranks
+from hemivar.cli.petsc import all_or_none
 from hemivar.engines.petsc import solve_distributed, world
 from hemivar.engines.petsc.certificate import certify_on_ranks
 from hemivar.report.on_ranks import write_json_on_ranks
 from hemivar.solvers import Controls
+from tests.engines.stated import body_of_file
 
 ranks = world()
 with all_or_none(ranks):
@@ -18,6 +18,6 @@ with all_or_none(ranks):
         results.mkdir()
     plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
     for name, rtol in plan.items():
-        body = read_on_ranks(folder / f"{name}.toml", ranks).bodies[-1]
+        body = body_of_file(folder / f"{name}.toml")
         solution = solve_distributed(body, controls=Controls(rtol=rtol))
         write_json_on_ranks(solution, results / f"{name}.json", certify_on_ranks(solution))

@@ -3,17 +3,16 @@
 import json
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hemivar.cli.end_on_ranks import all_or_none
-from hemivar.cli.on_ranks import read_on_ranks
+from hemivar.cli.petsc import all_or_none
 from hemivar.engines.petsc import certificate, solve_distributed, world
 from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.laws import ContactLaw
 from hemivar.solvers import Solution
+from tests.engines.stated import body_of_file
 
 ranks = world()
 
@@ -25,7 +24,7 @@ def record(solution: Solution, alarm: TimeLimit | None = None) -> Any:
 
 
 with all_or_none(ranks):
-    body = read_on_ranks(Path(sys.argv[1]), ranks).bodies[-1]
+    body = body_of_file(sys.argv[1])
     solution = solve_distributed(body)
     said: dict[str, Any] = {"shown": record(solution)}
 

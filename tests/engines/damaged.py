@@ -4,14 +4,14 @@ import json
 import sys
 from pathlib import Path
 
-from hemivar.cli.end_on_ranks import all_or_none
-from hemivar.cli.on_ranks import read_on_ranks
+from hemivar.cli.petsc import all_or_none
 from hemivar.engines.petsc import read_checkpoint, world
 from hemivar.errors import HemivarError
+from tests.engines.stated import body_of_file
 
 ranks = world()
 with all_or_none(ranks):
-    body = read_on_ranks(Path(sys.argv[1]), ranks).bodies[-1]
+    body = body_of_file(sys.argv[1])
     said: dict[str, str | None] = {}
     for path in sorted(Path(sys.argv[2]).iterdir()):
         try:

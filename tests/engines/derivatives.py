@@ -2,18 +2,17 @@
 
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.cli.end_on_ranks import all_or_none
-from hemivar.cli.on_ranks import read_on_ranks
+from hemivar.cli.petsc import all_or_none
 from hemivar.engines.petsc import world
+from tests.engines.stated import body_of_file
 
 ranks = world()
 with all_or_none(ranks):
-    body = read_on_ranks(Path(sys.argv[1]), ranks).bodies[-1]
+    body = body_of_file(sys.argv[1])
     points, step = body.piece.mesh.points, 1e-6
 
     def moved(size: float, turn: float) -> Array:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.cli.end_on_ranks import all_or_none
+from hemivar.cli.petsc import all_or_none
 from hemivar.engines.petsc import evolution as engine
 from hemivar.engines.petsc import family, march_on_ranks, world
 from hemivar.engines.petsc.evolution import EvolutionOnRanks

@@ -4,17 +4,16 @@ import json
 import os
 import signal
 import sys
-from pathlib import Path
 
-from hemivar.cli.end_on_ranks import all_or_none
-from hemivar.cli.on_ranks import read_on_ranks
+from hemivar.cli.petsc import all_or_none
 from hemivar.engines.petsc import solve_distributed, world
 from hemivar.errors import ProblemError
+from tests.engines.stated import body_of_file
 
 ranks = world()
 with all_or_none(ranks):
-    problem = read_on_ranks(Path(sys.argv[1]), ranks)
-    body = problem.bodies[-1]
+    body = body_of_file(sys.argv[1])
+    ranks = body.ranks
     calls = 0
 
     def watch(*_: object) -> None:

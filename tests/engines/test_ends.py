@@ -133,7 +133,7 @@ def test_both_energies_are_one(tmp_path: Path) -> None:
 
 def test_claims_of_the_certificate(tmp_path: Path) -> None:
     problem = _problem(tmp_path)
-    done = mpirun(2, _HERE / "claims.py", problem)
+    done = mpirun(2, "-m", "tests.engines.claims", problem)
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout.splitlines()[-1])
     assert said["shown"]["unique"] is True

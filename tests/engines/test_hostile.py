@@ -298,7 +298,7 @@ def test_damaged_checkpoints_are_refused_on_all_ranks(tmp_path: Path, good: byte
     (folder / "good").write_bytes(good)
     for name, (_, change) in DAMAGE.items():
         (folder / name).write_bytes(change(good))
-    done = mpirun(ranks, _HERE / "damaged.py", problem, folder, limit=_LIMIT)
+    done = mpirun(ranks, "-m", "tests.engines.damaged", problem, folder, limit=_LIMIT)
     assert done.returncode == 0, done.stderr
     everywhere = json.loads(done.stdout.splitlines()[-1])
     assert len(everywhere) == ranks

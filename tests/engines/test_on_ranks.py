@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hemivar.cli import main
 from hemivar.fem import discretize
 from hemivar.files.problem_file import read_problem
 from tests.engines.against_serial import compare, serial_of, solve_on
@@ -119,7 +120,7 @@ def test_the_files_are_those_of_the_serial_run(tmp_path: Path) -> None:
 
 
 def _probe(ranks: int, problem: Path) -> dict[str, object]:
-    done = mpirun(ranks, _HERE / "probe.py", problem)
+    done = mpirun(ranks, "-m", "tests.engines.probe", problem)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])  # type: ignore[no-any-return]
 
@@ -235,8 +236,39 @@ def test_bad_input_is_refused_once_for_all_ranks(tmp_path: Path) -> None:
     ("exit", 7, None), ("kill", 137, None), ("bug", 70, "something broke"), ("refusal", 2, "friction is negative"),
 ])  # fmt: skip
 def test_a_rank_that_fails_ends_all_of_them(tmp_path: Path, how: str, code: int, words: str | None) -> None:
-    done = mpirun(3, _HERE / "probe.py", _written(tmp_path, "crossed"), how, limit=60.0)
+    done = mpirun(3, "-m", "tests.engines.probe", _written(tmp_path, "crossed"), how, limit=60.0)
     assert done.returncode == code
     lines = [line for line in done.stderr.splitlines() if line.startswith("hemivar: error")]
     assert len(lines) == (words is not None)
     assert words is None or words in lines[0]
+
+
+#: What the summary says that has to be the same on any number of ranks; numbers are printed with six digits.
+_SAID = (
+    "normal force", "friction force", "contact length", "contact area", "contact points", "max opening", "damage",
+    "dissipated", "max penetration", "least opening", "max pressure", "max von Mises", "largest",
+)  # fmt: skip
+_UNITS = '[units]\nlength = "mm"\nforce = "N"\nstress = "MPa"\nenergy = "mJ"\n'
+
+
+def _summary(text: str) -> list[tuple[str, str]]:
+    lines = text.partition("\nstatus ")[2].splitlines()
+    return [(line[:18].rstrip(), line[18:]) for line in lines if line[:18].rstrip() in _SAID]
+
+
+@pytest.mark.parametrize("name", ["crossed", "cube", "corner", "mixed_mode.toml", "broken_foundation.toml"])
+def test_three_ranks_print_the_summary_of_one_process(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ranks without contact points, or without glue, know of none of it: all of them sum up together."""
+    path = tmp_path / "problem.toml"
+    path.write_text((CASES.get(name) or (_EXAMPLES / name).read_text(encoding="utf-8")) + _UNITS, encoding="utf-8")
+    assert main(["solve", str(path), "-q", "--rtol", "1e-11"]) == 0
+    serial = capsys.readouterr().out
+    done = solve_on(3, path, "--rtol", "1e-11", "--json", tmp_path / "r.json")
+    assert done.returncode == 0, done.stderr
+    found, wanted = _summary(done.stdout), _summary(serial)
+    assert len(wanted) > 7
+    assert found == wanted
+    assert "residual              energy" not in done.stdout  # as --quiet asks
+    assert json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["units"]["length"] == "mm"

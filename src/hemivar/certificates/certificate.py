@@ -41,10 +41,12 @@ from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["Certificate", "certified", "certify"]
+__all__ = ["ESTIMATE", "Certificate", "certified", "certify"]
 
 _Part = TypeVar("_Part")
 
+#: The method of an eigenvalue that nothing shows.
+ESTIMATE = "LOBPCG, an estimate"
 #: What rounding may put a nodal displacement off its supports by, of the largest displacement.
 _OFF_SUPPORT = 1e-9
 
@@ -152,6 +154,13 @@ class Certificate(ReprMixin):
     error_bound_sampled: bool = False
     left_out: tuple[str, ...] = ()
     exact: DistanceToExact | None = None
+    # whether many processes made it: they leave out what takes the whole matrix, and what they have no proof of
+    apart: bool = False
+
+    @property
+    def proved(self) -> bool:
+        """Whether an eigenvalue behind the margin was shown, and not only found."""
+        return self.method != ESTIMATE
 
     @property
     def uniqueness(self) -> str:
@@ -193,7 +202,7 @@ class Certificate(ReprMixin):
         values: dict[str, object] = {}
         for owner in (self, self.smallness):
             for item in fields(owner):
-                if item.name not in ("residual", "smallness"):
+                if item.name not in ("residual", "smallness", "apart"):
                     values.setdefault(item.name, getattr(owner, item.name))
         plain: dict[str, object] = {}
         infinite: list[str] = []
@@ -444,6 +453,7 @@ def certified(
         warnings=tuple(said for said in (*problem.notes, strained, outside, inaccurate) if said),
         error_bound_sampled=constants.sampled or bool(constants.within),
         left_out=tuple(left_out),
+        apart=not energy.at_hand,
     )
     return _known(certificate)
 

@@ -70,13 +70,15 @@ def claims(certificate: Certificate) -> list[Claim]:
         parts.append(f"tangential {_text(constants.constant_tangential)}")
     if constants.coupling > 0.0:
         parts.append(f"coupling {_text(constants.coupling)}")
-    say("margin", f"{_text(c.margin)} ({', '.join(parts)})", c.margin, bounded, doubt)
+    guessed = "" if c.proved else ", an estimate"
+    say("margin", f"{_text(c.margin)}{guessed} ({', '.join(parts)})", c.margin, bounded, doubt)
     if c.margin == -math.inf and not c.left_out:
         say("", _without_margin(constants), whole=bounded)
     say("distance", _distance(c), c.error_bound_relative, doubt=doubt)
     found += [] if c.exact is None else [Claim(line[:_LABEL].rstrip(), line[_LABEL:]) for line in c.exact.lines()]
     if c.left_out:
-        say("left out", f"{', '.join(c.left_out)}: the time limit was reached", c.left_out)
+        why = "not shown by many processes, or in this time" if c.apart else "the time limit was reached"
+        say("left out", f"{', '.join(c.left_out)}: {why}", c.left_out, c.left_out == ("trace constant",) and c.apart)
     for warning in c.warnings:
         say("warning", warning)
     if constants.stiffness_by:
@@ -90,7 +92,8 @@ def _distance(c: Certificate) -> str:
     constants = c.smallness
     if not math.isfinite(c.error_bound):
         late = "margin" in c.left_out or "error bound" in c.left_out
-        return f"no bound, for {'lack of time' if late else 'the margin is not positive'}"
+        why = "the margin is not shown" if c.apart else "lack of time"
+        return f"no bound, for {why if late else 'the margin is not positive'}"
     size = f"{c.error_bound:.2e}, relative {c.error_bound_relative:.1e},"
     if not c.error_bound_sampled:
         return f"at most {size} to the exact discrete solution"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar, dataclass_transform, get_ty
 
 from hemivar.basics.first_use import cached_property
 from hemivar.cli import options as opt
+from hemivar.cli.engine import Engine
 from hemivar.cli.options import WRITTEN, Exit
 from hemivar.cli.outputs import Files, Writer, check_outputs
 from hemivar.cli.printing import StageView, console, print_head
@@ -44,6 +45,11 @@ class Command:
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, eq=False, repr=False)(cls)
 
+    @cached_property
+    def place(self) -> Engine:
+        """What it works with."""
+        return Engine()
+
     @property
     def read(self) -> Path | None:
         """A file that is read, beside the problem file where there is one."""
@@ -74,21 +80,22 @@ class Command:
 
     def run(self) -> int:
         """Run it, and return the exit code."""
-        self.check()
-        self.begin()
-        done = self.work()
-        self.write(done.files)
-        said = done.last()
-        if isinstance(said, Exit):
-            return self.writer.ended(said)
-        code = Exit.CONVERGED if done.reached else Exit.NOT_CONVERGED
-        return self.writer.ended(Exit.INTERRUPTED if done.interrupted else code)
+        with self.place.working():
+            self.place.agree(self.check)
+            self.begin()
+            done = self.work()
+            self.write(done.files)
+            code = Exit.CONVERGED if done.reached else Exit.NOT_CONVERGED
+            code = Exit.INTERRUPTED if done.interrupted else code
+            said = done.last()
+            return self.place.ended(self.writer.ended(said if isinstance(said, Exit) else code))
 
     def write(self, files: Files) -> None:
         """Write the files that were asked for, and print their names."""
         for key, content in files.items():
             option, path = ("--plot", key) if isinstance(key, Path) else (key, self.outputs.get(key))
-            self.writer.take(option, path, content)
+            if self.place.first or option in self.place.together:
+                self.writer.take(option, path, content)
         if self.tells:
             self.writer.tell()
 
@@ -106,7 +113,7 @@ class OnProblem(Command):
     def session(self) -> Session:
         """The problem file, read, with limits and changes of the command line."""
         limits = {name: getattr(self, name, None) for name in ("rtol", "max_time", "max_steps", "given")}
-        return Session(self.problem, self.outputs, **limits, solution=self.read)
+        return Session(self.problem, self.outputs, **limits, solution=self.read, engine=self.place)
 
     @cached_property
     def writer(self) -> Writer:
@@ -116,7 +123,7 @@ class OnProblem(Command):
     def discrete(self) -> DiscreteProblem:
         """The discrete problem, which is printed."""
         problem = self.session.discrete()
-        print_head(self.session.stated, problem)
+        print_head(self.session, problem)
         return problem
 
 

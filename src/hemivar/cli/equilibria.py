@@ -255,7 +255,7 @@ class BracketCommand(OnProblem):
         session = self.session
         check_drawable(session.stated, None, self.colour)
         found = watched(bracket(session.stated.problem, BracketOptions(self.upto, session.controls.max_time)))
-        print_head(session.stated, found.solution.problem)
+        print_head(session, found.solution.problem)
         print(f"\n{found}")
         record = {
             "problem": session.stated.name,

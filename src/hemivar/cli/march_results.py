@@ -150,7 +150,7 @@ class AnimateCommand(Command):
     def work(self) -> Done:
         film, units, ended = self._film()
         drawn = film_of(
-            film,
+            lambda: film,
             self.quiet,
             scale="auto" if self.scale is None else self.scale,
             seconds=self.seconds,

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import signal
-import threading
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,8 +14,9 @@ from hemivar.basics.disk import make_folder, protecting
 from hemivar.basics.first_use import cached_property
 from hemivar.cli import options as opt
 from hemivar.cli.command import Done, OnProblem
+from hemivar.cli.engine import Engine, engine_named
 from hemivar.cli.march_view import MarchView, code_of, print_history
-from hemivar.cli.options import ENGINES, check_engine, check_limits, option, written
+from hemivar.cli.options import ENGINES, check_limits, option, written
 from hemivar.cli.outputs import Files, check_outputs
 from hemivar.cli.printing import Bar, print_head
 from hemivar.cli.session import Session, naming_file
@@ -36,9 +33,6 @@ if TYPE_CHECKING:
     from hemivar.solvers import Controls, Solver
 
 __all__ = ["MarchCommand", "MarchOptions", "check_tools", "film_of", "stated_outputs"]
-
-#: Signals within so many seconds count as one.
-_COALESCE = 2.0
 
 
 @dataclass(frozen=True)
@@ -154,14 +148,10 @@ class MarchCommand(MarchOptions, OnProblem):
     quiet: opt.Quiet = False
     engine: opt.EngineName = ENGINES[0]
 
-    def run(self) -> int:
-        """Run it, by all ranks if that is asked for."""
-        check_engine(self.engine)
-        if self.engine == "petsc":
-            from hemivar.cli.march_on_ranks import march_file_on_ranks
-
-            return march_file_on_ranks(self.problem, self.named, self, self.quiet, self.check)
-        return super().run()
+    @cached_property
+    def place(self) -> Engine:
+        """The engine that is asked for."""
+        return engine_named(self.engine, "--fields")
 
     def check(self) -> None:
         super().check()
@@ -187,7 +177,7 @@ class MarchCommand(MarchOptions, OnProblem):
     @cached_property
     def session(self) -> Session:
         """The problem file, read."""
-        return Session(self.problem, self.named, rtol=self.rtol, given=self.given)
+        return Session(self.problem, self.named, rtol=self.rtol, given=self.given, engine=self.place)
 
     def work(self) -> Done:
         history, series = self.march()
@@ -195,33 +185,39 @@ class MarchCommand(MarchOptions, OnProblem):
 
     def march(self) -> tuple[History, Series | None]:
         """March; returns what was found, and what wrote frames while they came."""
-        from hemivar.workflows import evolution_of, march, result_of
+        from hemivar.workflows import evolution_of, result_of
 
-        session, writer = self.session, self.writer
-        check_outputs(self.outputs, self.problem)
-        check_tools(self.outputs)
-        plan = self.plan(session.stated, self.outputs["--checkpoint"], session.controls, session.method)
+        session, writer, place = self.session, self.writer, self.place
+        evolution, plan = place.agree(lambda: (evolution_of(session.stated), self._planned()))
         view = MarchView(
-            lambda discrete: print_head(session.stated, discrete.problem), self._series, writer.failed, self.quiet
+            lambda discrete: print_head(session, discrete.problem), self._series, writer.failed, self.quiet
         )
-        with view, _ends_after_the_step() as asked, protecting(writer.inputs):
+        with view, place.asked_to_end() as asked, protecting(writer.inputs):
             try:
-                found = result_of(march(evolution_of(session.stated), plan), lambda event: view(event) or bool(asked))
-            except ProblemError as error:
+                found = result_of(place.marching(evolution, plan), lambda event: view(event) or asked())
+            except place.refusals as error:
                 raise naming_file(error, session.stated.name) from error
         print_history(found)
         if found.unkept:
             writer.failed.append(f"--checkpoint: {found.unkept}")
         return found, view.series
 
+    def _planned(self) -> March:
+        """How it is computed, once its files could be written, those that the problem file names among them."""
+        outputs, session, serial = self.outputs, self.session, self.engine == ENGINES[0]
+        if not serial and outputs["--animation"] is not None and outputs["--fields"] is None:
+            raise ProblemError(
+                "--animation: the engine 'petsc' makes a film of its frames; write --fields run.pvd as well"
+            )
+        check_outputs(outputs, self.problem)
+        check_tools(outputs)
+        method = session.method if serial else None
+        return self.plan(session.stated, outputs.get("--checkpoint"), session.controls, method)
+
     def _series(self, discrete: DiscreteEvolution) -> Series | None:
         """What writes frames while they come."""
         fields = self.outputs.get("--fields")
-        if fields is None or fields.suffix.lower() != ".pvd":
-            return None
-        from hemivar.files.series import Series
-
-        return Series(fields, discrete)
+        return None if fields is None else self.place.series(fields, discrete)
 
     def _files(self, found: History, series: Series | None) -> Files:
         from hemivar.files.history_table import write_history_json
@@ -231,7 +227,7 @@ class MarchCommand(MarchOptions, OnProblem):
         def fields(path: Path) -> tuple[Path, ...]:
             from hemivar.files.series import numbered
 
-            return found.write(path) if series is None else series.finish(numbered(found))
+            return (series or self.place.series(path, found.discrete)).finish(numbered(found))
 
         def plot() -> Figure:
             from hemivar.report import plot_march
@@ -243,47 +239,27 @@ class MarchCommand(MarchOptions, OnProblem):
             "--json": lambda path: write_history_json(found, path, units.record()),
             "--fields": fields,
             "--plot": plot,
-            "--animation": film_of(found, self.quiet, title=title, unit=units.length, time_unit=units.time),
+            "--animation": film_of(
+                partial(self.place.film, found, self.outputs["--fields"]),
+                self.quiet,
+                title=title,
+                unit=units.length,
+                time_unit=units.time,
+            ),
         }
 
 
-def film_of(film: Film | History, quiet: bool, **options: Any) -> Callable[[Path], None]:
+def film_of(film: Callable[[], Film | History], quiet: bool, **options: Any) -> Callable[[Path], None]:
     """What writes a film, with a bar on a terminal."""
 
     def draw(file: Path) -> None:
         from hemivar.report.animation import animate
 
         with Bar(quiet) as bar:
-            animate(film, file, progress=lambda now, count: bar.show(f"frame {now} of {count}", now / count), **options)
+
+            def tell(now: int, count: int) -> None:
+                bar.show(f"frame {now} of {count}", now / count)
+
+            animate(film(), file, progress=tell, **options)
 
     return draw
-
-
-@contextlib.contextmanager
-def _ends_after_the_step() -> Iterator[list[int]]:
-    """Ctrl-C, SIGTERM and SIGHUP are noted in the list; Ctrl-C again, some seconds later, ends the step as well."""
-    asked: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield asked
-        return
-    last = -math.inf
-
-    def note(number: int, _: object) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if asked and now - last > _COALESCE and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        if not asked:
-            asked.append(number)
-            last = now
-
-    before = {}
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-            before[number] = signal.signal(number, note)
-    try:
-        yield asked
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -35,12 +35,11 @@ class MarchView:
         begin: Callable[[DiscreteEvolution], Series | None],
         failed: list[str],
         quiet: bool,
-        plain: bool = False,
     ) -> None:
         self.quiet, self.failed = quiet, failed
         self.series: Series | None = None
         self._head, self._begin_series = head, begin
-        self._bar = Bar(quiet or plain)
+        self._bar = Bar(quiet)
         self._told = -math.inf
         self._warned = False
 
@@ -111,9 +110,9 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 3600.0:.1f} h"
 
 
-def print_history(found: History, plain: bool = False) -> None:
+def print_history(found: History) -> None:
     """The summary of a march."""
-    out = console(plain)
+    out = console()
     steps = len(found.rows) - 1
     out.print("\nstatus            ", end="")
     out.print(found.ended, style="bold green" if found.finished else "bold red", end="")

@@ -7,7 +7,7 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
@@ -51,12 +51,14 @@ _SUFFIXES = {
 Content: TypeAlias = Mapping[str, object] | Callable[..., object]
 #: What is written, by option, and a figure beside that of the option by its path.
 Files: TypeAlias = dict[str | Path, Content]
+#: The files that a process writes in place of one, by option and name.
+Pieces: TypeAlias = Callable[[str, Path], list[Path]]
 
 
 # ---- before the work -------------------------------------------------------------------------------------------
 
 
-def check_outputs(outputs: Mapping[str, Path | None], source: Path | None = None) -> None:
+def check_outputs(outputs: Mapping[str, Path | None], source: Path | None = None, pieces: Pieces | None = None) -> None:
     """Refuse output files that could not be written, or that would overwrite one another or ``source``.
 
     Files that come along with one (``X_contact.vtu``) are tried too.
@@ -69,16 +71,22 @@ def check_outputs(outputs: Mapping[str, Path | None], source: Path | None = None
     for option, own in files.items():
         for file in own:
             _check_file(file, option)
-    check_distinct(files, source)
+    for option, named in outputs.items():
+        for piece in () if named is None or pieces is None else pieces(option, named):
+            _try(piece, option, "file")
+    check_distinct(files_of(outputs, pieces), source)
 
 
-def files_of(outputs: Mapping[str, Path | None]) -> dict[str, list[Path]]:
-    """The files that each option writes: with ``--vtu`` and PVD, those of the contact boundaries too."""
+def files_of(outputs: Mapping[str, Path | None], pieces: Pieces | None = None) -> dict[str, list[Path]]:
+    """The files that each option writes: with ``--vtu`` and PVD, those of the contact boundaries too, and the pieces
+    that some process writes of them."""
     files = {option: [] if path is None else [path] for option, path in outputs.items()}
     for option, suffix in (("--vtu", ".vtu"), ("--fields", ".pvd")):
         for path in tuple(files.get(option, ())):
             if option == "--vtu" or path.suffix.lower() == suffix:
                 files[option].append(path.with_name(f"{path.stem}_contact{suffix}"))
+    for option, named in outputs.items():
+        files[option] += [] if named is None or pieces is None else pieces(option, named)
     return files
 
 
@@ -152,12 +160,14 @@ def _check_parent(path: Path, what: str) -> None:
 class Writer:
     """Writes files one after the other; one that fails does not stop the others.
 
-    After Ctrl-C the file in work and all further pictures are left out; data are still written, and SIGTERM and SIGHUP
-    do not disturb them.
+    What many processes write ``together`` fails on all of them, or ends them.  After Ctrl-C the file in work and all
+    further pictures are left out; data are still written, and SIGTERM and SIGHUP do not disturb them.
     """
 
-    def __init__(self, inputs: Iterable[Path] = (), units: Mapping[str, str] | None = None) -> None:
-        self.inputs = list(inputs)
+    def __init__(
+        self, inputs: Iterable[Path] = (), units: Mapping[str, str] | None = None, together: Sequence[str] = ()
+    ) -> None:
+        self.inputs, self.together = list(inputs), together
         self.units = {} if units is None else dict(units)
         self.written: list[Path] = []
         self.failed: list[str] = []
@@ -169,7 +179,7 @@ class Writer:
         if path is None or (picture and self.interrupted):
             return
         try:
-            keep_off(files_of({option: path}), self.inputs)
+            keep_off({} if option in self.together else files_of({option: path}), self.inputs)
         except ProblemError as error:
             self.failed.append(str(error))
             return
@@ -180,22 +190,10 @@ class Writer:
             if self.interrupted:
                 raise
             self.interrupted = True
-        except FileError as error:
-            self.failed.append(f"{option}: {error}")
-        except HemivarError as error:
-            self.failed.append(f"{option} {path}: {error}")
-        except MemoryError:
-            self.failed.append(f"{option} {path}: not enough memory to write it")
-        except UnicodeDecodeError as error:
-            if not picture:
-                self.failed.append(f"{option} {path}: {internal_error(error)}")
-            else:
-                self.failed.append(
-                    f"{option} {path}: matplotlib cannot read its settings ({error}); correct or remove that "
-                    f"matplotlibrc"
-                )
         except Exception as error:
-            self.failed.append(f"{option} {path}: {internal_error(error)}")
+            if option in self.together and not getattr(error, "shared", False):
+                raise
+            self.failed.append(f"{option}{'' if isinstance(error, FileError) else f' {path}'}: {_why(error, picture)}")
         else:
             several = made if isinstance(made, list | tuple) else [path]
             self.written += [file for file in several if file is not None]
@@ -232,6 +230,17 @@ class Writer:
             sys.stderr.write(f"hemivar: error: {one_line(self.failed[self._said])}\n")
             self._said += 1
         return bool(self.failed)
+
+
+def _why(error: Exception, picture: bool) -> str:
+    """Why a file could not be written."""
+    if isinstance(error, HemivarError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "not enough memory to write it"
+    if picture and isinstance(error, UnicodeDecodeError):
+        return f"matplotlib cannot read its settings ({error}); correct or remove that matplotlibrc"
+    return internal_error(error)
 
 
 def _save(draw: Callable[..., object], path: Path) -> None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from hemivar.basics.units import Units
     from hemivar.certificates import Certificate
+    from hemivar.cli.session import Session
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.files.changes import Change
     from hemivar.files.problem_file import ProblemFile
@@ -47,12 +48,11 @@ __all__ = [
 _SOME, _LONG = 4, 100.0
 
 
-def console(plain: bool = False) -> Console:
-    """A console without colours unless it is a terminal, and ``plain`` even there."""
+def console() -> Console:
+    """A console without colours unless it is a terminal."""
     from rich.console import Console
 
-    terminal = False if plain else None
-    return Console(file=sys.stdout, highlight=False, markup=False, emoji=False, force_terminal=terminal)
+    return Console(file=sys.stdout, highlight=False, markup=False, emoji=False)
 
 
 def unread() -> bool:
@@ -227,21 +227,17 @@ def _print_whole(console: Console, drawn: RichTable, whole: int) -> None:
     console.width = width
 
 
-def print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
+def print_head(session: Session, discrete: DiscreteProblem) -> None:
     """Print what the problem is."""
-    mesh = stated.problem.mesh
-    kind = "triangles" if mesh.dim == 2 else "tetrahedra"
-    order = "" if stated.problem.order == 1 else ", quadratic elements"
-    size = f"{mesh.number_of_nodes} nodes, {mesh.number_of_cells} {kind}, h = {mesh.size:.4g}{order}"
+    stated = session.stated
+    sizes, method = session.engine.head(stated, discrete)
     title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
     print(title or shown(stated.name))
     _print_changes(stated.changes)
-    print(f"mesh              {size}")
-    print(f"unknowns          {discrete.unknowns}")
-    for warning in discrete.notes:
-        print(f"warning           {warning}")
     where = f" on {', '.join(discrete.contact.names)}" if discrete.contact.names else ""
-    print(f"contact points    {discrete.contact_points}{where}", flush=True)
+    points = int(discrete.vectors.total(discrete.contact_points)[0])
+    warnings = [f"warning           {warning}" for warning in discrete.notes]
+    print("\n".join([*sizes, *warnings, f"contact points    {points}{where}", *method]), flush=True)
 
 
 def print_title(stated: ProblemFile, changes: Sequence[Change] = ()) -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import noting_files_read, shown
+from hemivar.cli.engine import Engine
 from hemivar.cli.options import check_limits, controls_of, method_named
 from hemivar.cli.outputs import Writer, check_distinct, check_outputs, files_of, keep_off, one_line
-from hemivar.errors import HemivarError, ProblemError, SupportError
+from hemivar.errors import HemivarError, SupportError
 
 if TYPE_CHECKING:
     from hemivar.discrete.problem import DiscreteProblem
@@ -33,19 +34,24 @@ class Session:
         max_steps: int | None = None,
         solution: Path | None = None,
         given: Sequence[str | Change] | None = None,
+        engine: Engine | None = None,
     ) -> None:
         from hemivar.files.changes import Change, read_change
-        from hemivar.files.problem_file import read_problem_file
 
-        check_outputs(outputs, path)
-        check_limits(rtol, max_time, max_steps)
-        changes = [one if isinstance(one, Change) else read_change(one) for one in given or ()]
-        with noting_files_read() as files:
-            self.stated = read_problem_file(path, changes)
-        files += [] if solution is None else [solution]
-        keep_off(files_of(outputs), files)
+        self.engine = engine = Engine() if engine is None else engine
+
+        def checked() -> list[Change]:
+            check_outputs(outputs, path, engine.pieces)
+            check_limits(rtol, max_time, max_steps)
+            return [one if isinstance(one, Change) else read_change(one) for one in given or ()]
+
+        changes = engine.agree(checked)
+        with noting_files_read() as read:
+            self.stated = engine.read(path, changes)
+        files = engine.inputs(read if solution is None else [*read, solution])
+        engine.agree(lambda: keep_off(files_of(outputs, engine.pieces), files))
         self.path, self.outputs = path, outputs
-        self.writer = Writer(files, self.stated.units.record())
+        self.writer = Writer(files, self.stated.units.record(), engine.together)
         self._limits = rtol, max_time, max_steps
 
     @property
@@ -91,12 +97,12 @@ class Session:
 
     def discrete(self, mesh: Mesh | None = None, load_factor: float | None = None) -> DiscreteProblem:
         """The discrete problem, on another mesh and at a load factor if they are given; errors name the file."""
-        from hemivar.fem import LoadLine, discretize
+        from hemivar.fem import LoadLine
 
         problem = self.stated.problem if mesh is None else self.stated.problem.on(mesh)
         try:
-            return discretize(problem) if load_factor is None else LoadLine.of(problem).at(load_factor)
-        except ProblemError as error:
+            return self.engine.discrete(problem) if load_factor is None else LoadLine.of(problem).at(load_factor)
+        except self.engine.refusals as error:
             raise naming_file(error, self.stated.name) from error
 
 
@@ -104,4 +110,6 @@ def naming_file(error: HemivarError, name: str, table: str = "") -> HemivarError
     """The error with the file, and a table of it, named before what it says, unless it names the file itself."""
     if str(error).startswith(f"{name}: "):
         return error
-    return type(error)(f"{name}: {'[supports] ' if isinstance(error, SupportError) else table}{error}")
+    named = type(error)(f"{name}: {'[supports] ' if isinstance(error, SupportError) else table}{error}")
+    named.__dict__.update(error.__dict__)
+    return named

@@ -8,21 +8,22 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypedDict
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.rounding import rounded_up
 from hemivar.cli import options as opt
 from hemivar.cli.command import Done, OnProblem
+from hemivar.cli.engine import Engine, engine_named
 from hemivar.cli.options import (
     ENGINES,
     check_colour,
     check_engine,
-    check_limits,
     check_load_factors,
     controls_of,
     method_named,
     option,
     written,
 )
-from hemivar.cli.outputs import Files, check_outputs
+from hemivar.cli.outputs import Files
 from hemivar.cli.printing import SolveView, console, print_head, print_not_converged, print_summary, unread
 from hemivar.cli.session import Session, naming_file
 from hemivar.errors import ProblemError
@@ -82,18 +83,33 @@ class SolveCommand(OnProblem):
     plot_meshes: Annotated[opt.File, written("Draw the meshes, coarse to fine (adaptive).")] = None
     given: opt.Given = None
 
+    @cached_property
+    def place(self) -> Engine:
+        """The engine that is asked for."""
+        return engine_named(self.engine, "--json", "--vtu")
+
     def run(self) -> int:
-        """Run it, adaptively or by all ranks if that is asked for."""
-        check_engine(self.engine)
-        check_colour(self.colour, {"--plot": self.plot})
-        check_load_factors(*(() if self.load_factor is None else (self.load_factor,)))
-        if self.adaptive is not None:
-            self.refuse("petsc", "--checkpoint", "--resume")
-            return _AdaptiveCommand(self.problem, self).run()
+        """Run it, adaptively if that is asked for."""
+        return super().run() if self.adaptive is None else _AdaptiveCommand(self.problem, self).run()
+
+    def check(self) -> None:
+        self.check_shared()
         for name in _ADAPTIVE:
             if self._value(name) is not None:
                 raise ProblemError(f"{name} goes with --adaptive; give both, or leave it out")
-        return self._on_ranks() if self.engine == "petsc" else super().run()
+        if self.engine == "petsc":
+            self.refuse("scipy", "--method", "--exact", "--load-factor", "--plot", "--plot-contact")
+            if self.resume and self.checkpoint is None:
+                raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE")
+        else:
+            self.refuse("petsc", "--checkpoint", "--resume")
+        if self.method is not None:
+            method_named(self.method)
+
+    def check_shared(self) -> None:
+        """Refuse what makes no sense, adaptively or not."""
+        check_colour(self.colour, {"--plot": self.plot})
+        check_load_factors(*(() if self.load_factor is None else (self.load_factor,)))
 
     def _value(self, name: str) -> object:
         """What an option says; None where it is left out."""
@@ -106,42 +122,23 @@ class SolveCommand(OnProblem):
             if self._value(name) is not None:
                 raise ProblemError(f"{name} goes with --engine {engine}; leave one of the two out")
 
-    def _on_ranks(self) -> int:
-        outputs = {name: self.outputs[name] for name in ("--json", "--vtu", "--checkpoint")}
-        limits = self.rtol, self.max_time, self.max_steps
-        from hemivar.cli.on_ranks import run_on_ranks
-
-        def check() -> None:
-            self.refuse("scipy", "--method", "--exact", "--load-factor", "--plot", "--plot-contact")
-            check_outputs(outputs, self.problem)
-            check_limits(*limits)
-            if self.resume and self.checkpoint is None:
-                raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE")
-
-        return run_on_ranks(self.problem, outputs, self.resume, limits, check, self.quiet, self.given)
-
-    def check(self) -> None:
-        self.refuse("petsc", "--checkpoint", "--resume")
-        if self.method is not None:
-            method_named(self.method)
-
     def work(self) -> Done:
-        from hemivar.workflows import RunOptions, RunResult, result_of, run
+        from hemivar.workflows import RunResult
 
         session, stated = self.session, self.session.stated
         check_drawable(stated, self.plot_contact, self.colour)
-        meshes = stated.coarser_meshes() if self.warm_start else []
-        if self.warm_start and not meshes:
+        warm = self.warm_start and self.engine == ENGINES[0]  # many ranks always start on coarser meshes
+        meshes = stated.coarser_meshes() if warm else []
+        if warm and not meshes:
             raise ProblemError(
                 f"{stated.name}: --warm-start needs coarser meshes; give even numbers of cells, or [mesh] refine"
             )
         *coarser, discrete = [session.discrete(mesh, self.load_factor) for mesh in (*meshes, None)]
-        print_head(stated, discrete)
+        print_head(session, discrete)
         view = SolveView(self.quiet, self.verbose)
         found: RunResult | None = None
         try:
-            options = RunOptions(session.solver(self.method), session.controls, coarser, bool(self.exact))
-            found = result_of(run(discrete, options), view)
+            found = self.place.solved(self, discrete, coarser, view)
             if found.complaint and not found.interrupted:
                 self.writer.failed.append(f"the solution could not be certified: {found.complaint}")
             print_summary(console(), found.solution, found.certificate, stated.units)
@@ -156,13 +153,11 @@ class SolveCommand(OnProblem):
 
     def _files(self, found: RunResult) -> Files:
         """Data before pictures, and what may end the process last."""
-        from hemivar import files
-
         solution, certificate, units = found.solution, found.certificate, self.writer.units
         more = {"units": units} if units else None
         return {
-            "--json": lambda path: files.write_json(solution, path, certificate, more),
-            "--vtu": lambda path: files.write_vtu(solution, path),
+            "--json": lambda path: self.place.write_json(solution, path, certificate, more),
+            "--vtu": lambda path: self.place.write_vtu(solution, path),
             **pictures_of(self.session, solution, certificate, self.colour),
         }
 
@@ -278,6 +273,9 @@ class _AdaptiveCommand(OnProblem):
 
     def check(self) -> None:
         asked, tolerance = self.asked, self._tolerance
+        check_engine(asked.engine)
+        asked.check_shared()
+        asked.refuse("petsc", "--checkpoint", "--resume")
         if asked.warm_start or asked.load_factor is not None or asked.engine != ENGINES[0]:
             engine = f"--engine {asked.engine}" if asked.load_factor is None else "--load-factor"
             other = "--warm-start" if asked.warm_start else engine
@@ -318,7 +316,7 @@ class _AdaptiveCommand(OnProblem):
             method=session.solver(asked.method),
             controls=controls_of(stated, asked.rtol, max_steps=asked.max_steps),
         )
-        print_head(stated, session.discrete())
+        print_head(session, session.discrete())
         try:
             found = result_of(adapt(stated.problem, options), _AdaptView(asked.quiet))
         except ProblemError as error:

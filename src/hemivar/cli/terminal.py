@@ -17,7 +17,15 @@ from typing import TextIO
 
 from hemivar.basics.disk import shown
 
-__all__ = ["Stream", "guarded_streams", "hold_signals", "quiet_logging", "quiet_warnings", "signals_as_interrupts"]
+__all__ = [
+    "Stream",
+    "guarded_streams",
+    "hold_signals",
+    "one_voice",
+    "quiet_logging",
+    "quiet_warnings",
+    "signals_as_interrupts",
+]
 
 _SUSPECT = re.compile(r"[^\n\t\x20-\x7e]+")
 _COALESCE = 2.0
@@ -30,9 +38,14 @@ class Stream(io.TextIOBase):
     stream in all else.
     """
 
-    def __init__(self, under: TextIO | None, filtered: bool = True, failures: list[Exception] | None = None) -> None:
-        self._under = under
-        self._filtered = filtered
+    def __init__(
+        self,
+        under: TextIO | None,
+        filtered: bool = True,
+        failures: list[Exception] | None = None,
+        terminal: bool | None = None,
+    ) -> None:
+        self._under, self._filtered, self._terminal = under, filtered, terminal
         self._failures: list[Exception] = [] if failures is None else failures
 
     @property
@@ -48,7 +61,12 @@ class Stream(io.TextIOBase):
     @property
     def rich_proxied_file(self) -> Stream:
         """The same stream without the filter."""
-        return Stream(self._under, False, self._failures)
+        return Stream(self._under, False, self._failures, self._terminal)
+
+    @property
+    def plain(self) -> Stream:
+        """The same stream, as if it were no terminal."""
+        return Stream(self._under, self._filtered, self._failures, False)
 
     def write(self, text: str, /) -> int:
         """Write a text; returns its length."""
@@ -71,7 +89,7 @@ class Stream(io.TextIOBase):
 
     def isatty(self) -> bool:
         """Whether it is a terminal."""
-        return self._under is not None and bool(self._under.isatty())
+        return self._under is not None and bool(self._under.isatty() if self._terminal is None else self._terminal)
 
     def writable(self) -> bool:
         """Always."""
@@ -128,6 +146,17 @@ def guarded_streams() -> Iterator[tuple[Stream, Stream]]:
             stream.flush()
             stream.seal()
         sys.stdout, sys.stderr = before
+
+
+@contextlib.contextmanager
+def one_voice(speaks: bool) -> Iterator[None]:
+    """Inside the block this process of several is heard, and by no terminal, or it is not."""
+    out, err = (one.plain if isinstance(one, Stream) else one for one in (sys.stdout, sys.stderr))
+    with (
+        contextlib.redirect_stdout(out if speaks else Stream(None)),
+        contextlib.redirect_stderr(err if speaks else Stream(None)),
+    ):
+        yield
 
 
 # ---- signals ---------------------------------------------------------------------------------------------------

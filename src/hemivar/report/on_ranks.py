@@ -6,7 +6,7 @@ import itertools
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,8 +41,13 @@ __all__ = ["SeriesOnRanks", "pieces_of", "write_json_on_ranks", "write_vtu_on_ra
 _NODES_AT_A_TIME = 1 << 17
 
 
-def write_json_on_ranks(solution: Solution, path: str | Path, certificate: Certificate | None) -> Path:
-    """Write the record of :func:`hemivar.files.solution_record`; all ranks call this, rank 0 writes.
+def write_json_on_ranks(
+    solution: Solution,
+    path: str | Path,
+    certificate: Certificate | None,
+    more: Mapping[str, object] | None = None,
+) -> Path:
+    """Write the record of :func:`hemivar.files.solution_record`, and ``more``; all ranks call this, rank 0 writes.
 
     Contact points and nodes are in the order of the serial run; reactions of supports are not known here, and null.
     Rank 0 holds the contact points, and the displacements portion by portion.
@@ -51,6 +56,7 @@ def write_json_on_ranks(solution: Solution, path: str | Path, certificate: Certi
     path, ranks = Path(path), body.ranks
     record = result_record(solution, certificate) | {"unknowns": body.unknowns}
     record["contact"] = _gathered(solution, record["contact"])  # type: ignore[arg-type]
+    record |= {key: plain(value) for key, value in ({} if more is None else more).items()}
     owned = body.piece.owned(ranks)
     numbers, values = body.piece.numbers[owned], solution.displacement[owned]
     order = np.argsort(numbers)

@@ -71,7 +71,7 @@ def summary_of(solution: Solution, certificate: Certificate | None = None, units
     rows = list(_solve_rows(solution, certificate is not None, units))
     if certificate is not None:
         rows += [(claim.label, claim.sentence) for claim in certificate.claims if not claim.whole]
-    if solution.problem.contact_points:
+    if solution.problem.vectors.total(solution.problem.contact_points)[0]:
         rows += _contact_part(solution, units)
     rows += _body_part(solution, units)
     return Summary(tuple(rows))
@@ -85,7 +85,8 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
         yield "warning", remark
     if solution.timings:
         yield "time", ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
-    fixed = ", with the friction bound held fixed" if solution.problem.law.state_dependent else ""
+    dependent = solution.problem.vectors.largest(float(solution.problem.law.state_dependent))[0]
+    fixed = ", with the friction bound held fixed" if dependent else ""
     yield "energy", _with(f"{solution.energy:.10g}", units.energy) + fixed
     if solution.deformation is not None:
         yield "largest", solution.deformation.sizes
@@ -98,26 +99,41 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
 
 
 def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
-    contact, size = solution.contact, _force_size(solution)
-    presses = bool(np.diff(contact.trace.indptr)[:: contact.components].any())  # in antiplane shear nothing does
+    contact, vectors, size = solution.contact, solution.problem.vectors, _force_size(solution)
+    along = np.diff(contact.trace.indptr)[:: contact.components].any()
+    presses = bool(vectors.largest(float(along))[0])  # in antiplane shear nothing does
     if presses:
         yield "normal force", _with(f"{_beyond_rounding(solution.normal_force, size):.6g}", units.force)
     friction = solution.friction_force
     if friction.size == 1:
         yield "friction force", _with(f"{_beyond_rounding(float(friction[0]), size):.6g}", units.force)
     elif friction.size:
-        vector = solution.problem.contact.weights @ solution.friction_vectors
+        vector = vectors.total(*(contact.weights @ solution.friction_vectors))
         yield "friction force", _vector(vector, units.force, size)
-    whole = float(solution.contact.weights.sum())
-    yield from contact_rows(solution.measured, solution.contact_length, whole, solution.states.counts, units)
-    if solution.debonding:
-        damage, lost = solution.debonding["damage"], solution.debonding["dissipated"]
-        glued = np.isfinite(damage)  # on other boundaries there is nothing to break
-        yield "max opening", _with(f"{max(-float(solution.penetration[glued].min()), 0.0):.6g}", units.length)
-        yield "damage", f"at most {float(damage[glued].max()):.3g}"
-        yield "dissipated", _with(f"{float(solution.contact.weights[glued] @ lost[glued]):.6g}", units.energy)
+    whole = float(vectors.total(contact.weights.sum())[0])
+    yield from contact_rows(solution.measured, solution.contact_length, whole, _counts(solution), units)
+    if vectors.named(solution.debonding):
+        damage, lost = (solution.debonding.get(name, np.zeros(0)) for name in ("damage", "dissipated"))
+        glued = np.flatnonzero(np.isfinite(damage))  # on other boundaries there is nothing to break
+        opening, worst = vectors.largest(_most(-solution.penetration[glued]), _most(damage[glued])).tolist()
+        energy = float(vectors.total(contact.weights[glued] @ lost[glued])[0])
+        yield "max opening", _with(f"{max(opening, 0.0):.6g}", units.length)
+        yield "damage", f"at most {worst:.3g}"
+        yield "dissipated", _with(f"{energy:.6g}", units.energy)
     if presses:
-        yield from extreme_rows(float(solution.penetration.max()), float(solution.pressure.max()), units)
+        deepest, pressure = vectors.largest(_most(solution.penetration), _most(solution.pressure)).tolist()
+        yield from extreme_rows(deepest, pressure, units)
+
+
+def _counts(solution: Solution) -> tuple[dict[NormalState, int], dict[TangentialState, int]]:
+    """How many points of all processes are in each normal and in each tangential state."""
+    normal, tangential = solution.states.counts
+    found = [int(count) for count in solution.problem.vectors.total(*normal.values(), *tangential.values())]
+    return dict(zip(normal, found, strict=False)), dict(zip(tangential, found[len(normal) :], strict=True))
+
+
+def _most(values: Array) -> float:
+    return float(values.max(initial=-np.inf))
 
 
 def _body_part(solution: Solution, units: Units) -> Iterator[Row]:
@@ -131,13 +147,15 @@ def _body_part(solution: Solution, units: Units) -> Iterator[Row]:
                 yield "", f"(and {len(solution.reactions) - number} more; --json holds all)"
                 break
             yield "" if number else "support forces", f"{shown(name)} {_vector(force, units.force, size)}"
-    yield "max von Mises", _with(f"{float(solution.von_mises().max()):.6g}", units.stress)
+    largest = float(solution.problem.vectors.largest(_most(solution.von_mises()))[0])
+    yield "max von Mises", _with(f"{largest:.6g}", units.stress)
 
 
 def _force_size(solution: Solution) -> float:
     """The sum of the sizes of all loads and contact forces: what a force of rounding is measured by."""
     problem, weights = solution.problem, solution.problem.contact.weights
-    return float(np.abs(problem.load).sum() + weights @ np.abs(solution.multiplier).sum(axis=1))
+    own = float(np.abs(problem.load).sum() + weights @ np.abs(solution.multiplier).sum(axis=1))
+    return float(problem.vectors.total(own)[0])
 
 
 def _beyond_rounding(force: float, size: float) -> float:

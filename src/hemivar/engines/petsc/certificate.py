@@ -14,14 +14,14 @@ from hemivar.basics.types import Array
 from hemivar.certificates import Certificate, EnergyNorm
 from hemivar.certificates.bound import Point
 from hemivar.certificates.by_multigrid import Mode, SolveByCycles
-from hemivar.certificates.certificate import certified
+from hemivar.certificates.certificate import ESTIMATE, certified
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.discrete_on_ranks import BulkOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.solvers import Solution
 
-__all__ = ["ESTIMATE", "CyclesOnRanks", "certify_on_ranks"]
+__all__ = ["CyclesOnRanks", "certify_on_ranks"]
 
 #: Unknowns up to which a factorisation is made to show an eigenvalue at the upper end, in two dimensions and in three;
 #: and to show the smallest one, which is of less use.
@@ -30,8 +30,6 @@ _FACTORISED = ((200_000, 30_000), (30_000, 6_000))
 _TRIALS, _ACCURATE, _STEPS = (5e-5, 1e-3), 5e-5, 60
 #: K counts as singular if the smallest eigenvalue of it, scaled to a unit diagonal, is below this.
 _SINGULAR = 1e-12
-#: The method of an eigenvalue that nothing shows.
-ESTIMATE = "LOBPCG, an estimate"
 
 
 def certify_on_ranks(solution: Solution, tolerance: float = 1e-8, alarm: TimeLimit | None = None) -> Certificate | None:

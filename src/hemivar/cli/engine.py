@@ -1,0 +1,162 @@
+"""What a command works with: this process by itself, or all ranks of ``mpirun`` (:mod:`hemivar.cli.petsc`)."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, TypeVar
+
+from hemivar.cli.options import ENGINES, check_engine
+from hemivar.errors import HemivarError, ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.certificates import Certificate
+    from hemivar.cli.printing import SolveView
+    from hemivar.cli.solving import SolveCommand
+    from hemivar.discrete.problem import DiscreteProblem
+    from hemivar.evolution import Evolution, History, March
+    from hemivar.evolution.discrete import DiscreteEvolution
+    from hemivar.files.changes import Change
+    from hemivar.files.film import Film
+    from hemivar.files.problem_file import ProblemFile
+    from hemivar.files.series import Series
+    from hemivar.mechanics.statement import ContactProblem
+    from hemivar.solvers import Solution
+    from hemivar.workflows import RunResult, Work
+
+__all__ = ["Engine", "engine_named"]
+
+T = TypeVar("T")
+
+#: Signals within so many seconds count as one.
+_COALESCE = 2.0
+
+
+class Engine:
+    """The engine ``scipy``: this process."""
+
+    #: Whether this process speaks for all, and writes what is not written by all together.
+    first = True
+    #: Options whose files all processes write together; the others are written by the first.
+    together: tuple[str, ...] = ()
+    #: What is refused with the name of the problem file before it.
+    refusals: ClassVar[type[HemivarError]] = ProblemError
+
+    def working(self) -> AbstractContextManager[object]:
+        """Around all that a command does."""
+        return nullcontext()
+
+    def agree(self, work: Callable[[], T]) -> T:
+        """What work returns that may be refused."""
+        return work()
+
+    def ended(self, code: int) -> int:
+        """The exit code of all processes."""
+        return code
+
+    def inputs(self, files: Sequence[Path]) -> list[Path]:
+        """The files that any process has read."""
+        return list(files)
+
+    def pieces(self, option: str, path: Path) -> list[Path]:
+        """Files that this process writes in place of one."""
+        return []
+
+    def read(self, path: Path, changes: Sequence[Change]) -> ProblemFile:
+        """Read a problem file."""
+        from hemivar.files.problem_file import read_problem_file
+
+        return read_problem_file(path, changes)
+
+    def discrete(self, problem: ContactProblem) -> DiscreteProblem:
+        """The discrete problem."""
+        from hemivar.fem import discretize
+
+        return discretize(problem)
+
+    def head(self, stated: ProblemFile, discrete: DiscreteProblem) -> tuple[list[str], list[str]]:
+        """Lines that say how large the problem is, and the method where the engine has but one."""
+        mesh = stated.problem.mesh
+        kind = "triangles" if mesh.dim == 2 else "tetrahedra"
+        order = "" if stated.problem.order == 1 else ", quadratic elements"
+        size = f"{mesh.number_of_nodes} nodes, {mesh.number_of_cells} {kind}, h = {mesh.size:.4g}{order}"
+        return [f"mesh              {size}", f"unknowns          {discrete.unknowns}"], []
+
+    def solved(
+        self, asked: SolveCommand, problem: DiscreteProblem, coarser: Sequence[DiscreteProblem], view: SolveView
+    ) -> RunResult:
+        """Solve as the command asks, and certify."""
+        from hemivar.workflows import RunOptions, result_of, run
+
+        session = asked.session
+        options = RunOptions(session.solver(asked.method), session.controls, coarser, bool(asked.exact))
+        return result_of(run(problem, options), view)
+
+    def marching(self, evolution: Evolution, plan: March) -> Work[History]:
+        """A march."""
+        from hemivar.workflows import march
+
+        return march(evolution, plan)
+
+    @contextmanager
+    def asked_to_end(self) -> Iterator[Callable[[], bool]]:
+        """Ctrl-C, SIGTERM and SIGHUP are told of by a function; Ctrl-C again, some seconds later, ends the step as
+        well."""
+        asked: list[float] = []
+
+        def note(number: int, _: object) -> None:
+            now = time.monotonic()
+            if asked and now - asked[-1] > _COALESCE and number == signal.SIGINT:
+                raise KeyboardInterrupt
+            if not asked:
+                asked.append(now)
+
+        before = {}
+        names = ("SIGINT", "SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
+        for name in names:
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, note)
+        try:
+            yield lambda: bool(asked)
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def write_json(
+        self, solution: Solution, path: Path, certificate: Certificate | None, more: Mapping[str, object] | None
+    ) -> object:
+        """Write a solution as JSON."""
+        from hemivar.files import write_json
+
+        return write_json(solution, path, certificate, more)
+
+    def write_vtu(self, solution: Solution, path: Path) -> object:
+        """Write the fields of a solution."""
+        from hemivar.files import write_vtu
+
+        return write_vtu(solution, path)
+
+    def series(self, path: Path, discrete: DiscreteEvolution) -> Series:
+        """What writes frames while they come."""
+        from hemivar.files.series import Series
+
+        return Series(path, discrete)
+
+    def film(self, found: History, fields: Path | None) -> Film | History:
+        """What a film of a march is drawn of, whose frames are in a file where they were written."""
+        return found
+
+
+def engine_named(name: str, *together: str) -> Engine:
+    """The engine of ``--engine``, for a command whose files of some options all processes write together."""
+    check_engine(name)
+    if name == ENGINES[0]:
+        return Engine()
+    from hemivar.cli.petsc import PetscEngine
+
+    return PetscEngine(*together)

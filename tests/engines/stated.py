@@ -1,0 +1,17 @@
+"""A problem file as the ranks hold it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hemivar.cli.petsc import PetscEngine
+from hemivar.cli.session import Session
+from hemivar.engines.petsc import BodyOnRanks
+from hemivar.engines.petsc.discrete_on_ranks import body_of
+
+__all__ = ["body_of_file"]
+
+
+def body_of_file(path: str | Path) -> BodyOnRanks:
+    """The body of a problem file over all ranks, which read it together."""
+    return body_of(Session(Path(path), {}, engine=PetscEngine()).discrete())
