@@ -117,7 +117,7 @@ def test_pieces_and_kinds_that_alternate_are_put_together(tmp_path: Path) -> Non
         ({("Cells", "connectivity"): [0, 1, 5]}, "refers to a node that is not in it"),
         ({("Cells", "connectivity"): [0.0, 1.0, 2.0]}, "connectivity of its cells are not whole numbers"),
         ({("Cells", "offsets"): [2]}, "offsets of its cells do not belong to their types"),
-        ({("Cells", "types"): [9]}, "cells of type quad; only triangles"),
+        ({("Cells", "types"): [7]}, "cells of type polygon, which are not read"),
         ({("Cells", "types"): [42]}, "cells of type polyhedron"),
         ({("Cells", "types"): [-3]}, "cells of type -3 of VTK"),
         ({("Points", "Points"): [[np.nan, 0.0, 0.0]] * 5}, "points are not finite"),

@@ -5,23 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.disk import path_of, read_bytes, shown
-from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.plain_xml import parse_xml
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.snapshot import snapshot
 from hemivar.files.vtu import CELL_TYPES
-from hemivar.mesh.vtu_grid import read_vtu
+from hemivar.mesh.vtu_grid import Grid, GridBlock, read_vtu
 from hemivar.solvers import ContactStates, NormalState, TangentialState
-
-if TYPE_CHECKING:
-    import meshio
 
 __all__ = ["Film", "FilmFrame", "film_of", "read_film"]
 
@@ -200,7 +195,7 @@ def read_film(path: str | Path) -> Film:
     return Film(vertices, numbers.reshape(cells.shape), times, "", frame)
 
 
-def _at_nodes(grid: meshio.Mesh, file: Path, name: str, width: int = 0) -> Array:
+def _at_nodes(grid: Grid, file: Path, name: str, width: int = 0) -> Array:
     """Point data, the first components of vectors; zeros where a frame has none of that name."""
     shape = (len(grid.points), width) if width else (len(grid.points),)
     values = np.asarray(grid.point_data.get(name, np.zeros(shape)), dtype=float)
@@ -211,7 +206,7 @@ def _at_nodes(grid: meshio.Mesh, file: Path, name: str, width: int = 0) -> Array
     return values[:, :width] if width else values
 
 
-def _numbers(grid: meshio.Mesh, file: Path, name: str) -> IntArray:
+def _numbers(grid: Grid, file: Path, name: str) -> IntArray:
     """The numbers of the states of contact points among the nodes, -1 elsewhere."""
     if name not in grid.point_data:
         return np.full(len(grid.points), -1)
@@ -222,7 +217,7 @@ def _numbers(grid: meshio.Mesh, file: Path, name: str) -> IntArray:
     return numbers.astype(np.int64)
 
 
-def _read_frame(path: Path) -> meshio.Mesh:
+def _read_frame(path: Path) -> Grid:
     """A frame, its pieces joined if it lies in several."""
     if path.suffix.lower() != ".pvtu":
         return read_vtu(path, "frame")
@@ -251,11 +246,8 @@ def _named_files(path: Path, names: list[str], suffixes: tuple[str, ...]) -> lis
     return [path.parent / name for name in names]
 
 
-def _joined(path: Path, parts: list[meshio.Mesh]) -> meshio.Mesh:
+def _joined(path: Path, parts: list[Grid]) -> Grid:
     """Pieces of one body, the nodes that several of them have once."""
-    with IMPORTS:
-        import meshio
-
     kinds = {block.type for part in parts for block in part.cells}
     shapes = [{name: np.shape(values)[1:] for name, values in part.point_data.items()} for part in parts]
     if len(kinds) != 1 or any(shape != shapes[0] for shape in shapes) or len({p.points.shape[1] for p in parts}) > 1:
@@ -267,4 +259,4 @@ def _joined(path: Path, parts: list[meshio.Mesh]) -> meshio.Mesh:
         number.ravel()[block.data + start] for part, start in zip(parts, starts, strict=False) for block in part.cells
     ]
     data = {name: np.concatenate([part.point_data[name] for part in parts])[first] for name in parts[0].point_data}
-    return meshio.Mesh(every[first], [(kinds.pop(), np.concatenate(cells))], point_data=data)
+    return Grid(every[first], [GridBlock(kinds.pop(), np.concatenate(cells))], point_data=data)

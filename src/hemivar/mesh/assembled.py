@@ -11,6 +11,7 @@ import numpy as np
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
 from hemivar.mesh.keys import frozen
+from hemivar.mesh.reading import Reading
 from hemivar.mesh.recipe import Assembly, MeshRecipe
 from hemivar.mesh.refine import Refinement
 
@@ -39,6 +40,7 @@ def assembled(parts: Mapping[str, Mesh]) -> Mesh:
         _parent(meshes),
         _recipe(meshes),
         interfaces=_joined(meshes, nodes, lambda mesh: mesh.interfaces),
+        reading=_reading(meshes),
     )
 
 
@@ -74,6 +76,12 @@ def _joined(
         for (name, mesh), start in zip(meshes.items(), starts, strict=True)
         for own, facets in named(mesh).items()
     }
+
+
+def _reading(meshes: Mapping[str, Mesh]) -> Reading:
+    """What was said of all parts; order 2 where all suggest it."""
+    notes = tuple(f"{name}: {note}" for name, mesh in meshes.items() for note in mesh.notes)
+    return Reading(notes, min(mesh.suggested_order for mesh in meshes.values()))
 
 
 def _recipe(meshes: Mapping[str, Mesh]) -> MeshRecipe | None:

@@ -32,6 +32,7 @@ from hemivar.mesh.keys import EDGES, cell_facets, distinct_pairs, frozen, pair_k
 from hemivar.mesh.local_refinement import refined_where
 from hemivar.mesh.opened import opened
 from hemivar.mesh.parts import Parts, parts_of
+from hemivar.mesh.reading import NOT_READ, Reading
 from hemivar.mesh.recipe import MeshRecipe
 from hemivar.mesh.refine import Refinement, check_refines, halved
 
@@ -62,6 +63,8 @@ class Mesh(PickleMixin):
     interfaces : mapping of name to int array, shape (k, d)
         Nodes of the facets of each named curve or surface inside the body. :meth:`opened` makes boundaries of its two
         sides.
+    reading : Reading
+        What the reader of its file did and suggests: see :attr:`notes` and :attr:`suggested_order`.
 
     Raises
     ------
@@ -80,6 +83,7 @@ class Mesh(PickleMixin):
     parent: Refinement | None = None
     recipe: MeshRecipe | None = None
     interfaces: Mapping[str, IntArray] = field(default_factory=dict)
+    reading: Reading = NOT_READ
 
     def __post_init__(self) -> None:
         points, cells = checked_arrays(self.points, self.cells)
@@ -97,7 +101,7 @@ class Mesh(PickleMixin):
                     "parent: the coarser mesh cannot bear these boundaries and regions, which cut through facets or "
                     "cells of it; give parent = None"
                 )
-        self._set(points, cells, boundaries, regions, parent, self.recipe, interfaces)
+        self._set(points, cells, boundaries, regions, parent, self.recipe, interfaces, self.reading)
 
     def _set(
         self,
@@ -108,6 +112,7 @@ class Mesh(PickleMixin):
         parent: Refinement | None,
         recipe: MeshRecipe | None,
         interfaces: Mapping[str, IntArray],
+        reading: Reading,
     ) -> None:
         put = object.__setattr__
         put(self, "points", frozen(points))
@@ -117,6 +122,7 @@ class Mesh(PickleMixin):
         put(self, "parent", parent)
         put(self, "recipe", recipe)
         put(self, "interfaces", MappingProxyType({name: frozen(facets) for name, facets in interfaces.items()}))
+        put(self, "reading", reading)
 
     @classmethod
     def oriented(
@@ -149,13 +155,14 @@ class Mesh(PickleMixin):
         parent: Refinement | None = None,
         recipe: MeshRecipe | None = None,
         interfaces: Mapping[str, IntArray] | None = None,
+        reading: Reading = NOT_READ,
     ) -> Mesh:
         """A mesh from arrays known to be valid, which are neither checked nor copied.
 
         Parameters are those of :class:`Mesh`, the facets being outward oriented and each there once.
         """
         mesh = object.__new__(cls)
-        mesh._set(points, cells, boundaries, regions, parent, recipe, {} if interfaces is None else interfaces)
+        mesh._set(points, cells, boundaries, regions, parent, recipe, {} if interfaces is None else interfaces, reading)
         return mesh
 
     def __repr__(self) -> str:
@@ -178,6 +185,16 @@ class Mesh(PickleMixin):
     def number_of_cells(self) -> int:
         """Number of cells M."""
         return len(self.cells)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the reader of its file did with cells of other kinds, and what of the file it could not take."""
+        return self.reading.notes
+
+    @property
+    def suggested_order(self) -> int:
+        """The order of elements that is taken where none is given: 2 for plane files of second order, 1 else."""
+        return self.reading.order
 
     @cached_property
     def size(self) -> float:
@@ -343,10 +360,11 @@ class Mesh(PickleMixin):
         mesh = self.moved(factor * np.eye(self.dim))
         return mesh if self.recipe is None else mesh.made_by(self.recipe.scaled(factor))
 
-    def made_by(self, recipe: MeshRecipe | None) -> Mesh:
-        """The mesh with another word on how it was made, which is not checked."""
+    def made_by(self, recipe: MeshRecipe | None, reading: Reading | None = None) -> Mesh:
+        """The mesh with another word on how it was made, and on how it was read where given, which is not checked."""
+        told = self.reading if reading is None else reading
         return Mesh.trusted(
-            self.points, self.cells, self.boundaries, self.regions, self.parent, recipe, self.interfaces
+            self.points, self.cells, self.boundaries, self.regions, self.parent, recipe, self.interfaces, told
         )
 
     def moved(self, matrix: ArrayLike, shift: ArrayLike = 0.0) -> Mesh:
@@ -372,7 +390,9 @@ class Mesh(PickleMixin):
             points = self.points @ linear.T + by
             check_coordinates(points, self.cells)
         parent = self.parent and replace(self.parent, mesh=self.parent.mesh.moved(linear, by))
-        return Mesh.trusted(points, self.cells, self.boundaries, self.regions, parent, interfaces=self.interfaces)
+        return Mesh.trusted(
+            points, self.cells, self.boundaries, self.regions, parent, None, self.interfaces, self.reading
+        )
 
     def with_boundaries(self, boundaries: Mapping[str, object]) -> Mesh:
         """The mesh with these named boundaries in place of its own.
@@ -428,7 +448,7 @@ class Mesh(PickleMixin):
         kept = self.interfaces if interfaces is None else interfaces
         inner = checked_interfaces(self.points, self.cells, kept, found)
         parent = self.parent and self.parent.named(found, areas, inner)
-        return Mesh.trusted(self.points, self.cells, found, areas, parent, interfaces=inner)
+        return Mesh.trusted(self.points, self.cells, found, areas, parent, None, inner, self.reading)
 
     @classmethod
     def assembled(cls, parts: Mapping[str, Mesh]) -> Mesh:

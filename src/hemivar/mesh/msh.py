@@ -7,14 +7,15 @@ are not numbers, counts that are wrong, nodes that are missing, cut off files, a
 
 from __future__ import annotations
 
+import re
 import warnings
-from pathlib import Path
 
 import numpy as np
 
 from hemivar.basics.disk import shown
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.mesh.kinds import CODES, KINDS, Kind, unknown_kind
 from hemivar.mesh.msh_numbers import (
     Bytes,
     Numbers,
@@ -27,40 +28,45 @@ from hemivar.mesh.raw import Block, RawMesh, put_together
 
 __all__ = ["is_msh", "parse_msh"]
 
-#: Dimension and number of nodes of the kinds of elements that are read, by their numbers in the format.
-_KINDS = {1: (1, 2), 2: (2, 3), 4: (3, 4), 15: (0, 1)}
+#: Names of the kinds of elements that are read, by their numbers in the format.
+_KINDS = {
+    1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 8: "line3",
+    9: "triangle6", 10: "quad9", 11: "tetra10", 12: "hexahedron27", 13: "wedge18", 14: "pyramid14", 15: "vertex",
+    16: "quad8", 17: "hexahedron20", 18: "wedge15", 19: "pyramid13",
+}  # fmt: skip
 _OTHER_KINDS = {
-    3: "quad", 5: "hexahedron", 6: "wedge", 7: "pyramid", 8: "line3", 9: "triangle6", 10: "quad9", 11: "tetra10",
-    12: "hexahedron27", 16: "quad8", 17: "hexahedron20", 21: "triangle10", 26: "line4", 29: "tetra20",
+    20: "triangle9", 21: "triangle10", 22: "triangle12", 23: "triangle15", 26: "line4", 27: "line5", 29: "tetra20",
+    30: "tetra35", 36: "quad16", 92: "hexahedron64",
+}  # fmt: skip
+#: Edges in the order in which the format numbers their middles, of shapes where it differs from that of VTK.
+_EDGES = {
+    "tetra": ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)),
+    "pyramid": ((0, 1), (0, 3), (0, 4), (1, 2), (1, 4), (2, 3), (2, 4), (3, 4)),
+    "wedge": ((0, 1), (0, 2), (0, 3), (1, 2), (1, 4), (2, 5), (3, 4), (3, 5), (4, 5)),
+    "hexahedron": (
+        (0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 7), (5, 6), (6, 7),
+    ),
 }  # fmt: skip
 #: Versions of the format, as files state them.
 _OLD, _FOUR, _NEW = ("2", "2.0", "2.1", "2.2"), ("4", "4.0"), ("4.1",)
+_BEGINS = re.compile(rb"\$(MeshFormat|Comments|PhysicalNames|Entities|Nodes|ParametricNodes|Elements|NOD)\s*[\r\n]")
 _SECTIONS = ("Entities", "PartitionedEntities", "Nodes", "ParametricNodes", "Elements")
 
 
 def is_msh(data: bytes) -> bool:
-    """Whether this is the beginning of a file of Gmsh."""
-    return data[:64].removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"$")
+    """Whether this is the beginning of a file of Gmsh, and not of another that begins with a dollar sign."""
+    return _BEGINS.match(data[:64].removeprefix(b"\xef\xbb\xbf").lstrip()) is not None
 
 
-def parse_msh(data: bytes, name: str | Path) -> RawMesh:
+def parse_msh(data: bytes) -> RawMesh:
     """The mesh in the bytes of an MSH file.
-
-    Parameters
-    ----------
-    data : bytes
-    name : str or Path
-        What messages call the file.
 
     Raises
     ------
     ProblemError
-        In one sentence that names the file.
+        In one sentence.
     """
-    try:
-        return _Reader(data).read()
-    except ProblemError as error:
-        raise ProblemError(f"mesh file '{name}': {error}") from error
+    return _Reader(data).read()
 
 
 class _Reader:
@@ -294,7 +300,7 @@ class _Reader:
             many = source.size()
             found += many
             if name == "Elements":
-                self._add_block(dim, tag, head[2], source.tags(many, 1 + _kind(head[2])[1])[:, 1:])
+                self._add_block(dim, tag, head[2], source.tags(many, 1 + _kind(head[2]).nodes)[:, 1:])
                 continue
             width = 3 + (parameters(dim) if head[2] else 0)
             if new:
@@ -321,20 +327,21 @@ class _Reader:
         rows = number[1:]
 
         def width(head: IntArray) -> tuple[int, tuple[int, ...]]:
-            return 3 + checked_count(head[2], "$Elements") + _kind(int(head[1]))[1], (1, 2)
+            return 3 + checked_count(head[2], "$Elements") + _kind(int(head[1])).nodes, (1, 2)
 
         for start, columns, many in runs(rows, count, 3, width, "$Elements"):
             part = rows[start : start + many * columns].reshape(many, columns)
             self._add_old(int(part[0, 1]), part[:, 3 : 3 + int(part[0, 2])], part[:, 3 + int(part[0, 2]) :])
 
     def _add_old(self, kind: int, tags: IntArray, nodes: IntArray) -> None:
-        dim, _ = _kind(kind)
+        what = _kind(kind)
         none = np.zeros(len(nodes), dtype=np.int64)
         groups = np.abs(tags[:, 0]) if tags.shape[1] > 0 else none
-        self.blocks.append(Block(dim, nodes, groups, tags[:, 1] if tags.shape[1] > 1 else none))
+        self.blocks.append(Block(what, _ordered(what, nodes), groups, tags[:, 1] if tags.shape[1] > 1 else none))
 
     def _add_block(self, dim: int, tag: int, kind: int, nodes: IntArray) -> None:
-        if _kind(kind)[0] != dim:
+        what = _kind(kind)
+        if what.dim != dim:
             raise ProblemError(f"$Elements has elements of type {kind} on an entity of dimension {dim}; save it again")
         groups: list[int] = []
         if self.entities is not None and len(nodes):
@@ -343,7 +350,7 @@ class _Reader:
                     f"$Elements refers to entity {tag} of dimension {dim}, which $Entities does not hold; save it again"
                 )
             groups = self.entities[dim, tag]
-        self.blocks.append(Block(dim, nodes, groups))
+        self.blocks.append(Block(what, _ordered(what, nodes), groups))
 
     def _old_binary(self, name: str, source: Bytes) -> None:
         line, source.place = self._line(source.place)
@@ -367,7 +374,7 @@ class _Reader:
             left -= many
         while left and name == "Elements":
             kind_of, many, tags = (int(value) for value in source.array(np.dtype(f"{self.order}i4"), 3))
-            nodes = _kind(kind_of)[1]
+            nodes = _kind(kind_of).nodes
             if not 0 < many <= left or tags < 0:
                 raise ProblemError("$Elements holds other numbers of elements than it says; save it again")
             block = source.array(np.dtype(f"{self.order}i4"), many * (1 + tags + nodes)).reshape(many, -1)
@@ -375,15 +382,21 @@ class _Reader:
             left -= many
 
 
-def _kind(number: int) -> tuple[int, int]:
-    """Dimension and number of nodes of a kind of element."""
+def _kind(number: int) -> Kind:
+    """A kind of element by its number."""
     if number not in _KINDS:
-        name = _OTHER_KINDS.get(number, f"{number} of the format")
-        raise ProblemError(
-            f"it holds cells of type {name}; only straight-sided triangles and tetrahedra are supported: mesh with "
-            f"simplices of order 1 (no recombination)"
-        )
-    return _KINDS[number]
+        raise ProblemError(unknown_kind(_OTHER_KINDS.get(number, f"{number} of the format")))
+    return KINDS[CODES[_KINDS[number]]]
+
+
+def _ordered(kind: Kind, nodes: IntArray) -> IntArray:
+    """Nodes of elements (k, n) in the order of VTK."""
+    shape = kind.shape
+    if not kind.quadratic or shape.name not in _EDGES:
+        return nodes
+    own = [tuple(sorted(edge)) for edge in shape.edges]
+    order = [shape.corners + _EDGES[shape.name].index(edge) for edge in own]
+    return nodes[:, [*range(shape.corners), *order, *range(shape.corners + len(own), kind.nodes)]]
 
 
 def _is_integer(word: str) -> bool:

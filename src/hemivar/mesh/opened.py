@@ -48,7 +48,7 @@ def _opened(mesh: Mesh, name: str, facets: IntArray) -> Mesh | None:
     parent = _parent(mesh, cells, len(first), name)
     if parent is not None:
         parent = parent.named(boundaries, mesh.regions, interfaces)
-    return mesh.trusted(points, cells, boundaries, mesh.regions, parent, None, interfaces)
+    return mesh.trusted(points, cells, boundaries, mesh.regions, parent, None, interfaces, mesh.reading)
 
 
 def _doubled(mesh: Mesh, facets: IntArray) -> tuple[IntArray, IntArray]:

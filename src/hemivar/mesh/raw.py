@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.mesh.kinds import CODES, Kind
 
 __all__ = ["Block", "RawMesh", "put_together"]
 
@@ -20,25 +21,39 @@ class RawMesh:
     Attributes
     ----------
     points : array, shape (N, 2 or 3)
-    cells : mapping of dimension to int array, shape (k, dimension + 1)
-        Edges, triangles and tetrahedra by their nodes.
+    cells : mapping of dimension to int array, shape (k, n)
+        Nodes of the elements, in the order of :mod:`hemivar.mesh.kinds`; what is over is filled with the first of them.
+    kinds : mapping of dimension to int array, shape (k,)
+        Kinds of the elements, by their places in ``KINDS``.
     groups : mapping of (dimension, name) to int array, shape (k,)
-        Numbers of the cells of that dimension that belong to a named group.
+        Numbers of the elements of that dimension that belong to a named group.
+    at_nodes : mapping of name to int array, shape (k,)
+        Named groups of nodes.
+    notes : list of str
+        What the file has and could not be taken.
     """
 
     points: Array
     cells: dict[int, IntArray]
+    kinds: dict[int, IntArray]
     groups: dict[tuple[int, str], IntArray] = field(default_factory=dict)
+    at_nodes: dict[str, IntArray] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
     """Elements of one kind: their nodes, and the groups of all of them or the group and entity of each (0: none)."""
 
-    dim: int
+    kind: Kind
     nodes: IntArray
     groups: list[int] | IntArray
     entities: IntArray | None = None
+
+    def padded(self, width: int) -> IntArray:
+        """The nodes, filled to so many columns with the first one."""
+        over = np.broadcast_to(self.nodes[:, :1], (len(self.nodes), width - self.nodes.shape[1]))
+        return np.hstack([self.nodes, over]) if over.size else self.nodes
 
     def members(self) -> Iterator[tuple[int, IntArray]]:
         """Groups, and their rows."""
@@ -77,9 +92,10 @@ def put_together(
         raise ProblemError(f"node {ids[bad]} has the coordinates {points[bad].tolist()}; all must be finite")
     number = _numbering(ids)
     cells: dict[int, IntArray] = {}
+    kinds: dict[int, IntArray] = {}
     groups: dict[tuple[int, str], IntArray] = {}
     for dim in (1, 2, 3):
-        own = [block for block in blocks if block.dim == dim and len(block.nodes)]
+        own = [block for block in blocks if block.kind.dim == dim and len(block.nodes)]
         if not own:
             continue
         members: dict[int, list[IntArray]] = {}
@@ -88,15 +104,17 @@ def put_together(
             for group, rows in block.members():
                 members.setdefault(group, []).append(start + rows)
             start += len(block.nodes)
-        nodes = number(np.concatenate([block.nodes for block in own]))
+        width = max(block.kind.nodes for block in own)
+        nodes = number(np.concatenate([block.padded(width) for block in own]))
+        kinds[dim] = np.repeat([CODES[block.kind.name] for block in own], [len(block.nodes) for block in own])
         together = {group: np.concatenate(rows) for group, rows in members.items()}
         if repeated:
-            nodes, together = _united(nodes, together, own)
+            nodes, kinds[dim], together = _united(nodes, kinds[dim], together, own)
         cells[dim] = nodes
         for group, rows in sorted(together.items()):
             name = names.get((dim, group), str(group))
             groups[dim, name] = _merged([groups.get((dim, name), rows), rows], len(nodes))
-    return RawMesh(points, cells, groups)
+    return RawMesh(points, cells, kinds, groups)
 
 
 def _changes(values: IntArray) -> IntArray:
@@ -112,7 +130,9 @@ def _merged(parts: list[IntArray], count: int) -> IntArray:
     return np.flatnonzero(mask)
 
 
-def _united(nodes: IntArray, members: dict[int, IntArray], blocks: list[Block]) -> tuple[IntArray, dict[int, IntArray]]:
+def _united(
+    nodes: IntArray, kinds: IntArray, members: dict[int, IntArray], blocks: list[Block]
+) -> tuple[IntArray, IntArray, dict[int, IntArray]]:
     """Elements that format 2 repeats for each of their groups, made into one."""
     group = np.concatenate([np.asarray(block.groups) for block in blocks])
     entity = np.concatenate([np.asarray(block.entities) for block in blocks])
@@ -121,16 +141,16 @@ def _united(nodes: IntArray, members: dict[int, IntArray], blocks: list[Block]) 
     several = pairs[1:, 0][pairs[1:, 0] == pairs[:-1, 0]]
     doubtful = np.flatnonzero(np.isin(entity, several))
     if not doubtful.size:
-        return nodes, members
+        return nodes, kinds, members
     _, first, which = np.unique(np.sort(nodes[doubtful], axis=1), axis=0, return_index=True, return_inverse=True)
     which = which.ravel()
     if len(np.unique(np.column_stack([which, group[doubtful]]), axis=0)) < len(doubtful):
-        return nodes, members  # repeated without need: an error that the mesh reports with its place
+        return nodes, kinds, members  # repeated without need: an error that the mesh reports with its place
     stands_for = np.arange(len(nodes))
     stands_for[doubtful] = doubtful[first[which]]
     kept = stands_for == np.arange(len(nodes))
     place = np.cumsum(kept) - 1
-    return nodes[kept], {key: place[stands_for[rows]] for key, rows in members.items()}
+    return nodes[kept], kinds[kept], {key: place[stands_for[rows]] for key, rows in members.items()}
 
 
 def _numbering(ids: IntArray) -> Callable[[IntArray], IntArray]:

@@ -2,42 +2,44 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.disk import first_bytes, read_bytes, regular_file, shown
-from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import require
-from hemivar.basics.types import IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import FileError, ProblemError
-from hemivar.mesh.keys import cell_facets, facet_keys, shared_facets
+from hemivar.mesh.abaqus import parse_abaqus
+from hemivar.mesh.by_meshio import read_by_meshio
+from hemivar.mesh.keys import cell_facets, facet_keys
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
+from hemivar.mesh.nastran import is_nastran, parse_nastran
 from hemivar.mesh.raw import RawMesh
+from hemivar.mesh.reading import Reading
 from hemivar.mesh.recipe import MeshRecipe
-from hemivar.mesh.vtu_grid import read_vtu
-
-if TYPE_CHECKING:
-    import meshio
+from hemivar.mesh.simplices import Simplices, simplices
+from hemivar.mesh.su2 import parse_su2
 
 __all__ = ["read_mesh"]
 
 #: Bytes of memory for each byte of a file that is read.
 _FACTOR = 6.0
-_DIMENSION = {"vertex": 0, "line": 1, "triangle": 2, "tetra": 3}
+_NASTRAN = (".bdf", ".nas", ".fem", ".dat", ".blk", "")
+#: What elements of a dimension are called.
+_ELEMENTS = ("points", "lines", "surfaces", "cells")
 
 
 def read_mesh(path: str | Path) -> Mesh:
-    """Read a mesh file: Gmsh (.msh), or a format that meshio reads.
+    """Read a mesh file: Gmsh, Abaqus and CalculiX, Nastran, SU2, VTU, or a format that meshio reads.
 
-    Physical groups of Gmsh and cell sets become boundaries (groups of facets), interfaces (groups of facets between
-    cells) and regions (groups of cells).
-    Nodes that no cell uses are dropped, as is the third coordinate of plane meshes; inverted cells are
-    turned.
+    Groups become boundaries (groups of facets), interfaces (groups of facets between cells) and regions (groups of
+    cells); a group of nodes is the boundary of the outer facets between them. Other cells than triangles and tetrahedra
+    are split, see :attr:`Mesh.notes`. Second-order cells with straight edges in a plane mesh suggest order 2
+    (:attr:`Mesh.suggested_order`); others are cut once. Nodes that no cell uses are dropped, as is the third coordinate
+    of plane meshes; inverted cells are turned.
 
     Parameters
     ----------
@@ -50,8 +52,8 @@ def read_mesh(path: str | Path) -> Mesh:
     Raises
     ------
     ProblemError
-        If the file is missing or cannot be read, does not fit into memory, or holds cells other than straight
-        triangles or tetrahedra.
+        If the file is missing or cannot be read, does not fit into memory, or holds cells that are of another kind or
+        too distorted to be split.
     """
     try:
         name = regular_file(path, "mesh file", 2**62)
@@ -65,149 +67,131 @@ def read_mesh(path: str | Path) -> Mesh:
         f"reading {_named(path)} of {size / 2**20:.0f} MiB",
         "take a coarser mesh",
     )
-    head = first_bytes(name, 64, "mesh file")
-    if is_msh(head):
-        raw = parse_msh(read_bytes(name, "mesh file", max(size, 1)), shown(str(path)))
-    elif name.suffix == ".msh" and not head.lstrip().startswith(b"("):
-        raise ProblemError(f"{_named(path)} cannot be read: it does not begin like a file of Gmsh ($MeshFormat)")
-    else:
-        raw = _by_meshio(name)
+    start = first_bytes(name, 1 << 16, "mesh file")
     try:
-        return _mesh(raw).made_by(MeshRecipe(Path(path).absolute()))
+        return _mesh(_raw(name, start, size), MeshRecipe(Path(path).absolute()))
     except ProblemError as error:
-        raise ProblemError(f"{_named(path)}: {error}") from error
-
-
-def _mesh(raw: RawMesh) -> Mesh:
-    """The mesh of a file: groups of cells are regions, groups of facets boundaries."""
-    dim = max(raw.cells, default=0)
-    if dim < 2:
-        raise ProblemError(
-            "it holds no triangles or tetrahedra; if it comes from Gmsh, put the body into a physical group"
-        )
-    cells, points = raw.cells[dim], raw.points
-    used = np.zeros(len(points), dtype=bool)
-    used[cells] = True
-    if points.shape[1] < dim:
-        raise ProblemError(f"its points have {points.shape[1]} coordinates, but it holds tetrahedra; save it again")
-    if dim == 2 and points.shape[1] == 3:
-        height = points[used, 2]
-        with np.errstate(over="ignore"):
-            extent = np.ptp(points[used], axis=0).max()
-            bent = np.ptp(height) > 1e-10 * max(extent, 1e-300)
-        if bent:
-            raise ProblemError(
-                f"it is a surface in space (z from {height.min():g} to {height.max():g}); a plane mesh must have "
-                f"constant z, a solid one needs tetrahedra"
-            )
-        points = points[:, :2]
-    number = np.where(used, np.cumsum(used) - 1, -1)
-    boundaries: dict[str, IntArray] = {}
-    regions: dict[str, IntArray] = {}
-    for (group_dim, name), rows in raw.groups.items():
-        if group_dim == dim - 1:
-            boundaries[name] = number[raw.cells[group_dim][rows]]
-            if (boundaries[name] < 0).any():
-                raise ProblemError(f"group '{name}' has facets that belong to no cell; remove them")
-        elif group_dim == dim:
-            regions[name] = rows
-    inner = _between_cells(number[cells], boundaries, int(used.sum()))
-    interfaces = {name: boundaries.pop(name) for name in inner}
-    return Mesh.oriented(points[used], number[cells], boundaries, regions, interfaces)
-
-
-def _between_cells(cells: IntArray, groups: dict[str, IntArray], count: int) -> list[str]:
-    """Names of the groups of facets (k, d) that lie between two cells, all of them."""
-    if not groups:
-        return []
-    _, keys, _ = cell_facets(cells, count)
-    inner = keys[shared_facets(keys)[0]]
-    return [name for name, facets in groups.items() if np.isin(facet_keys(facets, count), inner).all()]
-
-
-# ---- meshio ------------------------------------------------------------------------------------------------------
-
-
-def _by_meshio(path: Path) -> RawMesh:
-    found = read_vtu(path, "mesh file") if path.suffix.lower() == ".vtu" else _read_silently(path)
-    foreign = sorted({block.type for block in found.cells} - set(_DIMENSION))
-    if foreign:
-        raise ProblemError(
-            f"{_named(path)}: it holds cells of type {', '.join(foreign)}; only straight-sided triangles and "
-            f"tetrahedra are supported: mesh with simplices of order 1 (no recombination)"
-        )
-    try:
-        points = np.asarray(found.points, dtype=np.float64)
-        if points.ndim != 2 or not np.isfinite(points).all():
-            raise ProblemError(f"{_named(path)}: its points are not finite coordinates; save it again")
-        cells: dict[int, IntArray] = {}
-        starts = []
-        for block in found.cells:
-            dim, data = _DIMENSION[block.type], np.asarray(block.data)
-            if data.dtype.kind not in "iu" or data.ndim != 2 or (data.size and not _within(data, len(points))):
-                raise ProblemError(f"{_named(path)}: a cell refers to a node that is not in it; save it again")
-            starts.append(len(cells.get(dim, ())))
-            if dim:
-                known = cells.get(dim, np.zeros((0, dim + 1), dtype=np.int64))
-                cells[dim] = np.vstack([known, data.astype(np.int64)])
-        return RawMesh(points, {dim: rows for dim, rows in cells.items() if len(rows)}, _groups(found, starts))
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-        if isinstance(error, ProblemError):
+        if str(error).startswith("mesh file '"):
             raise
-        raise ProblemError(
-            f"{_named(path)} cannot be read: what it holds does not fit together; save it again"
-        ) from error
-
-
-def _within(data: IntArray, count: int) -> bool:
-    return bool(data.min() >= 0 and data.max() < count)
-
-
-def _read_silently(path: Path) -> meshio.Mesh:
-    """The meshio mesh of a file; meshio's printing is swallowed and its failures reported in one line."""
-    with IMPORTS:
-        import meshio
-
-    noise = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise), np.errstate(all="ignore"):
-            return meshio.read(path)
-    except MemoryError as error:
-        raise ProblemError(f"{_named(path)} needs more memory than there is; take a coarser mesh") from error
-    except (Exception, SystemExit) as error:
-        raise ProblemError(
-            f"{_named(path)} cannot be read as {_format(path)}; save it as Gmsh 2.2 or 4.1 or VTU"
-        ) from error
-
-
-def _format(path: Path) -> str:
-    if not path.suffix:
-        return "a mesh: its name has no suffix"
-    return f"a mesh of the format that '{shown(path.suffix)}' stands for"
+        between = " " if str(error).startswith("cannot be read") else ": "
+        raise ProblemError(f"{_named(path)}{between}{error}") from error
 
 
 def _named(path: str | Path) -> str:
     return f"mesh file '{shown(str(path))}'"
 
 
-def _groups(found: meshio.Mesh, starts: list[int]) -> dict[tuple[int, str], IntArray]:
-    """Named groups of a meshio mesh; ``starts`` are the numbers of the first cell of each block in its dimension."""
-    dims = [_DIMENSION[block.type] for block in found.cells]
-    sets: dict[tuple[int, str], list[IntArray]] = {}
-    for name, blocks in found.cell_sets.items():
-        if name.startswith("gmsh:"):
-            continue
-        for number, ids in enumerate(blocks):
-            if ids is not None and len(ids) > 0:
-                rows = np.asarray(ids, dtype=np.int64)
-                if not _within(rows, len(found.cells[number].data)):
-                    raise ProblemError(f"group '{name}' refers to a cell that is not there; save the mesh again")
-                sets.setdefault((dims[number], name), []).append(starts[number] + rows)
-    names = {(int(value[1]), int(value[0])): str(key) for key, value in found.field_data.items() if len(value) == 2}
-    tagged: dict[tuple[int, str], list[IntArray]] = {}
-    for number, tags in enumerate(found.cell_data.get("gmsh:physical", [])):
-        for tag in np.unique(tags):
-            key = (dims[number], names.get((dims[number], int(tag)), str(int(tag))))
-            if tag and key not in sets:
-                tagged.setdefault(key, []).append(starts[number] + np.flatnonzero(np.asarray(tags) == tag))
-    return {key: np.concatenate(rows) for key, rows in (sets | tagged).items()}
+def _raw(path: Path, start: bytes, size: int) -> RawMesh:
+    """What a file holds, by how it begins and what it is called."""
+
+    def text() -> str:
+        return read_bytes(path, "mesh file", max(size, 1)).decode("utf-8", "replace")
+
+    suffix = path.suffix.lower()
+    if is_msh(start):
+        return parse_msh(read_bytes(path, "mesh file", max(size, 1)))
+    if suffix == ".inp":
+        return parse_abaqus(text(), path.parent)
+    if suffix in _NASTRAN and is_nastran(start):
+        return parse_nastran(text())
+    if suffix == ".su2":
+        return parse_su2(text())
+    if suffix == ".msh" and not start.lstrip().startswith(b"("):
+        raise ProblemError("cannot be read: it does not begin like a file of Gmsh ($MeshFormat)")
+    return read_by_meshio(path)
+
+
+def _mesh(raw: RawMesh, recipe: MeshRecipe) -> Mesh:
+    """The mesh of a file: groups of cells are regions, groups of facets boundaries."""
+    dim = max(raw.cells, default=0)
+    if dim < 2:
+        what = f"it holds {_ELEMENTS[1]} only, and" if dim else "it holds"
+        raise ProblemError(f"{what} no cells of a body; if it comes from Gmsh, put the body into a physical group")
+    found = simplices(RawMesh(_flat(raw, dim), raw.cells, raw.kinds, raw.groups, raw.at_nodes, raw.notes))
+    cells = found.cells[dim]
+    used = np.zeros(len(found.points), dtype=bool)
+    used[cells] = True
+    number = np.where(used, np.cumsum(used) - 1, -1)
+    groups = _Groups(raw, found, dim, number)
+    mesh = Mesh.oriented(found.points[used], number[cells], groups.boundaries, groups.regions, groups.interfaces)
+    return mesh.made_by(recipe, Reading((*found.notes, *raw.notes, *groups.notes), found.order))
+
+
+def _flat(raw: RawMesh, dim: int) -> Array:
+    """The points, two coordinates of those of plane meshes."""
+    points = raw.points
+    if points.shape[1] < dim:
+        raise ProblemError(f"its points have {points.shape[1]} coordinates, but it holds solids; save it again")
+    if dim == 2 and points.shape[1] == 3:
+        own = points[np.unique(raw.cells[2])]
+        height = own[:, 2]
+        with np.errstate(over="ignore"):
+            bent = np.ptp(height) > 1e-10 * max(np.ptp(own, axis=0).max(), 1e-300)
+        if bent:
+            raise ProblemError(
+                f"it is a surface in space (z from {height.min():g} to {height.max():g}); a plane mesh must have "
+                f"constant z, a solid one needs tetrahedra or hexahedra"
+            )
+    return points[:, :dim]
+
+
+class _Groups:
+    """The named groups of a file, in the numbers of the mesh."""
+
+    def __init__(self, raw: RawMesh, found: Simplices, dim: int, number: IntArray) -> None:
+        self.boundaries: dict[str, IntArray] = {}
+        self.interfaces: dict[str, IntArray] = {}
+        self.regions: dict[str, IntArray] = {}
+        self.notes: list[str] = []
+        count = int(number.max()) + 1
+        facets, keys, _ = cell_facets(number[found.cells[dim]], count)
+        ordered, first, counts = np.unique(keys, return_index=True, return_counts=True)
+        inner = ordered[counts > 1]
+        for (of, name), rows in raw.groups.items():
+            mask = np.zeros(len(raw.kinds[of]), dtype=bool)
+            mask[rows] = True
+            own = np.flatnonzero(mask[found.origin[of]])
+            if of == dim:
+                self.regions[name] = own
+            elif of == dim - 1:
+                self._facets(name, number[found.cells[of][own]], lambda one: facet_keys(one, count), ordered, inner)
+            else:
+                self.notes.append(f"group '{name}' holds {_ELEMENTS[of]} only; it was not taken")
+        outer = facets[first[counts == 1]] if found.at_nodes else facets[:0]
+        for name, at in found.at_nodes.items():
+            self._nodes(name, outer, at[number >= 0])
+
+    def _facets(
+        self, name: str, facets: IntArray, keys_of: Callable[[IntArray], IntArray], known: IntArray, inner: IntArray
+    ) -> None:
+        """A group of facets: those between two cells are an interface."""
+        apart = (facets < 0).any(axis=1)
+        keys = keys_of(np.where(apart[:, None], 0, facets))
+        apart |= ~np.isin(keys, known)
+        if apart.all():
+            self.notes.append(f"group '{name}' belongs to no cell of the body; it was not taken")
+            return
+        if apart.any():
+            raise ProblemError(
+                f"group '{name}' has facets that belong to no cell ({np.count_nonzero(apart)} of {len(facets)}); "
+                "remove them"
+            )
+        within: BoolArray = np.isin(keys, inner)
+        if not within.all():
+            self.boundaries[name] = facets[~within]
+        if within.any():
+            inside = name if within.all() else f"{name}:inside"
+            self.interfaces[inside] = facets[within]
+            if not within.all():
+                self.notes.append(f"group '{name}' lies partly inside the body; that part is the interface '{inside}'")
+
+    def _nodes(self, name: str, outer: IntArray, at: BoolArray) -> None:
+        """A group of nodes is a boundary if outer facets lie between them."""
+        chosen = outer[at[outer].all(axis=1)]
+        if name in self.boundaries or name in self.interfaces:
+            return  # the facets of that name say it better
+        if at.all() or not len(chosen):
+            why = "of all nodes" if at.all() else "between whose nodes there is no facet of the boundary"
+            self.notes.append(f"'{name}' is a group {why}; it was not taken")
+        else:
+            self.boundaries[name] = chosen

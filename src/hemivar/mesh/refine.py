@@ -150,7 +150,7 @@ def halved(mesh: Mesh) -> Mesh:
     parents = np.tile(np.arange(mesh.number_of_cells), 2**mesh.dim)
     parent = Refinement(mesh, frozen(np.vstack([own, mesh.edges])), frozen(parents))
     recipe = None if mesh.recipe is None else mesh.recipe.refined()
-    return mesh.trusted(points, cells, boundaries, regions, parent, recipe, interfaces)
+    return mesh.trusted(points, cells, boundaries, regions, parent, recipe, interfaces, mesh.reading)
 
 
 def red_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:

@@ -8,24 +8,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from hemivar.basics.disk import read_bytes, regular_file, shown
-from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import require
 from hemivar.basics.plain_xml import parse_xml
-from hemivar.basics.types import AnyArray, IntArray
+from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import FileError, ProblemError
+from hemivar.mesh.kinds import CODES, KINDS, VTK_KINDS, unknown_kind
 from hemivar.mesh.vtu_arrays import NUMBERS, Packing, VtuArray, short, whole
 
-if TYPE_CHECKING:
-    import meshio
-
-__all__ = ["BUDGET", "read_vtu"]
+__all__ = ["BUDGET", "Grid", "GridBlock", "read_vtu"]
 
 #: A file may unpack to so many bytes whatever its size, and to so many times its size if that is more.
 BUDGET = (256 * 2**20, 20)
@@ -33,19 +30,54 @@ BUDGET = (256 * 2**20, 20)
 _OF_FILE, _OF_ARRAYS = 3.0, 2.0
 _VERSIONS = ("0.1", "1.0", "2.0", "2.1", "2.2", "2.3")
 #: Name in meshio and number of nodes of the kinds of cells that are read, by their numbers in VTK.
-_KINDS = {
-    1: ("vertex", 1), 3: ("line", 2), 5: ("triangle", 3), 10: ("tetra", 4), 21: ("line3", 3), 22: ("triangle6", 6),
-    24: ("tetra10", 10),
-}  # fmt: skip
+_KINDS = {number: (KINDS[CODES[name]].name, KINDS[CODES[name]].nodes) for number, name in VTK_KINDS.items()}
+#: Nodes of pixels and voxels in the order of quadrilaterals and hexahedra.
+_TURNED = {8: [0, 1, 3, 2], 11: [0, 1, 3, 2, 4, 5, 7, 6]}
 _OTHER_KINDS = {
-    4: "poly-line", 6: "triangle strip", 7: "polygon", 8: "pixel", 9: "quad", 11: "voxel", 12: "hexahedron",
-    13: "wedge", 14: "pyramid", 23: "quad8", 25: "hexahedron20", 28: "quad9", 29: "hexahedron27", 42: "polyhedron",
-    69: "Lagrange triangle", 71: "Lagrange tetrahedron",
+    2: "poly-vertex", 4: "poly-line", 6: "triangle strip", 7: "polygon", 35: "cubic line", 42: "polyhedron",
+    68: "Lagrange line", 69: "Lagrange triangle", 70: "Lagrange quadrilateral", 71: "Lagrange tetrahedron",
+    72: "Lagrange hexahedron",
 }  # fmt: skip
 _WIDTHS = np.array([_KINDS.get(kind, ("", 0))[1] for kind in range(max(_KINDS) + 1)])
 
 
-def read_vtu(path: str | Path, what: str, most_bytes: int = 1 << 62, share: int = 1) -> meshio.Mesh:
+@dataclass(frozen=True, eq=False)
+class GridBlock:
+    """Cells of one kind.
+
+    Attributes
+    ----------
+    type : str
+        As in meshio.
+    data : int array, shape (k, n)
+        Their nodes.
+    """
+
+    type: str
+    data: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """An unstructured grid, under the names of meshio.
+
+    Attributes
+    ----------
+    points : array, shape (N, 3)
+    cells : list of GridBlock
+    point_data : mapping of name to array, shape (N, ...)
+    cell_data : mapping of name to list of array, one for each block
+    field_data : mapping of name to array
+    """
+
+    points: Array
+    cells: list[GridBlock]
+    point_data: dict[str, AnyArray] = field(default_factory=dict)
+    cell_data: dict[str, list[AnyArray]] = field(default_factory=dict)
+    field_data: dict[str, AnyArray] = field(default_factory=dict)
+
+
+def read_vtu(path: str | Path, what: str, most_bytes: int = 1 << 62, share: int = 1) -> Grid:
     """The grid in a VTU file, in ASCII, base64 or appended, compressed by zlib or LZMA or not at all.
 
     Cells come in one block for each kind, in the order of the file within it; its pieces are put together.
@@ -64,7 +96,7 @@ def read_vtu(path: str | Path, what: str, most_bytes: int = 1 << 62, share: int 
     ------
     FileError
         In one sentence that names the file: it cannot be read, is damaged or of another kind, unpacks to more than
-        256 MiB and 20 times its size, or holds cells other than lines, triangles and tetrahedra of order 1 or 2.
+        256 MiB and 20 times its size, or holds polygons, polyhedra or cells of higher order than 2.
     """
     size = regular_file(path, what, most_bytes).stat().st_size
     named = f"{what} '{shown(path)}'"
@@ -80,11 +112,8 @@ def read_vtu(path: str | Path, what: str, most_bytes: int = 1 << 62, share: int 
         raise FileError(f"{named} needs more memory than there is; take a coarser mesh") from error
 
 
-def _read(data: bytes, budget: int) -> meshio.Mesh:
+def _read(data: bytes, budget: int) -> Grid:
     """Sizes first, numbers after them."""
-    with IMPORTS:
-        import meshio
-
     text, appended = _appended(data)
     root = parse_xml(text)
     if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
@@ -99,7 +128,7 @@ def _read(data: bytes, budget: int) -> meshio.Mesh:
     if len(grids) != 1 or not pieces:
         raise ProblemError("it holds no piece of a grid, or more than one grid; save it again")
     numbers = [one for one in grids[0].findall("FieldData/DataArray") if one.get("type") in NUMBERS]  # others are texts
-    field = {_name(one): packing.array(one) for one in numbers}
+    fields = {_name(one): packing.array(one) for one in numbers}
     require(_OF_ARRAYS * packing.declared, "what it unpacks to", "take a coarser mesh")
     points = _joined([piece.points for piece in pieces])
     if not np.isfinite(points).all():
@@ -112,12 +141,12 @@ def _read(data: bytes, budget: int) -> meshio.Mesh:
         found.append((nodes + start, types))
         start += piece.nodes
     blocks, rows = _blocks(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
-    return meshio.Mesh(
+    return Grid(
         points,
-        blocks,
+        [GridBlock(name, data) for name, data in blocks],
         point_data=at_points,
         cell_data={name: [values[own] for own in rows] for name, values in in_cells.items()},
-        field_data={name: array.read() for name, array in field.items()},
+        field_data={name: array.read() for name, array in fields.items()},
     )
 
 
@@ -148,10 +177,7 @@ class _Piece:
         unknown = sorted(set(np.unique(types).tolist()) - set(_KINDS))
         if unknown:
             names = ", ".join(_OTHER_KINDS.get(kind, f"{kind} of VTK") for kind in unknown[:8])
-            raise ProblemError(
-                f"it holds cells of type {names}; only triangles and tetrahedra are supported: mesh with simplices "
-                "(no recombination)"
-            )
+            raise ProblemError(unknown_kind(names))
         if not np.array_equal(np.diff(ends, prepend=0), _WIDTHS[types]):
             raise ProblemError("the offsets of its cells do not belong to their types; save it again")
         self.of_cells["connectivity"].expect(int(ends[-1]))
@@ -186,8 +212,9 @@ def _appended(data: bytes) -> tuple[bytes, bytes | str]:
 def _blocks(nodes: IntArray, types: IntArray) -> tuple[list[tuple[str, IntArray]], list[IntArray | slice]]:
     """Cells by kind, in the order in which the kinds appear, and which of all cells those of each block are."""
     if len(types) and (types == types[0]).all():
-        name, width = _KINDS[int(types[0])]
-        return [(name, nodes.reshape(-1, width))], [slice(None)]
+        kind = int(types[0])
+        name, width = _KINDS[kind]
+        return [(name, _in_order(kind, nodes.reshape(-1, width)))], [slice(None)]
     kinds, first = np.unique(types, return_index=True)
     ends = np.cumsum(_WIDTHS[types])
     blocks: list[tuple[str, IntArray]] = []
@@ -195,9 +222,14 @@ def _blocks(nodes: IntArray, types: IntArray) -> tuple[list[tuple[str, IntArray]
     for kind in kinds[np.argsort(first)].tolist():
         name, width = _KINDS[kind]
         own = np.flatnonzero(types == kind)
-        blocks.append((name, nodes[ends[own][:, None] + np.arange(-width, 0)]))
+        blocks.append((name, _in_order(kind, nodes[ends[own][:, None] + np.arange(-width, 0)])))
         rows.append(own)
     return blocks, rows
+
+
+def _in_order(kind: int, nodes: IntArray) -> IntArray:
+    """Nodes of cells (k, n) as quadrilaterals and hexahedra have them."""
+    return nodes[:, _TURNED[kind]] if kind in _TURNED else nodes
 
 
 def _of_all(pieces: Sequence[Mapping[str, VtuArray]]) -> dict[str, AnyArray]:

@@ -1,0 +1,221 @@
+"""Mesh files that meshio reads, and the names of groups in its data."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hemivar.basics.disk import first_bytes, read_bytes, shown
+from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.types import AnyArray, IntArray
+from hemivar.errors import ProblemError
+from hemivar.mesh.kinds import CODES, KINDS, unknown_kind
+from hemivar.mesh.raw import RawMesh
+from hemivar.mesh.tetgen import tetgen_faces
+from hemivar.mesh.vtu_grid import Grid, read_vtu
+
+if TYPE_CHECKING:
+    import meshio
+
+__all__ = ["read_by_meshio"]
+
+#: Cell data that number groups; 0 is no group.
+_TAGS = (
+    "gmsh:physical", "medit:ref", "netgen:index", "tetgen:ref", "cell_tags", "CellEntityIds", "flac3d:group",
+    "avsucd:material",
+)  # fmt: skip
+#: Cell data that number something else.
+_NO_TAGS = ("gmsh:geometrical", "gmsh:bounding_entities", "vtkGhostType")
+#: Elements of Medit that meshio does not know.
+_CURVED = re.compile(
+    rb"^\s*((?:Edges|Triangles|Quadrilaterals|Tetrahedra|Hexahedra|Prisms|Pyramids)[PQ]\d)\s", re.MULTILINE
+)
+#: What to do about a file that cannot be read.
+_SAVE = "save it as Gmsh 2.2 or 4.1, Abaqus, Nastran or VTU"
+#: An array of more numbers than these counts cells rather than groups.
+_MOST_GROUPS = 256
+
+
+def read_by_meshio(path: Path) -> RawMesh:
+    """What a file holds.
+
+    Raises
+    ------
+    ProblemError
+        In one sentence, which says the reason of meshio where it gives one.
+    """
+    found = read_vtu(path, "mesh file") if path.suffix.lower() == ".vtu" else _read_silently(path)
+    try:
+        raw, places = _elements(found)
+        for name, parts in _sets(found):
+            for number, rows in parts:
+                _add(raw, (KINDS[CODES[found.cells[number].type]].dim, name), places[number], rows)
+        raw.at_nodes.update(_node_sets(found))
+        raw.notes.extend(
+            f"array '{name}' numbers more than {_MOST_GROUPS} groups; it was not taken"
+            for name, values in found.cell_data.items()
+            if _numbers_groups(name, values) and _count(values) > _MOST_GROUPS
+        )
+        if path.suffix.lower() in (".ele", ".node"):
+            tetgen_faces(path, raw)
+        return raw
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        if isinstance(error, ProblemError):
+            raise
+        raise ProblemError("cannot be read: what it holds does not fit together; save it again") from error
+
+
+def _elements(found: meshio.Mesh | Grid) -> tuple[RawMesh, list[int]]:
+    """Points and elements, and the number of the first element of each block."""
+    foreign = sorted({block.type for block in found.cells if len(block.data)} - set(CODES))
+    if foreign:
+        raise ProblemError(unknown_kind(", ".join(foreign)))
+    points = np.asarray(found.points, dtype=np.float64)
+    if points.ndim != 2 or not np.isfinite(points).all():
+        raise ProblemError("its points are not finite coordinates; save it again")
+    cells: dict[int, list[IntArray]] = {}
+    kinds: dict[int, list[IntArray]] = {}
+    places = []
+    for block in found.cells:
+        kind, data = KINDS[CODES[block.type]], np.asarray(block.data)
+        if data.dtype.kind not in "iu" or data.ndim != 2 or (data.size and not _within(data, len(points))):
+            raise ProblemError("a cell refers to a node that is not in it; save it again")
+        own = cells.setdefault(kind.dim, [])
+        places.append(sum(map(len, own)))
+        own.append(data.astype(np.int64))
+        kinds.setdefault(kind.dim, []).append(np.full(len(data), CODES[kind.name]))
+    some = [dim for dim, own in cells.items() if dim and sum(map(len, own))]
+    widths = {dim: max(own.shape[1] for own in cells[dim]) for dim in some}
+    padded = {
+        dim: np.concatenate([np.pad(own, ((0, 0), (0, widths[dim] - own.shape[1])), mode="edge") for own in cells[dim]])
+        for dim in some
+    }
+    return RawMesh(points, padded, {dim: np.concatenate(kinds[dim]) for dim in some}), places
+
+
+def _within(data: AnyArray, count: int) -> bool:
+    return bool(data.min() >= 0 and data.max() < count)
+
+
+def _add(raw: RawMesh, key: tuple[int, str], start: int, rows: IntArray) -> None:
+    if key[0]:
+        known = raw.groups.get(key, np.zeros(0, dtype=np.int64))
+        raw.groups[key] = np.union1d(known, start + rows)
+
+
+# ---- groups ------------------------------------------------------------------------------------------------------
+
+#: Members of a group, by the number of the block.
+_Members = list[tuple[int, IntArray]]
+
+
+def _sets(found: meshio.Mesh | Grid) -> Iterator[tuple[str, _Members]]:
+    """Named groups of elements: sets, then what arrays number."""
+    named = set()
+    for name, blocks in getattr(found, "cell_sets", {}).items():
+        if name.startswith("gmsh:"):
+            continue
+        parts = [
+            (number, np.asarray(ids, dtype=np.int64))
+            for number, ids in enumerate(blocks)
+            if ids is not None and len(ids)
+        ]
+        if not all(_within(rows, len(found.cells[number].data)) for number, rows in parts):
+            raise ProblemError(f"group '{name}' refers to a cell that is not there; save the mesh again")
+        named.add(name)
+        yield name, parts
+    for name, values in found.cell_data.items():
+        if _numbers_groups(name, values) and _count(values) <= _MOST_GROUPS:
+            for number, tags in enumerate(values):
+                for tag in np.unique(tags).tolist():
+                    dim = KINDS[CODES[found.cells[number].type]].dim
+                    for group in _names(found, name, dim, tag):
+                        if group not in named:
+                            yield group, [(number, np.flatnonzero(np.asarray(tags).ravel() == tag))]
+
+
+def _numbers_groups(name: str, values: list[AnyArray]) -> bool:
+    """Whether cell data hold one whole number for each element."""
+    whole = all(np.asarray(one).dtype.kind in "iu" and np.asarray(one).size == len(one) for one in values)
+    return whole and name not in _NO_TAGS
+
+
+def _count(values: list[AnyArray]) -> int:
+    return len(np.unique(np.concatenate([np.ravel(one) for one in values])))
+
+
+def _names(found: meshio.Mesh | Grid, array: str, dim: int, tag: int) -> list[str]:
+    """Names of the groups of a number: those that the file gives, the number itself, or array and number."""
+    if array not in _TAGS:
+        return [f"{array}:{tag}"]
+    if not tag:
+        return []
+    if array == "cell_tags":  # families of MED, which have names or are none
+        return list(getattr(found, "cell_tags", {}).get(tag, []))
+    values = {str(key): np.ravel(value) for key, value in found.field_data.items()}
+    known = [key for key, value in values.items() if len(value) == 2 and value[1] == dim and value[0] == tag]
+    return known[:1] or [str(tag)]
+
+
+def _node_sets(found: meshio.Mesh | Grid) -> Iterator[tuple[str, IntArray]]:
+    """Named groups of nodes."""
+    for name, ids in getattr(found, "point_sets", {}).items():
+        yield name, np.asarray(ids, dtype=np.int64)
+    families, tags = getattr(found, "point_tags", {}), found.point_data.get("point_tags")
+    names = {name for family in families.values() for name in family} if tags is not None else set()
+    for name in sorted(names):
+        own = [tag for tag, family in families.items() if name in family]
+        yield name, np.flatnonzero(np.isin(tags, own))
+
+
+# ---- what meshio says ----------------------------------------------------------------------------------------------
+
+
+def _read_silently(path: Path) -> meshio.Mesh:
+    """The meshio mesh of a file; meshio's printing is swallowed and its failures reported in one line."""
+    with IMPORTS:
+        import meshio
+
+    suffixes = ["".join(path.suffixes[-2:]).lower(), path.suffix.lower()]
+    formats = [name for suffix in suffixes for name in meshio.extension_to_filetypes.get(suffix, [])]
+    if not first_bytes(path, 1, "mesh file"):
+        raise ProblemError("cannot be read as a mesh: it is empty")
+    if not formats:
+        what = (
+            f"its suffix '{shown(path.suffix)}' stands for no format that is read"
+            if path.suffix
+            else "its name has no suffix"
+        )
+        raise ProblemError(f"cannot be read as a mesh: {what}; {_SAVE}")
+    reasons, noise = [], io.StringIO()
+    for name in formats:
+        try:
+            with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise), np.errstate(all="ignore"):
+                return getattr(meshio, name).read(path)
+        except MemoryError as error:
+            raise ProblemError("it needs more memory than there is; take a coarser mesh") from error
+        except ModuleNotFoundError as error:
+            raise ProblemError(f"its format is read with the package {error.name}; pip install {error.name}") from error
+        except (Exception, SystemExit) as error:
+            reasons.append((name, error))
+    curved = _CURVED.search(read_bytes(path, "mesh file", path.stat().st_size))
+    if curved:
+        raise ProblemError(unknown_kind(curved.group(1).decode("ascii")))
+    name, error = reasons[0]
+    raise ProblemError(f"cannot be read as a mesh of the format {name}{_reason(error)}; {_SAVE}") from error
+
+
+def _reason(error: BaseException) -> str:
+    """What meshio said, in brackets."""
+    if isinstance(error, KeyError):
+        words = f"it does not know {error}"
+    else:
+        words = " ".join(str(error).split()) if isinstance(error, Exception) else ""
+    words = re.sub(r"(?i)\bmeshio\b", "the reader", words).strip(" .:")
+    return f" ({shown(words[:120])})" if words else ""
