@@ -23,6 +23,7 @@ from hemivar.certificates.distance_to_exact import DistanceToExact
 from hemivar.certificates.kind import LocalStudy, study
 from hemivar.certificates.linear_bodies import convex_body
 from hemivar.certificates.norms import EnergyNorm, energy_norm
+from hemivar.certificates.rigid_motions import motion_left
 from hemivar.certificates.smallness import (
     Smallness,
     one_solution,
@@ -104,7 +105,9 @@ class Certificate(ReprMixin):
         What kind of point it is.
     unique : bool, str or None
         Whether the discrete problem has one solution only; None if that is not known.  Where constants of a law are
-        those of its reach, a text that says so: "the only one with penetrations within the reach 0.2".
+        those of its reach, a text that says so: "the only one with penetrations within the reach 0.2".  Where the law
+        is convex and contact leaves the body a rigid motion along which the energy may be constant, one that names it:
+        "the only one up to a rigid motion, translation (1, 0)".
     curvature : float or None
         Smallest curvature on the critical directions, 1 being that of the body alone; None if not computed.
     direction : array (m, d) or None
@@ -418,7 +421,7 @@ def certified(
     proved = energy.by.proves
     bound = in_time("error bound", lambda: error_bound(point, constants.margin) if proved else _unproved(), np.inf)
     nothing: _Classified = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
-    kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
+    kind, unique, local = in_time("kind", lambda: _classify(point, constants, tolerance, stationary), nothing)
     if kept is not None:
         asked = constants
         constants = in_time("trace constant", lambda: with_survey(problem, asked, True, kept, exact), constants)
@@ -483,7 +486,7 @@ def _multiplier(problem: DiscreteProblem, u: Array) -> Array:
     return lam
 
 
-def _classify(point: Point, constants: Smallness, stationary: bool) -> _Classified:
+def _classify(point: Point, constants: Smallness, tolerance: float, stationary: bool) -> _Classified:
     problem = point.problem
     m = problem.contact_points
     dependent = anywhere(problem, bool(m and problem.law.state_dependent))
@@ -499,9 +502,11 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> _Classifi
         return local.kind, None, local
     convex = convex_body(problem)
     if convex and constants.m_alpha == 0.0 and not (constants.alpha_sampled or constants.within):
-        if local.kind is PointKind.LOCAL_MINIMISER and point.energy.definite:
-            return PointKind.UNIQUE_MINIMISER, True, local
-        return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)
+        isolated = local.kind is PointKind.LOCAL_MINIMISER and point.energy.definite
+        if (left := "" if isolated else motion_left(point, tolerance)) == "":
+            return PointKind.UNIQUE_MINIMISER, True, replace(local, direction=None)
+        known = None if left is None else f"the only one up to a rigid motion, {left[1:-1]}"
+        return PointKind.GLOBAL_MINIMISER, known, replace(local, direction=None)
     falls = local.kind in (PointKind.SADDLE, PointKind.MAXIMUM, PointKind.CLARKE_STATIONARY)
     if falls and convex and point.energy.definite and _bounded_below(problem):
         unique = False  # the energy has a global minimiser, and this is not it

@@ -164,6 +164,8 @@ def _without_margin(constants: Smallness) -> str:
         return "strains may lie outside of the reach of the material"
     if math.isinf(constants.m_L):
         return "the laws have no finite constant here"
+    if constants.m_alpha + constants.m_L == 0.0 and not constants.sampled:
+        return "the supports alone do not hold the body; as its laws are convex, solutions differ by rigid motions only"
     return "the supports alone do not hold the body: what rests on the foundation alone has no margin"
 
 
