@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
@@ -49,6 +50,11 @@ class ContactPoints(PickleMixin):
         Number c; what the rows of the trace say by default, and needed where there are no contact points.
     vectors : Vectors, optional
         How the contact points and unknowns of all processes are looked at together, where these are those of one.
+    mean : sparse array, shape (m, nodes), optional
+        The displacement of a contact point is this mean of those of the nodes of the field; of two bodies, that of the
+        side with the contact points less that of the other side.
+    pairs : mapping of name to (str, str), optional
+        Of a contact of two bodies: the boundary with the contact points, and the one that it touches.
 
     Raises
     ------
@@ -67,6 +73,8 @@ class ContactPoints(PickleMixin):
     without_friction: BoolArray = None  # type: ignore[assignment]
     components: int = 0
     vectors: Vectors = WHOLE
+    mean: sp.csr_array | None = None
+    pairs: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         trace = real_matrix(self.trace, "trace")
@@ -179,7 +187,23 @@ class ContactPoints(PickleMixin):
             self.without_friction[index],
             self.components,
             self.vectors,
+            None if self.mean is None else sp.csr_array(self.mean[index]),
+            self.pairs,
         )
+
+    def moved(self, nodal: Array) -> Array:
+        """Values (m, ...) at the contact points of those at the nodes of the field; of two bodies on their own side."""
+        at = self.node >= 0
+        found = np.zeros((self.count, *nodal.shape[1:]))
+        found[at] = nodal[self.node[at]]
+        if not at.all() and self.mean is not None:
+            found[~at] = self.mean[~at] @ nodal
+        return found
+
+    def nodal_forces(self, force: Array) -> Array:
+        """Forces (nodes, d) on the nodes of forces (m, d) on the contact points, on both sides of two bodies."""
+        assert self.mean is not None
+        return np.asarray(self.mean.T @ force)
 
     def on(self, name: str) -> IntArray:
         """Numbers of the contact points of a boundary.

@@ -125,7 +125,8 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         frames, blocked = _adapt(frames, supports, nodes)
     names = tuple(problem.contact)
     boundary = np.full(len(points), names.index(name))
-    found = ContactPoints(local_components(average, frames), weights, points, frames, nodes, facet, boundary, names)
+    trace = local_components(average, frames)
+    found = ContactPoints(trace, weights, points, frames, nodes, facet, boundary, names, mean=average)
     with error_context(f"contact '{name}'", contact.normal, contact.friction):
         return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
 
@@ -173,7 +174,10 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     trace = sp.csr_array(
         sp.diags_array(moves.ravel().astype(float)) @ trace
     )  # what supports hold of the slave is still
-    at = ContactPoints(trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names)
+    pairs = {name: (slave, master)}
+    at = ContactPoints(
+        trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
+    )
     said = _pair_warnings(title, float(-apart.min()), supports.nodes, found.turned)
     with error_context(title, contact.normal, contact.friction):
         law, still = contact.law.at(points), np.zeros(points.shape)
@@ -222,7 +226,8 @@ def contacts_of_one(problem: ContactProblem, supports: Supports) -> list[Boundar
         rows = np.arange(count) * components + column
         trace = sp.csr_array((np.full(count, sign), (rows, place.nodes)), shape=(count * components, len(nodes)))
         boundary = np.full(count, number)
-        points = ContactPoints(trace, place.weights, at, node=place.nodes, boundary=boundary, names=names)
+        mean = _selection(place.nodes, len(nodes))
+        points = ContactPoints(trace, place.weights, at, node=place.nodes, boundary=boundary, names=names, mean=mean)
         offset = np.zeros((count, components))
         offset[:, column] = sign * level
         found.append(
@@ -429,6 +434,7 @@ def join(
 
     points = [group.points for group in groups]
     frames = [one.frames for one in points if one.frames is not None]
+    pairs = {name: sides for one in points for name, sides in one.pairs.items()}
     contact = ContactPoints(
         trace,
         np.concatenate([one.weights for one in points]),
@@ -439,6 +445,8 @@ def join(
         np.concatenate([one.boundary for one in points]),
         names=groups[0].points.names,
         without_friction=rough & blocked[:, 1:].any(axis=1),
+        mean=sp.csr_array(sp.vstack([one.mean for one in points])),
+        pairs=pairs,
     )
     moving = np.diff(trace.indptr).reshape(-1, components).any(axis=1)
     if moving.all():

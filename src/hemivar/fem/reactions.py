@@ -12,7 +12,6 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stated_load
 from hemivar.fem.constitutive import EnergyLaw, constitutive_law
-from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
 from hemivar.fem.energy_integral import NodalEnergy
 from hemivar.fem.mass import cell_masses, per_volume
@@ -82,24 +81,15 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
 
 
 def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:
-    """Forces of the foundation on the nodes of the body, shape (nodes, c): ``-w_j (lam_nu nu + lam_tau)``."""
+    """Forces of the foundation, or of another body, on the nodes, (nodes, c): ``-w_j (lam_nu nu + lam_tau)``."""
     field, contact = problem.field, problem.contact
     if field is None:
         raise ProblemError("this problem was made of arrays: it has no nodes; use contact_force")
-    forces = np.zeros((field.number_of_nodes, field.components))
     if not contact.count:
-        return forces
-    if contact.frames is None:
-        return -np.asarray(field.lift.T @ contact.force(multiplier)).reshape(forces.shape)
-    vectors = -contact.weights[:, None] * contact.global_vectors(multiplier)
-    at = contact.node >= 0
-    np.add.at(forces, contact.node[at], vectors[at])
-    share = shares(field.order, field.mesh.dim)
-    for number, name in enumerate(contact.names):
-        here = np.flatnonzero(~at & (contact.boundary == number))
-        members = field.mesh.facet_nodes(field.mesh.boundaries[name], field.order)[contact.facet[here]]
-        np.add.at(forces, members, share[:, None] * vectors[here][:, None, :])
-    return forces
+        return np.zeros((field.number_of_nodes, field.components))
+    if contact.frames is None or contact.mean is None:
+        return -np.asarray(field.lift.T @ contact.force(multiplier)).reshape(field.number_of_nodes, field.components)
+    return contact.nodal_forces(-contact.weights[:, None] * contact.global_vectors(multiplier))
 
 
 def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:

@@ -5,19 +5,68 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["ContactBoundary", "contact_boundaries", "polylines"]
+__all__ = ["ContactBoundary", "TouchedSide", "contact_boundaries", "polylines"]
+
+
+@dataclass(frozen=True, eq=False)
+class TouchedSide:
+    """The side of a contact of two bodies that has no contact points of its own.
+
+    Attributes
+    ----------
+    side : str
+        The boundary of the mesh.
+    members : int array (k, q)
+        Displacement nodes of its facets, vertices first.
+    nodes : int array (p,)
+        Those of its nodes that contact points see.
+    share : sparse array (p, m)
+        How much each contact point of the problem counts there; rows sum to one.
+    """
+
+    side: str
+    members: IntArray
+    nodes: IntArray
+    share: sp.csr_array
+
+    @classmethod
+    def of(cls, side: str, field: Field, contact: ContactPoints, index: IntArray) -> TouchedSide:
+        """The side of that name, touched by the contact points ``index``: where nodes press on it with which part."""
+        assert contact.mean is not None
+        members = field.mesh.facet_nodes(field.mesh.boundaries[side], field.order)
+        nodes = np.unique(members)
+        seen = abs(sp.csr_array(contact.mean[index])[:, nodes]).T @ sp.diags_array(contact.weights[index])
+        total = np.asarray(seen.sum(axis=1)).ravel()
+        met = np.flatnonzero(total > 0.0)
+        place = sp.csr_array((np.ones(len(index)), (np.arange(len(index)), index)), shape=(len(index), contact.count))
+        return cls(
+            side, members, nodes[met], sp.csr_array(sp.diags_array(1.0 / total[met]) @ sp.csr_array(seen)[met] @ place)
+        )
+
+    def at_nodes(self, values: Array, fill: float, whole: bool = False) -> Array:
+        """Values (m, ...) of contact points at its nodes, ``fill`` at those that see none; of ``whole`` numbers those
+        of the contact point that counts most."""
+        used = np.unique(self.members)
+        out = np.full((len(used), *values.shape[1:]), fill, dtype=float)
+        most = np.asarray(self.share.argmax(axis=1)).ravel() if whole else None
+        at = np.searchsorted(used, self.nodes)
+        out[at] = self.share @ values if most is None else values[most]
+        return out
 
 
 @dataclass(frozen=True, eq=False)
 class ContactBoundary:
-    """One named contact boundary and its contact points.
+    """One named contact boundary and its contact points; of two bodies, that of the side that has them.
 
     Attributes
     ----------
@@ -31,6 +80,10 @@ class ContactBoundary:
         Their displacement nodes; None if they are the midpoints of facets without nodes of their own.
     facets : int array (p,) or None
         Facets whose midpoints they are, in that case.
+    side : str
+        The boundary of the mesh that it is; of a contact of two bodies not always that of its name.
+    touched : TouchedSide or None
+        What it touches, if that is another body.
     """
 
     name: str
@@ -39,6 +92,8 @@ class ContactBoundary:
     index: IntArray
     nodes: IntArray | None
     facets: IntArray | None
+    side: str
+    touched: TouchedSide | None = None
 
     @property
     def corners(self) -> IntArray:
@@ -115,14 +170,14 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
     found = []
     for name in contact.names:
         index = contact.on(name)
-        if not index.size or name not in field.mesh.boundaries:
+        side, other = contact.pairs.get(name, (name, ""))
+        if not index.size or side not in field.mesh.boundaries:
             continue
-        members = field.mesh.facet_nodes(field.mesh.boundaries[name], field.order)
+        members = field.mesh.facet_nodes(field.mesh.boundaries[side], field.order)
         nodes, facets = contact.node[index], contact.facet[index]
-        at_nodes = bool((nodes >= 0).all())
-        found.append(
-            ContactBoundary(name, field.mesh, members, index, nodes if at_nodes else None, None if at_nodes else facets)
-        )
+        places = (nodes, None) if (nodes >= 0).all() else (None, facets)
+        touched = TouchedSide.of(other, field, contact, index) if other else None
+        found.append(ContactBoundary(name, field.mesh, members, index, *places, side, touched))
     return sorted(found, key=lambda boundary: int(boundary.index[0]))
 
 

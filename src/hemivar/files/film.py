@@ -100,15 +100,10 @@ def film_of(history: History) -> Film:
         )
     mesh, contact = discrete.field.mesh, discrete.problem.contact
     points = contact.points if contact.points is not None else np.zeros((0, mesh.dim))
-    at_nodes = contact.node >= 0 if contact.points is not None else np.zeros(0, dtype=bool)
 
     def frame(number: int) -> FilmFrame:
         seen = snapshot(discrete, history.frames[number])
-        moved = np.zeros_like(points)
-        moved[at_nodes] = seen.displacement[contact.node[at_nodes]]
-        for k, name in enumerate(contact.names):
-            here = ~at_nodes & (contact.boundary == k)
-            moved[here] = seen.displacement[mesh.boundaries[name][contact.facet[here]]].mean(axis=1)
+        moved = contact.moved(seen.displacement) if len(points) else points
         force = seen.tractions if len(points) else points
         gap = seen.problem.gap + _worn(seen.memory)
         return FilmFrame(seen.time, seen.displacement, seen.velocity, points, moved, force, seen.states, gap)

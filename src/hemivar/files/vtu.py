@@ -6,6 +6,7 @@ import contextlib
 import io
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -42,6 +43,8 @@ __all__ = [
 
 #: Point data that are whole numbers.
 WHOLE = ("state", "tangential_state", "boundary")
+#: Vectors that are opposite on the other side of a contact of two bodies.
+_OPPOSITE = ("friction", "slip", "contact_force", "rate")
 
 CELL_TYPES = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): "tetra10"}
 _FACET_TYPES = {(2, 1): "line", (2, 2): "line3", (3, 1): "triangle", (3, 2): "triangle6"}
@@ -60,10 +63,12 @@ def write_vtu(
     contact boundary, in the order of the statement; the field data ``boundary NAME`` hold the number of each). Off the
     contact boundary, and at contact nodes that a support holds entirely, these are 0, and states and ``boundary`` are
     -1. A node of two contact boundaries carries the values of the first, and where contact points are midpoints of
-    facets the states of one of its facets.
+    facets the states of one of its facets. Of two bodies that touch, both sides have these data: contact points lie on
+    one side, and nodes of the other get means of them, forces and slips with the opposite sign, and the states -1.
 
     Cell data: ``stress``, six components xx, yy, zz, xy, yz, xz (the order of symmetric tensors in VTK; zz of plane
-    models included), ``von_mises`` and ``region`` (number of the region in the order of the mesh, -1 in none).
+    models included), ``von_mises``, ``region`` (number of the region in the order of the mesh, -1 in none) and, where
+    there are several, ``part`` (number of the body).
     Quadratic fields use quadratic cells, with the stress of the centroid.
 
     A scalar problem is one file. Point data: the unknown by its name (``deflection``, ``temperature``; ``u_z`` in
@@ -110,23 +115,19 @@ def write_vtu(
     mesh, nodes = field.mesh, field.nodes
     scalar = problem.origin is not None and problem.origin.kind is not None
     point_data, own = (_scalar_fields if scalar else body_fields)(solution)
-    cell_data: dict[str, Array] = {"region": region_numbers(mesh), **own, **_checked(mesh, cell_values)}
+    parts = {"part": mesh.parts.cell.astype(np.int32)} if mesh.parts.count > 1 else {}
+    cell_data: dict[str, Array] = {"region": region_numbers(mesh), **parts, **own, **_checked(mesh, cell_values)}
     boundaries = [] if scalar else contact_boundaries(problem)
     quantities = contact_quantities(solution) if boundaries or (scalar and problem.contact.count) else {}
     for name, (values, fill) in quantities.items():
         point_data[name] = np.full((len(nodes), *values.shape[1:]), fill)
         if scalar:
             point_data[name][problem.contact.node] = values
-    blocks: list[tuple[ContactBoundary, dict[str, Array]]] = []
-    for boundary in reversed(boundaries):
-        used = boundary.used_nodes
-        data = {
-            name: boundary.at_nodes(values, fill, whole=name in WHOLE) for name, (values, fill) in quantities.items()
-        }
-        for name, values in data.items():
-            held = data["state"] < 0
-            point_data[name][used[~held]] = values[~held]
-        blocks.insert(0, (boundary, data))
+    blocks = [block for boundary in boundaries for block in _blocks(boundary, quantities)]
+    for block in sorted(blocks, key=lambda block: block.touched)[::-1]:  # points before means, the first one last
+        known = block.data["boundary"] >= 0
+        for name, values in block.data.items():
+            point_data[name][block.used[known]] = values[known]
     kind = {CELL_TYPES[mesh.dim, field.order]: mesh.cell_nodes(field.order)}
     write_grid(path, three_components(nodes), kind, point_data, cell_data, field_data(solution))
     if not boundaries:
@@ -134,6 +135,31 @@ def write_vtu(
     second = path.with_name(f"{path.stem}_contact.vtu")
     _write_contact(second, solution, blocks)
     return path, second
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """One side of a contact: its facets, and values at its nodes."""
+
+    name: str  # of the contact
+    members: IntArray  # (k, q)
+    used: IntArray  # (p,), its nodes
+    data: Mapping[str, Array]  # (p, ...)
+    touched: bool = False
+
+
+def _blocks(boundary: ContactBoundary, quantities: Mapping[str, tuple[Array, float]]) -> list[_Block]:
+    """The side with the contact points, and the one that it touches, on which forces and slips are opposite."""
+    data = {name: boundary.at_nodes(values, fill, name in WHOLE) for name, (values, fill) in quantities.items()}
+    found = [_Block(boundary.name, boundary.members, boundary.used_nodes, data)]
+    other = boundary.touched
+    if other is not None:
+        turned = {name: (-values if name in _OPPOSITE else values, fill) for name, (values, fill) in quantities.items()}
+        data = {name: other.at_nodes(values, fill, name in WHOLE) for name, (values, fill) in turned.items()}
+        for name in ("state", "tangential_state"):  # those of contact points
+            data[name] = np.full(len(data[name]), -1.0)
+        found.append(_Block(boundary.name, other.members, np.unique(other.members), data, True))
+    return found
 
 
 def field_data(solution: Solution | Snapshot) -> dict[str, float]:
@@ -225,21 +251,19 @@ def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
     return quantities
 
 
-def _write_contact(
-    path: Path, solution: Solution | Snapshot, blocks: list[tuple[ContactBoundary, dict[str, Array]]]
-) -> None:
+def _write_contact(path: Path, solution: Solution | Snapshot, blocks: list[_Block]) -> None:
     field, names = solution.problem.field, solution.problem.contact.names
     assert field is not None
     kind = _FACET_TYPES[field.mesh.dim, field.order]
     cells, numbers, start = [], [], 0
-    for boundary, _ in blocks:
-        cells.append(start + np.searchsorted(boundary.used_nodes, boundary.members))
-        numbers.append(np.full(len(boundary.members), names.index(boundary.name), dtype=np.int32))
-        start += len(boundary.used_nodes)
-    used = np.concatenate([boundary.used_nodes for boundary, _ in blocks])
+    for block in blocks:
+        cells.append(start + np.searchsorted(block.used, block.members))
+        numbers.append(np.full(len(block.members), names.index(block.name), dtype=np.int32))
+        start += len(block.used)
+    used = np.concatenate([block.used for block in blocks])
     point_data: dict[str, Array] = {"displacement": three_components(solution.displacement[used])}
-    for name in blocks[0][1]:
-        point_data[name] = np.concatenate([data[name] for _, data in blocks])
+    for name in blocks[0].data:
+        point_data[name] = np.concatenate([block.data[name] for block in blocks])
     data: dict[str, Array] = {"boundary": np.asarray(np.concatenate(numbers))}
     write_grid(
         path, three_components(field.nodes[used]), {kind: np.vstack(cells)}, point_data, data, field_data(solution)

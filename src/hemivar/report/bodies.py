@@ -196,9 +196,10 @@ def plot_problem(problem: ContactProblem, *, unit: str = "", legend: bool = True
     """
     from matplotlib.lines import Line2D
 
+    touching = [name for at, contact in problem.contact.items() for name in (at, contact.against)]
     roles = {
         "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, problem.tractions),
-        "contact": (RED, 1.8, [name for name in problem.contact if name in problem.mesh.boundaries]),
+        "contact": (RED, 1.8, [name for name in touching if name in problem.mesh.boundaries]),
     }  # fmt: skip
     with drawing():
         draw = _plane_at_rest if problem.mesh.dim == 2 else _solid_at_rest

@@ -63,7 +63,7 @@ class DeformedBody:
                 "it was made of arrays and has no mesh; give one, of_arrays(..., mesh=...), or take plot_contact"
             )
         if scale == "auto":
-            return cls(solution, _visible(field.mesh, solution.displacement, solution.problem.gap))
+            return cls(solution, _visible(solution.problem, field.mesh, solution.displacement))
         if isinstance(scale, str) or not (math.isfinite(scale) and scale > 0.0):
             raise ProblemError(f"scale = {scale!r}; give a positive number or 'auto'")
         return cls(solution, float(scale))
@@ -87,15 +87,9 @@ class DeformedBody:
     @cached_property
     def contact_places(self) -> Array:
         """Where the contact points are drawn, (m, d)."""
-        contact, mesh = self.problem.contact, self.mesh
+        contact = self.problem.contact
         assert contact.points is not None
-        places = contact.points.copy()
-        at = contact.node >= 0
-        places[at] += self.factor * self.solution.displacement[contact.node[at]]
-        for number, name in enumerate(contact.names):
-            here = ~at & (contact.boundary == number)
-            places[here] = self.vertices[mesh.boundaries[name][contact.facet[here]]].mean(axis=1)
-        return places
+        return np.asarray(contact.points + self.factor * contact.moved(self.solution.displacement))
 
     @property
     def magnified(self) -> str:
@@ -132,11 +126,14 @@ class DeformedBody:
         return stress if self.mesh.dim == 2 else nodal_average(self.mesh, stress)
 
 
-def _visible(mesh: Mesh, displacement: Array, gap: Array) -> float:
+def _visible(problem: DiscreteProblem, mesh: Mesh, displacement: Array) -> float:
     """A factor that makes displacements visible."""
+    gap, contact = problem.gap, problem.contact
     size = float(np.ptp(mesh.points, axis=0).max())
     if gap.size and np.ptp(gap) > 1e-6 * size:
         return 1.0  # blown up with the displacement, a gap around a curved body would bend its foundation
+    if any(np.abs(gap[contact.on(name)]).max(initial=0.0) > 1e-6 * size for name in contact.pairs):
+        return 1.0  # and bodies that touch would be drawn through one another
     moved = np.linalg.norm(displacement[: mesh.number_of_nodes], axis=1)
     largest = float(moved.max(initial=float(np.abs(gap).max(initial=0.0))))
     wanted = 0.1 * size

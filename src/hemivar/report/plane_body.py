@@ -78,8 +78,7 @@ class PlaneBody:
         self.handles.append(Line2D([], [], color=GREY, lw=0.8, ls=DASHES, label="body at rest"))
         if self.boundaries:
             longest = self._forces(ax, arrows) if arrows is not Arrows.NONE else 0.0
-            for boundary in self.boundaries:
-                self._foundation(ax, boundary, longest)
+            self._foundations(ax, longest)
             self._states(ax)
         if not legend:
             return lowest, _BELOW
@@ -126,11 +125,17 @@ class PlaneBody:
             at = np.searchsorted(used, line)
             yield FoundationLine(self.mesh.points[line], normal[at], nearest[at], *[0.02 * self.size] * 2)
 
-    def _foundation(self, ax: Axes, boundary: ContactBoundary, reach: float) -> None:
-        """The foundation, hatched along its surface, deeper than what penetrates and than arrows reach."""
-        deepest = self.body.factor * float(self.body.solution.penetration[boundary.index].max(initial=0.0))
-        lines = list(self._foundation_lines(boundary))
-        DrawnFoundation(ax, lines, self.size, max(deepest, 0.0) + reach).move(self.problem.gap, self.body.factor)
+    def _foundations(self, ax: Axes, reach: float) -> None:
+        """The foundations, hatched along their surfaces, deeper than what penetrates and than arrows reach."""
+        for boundary in self.on_foundations:
+            deepest = self.body.factor * float(self.body.solution.penetration[boundary.index].max(initial=0.0))
+            lines = list(self._foundation_lines(boundary))
+            DrawnFoundation(ax, lines, self.size, max(deepest, 0.0) + reach).move(self.problem.gap, self.body.factor)
+
+    @property
+    def on_foundations(self) -> list[ContactBoundary]:
+        """The contact boundaries that touch no other body."""
+        return [boundary for boundary in self.boundaries if boundary.touched is None]
 
     def _apart(self, distance: float) -> IntArray:
         """Contact points that stand at least so far from each other, in parts of the body, evenly along a boundary.
@@ -167,10 +172,11 @@ class PlaneBody:
         across = solution.tractions - along
         places = self.body.contact_places
         shown = self._apart(_ARROWS_APART)
+        where = "the body" if self.boundaries == self.on_foundations else "the side with marks"
         sets = (
-            [("force per area on the body", across + along, RED)]
+            [(f"force per area on {where}", across + along, RED)]
             if arrows is Arrows.FORCE
-            else [("pressure", across, RED), ("friction on the body", along, GREEN)]
+            else [("pressure", across, RED), (f"friction on {where}", along, GREEN)]
         )
         largest = max(float(np.linalg.norm(vectors, axis=1).max()) for _, vectors, _ in sets)
         if largest == 0.0:
@@ -208,8 +214,7 @@ class PlaneBody:
         for line in self.outline:
             inset.plot(*self.body.vertices[line].T, color="black", lw=0.9, zorder=3)
         longest = part._forces(inset, arrows) if arrows is not Arrows.NONE else 0.0
-        for boundary in self.boundaries:
-            part._foundation(inset, boundary, longest)
+        part._foundations(inset, longest)
         part._states(inset)
         for artist in inset.lines:
             artist.set_clip_on(True)
@@ -225,7 +230,7 @@ class PlaneBody:
         """The legend to the right; returns where it ends, in fractions of the figure."""
         from matplotlib.patches import Patch
 
-        if self.boundaries:
+        if self.on_foundations:
             self.handles.append(
                 Patch(facecolor=GROUND, edgecolor="#8a8a8a", hatch="//////", linewidth=0.0, label="foundation")
             )

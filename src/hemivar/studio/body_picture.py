@@ -144,20 +144,15 @@ def fields_of(
     penetration = np.full(field.mesh.number_of_nodes, np.nan)
     at = np.flatnonzero((contact.node >= 0) & (contact.node < len(penetration)))
     penetration[contact.node[at]] = local[at, 0]
-    moved = np.zeros((contact.count, moved_all.shape[1]))
-    at_node = contact.node >= 0
-    moved[at_node] = moved_all[contact.node[at_node]]
-    for number, name in enumerate(contact.names):
-        here = ~at_node & (contact.boundary == number)
-        if here.any() and name in field.mesh.boundaries:
-            corners = field.mesh.boundaries[name][contact.facet[here]]
-            moved[here] = moved_all[corners].mean(axis=1)
-            penetration[corners] = np.fmax(penetration[corners], local[here, :1])
+    for boundary in contact_boundaries(problem) if (contact.node < 0).any() else ():
+        if boundary.facets is not None:
+            corners = boundary.corners[boundary.facets]
+            penetration[corners] = np.fmax(penetration[corners], local[boundary.index, :1])
     friction = friction_of(multiplier)
     signed = friction[:, 0] if friction.shape[1] == 1 else np.linalg.norm(friction, axis=1)
     arrays |= {
         "penetration": penetration[shape.vertex],
-        "moved": _in_space(moved, height=shape.kind == "scalar"),
+        "moved": _in_space(contact.moved(moved_all), height=shape.kind == "scalar"),
         "local": local,
         "pressure": multiplier[:, 0],
         "friction": signed,
