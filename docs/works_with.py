@@ -39,6 +39,8 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("body", "quadratic"): "quadratic elements",
     ("body", "resting"): "held by contact",
     ("body", "parts"): "two parts",
+    ("body", "pair"): "two bodies that touch",
+    ("body", "glued inside"): "an opened interface",
     ("body", "antiplane"): "antiplane shear",
     ("normal", "compliance"): "power of the penetration",
     ("normal", "table"): "pressure table",

@@ -171,6 +171,33 @@ def _parts(contact: hv.Contact, up: float) -> hv.ContactProblem:
     return _plane(contact, up, mesh=mesh, material=hv.Material.by_region({"first": _steel(), "second": soft}))
 
 
+def _pair(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """Two blocks whose nodes do not match, the upper one on the lower one."""
+    upper, lower = hv.rectangle((1.0, 1.0), (3, 2), origin=(0.0, 1.0)), hv.rectangle((1.0, 1.0), 2)
+    return hv.ContactProblem(
+        Mesh.assembled({"upper": upper, "lower": lower}),
+        _steel(),
+        {"upper:bottom": replace(contact, against="lower:top")},
+        {"upper:left": hv.Clamped(), "lower:bottom": hv.Clamped()},
+        tractions={"upper:top": (0.1 * up, up)},
+    )
+
+
+def _glued(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """A block that was cut in two, up to an end inside of it."""
+    whole = hv.rectangle((1.0, 1.0), (4, 2))
+    cut = np.flatnonzero(np.abs(whole.points[:, 1] - 0.5) < 1e-9)
+    cut = cut[np.argsort(whole.points[cut, 0])][1:]
+    mesh = whole.with_interfaces({"cut": np.column_stack([cut[:-1], cut[1:]])}).opened("cut")
+    return hv.ContactProblem(
+        mesh,
+        _steel(),
+        {"cut:1": replace(contact, against="cut:2")},
+        {"bottom": hv.Clamped()},
+        tractions={"top": (0.1 * up, up)},
+    )
+
+
 def _resting(contact: hv.Contact, up: float) -> hv.ContactProblem:
     """A block that nothing but its foundation holds against the load."""
     return _plane(contact, 0.25 * up, supports={"left": hv.Roller()})
@@ -227,6 +254,8 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "space": _space,
     "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),
     "resting": _resting,
+    "pair": _pair,
+    "glued inside": _glued,
     "parts": _parts,
     "membrane": _membrane,
     "antiplane": _antiplane,

@@ -59,6 +59,9 @@ _NO_PATH = (
     "that does not depend on the solution."
 )
 _NO_BOUND = "The distance to the exact solution is bounded for elastic bodies on supports, without bedding."
+_NO_BOUND_OF_PAIR = (
+    "The distance to the exact solution is bounded for bodies on foundations, not for bodies that touch each other."
+)
 _NO_BOUND_OF_LAW = (
     "The distance to the exact solution is not bounded for Coulomb's law; and for glue whose mode decides there is an "
     "estimate only where its tractions change little with the mode."
@@ -78,6 +81,7 @@ RULES = (
     Rule("falls at once", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
     Rule("constants of the body are from the discrete problem", _NO_BOUND, _BOUNDS, ("resting",)),
+    Rule("another body", _NO_BOUND_OF_PAIR, _BOUNDS, ("pair", "glued inside")),
     Rule("and this is a scalar problem", _NO_BOUND, ("exact",), SCALAR),
     Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),
     Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, friction=("coulomb",)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections import defaultdict
 from itertools import combinations
 from pathlib import Path
@@ -67,6 +68,13 @@ def test_an_assembled_mesh_is_a_part_of_another() -> None:
     mesh = Mesh.assembled({"tower": blocks(), "base": hv.rectangle((3.0, 1.0), 2, origin=(0.0, -1.0))})
     assert "tower:upper:bottom" in mesh.boundaries
     assert checked(mesh).parts.count == 3
+
+
+def test_an_assembled_mesh_goes_to_another_process() -> None:
+    mesh = blocks()
+    there = pickle.loads(pickle.dumps(mesh))
+    np.testing.assert_array_equal(there.cells, mesh.cells)
+    assert there.recipe == mesh.recipe
 
 
 @pytest.mark.parametrize(

@@ -200,11 +200,6 @@ class ContactPoints(PickleMixin):
             found[~at] = self.mean[~at] @ nodal
         return found
 
-    def nodal_forces(self, force: Array) -> Array:
-        """Forces (nodes, d) on the nodes of forces (m, d) on the contact points, on both sides of two bodies."""
-        assert self.mean is not None
-        return np.asarray(self.mean.T @ force)
-
     def on(self, name: str) -> IntArray:
         """Numbers of the contact points of a boundary.
 

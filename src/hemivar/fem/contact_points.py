@@ -167,6 +167,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     stated = DataField(contact.gap, f"gap of {title}").at(points)
     _refuse_beyond(stated, f"gap of {title}", "unit of length")
     apart = -np.einsum("kd,kd->k", normal, found.jump @ supports.nodes)
+    apart[np.abs(apart) <= _ROUNDED * np.abs(supports.nodes).max()] = 0.0  # a rigid law would be met beyond its end
     frames, blocked = _adapt(_frames(normal), supports, found.nodes)
     moves = np.linalg.norm(movable(frames, supports.directions[found.nodes]), axis=2) > DEPENDENT
     names, count = tuple(problem.contact), len(points)

@@ -89,7 +89,10 @@ def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:
         return np.zeros((field.number_of_nodes, field.components))
     if contact.frames is None or contact.mean is None:
         return -np.asarray(field.lift.T @ contact.force(multiplier)).reshape(field.number_of_nodes, field.components)
-    return contact.nodal_forces(-contact.weights[:, None] * contact.global_vectors(multiplier))
+    between = np.isin(contact.boundary, [contact.names.index(name) for name in contact.pairs])
+    still = between[:, None] & (np.diff(contact.trace.indptr) == 0).reshape(contact.shape)
+    force = contact.weights[:, None] * contact.global_vectors(np.where(still, 0.0, multiplier))
+    return -np.asarray(contact.mean.T @ force)
 
 
 def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:

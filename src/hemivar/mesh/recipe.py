@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ class Grid:
 
 
 @dataclass(frozen=True)
-class Assembly:
+class Assembly(PickleMixin):
     """Several meshes as one.
 
     Attributes
