@@ -10,7 +10,7 @@ import numpy as np
 
 from hemivar.basics.disk import path_of, read_bytes, shown
 from hemivar.basics.plain_xml import parse_xml
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.snapshot import snapshot
@@ -65,6 +65,8 @@ class Film:
     title : str
     frame : function
         Of the number of a frame, 0 to k - 1; reads it where it lies in a file.
+    paired : bool array (p,), optional
+        Contact points that touch another body and no foundation; none by default.
     """
 
     points: Array
@@ -72,6 +74,7 @@ class Film:
     times: Array
     title: str
     frame: Callable[[int], FilmFrame]
+    paired: BoolArray | None = None
 
 
 def film_of(history: History) -> Film:
@@ -109,7 +112,8 @@ def film_of(history: History) -> Film:
         return FilmFrame(seen.time, seen.displacement, seen.velocity, points, moved, force, seen.states, gap)
 
     times = np.array([one.time for one in history.frames])
-    return Film(mesh.points, mesh.cells, times, discrete.evolution.problem.title, frame)
+    paired = np.isin(contact.boundary, [contact.names.index(name) for name in contact.pairs])
+    return Film(mesh.points, mesh.cells, times, discrete.evolution.problem.title, frame, paired)
 
 
 def _worn(memory: Mapping[str, Array]) -> Array | float:
@@ -187,7 +191,10 @@ def read_film(path: str | Path) -> Film:
             gap[at],
         )  # fmt: skip
 
-    return Film(vertices, numbers.reshape(cells.shape), times, "", frame)
+    on = _at_nodes(first, files[0], "boundary") if "boundary" in first.point_data else np.full(len(first.points), -1.0)
+    touched = np.setdiff1d(np.flatnonzero(on >= 0), touching)  # sides of other bodies, without contact points
+    paired = np.isin(on[touching], on[touched])
+    return Film(vertices, numbers.reshape(cells.shape), times, "", frame, paired)
 
 
 def _at_nodes(grid: Grid, file: Path, name: str, width: int = 0) -> Array:

@@ -277,10 +277,12 @@ class PlanePicture(FilmPicture):
         An edge whose other end is fixed belongs to them if the boundary does not turn there. Where they are straight
         their foundation goes on as far as the body does.
         """
-        if not len(self.places):
-            self.normal = self.places
+        self.normal = np.zeros_like(self.places)  # none where another body is touched
+        numbers = np.arange(len(self.places)) if self.film.paired is None else np.flatnonzero(~self.film.paired)
+        if not numbers.size:
             return []
-        points, facets, tree = self.film.points, self.mesh.boundary_facets, KDTree(self.places)
+        places = self.places[numbers]
+        points, facets, tree = self.film.points, self.mesh.boundary_facets, KDTree(places)
         near = 1e-6 * self.size
         at_ends = tree.query(points[facets])[0] < near
         chosen = at_ends.all(axis=1) | (tree.query(points[facets].mean(axis=1))[0] < near)
@@ -295,10 +297,11 @@ class PlanePicture(FilmPicture):
         np.add.at(normal, place.ravel(), np.repeat(normals * lengths[:, None], 2, axis=0))
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         known = KDTree(np.concatenate([points[used], points[facets].mean(axis=1)]))
-        self.normal = np.concatenate([normal, normals])[known.query(self.places)[1]]
+        self.normal[numbers] = np.concatenate([normal, normals])[known.query(places)[1]]
         depth, tangent = points[used] @ normal[0], np.array([-normal[0, 1], normal[0, 0]])
         straight = np.abs(normal - normal[0]).max() < 1e-9 and np.ptp(depth) < 1e-9 * self.size
-        ends = np.array([(self.places + self.factor * part) @ tangent for part in (self.travel.low, self.travel.high)])
+        ways = (self.travel.low[numbers], self.travel.high[numbers])
+        ends = np.array([(places + self.factor * way) @ tangent for way in ways])
         beyond, lines = _BEYOND * self.size, []
         for line in polylines(facets):
             at = np.searchsorted(used, line)
@@ -306,7 +309,7 @@ class PlanePicture(FilmPicture):
             before, after = (first - ends.min(), ends.max() - last) if straight else (0.0, 0.0)
             lines.append(
                 FoundationLine(
-                    points[line], normal[at], tree.query(points[line])[1], max(before, 0.0) + beyond,
+                    points[line], normal[at], numbers[tree.query(points[line])[1]], max(before, 0.0) + beyond,
                     max(after, 0.0) + beyond,
                 )
             )  # fmt: skip
