@@ -11,8 +11,8 @@ import pytest
 
 import hemivar as hv
 from hemivar.discrete import Quadratic
-from hemivar.laws import ContactLaw
 from hemivar.kernels import kernels
+from hemivar.laws import ContactLaw
 from hemivar.linear.pardiso import pardiso_available
 from hemivar.systems import elimination
 from hemivar.systems.body_on_levels import ElasticMultigrid
@@ -81,7 +81,7 @@ def test_reducing_a_load_and_extending_its_solution_against_dense_matrices(many:
     factor = elimination.factorise(K, kept, many)
     reduced = factor.reduce(f)
     # Half sweeps are those of the compiled kernels for many loads, and those of PARDISO for all.
-    assert (reduced.inner is not None) is (many and kernels() is not None or pardiso_available())
+    assert (reduced.inner is not None) is ((many and kernels() is not None) or pardiso_available())
     np.testing.assert_allclose(reduced.force, f[kept] - dense[np.ix_(kept, inner)] @ block, atol=1e-11)
     assert reduced.work == pytest.approx(f[inner] @ block, rel=1e-11)
     y = np.random.default_rng(3).standard_normal(kept.size)
