@@ -1,8 +1,9 @@
 """Quantities of interest by name: contact forces, reactions of supports, mean displacements of parts of the boundary.
 
-``contact.NAME.force`` is the force of the foundation on the body, ``support.NAME.force`` that of a support on it, and
-``boundary.NAME.displacement`` the mean of the displacement over a named part of the boundary: vectors, in the
-coordinates of the mesh. With ``.x``, ``.y`` or ``.z`` behind it a name stands for one component.
+``contact.NAME.force`` is the force of the foundation, or of another body, on that boundary, ``support.NAME.force``
+that of a support on the body, and ``boundary.NAME.displacement`` the mean of the displacement over a named part of the
+boundary: vectors, in the coordinates of the mesh. With ``.x``, ``.y`` or ``.z`` behind it a name stands for one
+component.
 """
 
 from __future__ import annotations
@@ -74,8 +75,10 @@ def known_goals(problem: ContactProblem) -> tuple[str, ...]:
     tuple of str
     """
     expect_body(problem, "the problem", "give a ContactProblem")
+    sides = ((name, contact.against) for name, contact in problem.contact.items())
+    touching = [side for pair in sides for side in pair if side]
     parts = (
-        (GoalKind.CONTACT_FORCE, problem.contact),
+        (GoalKind.CONTACT_FORCE, dict.fromkeys(touching)),
         (GoalKind.REACTION, problem.supports),
         (GoalKind.DISPLACEMENT, problem.mesh.boundaries),
     )

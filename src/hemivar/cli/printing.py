@@ -234,7 +234,7 @@ def print_head(session: Session, discrete: DiscreteProblem) -> None:
     title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
     print(title or shown(stated.name))
     _print_changes(stated.changes)
-    where = f" on {', '.join(discrete.contact.names)}" if discrete.contact.names else ""
+    where = f" on {', '.join(discrete.contact.places)}" if discrete.contact.names else ""
     points = int(discrete.vectors.total(discrete.contact_points)[0])
     warnings = [f"warning           {warning}" for warning in discrete.notes]
     print("\n".join([*sizes, *warnings, f"contact points    {points}{where}", *method]), flush=True)

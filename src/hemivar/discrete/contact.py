@@ -191,6 +191,21 @@ class ContactPoints(PickleMixin):
             self.pairs,
         )
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where contact points lie, in words: ``bottom``, or ``lower:top against upper:bottom``."""
+        return tuple(" against ".join(self.pairs.get(name, (name,))) for name in self.names)
+
+    def forces(self, force: Array) -> dict[str, Array]:
+        """The force on each boundary (d,), of forces (m, d) on the contact points; that on a body that is touched is
+        the opposite."""
+        found: dict[str, Array] = {}
+        for name in self.names:
+            total, sides = np.asarray(force[self.on(name)].sum(axis=0)), self.pairs.get(name, (name,))
+            for side, one in zip(sides, (total, 0.0 - total), strict=False):
+                found[side] = found.get(side, 0.0) + one
+        return found
+
     def moved(self, nodal: Array) -> Array:
         """Values (m, ...) at the contact points of those at the nodes of the field; of two bodies on their own side."""
         at = self.node >= 0

@@ -96,6 +96,11 @@ class ContactBoundary:
     touched: TouchedSide | None = None
 
     @property
+    def title(self) -> str:
+        """Its name; of two bodies that of the side with the contact points, and of the other one."""
+        return self.name if self.touched is None else f"{self.side} against {self.touched.side}"
+
+    @property
     def corners(self) -> IntArray:
         """Vertices of the facets, (k, d)."""
         return self.members[:, : self.mesh.dim]

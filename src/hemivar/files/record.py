@@ -52,6 +52,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     ``-sum_j w_j (lam_nu nu + lam_tau)`` with the multiplier lam; null where the problem has no frames.  ``boundaries``
     holds for each contact boundary, by name, its ``normal_force``, ``force`` and ``contact_length``; ``reactions`` the
     force of each support on the body, by name, null where it is not known (:func:`hemivar.fem.support_reactions`).
+    Where bodies touch each other, ``contact_forces`` holds the force on each side by name.
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
     ``boundary`` (name; null if unknown), ``weight``, ``gap`` (that of the obstacle where there is one, less what
@@ -112,6 +113,7 @@ def result_record(solution: Solution, certificate: Certificate | None = None) ->
             "force": None if problem.contact.frames is None else solution.force,
         },
         "boundaries": {name: _boundary_record(solution.on(name)) for name in problem.contact.names},
+        **({"contact_forces": dict(solution.contact_forces)} if problem.contact.pairs else {}),
         "reactions": _reactions(solution),
         "contact": _contact_record(solution),
     }

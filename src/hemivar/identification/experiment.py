@@ -172,8 +172,9 @@ def _measure(problem: DiscreteProblem, goal: Goal) -> Callable[[Array, Array], f
         return lambda u, lam: float(support_reactions(problem, space.full(u), lam)[goal.boundary][axis])
     if goal.kind is GoalKind.CONTACT_FORCE:
         contact = problem.contact
-        on = contact.boundary == contact.names.index(goal.boundary)
-        return lambda u, lam: float(-(contact.weights[:, None] * contact.global_vectors(lam))[on, axis].sum())
+        return lambda u, lam: float(
+            contact.forces(-contact.weights[:, None] * contact.global_vectors(lam))[goal.boundary][axis]
+        )
     mesh, order = stated.mesh, stated.order
     facets = mesh.boundaries[goal.boundary]
     nodes = mesh.facet_nodes(facets, order)

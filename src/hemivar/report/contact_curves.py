@@ -32,6 +32,7 @@ from hemivar.report.style import (
     state_mark,
     with_unit,
 )
+from hemivar.report.summary import seen_local
 from hemivar.solvers import ContactStates, Solution, TangentialState
 
 if TYPE_CHECKING:
@@ -101,11 +102,11 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
         boundaries = []
     if boundaries:
         assert problem.contact.points is not None
-        parts = [(b.name, b.index, *b.position(problem.contact.points)) for b in boundaries]
+        parts = [(b.title, b.index, *b.position(problem.contact.points)) for b in boundaries]
     else:
         everything = np.arange(problem.contact_points)
         parts = [("", everything, everything.astype(float), "contact point")]
-    local, states = solution.local, solution.states
+    local, states = seen_local(solution), solution.states
     slips = local[:, 1:].copy()
     slips[~states.closed] = np.nan  # where a body is away from its foundation nothing slips
     quantities: list[tuple[str, Array, str]] = [
@@ -195,7 +196,7 @@ def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: 
     subfigures = fig.subfigures(len(boundaries), 1, squeeze=False)[:, 0]
     for part, boundary in zip(subfigures, boundaries, strict=True):
         panels = part.subplots(2, 2)
-        name = boundary.name + _maps(solution, boundary, panels, unit, stress_unit)
+        name = boundary.title + _maps(solution, boundary, panels, unit, stress_unit)
         heading = [text for text in (title if part is subfigures[0] else "", name) if text]
         part.suptitle(": ".join(heading), fontsize=10)
     write_foot(fig, line)
@@ -294,9 +295,8 @@ def _thinned(places: Array, chosen: IntArray, extent: float) -> IntArray:
 
 def _depth(solution: Solution, unit: str) -> tuple[Array, str]:
     """Penetration with its label, or the opening of glue."""
-    if solution.debonding:
-        return 0.0 - solution.penetration, with_unit("opening", unit)
-    return solution.penetration, with_unit("penetration", unit)
+    depth = seen_local(solution)[:, 0]
+    return (0.0 - depth, with_unit("opening", unit)) if solution.debonding else (depth, with_unit("penetration", unit))
 
 
 def _projection(problem: DiscreteProblem, boundary: ContactBoundary) -> tuple[Array, tuple[str, str]]:

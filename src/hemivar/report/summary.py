@@ -17,13 +17,15 @@ from hemivar.errors import ProblemError
 from hemivar.solvers import NormalState, Solution, Status, TangentialState
 from hemivar.solvers.contact_states import state_words
 
-__all__ = ["Summary", "contact_rows", "extreme_rows", "summary_of"]
+__all__ = ["Summary", "contact_rows", "extreme_rows", "seen_local", "summary_of"]
 
 _WIDTH = 18
 #: Supports whose forces are shown.
 _SUPPORTS = 6
 #: Part of all forces on a body up to which a force is rounding, and shown as zero.
 _ROUNDING = 1e-10
+#: Part of the largest displacement up to which a penetration or slip is rounding of it.
+_STILL = 1e-13
 
 Row = tuple[str, str]
 
@@ -110,6 +112,11 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
     elif friction.size:
         vector = vectors.total(*(contact.weights @ solution.friction_vectors))
         yield "friction force", _vector(vector, units.force, size)
+    if contact.pairs:
+        between = {side for sides in contact.pairs.values() for side in sides}
+        for number, side in enumerate(name for name in solution.contact_forces if name in between):
+            force = _vector(solution.contact_forces[side], units.force, size)
+            yield "" if number else "contact forces", f"{shown(side)} {force}"
     whole = float(vectors.total(contact.weights.sum())[0])
     yield from contact_rows(solution.measured, solution.contact_length, whole, _counts(solution), units)
     if vectors.named(solution.debonding):
@@ -121,7 +128,7 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
         yield "damage", f"at most {worst:.3g}"
         yield "dissipated", _with(f"{energy:.6g}", units.energy)
     if presses:
-        deepest, pressure = vectors.largest(_most(solution.penetration), _most(solution.pressure)).tolist()
+        deepest, pressure = vectors.largest(_most(seen_local(solution)[:, 0]), _most(solution.pressure)).tolist()
         yield from extreme_rows(deepest, pressure, units)
 
 
@@ -156,6 +163,12 @@ def _force_size(solution: Solution) -> float:
     problem, weights = solution.problem, solution.problem.contact.weights
     own = float(np.abs(problem.load).sum() + weights @ np.abs(solution.multiplier).sum(axis=1))
     return float(problem.vectors.total(own)[0])
+
+
+def seen_local(solution: Solution) -> Array:
+    """Penetration and slip (m, c), zero where they are rounding of the displacements of two bodies that touch."""
+    size = float(np.abs(solution.unknowns).max(initial=0.0)) if solution.contact.pairs else 0.0
+    return np.where(np.abs(solution.local) <= _STILL * size, 0.0, solution.local)
 
 
 def _beyond_rounding(force: float, size: float) -> float:

@@ -279,6 +279,14 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         )
 
     @cached_property
+    def contact_forces(self) -> Mapping[str, Array]:
+        """Force on each boundary by what it touches, by name, in the coordinates of the mesh.
+
+        Of two bodies that touch each other, both sides are there, with opposite forces.
+        """
+        return MappingProxyType(self.contact.forces(self.contact.weights[:, None] * self.tractions))
+
+    @cached_property
     def reactions(self) -> Mapping[str, Array]:
         """Force of each support on the body, by name, in the coordinates of the mesh.
 
