@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hemivar.basics.stated import Form
+from hemivar.basics.stated import Form, keys_of
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
@@ -51,6 +51,7 @@ from hemivar.mechanics import (
     Roller,
 )
 from hemivar.mechanics.material_registry import MATERIAL_LAWS
+from hemivar.mechanics.single_material import IN_TIME, SingleMaterial
 from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import Status, solve
 
@@ -360,7 +361,9 @@ def test_several_contact_boundaries_keep_their_laws() -> None:
 
 
 #: Arguments of laws and materials that files have no key for, or one elsewhere.
-NOT_IN_FILES = {"where", "name", "even", "friction", "stress", "tangent", "in_time"}
+NOT_IN_FILES = {"where", "name", "even", "friction", "stress", "tangent", "in_time"} | {
+    *keys_of(SingleMaterial, by=IN_TIME)
+}
 NAMED = [*NORMAL_LAWS.values(), *COUPLED_LAWS.values(), *FRICTION_LAWS.values(), *MATERIAL_LAWS.values()]
 
 
@@ -370,7 +373,7 @@ def test_every_argument_of_a_named_law_is_stated(entry: LawEntry) -> None:
     assert [p.name for p in entry.parameters] == names
     assert all(p.said.says and p.said.unit for p in entry.parameters)
     if dataclasses.is_dataclass(entry.build):
-        assert entry.name == entry.build.name
+        assert entry.name == getattr(entry.build, "kind" if entry.kind is LawKind.MATERIAL else "name")
     if not any(p.said.form is Form.FILE for p in entry.parameters):
         made = entry.make(**{p.key: p.shown for p in entry.parameters if p.required or p.key == "potential"})
         kinds = {LawKind.FRICTION: Friction, LawKind.MATERIAL: Material}

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.mechanics import conditions
+from hemivar.basics.arguments import one_of
+from hemivar.basics.stated import CheckedFields, kept
+from hemivar.mechanics import Branch, PlaneState, conditions
 from hemivar.mechanics.conditions import DataField
 
 
@@ -33,6 +37,47 @@ def test_a_value_is_checked_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert checked == Counter(names)
     hv.solve(problem).raise_for_status()
     assert checked == Counter(names)
+
+
+def _halved(value: float, name: str, least: float) -> float:
+    if value < least:
+        raise hv.errors.ProblemError(f"{name} is {value}")
+    return value / 2.0
+
+
+@dataclass(frozen=True)
+class _Kept(CheckedFields):
+    word: PlaneState = field(default=PlaneState.STRAIN, metadata=kept(one_of, PlaneState))
+    half: float | None = field(default=None, metadata=kept(_halved, 1.0, shown="the {}"))
+    needed: float = field(default=2.0, metadata=kept(_halved, 1.0))
+    free: object = None
+    made: object = field(init=False, repr=False, compare=False)
+
+
+def test_a_field_is_kept_as_its_metadata_say() -> None:
+    assert _Kept() == _Kept(PlaneState.STRAIN, None, 2.0)
+    assert (_Kept("stress", 3.0).word, _Kept("stress", 3.0).half, _Kept(needed=8.0).needed) == ("stress", 1.5, 4.0)  # type: ignore[arg-type]
+    assert isinstance(_Kept("stress").word, PlaneState)  # type: ignore[arg-type]
+    for wrong, words in [
+        ({"word": "strian"}, "word = 'strian'; choose 'strain', 'stress'"), ({"half": 0.5}, "the half is 0.5"),
+    ]:  # fmt: skip
+        with pytest.raises(hv.errors.ProblemError, match=words):
+            _Kept(**wrong)  # type: ignore[arg-type]
+    with pytest.raises(TypeError):  # None is kept where it is the default only
+        _Kept(needed=None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: hv.Contact(hv.Signorini(), obstacle=hv.Plane((0, 0), (0, 1)), normals=0), "normals = 0; choose"),
+        (lambda: Branch(lame=np.array(3.0), time=1.0), r"lame = array\(3.\); give two constants"),
+        (lambda: Branch(lame=(1.0, 1.0), time=10**400), "relaxation time of a branch is 1000.*it must lie between"),
+    ],
+)
+def test_what_is_no_value_gets_a_sentence(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(hv.errors.ProblemError, match=words):
+        make()
 
 
 @pytest.mark.parametrize(("value", "components"), [(2.0, 1), ((1.0, -2.0), 2), (0.0, 2)])

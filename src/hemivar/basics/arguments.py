@@ -10,6 +10,7 @@ import numbers
 import operator
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from enum import StrEnum
 from types import UnionType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 
@@ -19,9 +20,10 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["check_numbers", "described", "expect", "expecting", "number", "suggest", "whole_number"]
+__all__ = ["check_numbers", "described", "expect", "expecting", "number", "one_of", "suggest", "whole_number"]
 
 Kind = TypeVar("Kind")
+Word = TypeVar("Word", bound=StrEnum)
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
@@ -113,6 +115,16 @@ def suggest(name: str, known: Sequence[str], what: str = "known") -> str:
     close = difflib.get_close_matches(name, known, n=1)
     guess = f"; did you mean '{close[0]}'?" if close else ""
     return f"{guess} ({what}: {', '.join(known) or 'none'})"
+
+
+def one_of(value: object, name: str, kind: type[Word], choices: str = "") -> Word:
+    """The word of a kind that a value is, or a text of it; ``choices`` is how a message lists them."""
+    try:
+        return kind(value)  # type: ignore[arg-type]
+    except ValueError:
+        *most, last = (f"'{one}'" for one in kind)
+        listed = choices or f"{', '.join(most)} or {last}"
+        raise ProblemError(f"{name} = {value!r}; choose {listed}") from None
 
 
 def whole_number(value: object, name: str, least: int) -> int:

@@ -22,9 +22,11 @@ if TYPE_CHECKING:
 __all__ = [
     "OF_ONE",
     "Argument",
+    "CheckedFields",
     "Form",
     "Stated",
     "arguments_of",
+    "kept",
     "keys_of",
     "stated",
     "stated_fields",
@@ -60,6 +62,10 @@ class Form(StrEnum):
     """A list of numbers."""
     TENSOR = "tensor"
     """A quantity, or a row of them for each direction."""
+    PAIR = "pair"
+    """Two quantities, Lame's constants."""
+    MATRIX = "matrix"
+    """Rows of quantities between strain and stress; what is said is its name."""
     OWN = "own"
     """Read and written by a function of its own."""
 
@@ -147,6 +153,24 @@ def keys_of(
 ) -> tuple[str, ...]:
     """The keys of dataclasses in a table of a problem file."""
     return tuple(key for kind in kinds for key in stated_fields(kind, table, by))
+
+
+def kept(check: Callable[..., object], *how: object, shown: str = "{}") -> dict[str, object]:
+    """The metadata of a field that :class:`CheckedFields` keeps as ``check(value, name, *how)`` returns it.
+
+    The name is that of the field as messages show it.
+    """
+    return {"kept": lambda value, name: check(value, shown.format(name), *how)}
+
+
+class CheckedFields:
+    """A frozen dataclass, each field of which is checked once and kept as its metadata say; None as a default is."""
+
+    def __post_init__(self) -> None:
+        for one in fields(self):  # type: ignore[arg-type]
+            keep = one.metadata.get("kept")
+            if keep and not (getattr(self, one.name) is None is one.default):
+                object.__setattr__(self, one.name, keep(getattr(self, one.name), one.name))
 
 
 # ---- what makes something by name ---------------------------------------------------------------------------

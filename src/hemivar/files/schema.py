@@ -144,8 +144,8 @@ def read_arguments(
                 example = f"{key} = {{ {given} }}" if key else given
                 raise table.error(one.key, f"is missing ({one.said.says}); write {example}")
         elif one.said.form is Form.QUANTITY:  # a law itself says that zero is not allowed
-            value = table.data[one.key]
-            found[one.name] = table.quantity(one.key, value, dim, one.said.lowest, timed=one.said.timed)
+            least = one.said.lowest if one.said.below is None else -np.inf
+            found[one.name] = table.quantity(one.key, table.data[one.key], dim, least, timed=one.said.timed)
         else:
             read = own.get(one.said.form)
             found[one.name] = read(table, one) if read else read_value(table, one.key, one.said, dim)
@@ -228,11 +228,25 @@ def read_value(table: TomlTable, key: str, said: Stated, dim: int = 0) -> object
         case Form.VECTOR:
             return table.vector(key, value, dim, timed=said.timed)
         case Form.TENSOR if isinstance(value, list):
-            what = f"a number, a formula, or {dim} lists of {dim} of these"
-            rows = [table.items(key, row, (dim,), what) for row in table.items(key, value, (dim,), what)]
-            return array([table.quantity(key, entry, dim) for row in rows for entry in row], (dim, dim))
-    least = -np.inf if said.least is None else said.least
-    return table.quantity(key, value, dim, least, said.above, said.timed)
+            return _square(table, key, dim, dim, f"a number, a formula, or {dim} lists of {dim} of these")
+        case Form.MATRIX:
+            size = dim * (dim + 1) // 2
+            what = f"{size} lists of {size} numbers or formulas, the rows of the {said.says} matrix"
+            return _square(table, key, dim, size, what)
+        case Form.PAIR:
+            pair = table.items(key, value, (2,), "a list of two numbers or formulas, lambda and mu")
+            return tuple(table.quantity(key, one, dim) for one in pair)
+    least, above = -np.inf if said.least is None else said.least, said.above if said.below is None else None
+    found = table.quantity(key, value, dim, least, above, said.timed)
+    if said.below is not None and not callable(found) and not said.lowest < found < said.below:
+        ends = f"{said.lowest:g} and {said.below:g}"
+        raise table.error(key, f"is {found:g}; it must lie between {ends}, both excluded")
+    return found
+
+
+def _square(table: TomlTable, key: str, dim: int, size: int, what: str) -> object:
+    rows = [table.items(key, row, (size,), what) for row in table.items(key, table.data[key], (size,), what)]
+    return array([table.quantity(key, entry, dim) for row in rows for entry in row], (size, size))
 
 
 def _within(table: TomlTable, key: str, number: float, said: Stated) -> float:
@@ -259,6 +273,12 @@ def _file(table: TomlTable, key: str, endings: tuple[str, ...]) -> str:
     return name
 
 
+def _rows(matrix: object, where: str) -> list[object]:
+    entries = entries_record(matrix, where)
+    size = round(len(entries) ** 0.5)
+    return [entries[k * size : (k + 1) * size] for k in range(size)]
+
+
 def written(value: object, form: Form, where: str) -> object:
     """A value, or one for each of several names, as a file states it."""
     if isinstance(value, Mapping):
@@ -269,9 +289,11 @@ def written(value: object, form: Form, where: str) -> object:
                 raise not_expressible(where, f"a {type(value).__name__}", "a number, a formula or a tensor")
             if isinstance(value, Formula) or (not callable(value) and np.ndim(value) == 0):  # type: ignore[arg-type]
                 return quantity_record(value, where)
-            entries = entries_record(value, where)
-            size = round(len(entries) ** 0.5)
-            return [entries[k * size : (k + 1) * size] for k in range(size)]
+            return _rows(value, where)
+        case Form.MATRIX:
+            return _rows(value, where)
+        case Form.PAIR:
+            return [quantity_record(one, where) for one in value]  # type: ignore[attr-defined]
         case Form.QUANTITY:
             return quantity_record(value, where)
         case Form.VECTOR | Form.POINT:

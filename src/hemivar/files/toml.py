@@ -20,15 +20,30 @@ from hemivar.errors import ProblemError
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.formula import TIME, VARIABLES, Formula, FormulaArray
 from hemivar.mechanics.conditions import Pressure
+from hemivar.mechanics.linear_material import Anisotropic, Young
 from hemivar.mechanics.material_registry import MATERIAL_LAWS
+from hemivar.mechanics.single_material import IN_TIME, SingleMaterial
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh import MeshRecipe
 
-__all__ = ["KEYS", "KEYS_OF_ONE", "Quantity", "TomlTable", "array", "context", "kind", "listed", "printable", "text_of"]
+__all__ = [
+    "KEYS",
+    "KEYS_OF_ONE",
+    "LINEAR_KEYS",
+    "Quantity",
+    "TomlTable",
+    "array",
+    "context",
+    "kind",
+    "listed",
+    "printable",
+    "text_of",
+]
 
-_LINEAR = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "density", "viscosity", "branches")
+#: Keys of linear materials.
+LINEAR_KEYS = ("lame", *keys_of(Young)[:2], *keys_of(Anisotropic), "plane", *keys_of(SingleMaterial, by=IN_TIME))
 _BY_LAW = ("law", *(p.key for entry in MATERIAL_LAWS.values() for p in entry.parameters))
-_MATERIAL = tuple(dict.fromkeys((*_LINEAR, *_BY_LAW)))
+_MATERIAL = tuple(dict.fromkeys((*LINEAR_KEYS, *_BY_LAW)))
 
 
 class _Keys(Mapping[str, tuple[str, ...]]):

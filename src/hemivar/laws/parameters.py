@@ -49,7 +49,7 @@ def numbers(says: str, unit: str, example: object = None) -> Mapping[str, Stated
     return stated(Form.LIST, says, unit=unit, example=example)
 
 
-def word(says: str, *choices: str) -> Mapping[str, Stated]:
+def word(says: str, *choices: str) -> dict[str, Stated]:
     """The metadata of a parameter that is one of some words."""
     unit = f"{', '.join(choices[:-1])} or {choices[-1]}"
     return stated(Form.TEXT, says, unit=unit, choices=tuple(str(choice) for choice in choices))

@@ -11,8 +11,8 @@ import numpy as np
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.stated import Form, stated
-from hemivar.basics.types import Array
+from hemivar.basics.stated import CheckedFields, Form, kept, stated
+from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.instants import at_time, depends_on_time
 
@@ -34,100 +34,8 @@ VectorData = Sequence[float] | Array | Callable[[Array], object] | Callable[[Arr
 ScalarData = float | Callable[[Array], object] | Callable[[Array, float], object]
 
 
-@dataclass(frozen=True)
-class Clamped:
-    """No displacement: ``u = 0``."""
-
-
-@dataclass(frozen=True)
-class Roller:
-    """No displacement along the normal, ``u_nu = 0``: the body slides freely along the boundary.
-
-    Where facets of one boundary meet at less than 45 degrees their normals are averaged at the common node;
-    where they meet at a sharper corner both are fixed.
-    """
-
-
-@dataclass(frozen=True)
-class Fixed(PickleMixin):
-    """Prescribed single Cartesian components of the displacement; ``None`` leaves a component free.
-
-    Attributes
-    ----------
-    x, y, z : float, callable or None
-        Value of the component, or a function of points, shape (k, d), that returns shape (k,); it may depend on time,
-        ``f(x, t)``.
-    """
-
-    x: ScalarData | None = field(default=None, metadata=stated(Form.QUANTITY, timed=True))
-    y: ScalarData | None = field(default=None, metadata=stated(Form.QUANTITY, timed=True))
-    z: ScalarData | None = field(default=None, metadata=stated(Form.QUANTITY, timed=True))
-
-    def __post_init__(self) -> None:
-        if self.x is None and self.y is None and self.z is None:
-            raise ProblemError("Fixed() fixes nothing; give x, y or z, or leave the support out")
-        for name in ("x", "y", "z"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, plain_data(value, f"Fixed({name}=...)", 1, LARGEST))
-
-
-@dataclass(frozen=True)
-class Prescribed(PickleMixin):
-    """Prescribed displacement ``u = value``.
-
-    Attributes
-    ----------
-    value : vector, shape (d,), or callable
-        A callable gets points, shape (k, d), and returns displacements, shape (k, d); it may depend on time,
-        ``f(x, t)``.
-    """
-
-    value: VectorData = field(metadata=stated(Form.VECTOR, key="displacement", timed=True))
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "value", plain_data(self.value, "Prescribed(...)", most=LARGEST))
-
-    def refuse_shape(self, name: str, components: int) -> None:
-        """Refuse a vector of other components."""
-        if not callable(self.value):
-            shape = np.shape(self.value)
-            if shape != (components,):
-                raise ProblemError(f"{name} has shape {shape}; on this mesh it needs {components} components")
-
-
-@dataclass(frozen=True)
-class Pressure(PickleMixin):
-    """Traction ``-value nu``: a positive pressure pushes into the body.
-
-    Attributes
-    ----------
-    value : float or callable
-        A callable gets points, shape (k, d), and returns shape (k,); it may depend on time, ``f(x, t)``.
-    """
-
-    value: ScalarData = field(
-        metadata=stated(
-            Form.QUANTITY,
-            "force per area against the outward normal, by name: `pressure = { right = 2.0 }` *(f, t)*",
-            key="pressure", timed=True, by="boundary", table="loads",
-        )
-    )  # fmt: skip
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "value", plain_data(self.value, "Pressure(...)", 1))
-
-
-#: A support, a pressure or a traction.
-Condition = TypeVar("Condition")
-
 #: Lengths and material constants are smaller, so that their products are numbers.
 LARGEST = 1e100
-
-Support = Clamped | Roller | Fixed | Prescribed
-#: Supports by the words for them, in ``ContactProblem(supports={"left": "clamped"})`` as in files.
-SUPPORTS: Mapping[str, Support] = MappingProxyType({"clamped": Clamped(), "roller": Roller()})
-Traction = VectorData | Pressure
 
 
 def check_finite(value: object, name: str, most: float = np.inf) -> Array:
@@ -170,6 +78,107 @@ def _refuse_shape(array: Array, name: str, components: int) -> None:
     """Refuse what is neither a vector of so many components nor zero."""
     if array.shape != (components,) and (array.ndim or array != 0.0):
         raise ProblemError(f"{name} has shape {array.shape}; on this mesh it needs {components} components")
+
+
+@dataclass(frozen=True)
+class Clamped:
+    """No displacement: ``u = 0``."""
+
+
+@dataclass(frozen=True)
+class Roller:
+    """No displacement along the normal, ``u_nu = 0``: the body slides freely along the boundary.
+
+    Where facets of one boundary meet at less than 45 degrees their normals are averaged at the common node;
+    where they meet at a sharper corner both are fixed.
+    """
+
+
+_COMPONENT = stated(Form.QUANTITY, timed=True) | kept(plain_data, 1, LARGEST, shown="Fixed({}=...)")
+
+
+@dataclass(frozen=True)
+class Fixed(CheckedFields, PickleMixin):
+    """Prescribed single Cartesian components of the displacement; ``None`` leaves a component free.
+
+    Attributes
+    ----------
+    x, y, z : float, callable or None
+        Value of the component, or a function of points, shape (k, d), that returns shape (k,); it may depend on time,
+        ``f(x, t)``.
+    """
+
+    x: ScalarData | None = field(default=None, metadata=_COMPONENT)
+    y: ScalarData | None = field(default=None, metadata=_COMPONENT)
+    z: ScalarData | None = field(default=None, metadata=_COMPONENT)
+
+    def __post_init__(self) -> None:
+        if self.x is None and self.y is None and self.z is None:
+            raise ProblemError("Fixed() fixes nothing; give x, y or z, or leave the support out")
+        super().__post_init__()
+
+
+@dataclass(frozen=True)
+class Prescribed(CheckedFields, PickleMixin):
+    """Prescribed displacement ``u = value``.
+
+    Attributes
+    ----------
+    value : vector, shape (d,), or callable
+        A callable gets points, shape (k, d), and returns displacements, shape (k, d); it may depend on time,
+        ``f(x, t)``.
+    """
+
+    value: VectorData = field(
+        metadata=stated(Form.VECTOR, key="displacement", timed=True)
+        | kept(plain_data, None, LARGEST, shown="Prescribed(...)")
+    )
+
+    def refuse_shape(self, name: str, components: int) -> None:
+        """Refuse a vector of other components."""
+        if not callable(self.value):
+            shape = np.shape(self.value)
+            if shape != (components,):
+                raise ProblemError(f"{name} has shape {shape}; on this mesh it needs {components} components")
+
+
+@dataclass(frozen=True)
+class Pressure(CheckedFields, PickleMixin):
+    """Traction ``-value nu``: a positive pressure pushes into the body.
+
+    Attributes
+    ----------
+    value : float or callable
+        A callable gets points, shape (k, d), and returns shape (k,); it may depend on time, ``f(x, t)``.
+    """
+
+    value: ScalarData = field(
+        metadata=stated(
+            Form.QUANTITY,
+            "force per area against the outward normal, by name: `pressure = { right = 2.0 }` *(f, t)*",
+            key="pressure", timed=True, by="boundary", table="loads",
+        ) | kept(plain_data, 1, shown="Pressure(...)")
+    )  # fmt: skip
+
+
+#: A support, a pressure or a traction.
+Condition = TypeVar("Condition")
+
+Support = Clamped | Roller | Fixed | Prescribed
+#: Supports by the words for them, in ``ContactProblem(supports={"left": "clamped"})`` as in files.
+SUPPORTS: Mapping[str, Support] = MappingProxyType({"clamped": Clamped(), "roller": Roller()})
+Traction = VectorData | Pressure
+
+
+def place_of(bad: BoolArray, points: Array, where: str | None) -> str:
+    """``at x = ...`` of the first bad one of points, or what is said in its place."""
+    return f" at x = {points[int(np.argmax(bad))].tolist()}" if where is None else where
+
+
+def require(ok: BoolArray, points: Array, value: Array, name: str, what: str, where: str | None = None) -> None:
+    """Refuse values (k,) at points of which something does not hold; ``where`` stands for the place if it is given."""
+    if not ok.all():
+        raise ProblemError(f"{name} = {value[np.argmin(ok)]:g}{place_of(~ok, points, where)}; it {what}")
 
 
 @dataclass(frozen=True, eq=False)

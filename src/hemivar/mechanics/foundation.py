@@ -8,11 +8,11 @@ from enum import StrEnum
 
 import numpy as np
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, one_of
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.stated import Form, stated, stated_of_one
+from hemivar.basics.stated import CheckedFields, Form, kept, stated, stated_of_one
 from hemivar.errors import ProblemError
 from hemivar.laws import (
     ContactLaw,
@@ -48,7 +48,7 @@ class Side(StrEnum):
 
 @known_fields
 @dataclass(frozen=True, eq=False)
-class Contact(PickleMixin):
+class Contact(CheckedFields, PickleMixin):
     """What the foundation does along one contact boundary, or over one region of a body.
 
     Of one component, as of a membrane, a law acts on the penetration ``u - gap``, or ``gap - u`` where the foundation
@@ -109,7 +109,8 @@ class Contact(PickleMixin):
             "start",
             timed=True,
         )
-        | stated_of_one(Form.QUANTITY, "where the foundation stands *(f, t)*", key="level", timed=True),
+        | stated_of_one(Form.QUANTITY, "where the foundation stands *(f, t)*", key="level", timed=True)
+        | kept(plain_data, 1, LARGEST),
     )
     obstacle: Obstacle | None = None
     normals: Normals | None = None
@@ -123,7 +124,8 @@ class Contact(PickleMixin):
             'from it. A belt that runs at 2 along x: `["2*t", 0]`',
             timed=True,
             left_out="at rest",
-        ),
+        )
+        | kept(plain_data, None, LARGEST),
     )
     against: str = field(
         default="",
@@ -143,23 +145,18 @@ class Contact(PickleMixin):
         ),
     )
     side: Side = field(
-        default=Side.ABOVE, metadata=stated_of_one(Form.TEXT, '`"above"` or `"below"`', choices=tuple(Side))
+        default=Side.ABOVE,
+        metadata=stated_of_one(Form.TEXT, '`"above"` or `"below"`', choices=tuple(Side)) | kept(one_of, Side),
     )
 
     def __post_init__(self) -> None:
         _ = self.law
         self._check_evolving()
-        object.__setattr__(self, "gap", plain_data(self.gap, "gap", 1, LARGEST))
-        belt = plain_data(self.belt, "belt", most=LARGEST)
-        if isinstance(belt, float) and belt != 0.0:
-            raise ProblemError(f"belt = {belt:g} has no direction; give a vector, such as belt=({belt:g}, 0.0)")
-        object.__setattr__(self, "belt", belt)
+        super().__post_init__()
+        if isinstance(self.belt, float) and (v := self.belt):
+            raise ProblemError(f"belt = {v:g} has no direction; give a vector, such as belt=({v:g}, 0.0)")
         self._check_obstacle()
         self._check_pair()
-        try:
-            object.__setattr__(self, "side", Side(self.side))
-        except ValueError:
-            raise ProblemError(f"side = {self.side!r}; choose 'above' or 'below'") from None
 
     def refuse_directions(self) -> None:
         """Refuse what is there in several components only.
@@ -251,10 +248,8 @@ class Contact(PickleMixin):
                 "the signed distance of an obstacle depends on time, which it cannot; for a foundation that moves "
                 "state a gap that depends on t"
             )
-        try:
-            object.__setattr__(self, "normals", Normals(self.normals or Normals.OBSTACLE))
-        except ValueError:
-            raise ProblemError(f"normals = {self.normals!r}; choose Normals.OBSTACLE or Normals.BODY") from None
+        given = Normals.OBSTACLE if self.normals is None else self.normals
+        object.__setattr__(self, "normals", one_of(given, "normals", Normals, "Normals.OBSTACLE or Normals.BODY"))
 
     def _check_pair(self) -> None:
         for name in ("against", "slave"):

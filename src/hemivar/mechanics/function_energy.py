@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
+from hemivar.basics.stated import Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.reader import shown
@@ -18,18 +19,23 @@ from hemivar.mechanics.energy_bounds import FoundRange, once, sampled_range, str
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.stored_energy import StoredEnergy
 
-__all__ = ["ROUNDING", "FunctionEnergy", "RelativeEnergy", "checked_reach", "refuse_at_zero"]
+__all__ = ["REACH", "ROUNDING", "FunctionEnergy", "RelativeEnergy", "refuse_at_zero"]
 
 #: Part of the largest curvature below which one counts as zero.
 ROUNDING = 1e-10
 
 
-def checked_reach(reach: object) -> float:
-    """The size of the strains that are examined, a positive number."""
-    number = real_array(reach, "reach", finite=False)
+def _checked_reach(reach: object, name: str) -> float:
+    number = real_array(reach, name, finite=False)
     if number.shape != () or not 1e-100 <= float(number) <= 1e100:
-        raise ProblemError(f"reach = {reach!r}; give the size of the strain, a positive number")
+        raise ProblemError(f"{name} = {reach!r}; give the size of the strain, a positive number")
     return float(number)
+
+
+#: The metadata of the size of the strains that are examined.
+REACH = stated(Form.QUANTITY, "size |eps| of the strain up to which it is examined", unit="1", example=0.2) | kept(
+    _checked_reach
+)
 
 
 class RelativeEnergy(StoredEnergy):
@@ -103,10 +109,9 @@ class FunctionEnergy(RelativeEnergy):
     value: Callable[[Array], object]
     first: Callable[[Array], object]
     second: Callable[[Array], object]
-    reach: float = np.inf
+    reach: float = field(default=np.inf, metadata=REACH)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "reach", checked_reach(self.reach))
         super().__post_init__()
         _ = self.factors(self._natural_dim)
 

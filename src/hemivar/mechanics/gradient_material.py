@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hemivar.basics.arguments import one_of
 from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import Form, Stated
 from hemivar.basics.types import Array, BoolArray
@@ -17,7 +18,7 @@ from hemivar.mechanics.gradient_energy import FluxDensity, GradientEnergy
 from hemivar.mechanics.instants import refuse_time
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_description import MaterialDescription
-from hemivar.mechanics.material_words import ScalarKind, scalar_kind
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import Regional, at_place, checked_per_volume, constant_of, refuse_unknown
 
 __all__ = ["Coefficient", "GradientMaterial"]
@@ -54,7 +55,7 @@ class GradientMaterial(Material):
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        put(self, "scalar", scalar_kind(self.scalar))
+        put(self, "scalar", one_of(self.scalar, "kind", ScalarKind))
         given, what = self.coefficient, self.scalar.constant
         if not isinstance(given, Mapping):
             put(self, "coefficient", _plain(given, what))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array, BoolArray
-from hemivar.laws.parameters import word
 from hemivar.mechanics.material_words import BoundsBy, PlaneState, ScalarKind, StrainMeasure
 from hemivar.mechanics.moduli import InTime, Number
 
@@ -25,11 +23,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Material", "no_matrices"]
 
-_STRESS = "force/area"
-#: What a problem file says of constants of materials.
-_constant = partial(stated, Form.QUANTITY)
-_BULK = _constant("bulk modulus", unit=_STRESS, example=6.5)
-_PLANE = word("what a plane mesh assumes across the plane", PlaneState.STRAIN, PlaneState.STRESS)
+
+def _made(what: str, *constants: object, **named: object) -> Material:
+    """What a class or a function of a module of this room makes."""
+    module, _, name = what.partition(".")
+    with IMPORTS:
+        maker: Callable[..., Material] = getattr(importlib.import_module(f"hemivar.mechanics.{module}"), name)
+    return maker(*constants, **named)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +74,7 @@ class Material(PickleMixin):
         **in_time
             Density, viscosity and branches, see :class:`Material`.
         """
-        with IMPORTS:
-            from hemivar.mechanics.linear_material import Isotropic
-
-        return Isotropic(lam, mu, plane, technical=False, **in_time)  # type: ignore[arg-type]
+        return _made("linear_material.Lame", lam, mu, plane, **in_time)
 
     @staticmethod
     def young(
@@ -99,10 +96,7 @@ class Material(PickleMixin):
             Density, viscosity and branches, see :class:`Material`; the viscosity is given by two constants of Lame's
             kind here too.
         """
-        with IMPORTS:
-            from hemivar.mechanics.linear_material import Isotropic
-
-        return Isotropic(E, nu, plane, technical=True, **in_time)  # type: ignore[arg-type]
+        return _made("linear_material.Young", E, nu, plane, **in_time)
 
     @staticmethod
     def tensor(
@@ -123,10 +117,7 @@ class Material(PickleMixin):
         **in_time
             Density, viscosity and branches, see :class:`Material`.
         """
-        with IMPORTS:
-            from hemivar.mechanics.linear_material import Anisotropic
-
-        return Anisotropic(C, out_of_plane, **in_time)  # type: ignore[arg-type]
+        return _made("linear_material.Anisotropic", C, out_of_plane, **in_time)
 
     @staticmethod
     def gradient(
@@ -159,10 +150,7 @@ class Material(PickleMixin):
         ProblemError
             A number is not what it must be, or heat has a density or a viscosity, something else a capacity.
         """
-        with IMPORTS:
-            from hemivar.mechanics.gradient_material import GradientMaterial
-
-        return GradientMaterial(coefficient, kind, density, viscosity, capacity)  # type: ignore[arg-type]
+        return _made("gradient_material.GradientMaterial", coefficient, kind, density, viscosity, capacity)
 
     @staticmethod
     def by_region(materials: Mapping[str, Material]) -> Material:
@@ -170,19 +158,9 @@ class Material(PickleMixin):
 
         Each brings its own density, viscosity and branches: a density all of them or none, the others as it comes.
         """
-        with IMPORTS:
-            from hemivar.mechanics.composed_material import ByRegion
-
-        return ByRegion(materials)
+        return _made("composed_material.ByRegion", materials)
 
     @staticmethod
-    @stating(
-        bulk=_BULK,
-        shear=_constant("shear modulus at small strain", unit=_STRESS, example=4.0),
-        softened=_constant("part of the shear modulus left at large strain, at most 1", unit="1", example=0.25),
-        strain=_constant("size of the deviator |dev eps| at which it softens", unit="1", example=0.05),
-        plane=_PLANE,
-    )
     def hencky(
         bulk: Number,
         shear: Number,
@@ -209,23 +187,9 @@ class Material(PickleMixin):
         **in_time
             Density, viscosity and branches, see :class:`Material`.
         """
-        with IMPORTS:
-            from hemivar.mechanics.named_energies import Hencky
-
-        return Hencky(bulk, shear, softened, strain, plane, **in_time)  # type: ignore[arg-type]
+        return _made("named_energies.Hencky", bulk, shear, softened, strain, plane, **in_time)
 
     @staticmethod
-    @stating(
-        E=_constant("Young's modulus at small strain", key="young", unit=_STRESS, example=200e3),
-        nu=_constant("Poisson's ratio at small strain", key="poisson", unit="1", example=0.3),
-        yield_stress=_constant("yield stress", unit=_STRESS, example=400.0),
-        exponent=_constant("of the stress; 5 to 20 for metals", unit="1", least=1.0, example=5.0),
-        offset=_constant("plastic over elastic strain at the yield stress", unit="1"),
-        linear_from=_constant(
-            "|dev eps| from which on the stress grows linearly; left out: no bound holds", unit="1", example=0.02
-        ),
-        plane=_PLANE,
-    )
     def ramberg_osgood(
         E: Number,
         nu: Number,
@@ -260,20 +224,11 @@ class Material(PickleMixin):
         **in_time
             Density, viscosity and branches, see :class:`Material`.
         """
-        with IMPORTS:
-            from hemivar.mechanics.named_energies import RambergOsgood
-
-        return RambergOsgood(E, nu, yield_stress, exponent, offset, linear_from, plane, **in_time)  # type: ignore[arg-type]
+        return _made(
+            "named_energies.RambergOsgood", E, nu, yield_stress, exponent, offset, linear_from, plane, **in_time
+        )
 
     @staticmethod
-    @stating(
-        bulk=_BULK,
-        shear=_constant("shear modulus", unit=_STRESS, example=4.0),
-        stiffening=_constant("stiffness added beyond the set", unit=_STRESS, example=20.0),
-        strain=_constant("size of the set", unit="1", example=0.03),
-        measure=word("what is limited: the size of the deviator or of the whole strain", *StrainMeasure),
-        plane=_PLANE,
-    )
     def locking(
         bulk: Number,
         shear: Number,
@@ -304,22 +259,9 @@ class Material(PickleMixin):
         **in_time
             Density, viscosity and branches, see :class:`Material`.
         """
-        with IMPORTS:
-            from hemivar.mechanics.named_energies import Locking
-
-        return Locking(bulk, shear, stiffening, strain, measure, plane, **in_time)  # type: ignore[arg-type]
+        return _made("named_energies.Locking", bulk, shear, stiffening, strain, measure, plane, **in_time)
 
     @staticmethod
-    @stating(
-        energy=stated(
-            Form.TEXT,
-            "formula of the stored energy",
-            unit=_STRESS,
-            example="3.3*tr^2 + dev2 + 0.015*(sqrt(1 + 400*dev2) - 1)",
-        ),
-        reach=_constant("size |eps| of the strain up to which it is examined", unit="1", example=0.2),
-        plane=_PLANE,
-    )
     def potential(
         energy: str | Callable[[Array], object],
         stress: Callable[[Array], object] | None = None,
@@ -353,10 +295,7 @@ class Material(PickleMixin):
         ProblemError
             The energy is not convex, or zero strain has an energy or a stress; the message names the strain.
         """
-        with IMPORTS:
-            from hemivar.mechanics.own_energies import own_energy
-
-        return own_energy(energy, stress, tangent, reach, plane, **in_time)  # type: ignore[arg-type]
+        return _made("own_energies.own_energy", energy, stress, tangent, reach=reach, plane=plane, **in_time)
 
     @property
     def scalar(self) -> ScalarKind | None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from hemivar.errors import ProblemError
+from hemivar.basics.arguments import one_of
+from hemivar.basics.stated import kept
+from hemivar.laws.parameters import word
 
-__all__ = ["BoundsBy", "PlaneState", "ScalarKind", "StrainMeasure", "plane_state", "scalar_kind", "strain_measure"]
+__all__ = ["MEASURE", "PLANE", "PLANE_OF_ENERGY", "BoundsBy", "PlaneState", "ScalarKind", "StrainMeasure"]
 
 
 class PlaneState(StrEnum):
@@ -19,14 +21,6 @@ class PlaneState(StrEnum):
     STRAIN = "strain"
     STRESS = "stress"
     AXISYMMETRIC = "axisymmetric"
-
-
-def plane_state(value: object) -> PlaneState:
-    """What a plane model assumes, by its word."""
-    try:
-        return PlaneState(value)  # type: ignore[arg-type]
-    except ValueError as error:
-        raise ProblemError(f"plane = {value!r}; choose 'strain', 'stress' or 'axisymmetric'") from error
 
 
 class ScalarKind(StrEnum):
@@ -52,14 +46,6 @@ class ScalarKind(StrEnum):
         return {"membrane": "force", "antiplane": "shear stress", "heat": "heat flow"}[self.value]
 
 
-def scalar_kind(value: object) -> ScalarKind:
-    """What one component is, by its word."""
-    try:
-        return ScalarKind(value)  # type: ignore[arg-type]
-    except ValueError:
-        raise ProblemError(f"kind = {value!r}; choose 'membrane', 'antiplane' or 'heat'") from None
-
-
 class StrainMeasure(StrEnum):
     """What a locking material limits."""
 
@@ -80,9 +66,10 @@ class BoundsBy(StrEnum):
         return self is not BoundsBy.SAMPLED
 
 
-def strain_measure(value: object) -> StrainMeasure:
-    """What a locking material limits, by its word."""
-    try:
-        return StrainMeasure(value)  # type: ignore[arg-type]
-    except ValueError as error:
-        raise ProblemError(f"measure = {value!r}; choose 'deviator' or 'strain'") from error
+#: The metadata of the fields that are these words.
+_ACROSS = "what a plane mesh assumes across the plane"
+PLANE = word(_ACROSS, *PlaneState) | kept(one_of, PlaneState)
+PLANE_OF_ENERGY = word(_ACROSS, PlaneState.STRAIN, PlaneState.STRESS)
+MEASURE = word("what is limited: the size of the deviator or of the whole strain", *StrainMeasure) | kept(
+    one_of, StrainMeasure
+)

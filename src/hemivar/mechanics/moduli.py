@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import TypedDict, cast
 
 import numpy as np
 
+from hemivar.basics.arguments import described
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.stated import Form, stated
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, DataField, plain_data
+from hemivar.mechanics.conditions import LARGEST, DataField, place_of, plain_data, require
 from hemivar.mechanics.instants import refuse_time
 
-__all__ = ["Branch", "InTime", "Moduli", "Number", "Viscosity", "isotropic_matrices", "moduli"]
+__all__ = [
+    "Branch",
+    "InTime",
+    "Moduli",
+    "Number",
+    "Viscosity",
+    "isotropic_matrices",
+    "lame_of",
+    "matrices_at",
+    "moduli",
+    "plain_matrix",
+]
 
 Number = float | Callable[[Array], object]
 
@@ -24,6 +38,30 @@ Viscosity = Sequence[Number] | Sequence[Sequence[float]] | Array | Callable[[Arr
 
 #: Part of its largest entry by which rounding may take a matrix below zero.
 _ROUNDING = 1e-12
+
+
+def lame_of(young: Array, poisson: Array) -> tuple[Array, Array]:
+    """Lame's constants by Young's modulus and Poisson's ratio."""
+    mu = young / (2 * (1 + poisson))
+    return 2 * mu * poisson / (1 - 2 * poisson), mu
+
+
+def plain_matrix(value: object, name: str) -> Array:
+    """A matrix between strain and stress that does not change with the array it came from."""
+    matrix = np.array(real_array(value, name, finite=False))
+    if matrix.shape not in ((3, 3), (6, 6)):
+        raise ProblemError(f"{name} has shape {matrix.shape}; it must be (3, 3) in 2D or (6, 6) in 3D")
+    matrix.setflags(write=False)
+    return matrix
+
+
+def matrices_at(value: object, name: str, points: Array) -> Array:
+    """A matrix, or what a function returns at points (k, d), shape (1, v, v) or (k, v, v)."""
+    size = points.shape[1] * (points.shape[1] + 1) // 2
+    matrix = real_array(value(points) if callable(value) else value, name, finite=False)
+    if matrix.shape not in ((size, size), (len(points), size, size)):
+        raise ProblemError(f"{name} has shape {matrix.shape}; a {points.shape[1]}D mesh needs ({size}, {size})")
+    return matrix[None] if matrix.ndim == 2 else matrix
 
 
 def isotropic_matrices(lam: Array, mu: Array, dim: int) -> Array:
@@ -60,13 +98,7 @@ class Moduli(PickleMixin):
         for value in (self.matrix, *(self.constants or ())):
             refuse_time(value, f"{self.name} of a material")
         if self.constants is None and not callable(self.matrix):
-            matrix = np.array(real_array(self.matrix, f"the {self.name} matrix", finite=False))
-            if matrix.shape not in ((3, 3), (6, 6)):
-                raise ProblemError(
-                    f"the {self.name} matrix has shape {matrix.shape}; it must be (3, 3) in 2D or (6, 6) in 3D"
-                )
-            matrix.setflags(write=False)
-            object.__setattr__(self, "matrix", matrix)
+            object.__setattr__(self, "matrix", plain_matrix(self.matrix, f"the {self.name} matrix"))
         if self.homogeneous:
             if self.constants is None:
                 assert isinstance(self.matrix, np.ndarray)
@@ -89,7 +121,9 @@ class Moduli(PickleMixin):
         size = dim * (dim + 1) // 2
         constant = self.homogeneous
         if self.constants is None:
-            matrix = self._given(points, size)
+            matrix = matrices_at(self.matrix, f"the {self.name} matrix", points)
+            if not constant:
+                self._refuse_indefinite(matrix, points, "" if len(matrix) == 1 else None)
         else:
             at = points[:1] if constant else points
             lam, mu = self._lame(at, 3 if plane_stress else dim, "" if constant else None)
@@ -99,19 +133,6 @@ class Moduli(PickleMixin):
             matrix = isotropic_matrices(lam, mu, dim)
         return np.broadcast_to(matrix[0], (len(points), size, size)) if len(matrix) < len(points) else matrix
 
-    def _given(self, points: Array, size: int) -> Array:
-        value = self.matrix(points) if callable(self.matrix) else self.matrix
-        matrix = real_array(value, f"the {self.name} matrix", finite=False)
-        if matrix.shape not in ((size, size), (len(points), size, size)):
-            raise ProblemError(
-                f"the {self.name} matrix has shape {matrix.shape}; a {points.shape[1]}D mesh needs ({size}, {size})"
-            )
-        one = matrix.ndim == 2
-        matrix = matrix[None] if one else matrix
-        if callable(self.matrix):
-            self._refuse_indefinite(matrix, points, "" if one else None)
-        return matrix
-
     def _lame(self, points: Array, dim: int, where: str | None) -> tuple[Array, Array]:
         """Lame's constants at points, positive semidefinite in so many dimensions up to rounding."""
         assert self.constants is not None
@@ -120,46 +141,38 @@ class Moduli(PickleMixin):
             DataField(value, f"{self.name}, {name}").at(points)
             for value, name in zip(self.constants, names, strict=True)
         )
-        self._require((np.abs(first) < LARGEST) & (np.abs(second) < LARGEST), points, first, names[0],
-                      f"must be smaller than {LARGEST:.0e}: take another unit of force", where)  # fmt: skip
+        one, two = (f"{self.name}: {name}" for name in names)
+        in_range = (np.abs(first) < LARGEST) & (np.abs(second) < LARGEST)
+        require(in_range, points, first, one, f"must be smaller than {LARGEST:.0e}: take another unit of force", where)
         if self.technical:
-            self._require(first >= 0.0, points, first, "young", "must not be negative", where)
+            require(first >= 0.0, points, first, one, "must not be negative", where)
             inside = (second > -1.0) & (second < 0.5)
-            self._require(inside, points, second, "poisson", "must lie between -1 and 0.5", where)
-            mu = first / (2 * (1 + second))
-            return 2 * mu * second / (1 - 2 * second), mu
-        self._require(second >= 0.0, points, second, "mu", "must not be negative", where)
+            require(inside, points, second, two, "must lie between -1 and 0.5", where)
+            return lame_of(first, second)
+        require(second >= 0.0, points, second, two, "must not be negative", where)
         bulk = dim * first + 2 * second
         least = "-mu" if dim == 2 else "-2 mu / 3"
         allowed = bulk >= -_ROUNDING * (np.abs(first) + second)
-        self._require(allowed, points, first, "lam", f"must be at least {least}", where)
+        require(allowed, points, first, one, f"must be at least {least}", where)
         return first, second
 
-    def _require(self, ok: BoolArray, points: Array, value: Array, name: str, what: str, where: str | None) -> None:
-        if not np.all(ok):
-            bad = int(np.flatnonzero(~ok)[0])
-            place = f" at x = {points[bad].tolist()}" if where is None else where
-            raise ProblemError(f"{self.name}: {name} = {value[bad]:g}{place}; it {what}")
-
     def _refuse_indefinite(self, matrices: Array, points: Array, where: str | None) -> None:
-        def place(mask: BoolArray) -> str:
-            return f" at x = {points[int(np.flatnonzero(mask)[0])].tolist()}" if where is None else where
-
+        at = partial(place_of, points=points, where=where)
         scale = np.abs(matrices).max(axis=(1, 2))
         bad = ~(scale < LARGEST)
         if bad.any():
             raise ProblemError(
-                f"the {self.name} matrix has entries{place(bad)} that are not finite, or beyond {LARGEST:.0e}; give "
+                f"the {self.name} matrix has entries{at(bad)} that are not finite, or beyond {LARGEST:.0e}; give "
                 "finite numbers, or take another unit of force"
             )
         bad = np.abs(matrices - matrices.transpose(0, 2, 1)).max(axis=(1, 2)) > _ROUNDING * scale
         if bad.any():
-            raise ProblemError(f"the {self.name} matrix is not symmetric{place(bad)}; pass (C + C') / 2")
+            raise ProblemError(f"the {self.name} matrix is not symmetric{at(bad)}; pass (C + C') / 2")
         lowest = np.linalg.eigvalsh(matrices)[:, 0]
         bad = lowest < -_ROUNDING * scale
         if bad.any():
             raise ProblemError(
-                f"the {self.name} matrix is not positive semidefinite{place(bad)} (lowest eigenvalue "
+                f"the {self.name} matrix is not positive semidefinite{at(bad)} (lowest eigenvalue "
                 f"{lowest[bad][0]:g}): it would give energy; give one without negative eigenvalues"
             )
 
@@ -207,11 +220,11 @@ class Branch(PickleMixin):
         Not one of the ways is given, the spring is not positive semidefinite, or the time is not positive.
     """
 
-    lame: tuple[Number, Number] | None = None
-    young: Number | None = None
-    poisson: Number | None = None
-    tensor: Array | Callable[[Array], object] | None = None
-    time: float
+    lame: tuple[Number, Number] | None = field(default=None, metadata=stated(Form.PAIR))
+    young: Number | None = field(default=None, metadata=stated(Form.QUANTITY))
+    poisson: Number | None = field(default=None, metadata=stated(Form.QUANTITY))
+    tensor: Array | Callable[[Array], object] | None = field(default=None, metadata=stated(Form.MATRIX, "elasticity"))
+    time: float = field(metadata=stated(Form.NUMBER, "the relaxation time", above=0.0))
 
     def __post_init__(self) -> None:
         ways = [way for way in ("lame", "young", "tensor") if getattr(self, way) is not None]
@@ -223,8 +236,8 @@ class Branch(PickleMixin):
             raise ProblemError(f"the relaxation time of a branch is {time!r}; it must be a positive number")
         if not 1.0 / LARGEST <= time <= LARGEST:
             raise ProblemError(
-                f"the relaxation time of a branch is {time:g}; it must lie between {1.0 / LARGEST:g} and {LARGEST:g}: "
-                "take another unit of time"
+                f"the relaxation time of a branch is {described(time)}; it must lie between {1.0 / LARGEST:g} and "
+                f"{LARGEST:g}: take another unit of time"
             )
         object.__setattr__(self, "time", float(time))
         spring = self.moduli
@@ -241,7 +254,11 @@ class Branch(PickleMixin):
             return Moduli(None, self.tensor, False, name)
         if self.young is not None:
             return Moduli(_pair((self.young, self.poisson), name, ("young", "poisson")), None, True, name)
-        if not isinstance(self.lame, Sequence | np.ndarray) or len(self.lame) != 2:
+        if (
+            not isinstance(self.lame, Sequence | np.ndarray)
+            or getattr(self.lame, "ndim", 1) != 1
+            or len(self.lame) != 2
+        ):
             raise ProblemError(f"a branch has lame = {self.lame!r}; give two constants, (lam, mu)")
         return Moduli(_pair(self.lame, name, ("lam", "mu")), None, False, name)
 

@@ -2,79 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hemivar.basics.known_keywords import known_fields
-from hemivar.basics.types import Array, BoolArray
-from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, DataField
-from hemivar.mechanics.material_words import BoundsBy, PlaneState, StrainMeasure, strain_measure
+from hemivar.basics.types import Array
+from hemivar.mechanics.material_words import MEASURE, PLANE_OF_ENERGY, BoundsBy, PlaneState, StrainMeasure
 from hemivar.mechanics.moduli import Number
-from hemivar.mechanics.per_volume import plain_constant
+from hemivar.mechanics.per_volume import constant
+from hemivar.mechanics.single_material import MaterialOfConstants
 from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds
 
 __all__ = ["Hencky", "Locking", "NamedEnergy", "RambergOsgood"]
 
 #: Steps of Newton's method for the stress of Ramberg and Osgood, which converges from one side.
 _STEPS = 100
+_BULK = constant("bulk modulus", example=6.5)
 
 
 @dataclass(frozen=True, eq=False)
-class NamedEnergy(InvariantEnergy):
+class NamedEnergy(MaterialOfConstants, InvariantEnergy):
     """An isotropic stored energy with constants that are numbers or callables of the place."""
-
-    def __post_init__(self) -> None:
-        for name in self.constants:
-            object.__setattr__(self, name, plain_constant(getattr(self, name), f"material constant {name}"))
-        if self.homogeneous:
-            self.at(np.zeros((1, 2)), "")
-        super().__post_init__()
-
-    @property
-    def constants(self) -> tuple[str, ...]:
-        """Names of the attributes that are its constants."""
-        raise NotImplementedError
-
-    def stated(self) -> Mapping[str, object]:
-        plane = self.plane.value if self._in_plane_stress else None
-        return {**{name: getattr(self, name) for name in self.constants}, **self._words, "plane": plane}
-
-    @property
-    def _words(self) -> Mapping[str, str]:
-        """What is stated by words, beside the plane."""
-        return {}
-
-    @property
-    def homogeneous(self) -> bool:
-        return not any(callable(getattr(self, name)) for name in self.constants)
 
     @property
     def bounds_by(self) -> BoundsBy:
         return BoundsBy.CLOSED_FORM
-
-    def at(self, points: Array, where: str | None = None) -> tuple[Array, ...]:
-        """The constants at points (k, d), each (k,), checked."""
-        given = []
-        for name in self.constants:
-            value = DataField(getattr(self, name), f"material constant {name}").at(points)
-            if name == "nu":  # the only one without a unit that may be zero or negative
-                self._require((value > -1.0) & (value < 0.5), points, value, name, "must lie between -1 and 0.5", where)
-                given.append(value)
-                continue
-            self._require(value > 0.0, points, value, name, "must be positive", where)
-            units = f"must lie between {1.0 / LARGEST:.0e} and {LARGEST:.0e}: take other units"
-            self._require((value < LARGEST) & (value > 1.0 / LARGEST), points, value, name, units, where)
-            given.append(value)
-        return tuple(given)
-
-    def _require(self, ok: BoolArray, points: Array, value: Array, name: str, what: str, where: str | None) -> None:
-        if not ok.all():
-            bad = int(np.argmin(ok))
-            place = f" at x = {points[bad].tolist()}" if where is None else where
-            raise ProblemError(f"material constant {name} = {value[bad]:g}{place}; it {what}")
 
 
 @known_fields
@@ -92,28 +45,16 @@ class Hencky(NamedEnergy):
     plane : PlaneState
     """
 
-    bulk: Number
-    shear: Number
-    softened: Number
-    strain: Number
-    plane: PlaneState = PlaneState.STRAIN
+    bulk: Number = field(metadata=_BULK)
+    shear: Number = field(metadata=constant("shear modulus at small strain", example=4.0))
+    softened: Number = field(
+        metadata=constant("part of the shear modulus left at large strain, at most 1", "1", most=1.0, example=0.25)
+    )
+    strain: Number = field(metadata=constant("size of the deviator |dev eps| at which it softens", "1", example=0.05))
+    plane: PlaneState = field(default=PlaneState.STRAIN, metadata=PLANE_OF_ENERGY)
 
-    @property
-    def kind(self) -> str:
-        return "hencky"
-
-    @property
-    def formula(self) -> str:
-        return "sigma = bulk tr(eps) I + 2 shear (q + (1 - q)/sqrt(1 + |dev eps|^2/strain^2)) dev eps, q = softened"
-
-    @property
-    def constants(self) -> tuple[str, ...]:
-        return ("bulk", "shear", "softened", "strain")
-
-    def at(self, points: Array, where: str | None = None) -> tuple[Array, ...]:
-        given = super().at(points, where)
-        self._require(given[2] <= 1.0, points, given[2], "softened", "must not exceed 1", where)
-        return given
+    kind = "hencky"
+    formula = "sigma = bulk tr(eps) I + 2 shear (q + (1 - q)/sqrt(1 + |dev eps|^2/strain^2)) dev eps, q = softened"
 
     def invariants(self, points: Array, p: Array, s: Array) -> Invariants:
         bulk, shear, softened, strain = self.at(points[:1], "") if self.homogeneous else self.at(points)
@@ -138,34 +79,30 @@ class RambergOsgood(NamedEnergy):
     ``q = sqrt(3/2) s``. The slope of s falls as t grows, below s / t: its value at ``linear_from`` is the lower bound.
     """
 
-    E: Number
-    nu: Number
-    yield_stress: Number
-    exponent: Number
-    offset: Number = 3.0 / 7.0
-    linear_from: Number | None = None
-    plane: PlaneState = PlaneState.STRAIN
+    E: Number = field(metadata=constant("Young's modulus at small strain", key="young", example=200e3))
+    nu: Number = field(
+        metadata=constant("Poisson's ratio at small strain", "1", key="poisson", example=0.3, above=-1.0, below=0.5)
+    )
+    yield_stress: Number = field(metadata=constant("yield stress", example=400.0))
+    exponent: Number = field(
+        metadata=constant("of the stress; 5 to 20 for metals", "1", least=1.0, most=1e3, example=5.0)
+    )
+    offset: Number = field(default=3.0 / 7.0, metadata=constant("plastic over elastic strain at the yield stress", "1"))
+    linear_from: Number | None = field(
+        default=None,
+        metadata=constant(
+            "|dev eps| from which on the stress grows linearly; left out: no bound holds", "1", example=0.02
+        ),
+    )
+    plane: PlaneState = field(default=PlaneState.STRAIN, metadata=PLANE_OF_ENERGY)
 
-    @property
-    def kind(self) -> str:
-        return "ramberg-osgood"
+    kind = "ramberg-osgood"
 
     @property
     def formula(self) -> str:
         return "a bar stretches by sigma/E + offset (sigma/E) (sigma/yield_stress)^(exponent - 1)" + (
             "; the tangent falls to zero, since linear_from is not given" if self.linear_from is None else ""
         )
-
-    @property
-    def constants(self) -> tuple[str, ...]:
-        all_of_them = ("E", "nu", "yield_stress", "exponent", "offset", "linear_from")
-        return all_of_them if self.linear_from is not None else all_of_them[:-1]
-
-    def at(self, points: Array, where: str | None = None) -> tuple[Array, ...]:
-        given = super().at(points, where)
-        exponent = given[3]
-        self._require((exponent >= 1.0) & (exponent <= 1e3), points, exponent, "exponent", "must be 1 to 1000", where)
-        return given
 
     def invariants(self, points: Array, p: Array, s: Array) -> Invariants:
         given = self.at(points[:1], "") if self.homogeneous else self.at(points)
@@ -241,33 +178,19 @@ class Locking(NamedEnergy):
     plane : PlaneState
     """
 
-    bulk: Number
-    shear: Number
-    stiffening: Number
-    strain: Number
-    measure: StrainMeasure = StrainMeasure.DEVIATOR
-    plane: PlaneState = PlaneState.STRAIN
+    bulk: Number = field(metadata=_BULK)
+    shear: Number = field(metadata=constant("shear modulus", example=4.0))
+    stiffening: Number = field(metadata=constant("stiffness added beyond the set", example=20.0))
+    strain: Number = field(metadata=constant("size of the set", "1", example=0.03))
+    measure: StrainMeasure = field(default=StrainMeasure.DEVIATOR, metadata=MEASURE)
+    plane: PlaneState = field(default=PlaneState.STRAIN, metadata=PLANE_OF_ENERGY)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "measure", strain_measure(self.measure))
-        super().__post_init__()
-
-    @property
-    def kind(self) -> str:
-        return "locking"
+    kind = "locking"
 
     @property
     def formula(self) -> str:
         size = "|dev eps|" if self._of_deviator else "|eps|"
         return f"sigma = C eps + stiffening (eps - P eps), P the projection on {size} <= strain"
-
-    @property
-    def constants(self) -> tuple[str, ...]:
-        return ("bulk", "shear", "stiffening", "strain")
-
-    @property
-    def _words(self) -> Mapping[str, str]:
-        return {} if self._of_deviator else {"measure": self.measure.value}
 
     @property
     def _of_deviator(self) -> bool:

@@ -8,7 +8,9 @@ from typing import Unpack
 
 import numpy as np
 
+from hemivar.basics.arguments import one_of
 from hemivar.basics.known_keywords import known_fields
+from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.curvature import enclosed_range
@@ -22,9 +24,10 @@ from hemivar.mechanics.energy_bounds import (
     once,
     strain_text,
 )
-from hemivar.mechanics.function_energy import ROUNDING, FunctionEnergy, RelativeEnergy, checked_reach, refuse_at_zero
-from hemivar.mechanics.material_words import BoundsBy, PlaneState, plane_state
+from hemivar.mechanics.function_energy import REACH, ROUNDING, FunctionEnergy, RelativeEnergy, refuse_at_zero
+from hemivar.mechanics.material_words import PLANE_OF_ENERGY, BoundsBy, PlaneState
 from hemivar.mechanics.moduli import InTime
+from hemivar.mechanics.per_volume import STRESS
 from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds, StoredEnergy
 
 __all__ = ["COMPONENTS", "INVARIANTS", "ComponentEnergy", "FormulaEnergy", "own_energy"]
@@ -37,12 +40,24 @@ COMPONENTS = ("exx", "eyy", "ezz", "eyz", "exz", "exy")
 _OF_DIM = {2: (0, 1, 5), 3: (0, 1, 2, 3, 4, 5)}
 
 
+#: What formulas of a stored energy are stated by.
+_TEXT = stated(
+    Form.TEXT,
+    "formula of the stored energy",
+    key="energy",
+    unit=STRESS,
+    example="3.3*tr^2 + dev2 + 0.015*(sqrt(1 + 400*dev2) - 1)",
+)
+
+
+@stating(energy=_TEXT, reach=REACH, plane=PLANE_OF_ENERGY)  # type: ignore[arg-type]
 def own_energy(
     energy: object,
-    stress: object,
-    tangent: object,
+    stress: object = None,
+    tangent: object = None,
+    *,
     reach: float,
-    plane: PlaneState | str,
+    plane: PlaneState | str = PlaneState.STRAIN,
     **in_time: Unpack[InTime],
 ) -> StoredEnergy:
     """What :meth:`Material.potential` makes."""
@@ -51,17 +66,17 @@ def own_energy(
             raise ProblemError("stress and tangent are found from a formula of the energy; leave them out")
         graph, node = Reader(energy, "energy: ", (*INVARIANTS, *COMPONENTS)).graph()
         if graph.names(node) & set(COMPONENTS):
-            if plane_state(plane) is PlaneState.STRESS:
+            if one_of(plane, "plane", PlaneState) is PlaneState.STRESS:
                 raise ProblemError(
                     "plane stress is for energies of tr and dev2; write the energy by these, or take plane strain"
                 )
             return ComponentEnergy(energy, reach, **in_time)  # type: ignore[arg-type]
-        return FormulaEnergy(energy, reach, plane_state(plane), **in_time)  # type: ignore[arg-type]
+        return FormulaEnergy(energy, reach, plane, **in_time)  # type: ignore[arg-type]
     if not (callable(energy) and callable(stress) and callable(tangent)):
         raise ProblemError(
             "give the energy as a formula in quotes, or three functions of the strain: energy, stress and tangent"
         )
-    if plane_state(plane) is PlaneState.STRESS:
+    if one_of(plane, "plane", PlaneState) is PlaneState.STRESS:
         raise ProblemError("plane is for formulas; leave it out, for functions of strains in the plane have their own")
     return FunctionEnergy(energy, stress, tangent, reach, **in_time)  # type: ignore[arg-type]
 
@@ -75,21 +90,20 @@ class FormulaEnergy(InvariantEnergy):
     W_t / t, which is a mean of W_tt between 0 and t. So bounds of the former bound it.
     """
 
-    text: str
-    reach: float = np.inf
-    plane: PlaneState = PlaneState.STRAIN
+    text: str = field(metadata=_TEXT)
+    reach: float = field(default=np.inf, metadata=REACH)
+    plane: PlaneState = field(default=PlaneState.STRAIN, metadata=PLANE_OF_ENERGY)
     _graph: Graph = field(init=False, repr=False, compare=False)
     _nodes: tuple[int, ...] = field(init=False, repr=False, compare=False)
     _bounds: tuple[IsotropicBounds, BoundsBy] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "reach", checked_reach(self.reach))
+        super().__post_init__()
         graph, node = Reader(self.text, "energy: ", INVARIANTS).graph()
         by_p, by_s = (graph.derivative(node, name) for name in INVARIANTS)
         nodes = (node, by_p, by_s, graph.derivative(by_p, "tr"), graph.derivative(by_p, "dev2"))
         object.__setattr__(self, "_graph", graph)
         object.__setattr__(self, "_nodes", (*nodes, graph.derivative(by_s, "dev2")))
-        super().__post_init__()
         zero = self.invariants(np.zeros((1, 3)), np.zeros(1), np.zeros(1))
         refuse_at_zero(self.text, float(zero.value[0]), float(abs(zero.p[0])))
         _refuse_pole(self.text, graph, node, {"tr": np.sqrt(3.0) * self.reach, "dev2": self.reach**2}, {"dev2": 0.0})
@@ -219,17 +233,16 @@ def _refuse_pole(text: str, graph: Graph, node: int, largest: Mapping[str, float
 class ComponentEnergy(RelativeEnergy):
     """An energy by a formula of components of the strain, ``exx`` to ``exy``; shear components are halves of angles."""
 
-    text: str
-    reach: float = np.inf
+    text: str = field(metadata=_TEXT)
+    reach: float = field(default=np.inf, metadata=REACH)
     _graph: Graph = field(init=False, repr=False, compare=False)
     _node: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "reach", checked_reach(self.reach))
+        super().__post_init__()
         graph, node = Reader(self.text, "energy: ", COMPONENTS).graph()
         object.__setattr__(self, "_graph", graph)
         object.__setattr__(self, "_node", node)
-        super().__post_init__()
         dim = self._natural_dim
         zero = np.zeros((1, dim * (dim + 1) // 2)), np.zeros((1, dim))
         stress = self.stress(zero[1], zero[0])

@@ -8,21 +8,26 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.stated import Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, DataField, ScalarData, plain_data
+from hemivar.mechanics.conditions import LARGEST, DataField, ScalarData, plain_data, require
 from hemivar.mechanics.instants import refuse_time
 
 __all__ = [
+    "STRESS",
     "Regional",
     "at_place",
     "checked_per_volume",
     "checked_quantity",
+    "constant",
     "constant_of",
     "plain_constant",
     "refuse_unknown",
 ]
 
+#: The unit of moduli.
+STRESS = "force/area"
 #: A quantity that may be given by region.
 Regional = ScalarData | Mapping[str, ScalarData]
 
@@ -49,6 +54,11 @@ def plain_constant(value: object, name: str) -> ScalarData:
     """A number, or a function of the place, as a statement keeps it."""
     refuse_time(value, name)
     return plain_data(value, name, 1)
+
+
+def constant(says: str = "", unit: str = STRESS, **how: object) -> dict[str, object]:
+    """The metadata of a constant of a material."""
+    return stated(Form.QUANTITY, says, unit=unit, **how) | kept(plain_constant, shown="material constant {}")
 
 
 def checked_quantity(value: object, name: str) -> ScalarData:
@@ -87,7 +97,5 @@ def at_place(value: Regional, name: str, points: Array, regions: Mapping[str, Bo
 
 def _at(value: ScalarData, name: str, points: Array) -> Array:
     found = DataField(value, name).at(points)
-    if not (found >= 0.0).all():
-        bad = int(np.argmin(found))
-        raise ProblemError(f"{name} = {found[bad]:g} at x = {points[bad].tolist()}; it must not be negative")
+    require(found >= 0.0, points, found, name, "must not be negative")
     return found

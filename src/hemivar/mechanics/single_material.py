@@ -3,24 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import ClassVar
 
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.stated import CheckedFields, Form, Stated, kept, stated_fields
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, DataField
+from hemivar.mechanics.conditions import LARGEST, DataField, require
 from hemivar.mechanics.material import Material, no_matrices
 from hemivar.mechanics.material_description import MaterialDescription, described_point
+from hemivar.mechanics.material_words import PlaneState
 from hemivar.mechanics.moduli import Branch, Moduli, Number, moduli
 from hemivar.mechanics.per_volume import plain_constant
 
-__all__ = ["SingleMaterial"]
+__all__ = ["IN_TIME", "MaterialOfConstants", "SingleMaterial"]
+
+#: The metadata of what materials have beside their elasticity.
+IN_TIME = "in time"
+_IN_RANGE = f"must lie between {1.0 / LARGEST:.0e} and {LARGEST:.0e}"
+
+
+def _density(value: object, name: str) -> Number:
+    density = plain_constant(value, name)
+    if not callable(density):
+        _check_density(np.full(1, density), np.zeros((1, 2)), "")
+    return density  # type: ignore[return-value]
+
+
+def _branches(given: object, name: str) -> tuple[Branch, ...]:
+    branches = (given,) if isinstance(given, Branch) else given
+    if not isinstance(branches, Sequence) or not all(isinstance(branch, Branch) for branch in branches):
+        raise ProblemError(f"{name} is {described(given)}; give a list of Branch(lame=(lam, mu), time=T) or the like")
+    return tuple(branches)
 
 
 @dataclass(frozen=True, eq=False)
-class SingleMaterial(Material):
+class SingleMaterial(CheckedFields, Material):
     """A material of one kind: what it has of density, viscosity and branches.
 
     Attributes
@@ -33,9 +54,13 @@ class SingleMaterial(Material):
         What relaxes.
     """
 
-    density: Number | None = field(default=None, kw_only=True)
-    viscosity: Moduli | None = field(default=None, kw_only=True)
-    branches: tuple[Branch, ...] = field(default=(), kw_only=True)
+    density: Number | None = field(
+        default=None, kw_only=True, metadata=kept(_density) | {IN_TIME: Stated(Form.QUANTITY, above=0.0)}
+    )
+    viscosity: Moduli | None = field(default=None, kw_only=True, metadata=kept(moduli) | {IN_TIME: Stated(Form.OWN)})
+    branches: tuple[Branch, ...] = field(
+        default=(), kw_only=True, metadata=kept(_branches) | {IN_TIME: Stated(Form.OWN)}
+    )
 
     @property
     def kind(self) -> str:
@@ -71,23 +96,9 @@ class SingleMaterial(Material):
             self.kind, self.formula, constants, self.linear, lower, upper, self.bounds_by, self.reach
         )
 
-    def __post_init__(self) -> None:
-        if self.density is not None:
-            object.__setattr__(self, "density", plain_constant(self.density, "density"))
-            if not callable(self.density):
-                _check_density(np.full(1, self.density), np.zeros((1, 2)), "")
-        if self.viscosity is not None:
-            object.__setattr__(self, "viscosity", moduli(self.viscosity, "viscosity"))
-        branches = (self.branches,) if isinstance(self.branches, Branch) else self.branches
-        if not isinstance(branches, Sequence) or not all(isinstance(branch, Branch) for branch in branches):
-            raise ProblemError(
-                f"branches is {described(self.branches)}; give a list of Branch(lame=(lam, mu), time=T) or the like"
-            )
-        object.__setattr__(self, "branches", tuple(branches))
-
     @property
     def _in_plane_stress(self) -> bool:
-        return False
+        return getattr(self, "plane", None) is PlaneState.STRESS
 
     @property
     def inert(self) -> bool:
@@ -135,12 +146,55 @@ def _text(value: object, at: Array | None, name: str) -> str:
 
 
 def _check_density(density: Array, points: Array, where: str | None) -> None:
-    if not (density > 0.0).all():
-        bad = int(np.flatnonzero(~(density > 0.0))[0])
-        place = f" at x = {points[bad].tolist()}" if where is None else where
-        raise ProblemError(f"density = {density[bad]:g}{place}; it must be positive")
-    if not ((density < LARGEST) & (density > 1.0 / LARGEST)).all():
-        bad = int(np.argmax(np.abs(np.log(density))))
-        raise ProblemError(
-            f"density = {density[bad]:g}; it must lie between {1.0 / LARGEST:.0e} and {LARGEST:.0e}: take other units"
-        )
+    require(density > 0.0, points, density, "density", "must be positive", where)
+    in_range = (density < LARGEST) & (density > 1.0 / LARGEST)
+    require(in_range, points, density, "density", f"{_IN_RANGE}: take other units", where)
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialOfConstants(SingleMaterial):
+    """A material whose stated fields are numbers or callables of the place, and words."""
+
+    units: ClassVar[str] = "take other units"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.homogeneous:
+            self.at(np.zeros((1, 2)), "")
+
+    @property
+    def constants(self) -> dict[str, Stated]:
+        """Names of the fields that are its constants, but for those left out, and what is said of them."""
+        named = {one.name: one.metadata["stated"] for one in fields(self) if "stated" in one.metadata}
+        return {
+            name: said for name, said in named.items() if said.form is Form.QUANTITY and getattr(self, name) is not None
+        }
+
+    def stated(self) -> Mapping[str, object]:
+        words = [one for one, said in stated_fields(self).values() if said.form is Form.TEXT]
+        given = {one.name: getattr(self, one.name).value for one in words if getattr(self, one.name) != one.default}
+        return {name: getattr(self, name) for name in self.constants} | given
+
+    @property
+    def homogeneous(self) -> bool:
+        return not any(callable(getattr(self, name)) for name in self.constants)
+
+    def at(self, points: Array, where: str | None = None) -> tuple[Array, ...]:
+        """The constants at points (k, d), each (k,), checked."""
+        found = []
+        for name, said in self.constants.items():
+            what = f"material constant {name}"
+            value = DataField(getattr(self, name), what).at(points)
+            found.append(value)
+            if said.above is not None and said.below is not None:
+                inside = (value > said.above) & (value < said.below)
+                require(inside, points, value, what, f"must lie between {said.above:g} and {said.below:g}", where)
+                continue
+            least, most = said.least, np.inf if said.most is None else said.most
+            if least is None:
+                require(value > 0.0, points, value, what, "must be positive", where)
+                in_range = (value < LARGEST) & (value > 1.0 / LARGEST)
+                require(in_range, points, value, what, f"{_IN_RANGE}: {self.units}", where)
+            limits = f"not exceed {most:g}" if least is None else f"be {least:g} to {most:g}"
+            require((value <= most) & (value >= (least or 0.0)), points, value, what, f"must {limits}", where)
+        return tuple(found)

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arguments import one_of
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.material_words import PlaneState, plane_state
+from hemivar.mechanics.material_words import PlaneState
 from hemivar.mechanics.moduli import isotropic_matrices
 from hemivar.mechanics.single_material import SingleMaterial
 
@@ -124,7 +125,7 @@ class InvariantEnergy(StoredEnergy):
     """
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "plane", plane_state(self.plane))
+        object.__setattr__(self, "plane", one_of(self.plane, "plane", PlaneState))
         if self.plane is PlaneState.AXISYMMETRIC:
             raise ProblemError("plane = 'axisymmetric' is for linear materials; take Material.young or Material.lame")
         super().__post_init__()
