@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import multiprocessing
 import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import connection
 from typing import TypeVar
 
+from hemivar.basics.signals import handled
 from hemivar.errors import MethodError, ProblemError
 
 __all__ = ["results"]
@@ -60,7 +60,7 @@ def results(function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int
     left, running, finished = iter(tasks), set[Future[Result]](), False
     try:
         while True:
-            with _children_deaf():
+            with handled(signal.SIG_IGN, "SIGINT"):  # processes are deaf to Ctrl-C from their first moment
                 running |= {pool.submit(function, task) for task in itertools.islice(left, 2 * jobs - len(running))}
             if not running:
                 break
@@ -91,16 +91,3 @@ def _prepare() -> None:
 def _end_with(sentinel: int) -> None:
     connection.wait([sentinel])
     os._exit(1)
-
-
-@contextlib.contextmanager
-def _children_deaf() -> Iterator[None]:
-    """Processes that are started inside the block are deaf to Ctrl-C from their first moment."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
+from hemivar.basics.signals import handled
 from hemivar.cli.options import ENGINES, check_engine
 from hemivar.errors import HemivarError, ProblemError
 
@@ -115,17 +115,8 @@ class Engine:
             if not asked:
                 asked.append(now)
 
-        before = {}
-        names = ("SIGINT", "SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
-        for name in names:
-            number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-                before[number] = signal.signal(number, note)
-        try:
+        with handled(note, "SIGINT", "SIGTERM", "SIGHUP", taken=lambda before: before is not signal.SIG_IGN):
             yield lambda: bool(asked)
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
     def write_json(
         self, solution: Solution, path: Path, certificate: Certificate | None, more: Mapping[str, object] | None

@@ -8,14 +8,13 @@ import os
 import re
 import signal
 import sys
-import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from types import FrameType
+from collections.abc import Iterator
 from typing import TextIO
 
 from hemivar.basics.disk import shown
+from hemivar.basics.signals import handled
 
 __all__ = [
     "Stream",
@@ -165,25 +164,12 @@ _holding = 0
 _last = -1e9
 
 
-@contextlib.contextmanager
-def signals_as_interrupts() -> Iterator[None]:
+def signals_as_interrupts() -> contextlib.AbstractContextManager[None]:
     """SIGTERM and SIGHUP end the block as Ctrl-C does, by KeyboardInterrupt; several at once count as one.
 
     Those that whoever started the process has set otherwise (nohup) stay as they are.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before: dict[int, Callable[[int, FrameType | None], object] | int | None] = {}
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
-            before[number] = signal.signal(number, _interrupt)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    return handled(_interrupt, "SIGTERM", "SIGHUP", taken=lambda before: before is signal.SIG_DFL)
 
 
 def _interrupt(*_: object) -> None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager
 from types import FrameType
 
 from hemivar.basics.deadline import CALLED, Budget
+from hemivar.basics.signals import handled
 
 __all__ = ["TimeLimit"]
 
@@ -44,8 +43,7 @@ class TimeLimit(Budget):
         """End the work as a signal does."""
         self._signals.append(time.perf_counter())
 
-    @contextmanager
-    def listening(self) -> Iterator[None]:
+    def listening(self) -> AbstractContextManager[None]:
         """Take the signals that ask a process to end as a call to stop in good order; a later one ends it at once."""
 
         def hear(number: int, _: FrameType | None) -> None:
@@ -54,14 +52,4 @@ class TimeLimit(Budget):
                 os._exit(128 + number)
             self.ring()
 
-        before = {}
-        for name in _SIGNALS:
-            number = getattr(signal, name, None)
-            with suppress(ValueError):  # only the main thread may
-                if number is not None:
-                    before[number] = signal.signal(number, hear)
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        return handled(hear, *_SIGNALS)
