@@ -24,7 +24,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.fem.posed import Posable, posed
-from hemivar.fem.quadrature import quadrature_rule, region_masks
+from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.laws import ContactLaw, Friction, VectorLaw
 from hemivar.laws.coupled import bounded
 from hemivar.mechanics.material import Material
@@ -507,17 +507,14 @@ def ellipticity(statement: ContactProblem) -> float:
     -------
     float
     """
-    mesh, dim = statement.mesh, statement.mesh.dim
-    if statement.material.homogeneous:
-        tensor = statement.material.lower_tensor(mesh.points[:1])
+    mesh, material = statement.mesh, statement.material
+    if material.homogeneous:
+        tensor = material.lower_tensor(mesh.points[:1])
     else:
-        barycentric, weights = quadrature_rule(dim, 2 * statement.order)
-        points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, dim)
-        masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
-        tensor = statement.material.lower_tensor(points, masks)
+        tensor, _ = at_quadrature_points(mesh, 2 * statement.order, material.lower_tensor)
     scale = np.ones(tensor.shape[-1])
-    scale[dim:] = np.sqrt(2.0)  # Mandel's form: shear strains as sqrt(2) eps_xy
-    return float(np.linalg.eigvalsh(tensor * np.outer(scale, scale))[:, 0].min())
+    scale[mesh.dim :] = np.sqrt(2.0)  # Mandel's form: shear strains as sqrt(2) eps_xy
+    return float(np.linalg.eigvalsh(tensor * np.outer(scale, scale))[..., 0].min())
 
 
 def trace_constants(problem: DiscreteProblem) -> TraceConstants:

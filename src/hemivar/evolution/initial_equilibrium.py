@@ -13,7 +13,7 @@ from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
-from hemivar.fem.quadrature import quadrature_rule, region_masks
+from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.laws import SlipMeasure
 from hemivar.solvers import Status
 
@@ -152,13 +152,12 @@ def longest_without_swing(stepper: TimeStepper, taken: StepResult) -> float:
 def _viscous_everywhere(discrete: DiscreteEvolution) -> bool:
     """Whether every strain rate, of a scalar problem every gradient, is resisted in every quadrature point."""
     stated = discrete.evolution.problem
-    mesh = stated.mesh
-    barycentric, weights = quadrature_rule(mesh.dim, 2 * stated.order)
-    points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, mesh.dim)
-    masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
-    if stated.material.homogeneous_in(True):
-        points, masks = points[:1], {}
-    sizes = np.asarray(np.linalg.eigvalsh(stated.material.viscosity_tensor(points, masks)), dtype=float)
+    mesh, material = stated.mesh, stated.material
+    if material.homogeneous_in(True):
+        tensor = material.viscosity_tensor(mesh.points[:1], {})
+    else:
+        tensor, _ = at_quadrature_points(mesh, 2 * stated.order, material.viscosity_tensor)
+    sizes = np.asarray(np.linalg.eigvalsh(tensor), dtype=float)
     most, least = float(sizes.max(initial=0.0)), float(sizes.min(initial=np.inf))
     largest, small = discrete.vectors.largest(most, -least).tolist()
     return bool(-small > _NONE * largest)

@@ -53,7 +53,7 @@ from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
-from hemivar.fem.quadrature import quadrature_rule, region_masks
+from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.laws import Bilateral, NoContact
 from hemivar.linear.definite import positive_pivots
 from hemivar.mechanics.statement import ContactProblem
@@ -260,14 +260,13 @@ def _fading(stated: ContactProblem) -> float:
     if stated is None or stated.kind:
         return 0.0
     mesh, material = stated.mesh, stated.material
-    points, masks = mesh.points[:1], None
-    if not (material.homogeneous and material.homogeneous_in(True)):
-        barycentric, weights = quadrature_rule(mesh.dim, 2 * stated.order)
-        points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, mesh.dim)
-        masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
-    half = np.linalg.inv(np.linalg.cholesky(material.stiffness_tensor(points, masks)))
-    viscous = half @ material.viscosity_tensor(points, masks) @ half.swapaxes(-1, -2)
-    largest = float(np.linalg.eigvalsh(viscous)[:, -1].max())
+    alike = material.homogeneous and material.homogeneous_in(True)
+    elastic, viscous = (
+        of(mesh.points[:1]) if alike else at_quadrature_points(mesh, 2 * stated.order, of)[0]
+        for of in (material.stiffness_tensor, material.viscosity_tensor)
+    )
+    half = np.linalg.inv(np.linalg.cholesky(elastic))
+    largest = float(np.linalg.eigvalsh(half @ viscous @ half.swapaxes(-1, -2))[..., -1].max())
     return 1.0 / largest if largest > 0.0 else 0.0
 
 
