@@ -12,12 +12,12 @@ import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.discrete.residual import LoadScale, Residual, resting_multiplier
+from hemivar.discrete.residual import LoadScale, resting_multiplier
 from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import Vectors
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_stiffness import ContactStiffness
-from hemivar.systems.contact_system import Equilibrium
+from hemivar.systems.contact_system import OfUnknowns
 from hemivar.systems.krylov_newton import KrylovNewton, Truncation
 from hemivar.systems.newton_equation import NewtonEquation
 
@@ -28,7 +28,7 @@ _FAR = 1.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Body(Equilibrium, ABC):
+class Body(OfUnknowns, ABC):
     """Energy of all unknowns, points (n,), as a :class:`ContactSystem`; arrays are those of this process."""
 
     vectors: Vectors  # how the parts of all processes are looked at together
@@ -150,9 +150,6 @@ class Body(Equilibrium, ABC):
         x = np.zeros(self.load.shape) if guess is None else np.array(guess, dtype=float)
         return self.moved(x, self.law.admissible(self.local(x)))
 
-    def of_unknowns(self, unknowns: Array) -> Array:
-        return unknowns
-
     @abstractmethod
     def with_law(self, law: VectorLaw) -> Self:
         """The same body on another foundation, no problem being posed below."""
@@ -185,17 +182,9 @@ class Body(Equilibrium, ABC):
         moved = np.abs(x[self.unknown]).max(initial=0.0)
         return float(max(moved, np.abs(self.offset).max(initial=0.0)))
 
-    @property
-    def material_compliance(self) -> Array:
-        return self.compliance
-
     def stretch(self, change: Array) -> float:
         (square,) = self.vectors.total(float(change @ self.multiply(change)))
         return float(np.sqrt(max(square, 0.0)))
-
-    def recover(self, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
-        force = self.out_of_balance(x)
-        return x, [self.residual(x, lam, force) for lam in multipliers]
 
     @cached_property
     def load_scale(self) -> LoadScale:

@@ -18,7 +18,7 @@ from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.newton_equation import NewtonEquation
 
-__all__ = ["PASSED", "ContactSystem", "Equilibrium", "OfProblem", "PointSystem"]
+__all__ = ["PASSED", "ContactSystem", "Equilibrium", "OfProblem", "OfUnknowns", "PointSystem"]
 
 #: Part of the largest displacement or gap by which a penetration may pass the end of a law: rounding.
 PASSED = 1e-12
@@ -271,6 +271,21 @@ class OfProblem(Equilibrium):
     def vectors(self) -> Vectors:
         """It is in one piece."""
         return WHOLE
+
+
+class OfUnknowns(Equilibrium):
+    """A system whose points are all unknowns, (n,)."""
+
+    @property
+    def material_compliance(self: PointSystem) -> Array:
+        return self.compliance
+
+    def of_unknowns(self, unknowns: Array) -> Array:
+        return unknowns
+
+    def recover(self: PointSystem, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
+        force = self.out_of_balance(x)
+        return x, [self.residual(x, lam, force) for lam in multipliers]
 
 
 def _balancing(system: PointSystem, force: Array) -> Array:

@@ -19,10 +19,10 @@ from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import selects
 from hemivar.discrete.potential import Potential, Softened
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale
+from hemivar.discrete.residual import LoadScale, contact_compliance, load_scale
 from hemivar.fem.hierarchy import Coarser, coarser, tangent_problem
 from hemivar.laws import VectorLaw
-from hemivar.systems.contact_system import OfProblem, PointSystem
+from hemivar.systems.contact_system import OfProblem, OfUnknowns, PointSystem
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["LinearBody", "NonlinearBody", "NonlinearSystem", "linear_bulk"]
@@ -78,7 +78,7 @@ class _LinearProblem:
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearBody(OfProblem):
+class NonlinearBody(OfProblem, OfUnknowns):
     """Energy of all unknowns, points (n,), of a body whose stored energy need not be quadratic, as a
     :class:`NonlinearSystem`."""
 
@@ -121,10 +121,6 @@ class NonlinearBody(OfProblem):
         return contact_compliance(self.problem)
 
     @property
-    def material_compliance(self) -> Array:
-        return self.compliance
-
-    @property
     def load(self) -> Array:
         return self.problem.load
 
@@ -141,9 +137,6 @@ class NonlinearBody(OfProblem):
         r = self.local(x)
         change = np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)) - r, 0.0)
         return x + self._lifted(change) if change.any() else x
-
-    def of_unknowns(self, unknowns: Array) -> Array:
-        return unknowns
 
     def local(self, x: Array) -> Array:
         return self.problem.contact.trace_of(x) - self.problem.offset
@@ -183,10 +176,6 @@ class NonlinearBody(OfProblem):
 
     def energy(self, x: Array, lam: Array | None = None, force: Array | None = None) -> float:  # type: ignore[override]
         return self.problem.energy(x, self.multiplier(x, force) if lam is None and self.law.state_dependent else lam)
-
-    def recover(self, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
-        force = self.out_of_balance(x)
-        return x, [self.residual(x, lam, force) for lam in multipliers]
 
     def with_law(self, law: VectorLaw) -> NonlinearBody:
         return self.for_problem(self.problem.with_(law=law))
