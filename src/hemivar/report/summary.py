@@ -110,7 +110,7 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
     if friction.size == 1:
         yield "friction force", _with(f"{_beyond_rounding(float(friction[0]), size):.6g}", units.force)
     elif friction.size:
-        vector = vectors.total(*(contact.weights @ solution.friction_vectors))
+        vector = vectors.total(*(contact.weights @ solution.friction_vectors).tolist())
         yield "friction force", _vector(vector, units.force, size)
     if contact.pairs:
         between = {side for sides in contact.pairs.values() for side in sides}
@@ -123,7 +123,7 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
         damage, lost = (solution.debonding.get(name, np.zeros(0)) for name in ("damage", "dissipated"))
         glued = np.flatnonzero(np.isfinite(damage))  # on other boundaries there is nothing to break
         opening, worst = vectors.largest(_most(-solution.penetration[glued]), _most(damage[glued])).tolist()
-        energy = float(vectors.total(contact.weights[glued] @ lost[glued])[0])
+        energy = float(vectors.total(float(contact.weights[glued] @ lost[glued]))[0])
         yield "max opening", _with(f"{max(opening, 0.0):.6g}", units.length)
         yield "damage", f"at most {worst:.3g}"
         yield "dissipated", _with(f"{energy:.6g}", units.energy)
