@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from hemivar.cli.petsc import all_or_none
-from hemivar.engines.petsc import evolution as engine
-from hemivar.engines.petsc import family, march_on_ranks, world
+from hemivar.engines.petsc import assembly, family, march_on_ranks, world
 from hemivar.engines.petsc.evolution import EvolutionOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks_advance import DescentSolverOnRanks
@@ -37,7 +36,7 @@ def counted(owner: Any, name: str, what: str) -> None:
     setattr(owner, name, called)
 
 
-counted(engine, "assemble", "assembled")
+counted(assembly, "assemble", "assembled")
 counted(Multigrid, "build", "set up")
 counted(DescentSolverOnRanks, "solved", "solved")
 

@@ -23,7 +23,6 @@ from hemivar.cli.session import naming_file
 from hemivar.cli.terminal import one_voice
 from hemivar.engines.petsc import (
     Saved,
-    assemble,
     family,
     prepare_march,
     read_checkpoint,
@@ -31,6 +30,7 @@ from hemivar.engines.petsc import (
     world,
     write_checkpoint,
 )
+from hemivar.engines.petsc.assembly import assemble_family
 from hemivar.engines.petsc.certificate import certify_on_ranks
 from hemivar.engines.petsc.discrete_on_ranks import body_of
 from hemivar.engines.petsc.evolution import EvolutionOnRanks
@@ -147,12 +147,7 @@ class PetscEngine(Engine):
         return family(self.ranks, stated.begin, recipe.halvings, recipe.refine, renumber, crossed)
 
     def discrete(self, problem: ContactProblem) -> DiscreteProblem:
-        body: BodyOnRanks | None = None
-        for piece in self.meshes:
-            last = piece is self.meshes[-1]
-            body = assemble(self.ranks, piece, problem.on, coarser=body, check_coercivity=last)
-        assert body is not None
-        return body.problem
+        return assemble_family(self.ranks, self.meshes, problem.on).problem
 
     def head(self, stated: ProblemFile, discrete: DiscreteProblem) -> tuple[list[str], list[str]]:
         body, piece = body_of(discrete), self.meshes[-1]

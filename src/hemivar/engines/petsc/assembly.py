@@ -7,7 +7,7 @@ cells, and on the boundary facets around its nodes, so that every normal and wei
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,7 +33,23 @@ from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["assemble"]
+__all__ = ["assemble", "assemble_family"]
+
+
+def assemble_family(
+    ranks: Ranks,
+    pieces: Sequence[Piece],
+    state: Callable[[Mesh], ContactProblem],
+    check_coercivity: bool = True,
+    evolving: bool = False,
+) -> BodyOnRanks:
+    """The bodies of all meshes, each with the coarser one below; the finest of them.  See :func:`assemble`."""
+    body: BodyOnRanks | None = None
+    for piece in pieces:
+        check = check_coercivity and piece is pieces[-1]
+        body = assemble(ranks, piece, state, coarser=body, check_coercivity=check, evolving=evolving)
+    assert body is not None
+    return body
 
 
 def assemble(

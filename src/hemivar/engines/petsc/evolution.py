@@ -15,7 +15,7 @@ from hemivar.discrete.model import Model
 from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.engines.petsc.assembly import _present, _with_facets_around, assemble
+from hemivar.engines.petsc.assembly import _present, _with_facets_around, assemble_family
 from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.discrete_on_ranks import BulkOnRanks, body_of
 from hemivar.engines.petsc.matrices import assembled, combined, row_sums
@@ -278,7 +278,7 @@ def discretize_on_ranks(
     def at_start(mesh: Mesh) -> ContactProblem:
         return state(mesh).body.at_time(evolution.start)
 
-    body = _assembled(ranks, pieces, at_start, check=not evolution.inertia)
+    body = assemble_family(ranks, pieces, at_start, not evolution.inertia, evolving=True)
     skin = _with_facets_around(ranks, piece)
     owned = np.zeros(skin.number_of_nodes, dtype=bool)
     owned[: body.owned.size] = body.owned
@@ -297,18 +297,6 @@ def discretize_on_ranks(
         evolution, problem, make.family(problem, evolution.inertia), tuple(blocks), ranks, tuple(pieces), state, body,
         frame, skin, seen,
     )  # fmt: skip
-
-
-def _assembled(
-    ranks: Ranks, pieces: tuple[Piece, ...], state: Callable[[Mesh], ContactProblem], check: bool
-) -> BodyOnRanks:
-    """The bodies of all meshes; the finest of them."""
-    body: BodyOnRanks | None = None
-    for piece in pieces:
-        last = piece is pieces[-1]
-        body = assemble(ranks, piece, state, coarser=body, check_coercivity=check and last, evolving=True)
-    assert body is not None
-    return body
 
 
 def _moved(

@@ -18,7 +18,7 @@ from hemivar.engines.petsc.body_on_ranks import BodyOnRanks
 from hemivar.engines.petsc.certificate import CyclesOnRanks
 from hemivar.engines.petsc.discrete_on_ranks import body_of
 from hemivar.engines.petsc.evolution import EvolutionOnRanks, StepMatricesOnRanks
-from hemivar.engines.petsc.solve import Saved, solved_on_ranks
+from hemivar.engines.petsc.solve import Saved, solve_distributed
 from hemivar.engines.petsc.time_limit import TimeLimit
 from hemivar.evolution import Scheme, SelectionRule
 from hemivar.evolution.data_in_time import StatedData
@@ -123,7 +123,7 @@ class DescentSolverOnRanks(DescentSolver):
         start = body.start(u)
         alarm = self.alarm.limited(min(self.controls.max_time, self.alarm.left))
         saved = Saved(State(start, body.multiplier(start)), ())
-        return solved_on_ranks(problem, body, self.solver, controls, alarm, saved)
+        return solve_distributed(body, self.solver, controls, resume=saved, alarm=alarm, problem=problem)
 
     def on_levels(self, problem: DiscreteProblem) -> Body | None:
         return _body_of(problem)

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, IntArray
 from hemivar.engines.petsc.evolution import EvolutionOnRanks, discretize_on_ranks
 from hemivar.engines.petsc.march_checkpoint import CheckpointOnRanks
@@ -110,14 +111,7 @@ def march_on_ranks(
     ready = prepare_march(ranks, pieces, state, plan, alarm)
     with np.errstate(all="ignore"):
         going = marching(ready.discrete, ready.plan, tools=ready.tools)
-        try:
-            stepped = next(going)
-            while True:
-                told = watch is not None and watch(stepped)
-                stepped = going.send(bool(told or alarm.due()))
-        except StopIteration as ended:
-            history: History = ended.value
-    return history
+        return result_of(going, lambda stepped: bool((watch is not None and watch(stepped)) or alarm.due()))
 
 
 def _refuse(plan: March) -> None:

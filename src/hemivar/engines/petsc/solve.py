@@ -14,7 +14,7 @@ from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Progress, 
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import Watch, finish, iterate
 
-__all__ = ["Saved", "depends_on_ranks", "solve_distributed", "solved_on_ranks"]
+__all__ = ["Saved", "depends_on_ranks", "solve_distributed"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +38,7 @@ def solve_distributed(
     resume: Saved | None = None,
     watch: Watch | None = None,
     alarm: TimeLimit | None = None,
+    problem: DiscreteProblem | None = None,
 ) -> Solution:
     """Solve a contact problem over ranks by the serial method; all of them call this.
 
@@ -54,28 +55,18 @@ def solve_distributed(
         Called with every state, and the history up to it.
     alarm : TimeLimit, optional
         When to end before it is done; by default once ``controls.max_time`` has passed, coarser meshes included.
+    problem : DiscreteProblem, optional
+        What the body is of, under its load and with its law; ``body.problem`` by default.
 
     Returns
     -------
     Solution
-        Of ``body.problem``: vectors and contact points are those of this rank; resultants and energy are those of all
+        Of the problem: vectors and contact points are those of this rank; resultants and energy are those of all
         ranks, which ask for them together.
     """
     controls = Controls() if controls is None else controls
     alarm = TimeLimit(controls.max_time) if alarm is None else alarm
-    return solved_on_ranks(body.problem, body, solver, controls, alarm, resume, watch)
-
-
-def solved_on_ranks(
-    problem: DiscreteProblem,
-    body: BodyOnRanks,
-    solver: Solver | None,
-    controls: Controls,
-    alarm: TimeLimit,
-    resume: Saved | None = None,
-    watch: Watch | None = None,
-) -> Solution:
-    """The solution of a problem, whose body under its load and with its law is given."""
+    problem = body.problem if problem is None else problem
     if solver is None:
         solver = NonsmoothMultigrid()
         solver = solver if body.stored is None else ProximalNewton(solver)
