@@ -58,6 +58,9 @@ class DistanceToExact:
         Those under which it is a bound, if nothing else stands between; they are among the reasons.
     unique : bool
         Whether the continuous problem is shown to have exactly one solution.
+    unseen : str
+        Rigid motions that supports leave to the body, in words.  The bound is one in the seminorm of the energy, which
+        does not see them; the laws are convex, and solutions differ by no more than such motions.
     """
 
     bound: float
@@ -75,6 +78,7 @@ class DistanceToExact:
     geometry: str = ""
     conditions: tuple[str, ...] = ()
     unique: bool = False
+    unseen: str = ""
 
     @classmethod
     def none(cls, reason: str, seconds: float = 0.0) -> DistanceToExact:
@@ -117,6 +121,8 @@ class DistanceToExact:
             parts.append(f"c = {self.constant:.3g}")
         took = f"; in {self.seconds:.2g} s" if self.seconds > 0.0 else ""
         made = [f"{blank}made of {', '.join(parts)}{took}"]
+        if self.unseen:
+            made.append(f"{blank}but for rigid motions, which the energy does not see: {self.unseen}")
         if self.unique and self.constant > 0.0:
             made.append(f"{blank}the continuous problem has exactly one solution, for c < 1")
         if self.advice:
@@ -174,6 +180,7 @@ class DistanceToExact:
             "reasons": list(self.reasons),
             "conditions": list(self.conditions),
             "unique": self.unique,
+            "unseen": self.unseen,
         }
 
 

@@ -204,14 +204,16 @@ def test_units_and_rotation_change_nothing() -> None:
 
 def test_estimates_and_missing_bounds_say_so() -> None:
     problem = survey("5.1", 3)
-    found, u = judged(problem)
+    mild = replace(problem, contact={"bottom": Contact(Softening(4.0, 0.5, 0.1))})
+    found, _ = judged(mild)
     assert not found.guaranteed
     assert "no bounds of the continuous one" in found.reasons[0]
+    u = solve(problem).displacement
     proved = TraceBounds(2.5, 2.5, 2.5, 2.0, True, "for this test")
     assert exact_distance(problem, u, proved).guaranteed
 
     none = TraceBounds(0.0, 0.0, 0.0, 0.0, True, "nothing holds the body")
-    missing = exact_distance(problem, u, none)
+    missing = exact_distance(mild, u, none)
     assert missing.distance == np.inf
     assert not missing.guaranteed
     assert any("there is no bound" in reason for reason in missing.reasons)

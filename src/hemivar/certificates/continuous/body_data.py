@@ -30,7 +30,7 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["BodyData", "CellEnergy", "VaryingLoads", "body_data", "cell_energy"]
+__all__ = ["BodyData", "CellEnergy", "VaryingLoads", "body_data", "cell_energy", "exact_loads"]
 
 #: Of points, strains and masks of regions.
 _Values = Callable[[Array, Array, Mapping[str, BoolArray] | None], Array]
@@ -184,6 +184,12 @@ class BodyData:
         if self.order == 1:
             return loads
         return np.asarray(np.einsum("va,mai->mvi", _linear_values(self.table.dim), loads))
+
+
+def exact_loads(data: BodyData) -> BodyData:
+    """The data of a displacement that is not taken for one of the discrete problem: no load counts as missed there."""
+    varying = data.varying
+    return replace(data, varying=replace(varying, missed=np.zeros(varying.missed.shape)))
 
 
 def _linear_values(dim: int) -> Array:

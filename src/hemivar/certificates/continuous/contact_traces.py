@@ -24,6 +24,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.split_element import facet_mass
+from hemivar.certificates.continuous.varying_gaps import gap_ranges
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
@@ -38,6 +39,7 @@ __all__ = [
     "ContactTraces",
     "PartRule",
     "admissible_displacement",
+    "beyond_domain",
     "contact_traces",
     "cut_triangle",
     "local_traces",
@@ -292,6 +294,13 @@ def _filled(part: tuple[IntArray, Array, Array, Array, Array, VectorLaw], width:
     return np.asarray((np.arange(count)[:, None] * own + np.minimum(np.arange(width), own - 1)).ravel())
 
 
+def beyond_domain(traces: ContactTraces) -> float:
+    """By how much penetrations leave the domain of the law, between the points too where gaps are known there."""
+    found = [np.maximum(part.above, part.below).max(initial=0.0) for part in gap_ranges(traces.data)]
+    most = max([traces.beyond, *map(float, found)])
+    return most if most > _ROUNDING * _scale(traces.data, traces.local) else 0.0
+
+
 def _padded(values: Array, width: int, fill: float | None = None) -> Array:
     """Values (k, q, ...) with the last point repeated up to a width, or filled up with a number."""
     short = width - values.shape[1]
@@ -381,14 +390,37 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray, rule: PartRule |
     return np.stack([1.0 - flat, flat], axis=2), share
 
 
+def _out_of_curved_gaps(data: BodyData) -> Array:
+    """The displacement (nodes, d) with the nodes of facets moved along their normals by what penetrates too far."""
+    moved, table = data.displacement.copy(), data.table
+    near = _ROUNDING * _scale(data, data.displacement)
+    outer = np.flatnonzero(~table.interior & data.unknown.any(axis=(1, 2)))
+    for part in gap_ranges(data):
+        normals, nodes = table.normals[part.facets], table.facets[part.facets]
+        held = np.zeros((len(moved), data.table.dim, data.table.dim))
+        for corner in table.facets[outer].T:
+            np.add.at(held, corner, data.unknown[outer])
+        for excess, sign in ((part.above, 1.0), (part.below, -1.0)):
+            most, normal = np.zeros(len(moved)), np.zeros(moved.shape)
+            for corner in nodes.T:
+                order = np.argsort(excess)  # of all facets of a node the one that penetrates most decides
+                np.maximum.at(most, corner, np.where(excess > near, excess, 0.0))
+                worst = order[excess[order] >= most[corner[order]]]
+                normal[corner[worst]] = normals[worst]
+            loose = np.abs(np.einsum("nij,nj->ni", held, normal)).max(axis=1) <= _HELD
+            moved -= sign * (most * loose)[:, None] * normal
+    return moved
+
+
 def admissible_displacement(data: BodyData) -> Array:
     """The displacement (nodes, d) with the midpoints of contact edges moved as far as their penetration asks for.
 
-    Gaps are taken quadratic along edges, as the displacement is. Linear elements need nothing.
+    Gaps are taken quadratic along edges, as the displacement is. With linear elements all nodes of a facet are moved
+    that penetrates beyond the domain because its gap is curved.
     """
     u = data.displacement
     if data.order == 1:
-        return u
+        return _out_of_curved_gaps(data)
     moved = u.copy()
     at_nodes = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
     for number, name in enumerate(data.problem.contact):

@@ -84,6 +84,7 @@ def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
         reasons=found.reasons,
         conditions=found.conditions if math.isfinite(found.distance) else (),
         unique=found.unique and math.isfinite(found.distance),
+        unseen=found.unseen if math.isfinite(found.distance) else "",
         misfit=parts.misfit,
         contact=parts.contact,
         oscillation=parts.oscillation,

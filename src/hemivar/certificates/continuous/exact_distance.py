@@ -28,10 +28,16 @@ from hemivar.basics.display import brief
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.bare_body import has_constant_normals
-from hemivar.certificates.continuous.body_data import BodyData, body_data
-from hemivar.certificates.continuous.contact_traces import ContactTraces, admissible_displacement, contact_traces
+from hemivar.certificates.continuous.body_data import BodyData, body_data, exact_loads
+from hemivar.certificates.continuous.contact_traces import (
+    ContactTraces,
+    admissible_displacement,
+    beyond_domain,
+    contact_traces,
+)
+from hemivar.certificates.continuous.convex_distance import balanced_stress, not_convex
 from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
-from hemivar.certificates.continuous.hypotheses import inexact_data, stated_conditions, unmet_hypotheses
+from hemivar.certificates.continuous.hypotheses import fixed_gaps, inexact_data, stated_conditions, unmet_hypotheses
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
 from hemivar.certificates.continuous.patches import PatchKind
@@ -129,6 +135,9 @@ class ExactDistance:
     unique : bool
         Whether the continuous problem is shown to have exactly one solution: c is below one, too, with the weak
         convexity constants of the normal and of the tangential law everywhere, and the distance is guaranteed.
+    unseen : str
+        The rigid motions that supports leave to a body, in words: the seminorm does not see them, and the solutions of
+        a convex problem differ by no more.
     """
 
     distance: float
@@ -146,6 +155,7 @@ class ExactDistance:
     facet_gap: Array
     conditions: tuple[str, ...] = ()
     unique: bool = False
+    unseen: str = ""
 
     __repr__ = brief
 
@@ -198,10 +208,55 @@ def exact_distance(
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     data = body_data(problem, displacement)
     inside = admissible_displacement(data)
-    traces = contact_traces(data if np.array_equal(inside, data.displacement) else data.moved(inside))
+    moved = data if np.array_equal(inside, data.displacement) else data.moved(inside)
+    traces = contact_traces(moved)
     usual = SWEEPS[problem.mesh.dim] if problem.order == 1 else _MORE
+    known = constants.guaranteed and constants.both > 0.0 and fixed_gaps(problem)
+    if traces is not None and not known and not not_convex(problem):
+        found = _without_constants(data, traces, constants, usual if sweeps is None else sweeps, unmet)
+        if found is not None:
+            return found
     stress = improved_stress(data, traces, constants, usual if sweeps is None else sweeps)
     return _bound(stress, data, traces, constants, unmet)
+
+
+def _without_constants(
+    data: BodyData, traces: ContactTraces, constants: TraceBounds, sweeps: tuple[PatchKind, ...], unmet: list[str]
+) -> ExactDistance | None:
+    """The bound for convex laws, without a constant of the body; None where contact does not balance the loads."""
+    inside = exact_loads(traces.data)
+    balanced = balanced_stress(inside, replace(traces, data=inside), sweeps)
+    if balanced is None:
+        return None
+    stress, table = balanced.stress, data.table
+    outside, conditions = stated_conditions(inside, traces)
+    reasons = unmet + inexact_data(data, formulas=True) + outside
+    if (beyond := beyond_domain(traces)) > 0.0:
+        reasons.append(_left_domain(beyond))
+    rest = oscillation(stress, constants.body)
+    cells = _cells(stress.misfit, replace(rest, cells=rest.cells + balanced.missed))
+    eta, whole, missed = (float(np.sqrt(part.sum())) for part in (stress.misfit, cells, rest.missed))
+    gap, correction = float(balanced.gap.sum()), _correction(inside, data)
+    value = _value(whole + missed + balanced.algebraic, gap, 0.0)
+    if not value < np.inf:
+        reasons.append("there is no bound: loads that are not known exactly move a body that nothing but contact holds")
+    parts = DistanceParts(eta, 0.0, gap, max(whole - eta, 0.0) + missed, balanced.algebraic, correction)
+    proved = not (reasons or conditions)
+    return ExactDistance(
+        value + correction, float(np.sqrt(data.energy)), parts, 0.0, 1, proved, (*reasons, *conditions), stress, cells,
+        rest.missed, table.facets[traces.facets], np.zeros(len(traces.facets)), balanced.gap,
+        tuple(conditions) if not reasons else (), proved and not balanced.unseen, balanced.unseen,
+    )  # fmt: skip
+
+
+def _correction(inside: BodyData, data: BodyData) -> float:
+    """``|w|_a`` of the w that brings a displacement into the domain of the law."""
+    change = inside.displacement - data.displacement
+    return float(np.sqrt(max(np.sum((inside.forces - data.forces) * change[data.cell_nodes]), 0.0)))
+
+
+def _left_domain(beyond: float) -> str:
+    return f"the displacement leaves the domain of the law by {beyond:.3g}, which is not accounted for"
 
 
 def improved_stress(
@@ -319,9 +374,9 @@ def _bound(
     unmet: list[str],
 ) -> ExactDistance:
     table = data.table
-    change = stress.data.displacement - data.displacement
-    correction = float(np.sqrt(max(np.sum((stress.data.forces - data.forces) * change[data.cell_nodes]), 0.0)))
-    reasons = [] if constants.guaranteed else [f"the constants of the body are {constants.source}"]
+    correction = _correction(stress.data, data)
+    unknown = constants.both > 0.0 and not constants.guaranteed
+    reasons = [f"the constants of the body are {constants.source}"] if unknown else []
     reasons += unmet + inexact_data(data)
     outside, conditions = stated_conditions(stress.data, traces)
     reasons += outside
@@ -342,9 +397,7 @@ def _bound(
     wrong = ""
     if traces is not None:
         if traces.beyond > 0.0:
-            reasons.append(
-                f"the displacement leaves the domain of the law by {traces.beyond:.3g}, which is not accounted for"
-            )
+            reasons.append(_left_domain(traces.beyond))
         reasons += _doubts(traces, constants)
         modes = SoftModes(traces)
         found = _chosen(traces, stress.tractions.moments, constants, base, modes, direct - eta_all)
@@ -518,7 +571,8 @@ def _contradiction(choice: _Choice, modes: SoftModes) -> str:
 def _cause(choice: _Choice, constants: TraceBounds, traces: ContactTraces | None) -> str:
     """Why no value of the bound is finite: the law, or the constants of the body."""
     if traces is None or not constants.both > 0.0:
-        return "nothing but contact holds the body"
+        why = "" if traces is None else not_convex(traces.data.problem)
+        return f"nothing but contact holds the body, and {why or 'no tractions that the law allows balance the loads'}"
     if not all(np.isfinite(part).all() for part in choice.alpha):
         return "the law falls at once, which no body bears (c = inf)"
     coupling = _coupling(traces, constants)

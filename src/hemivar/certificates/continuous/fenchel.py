@@ -90,8 +90,12 @@ class FenchelGap:
         return FenchelGap(self.weight, zeta, *square, *gaps)
 
 
-def fenchel_gap(traces: ContactTraces, forces: Array, weight: float) -> FenchelGap:
-    """The gap of the multiplier nearest to forces in local components (k, q, d), at points of contact facets."""
+def fenchel_gap(traces: ContactTraces, forces: Array, weight: float, wide: Array | None = None) -> FenchelGap:
+    """The gap of the multiplier nearest to forces in local components (k, q, d), at points of contact facets.
+
+    Where penetrations may be off by as much as ``wide (k,)``, and the law is convex and splits, it is the largest one:
+    D is convex in the penetration, and largest at one of both ends.
+    """
     if traces.rule is not None:
         return _majorised(traces, traces.rule, forces, weight)
     law, shape = traces.law, traces.weights.shape
@@ -102,6 +106,10 @@ def fenchel_gap(traces: ContactTraces, forces: Array, weight: float) -> FenchelG
     zeta = xi + weight * (r - p)
     work = (zeta + every * r) * (r - p)
     normal = _fall(law.normal, alpha[:, 0], r[:, 0], p[:, 0]) - work[:, 0]
+    for off in () if wide is None else (-wide, wide):
+        end = law.admissible(np.column_stack([r[:, 0] + np.repeat(off, shape[1]), r[:, 1:]]))[:, 0]
+        apart = _fall(law.normal, alpha[:, 0], end, p[:, 0]) - zeta[:, 0] * (end - p[:, 0])
+        normal = np.maximum(normal, apart)
     sizes = (np.sqrt(np.einsum("mi,mi->m", part[:, 1:], part[:, 1:])) for part in (r, p))
     tangential = _fall(law.tangential, alpha[:, 1], *sizes) - work[:, 1:].sum(axis=1)
     within = _within(law, p)

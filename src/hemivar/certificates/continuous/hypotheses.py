@@ -14,6 +14,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.bulk_gap import strain_sizes
 from hemivar.certificates.continuous.contact_traces import ContactTraces
+from hemivar.certificates.continuous.varying_gaps import gap_known
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import refuse_evolution
 from hemivar.fem.supports import stated_supports
@@ -111,8 +112,16 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     return found
 
 
-def inexact_data(data: BodyData) -> list[str]:
-    """What of the statement the mesh and its rules of integration do not represent exactly."""
+def fixed_gaps(problem: ContactProblem) -> bool:
+    """Whether no gap varies along a contact boundary, but for those of plane obstacles."""
+    return not any(callable(one.gap) or not isinstance(one.obstacle, Plane | None) for one in problem.contact.values())
+
+
+def inexact_data(data: BodyData, formulas: bool = False) -> list[str]:
+    """What of the statement the mesh and its rules of integration do not represent exactly.
+
+    Gaps that are ``formulas`` may be known between the points, too.
+    """
     problem = data.problem
     found = data.varying.doubts
     if not problem.material.bounds_by.proved:
@@ -125,7 +134,8 @@ def inexact_data(data: BodyData) -> list[str]:
     if any(callable(value) for value in held):
         found.append("prescribed displacements are functions, which the mesh interpolates")
     for name, contact in problem.contact.items():
-        if callable(contact.gap) or not isinstance(contact.obstacle, Plane | None):
+        varies = callable(contact.gap) or not isinstance(contact.obstacle, Plane | None)
+        if varies and not (formulas and gap_known(contact)):
             found.append(f"the gap of contact '{name}' varies, and is seen by a rule of integration")
         if callable(contact.belt):
             found.append(f"the belt of contact '{name}' varies, and is seen by a rule of integration")

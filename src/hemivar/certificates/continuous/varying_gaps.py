@@ -1,0 +1,111 @@
+"""What is known of gaps between the points where they are seen.
+
+Gaps made of formulas are near to polynomials of degree 2 on small parts of facets, with a proved bound of the
+difference (:mod:`hemivar.formula.expansion`).  On a part the penetration is nearest to one of degree 2, then, and this
+lies below its control values: those at the corners, and ``2 q_m - (q_a + q_b) / 2`` at the middles of the edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.certificates.continuous.body_data import BodyData
+from hemivar.fem.elements import shape_values
+from hemivar.formula import Formula
+from hemivar.mechanics.conditions import DataField
+from hemivar.mechanics.foundation import Contact
+from hemivar.mechanics.instants import Instant
+from hemivar.mechanics.obstacles import Plane
+from hemivar.mesh.keys import EDGES
+
+__all__ = ["GapRange", "gap_known", "gap_ranges"]
+
+#: Parts into which each side of a facet is cut.
+_PARTS = {2: 8, 3: 4}
+
+
+@dataclass(frozen=True, eq=False)
+class GapRange:
+    """Contact facets of one boundary."""
+
+    facets: IntArray  # (k,)
+    #: By how much the gap may differ from a polynomial of degree 2 on every part; inf where nothing is known.
+    unknown: Array  # (k,)
+    #: By how much the penetration may be above and below the domain of the law; negative inside of it.
+    above: Array  # (k,)
+    below: Array  # (k,)
+
+
+def gap_known(contact: Contact) -> bool:
+    """Whether a gap is known everywhere: a number, a plane obstacle, or a formula."""
+    if contact.obstacle is not None:
+        return isinstance(contact.obstacle, Plane)
+    given = contact.gap.value if isinstance(contact.gap, Instant) else contact.gap
+    return isinstance(given, Formula) or not callable(given)
+
+
+def gap_ranges(data: BodyData) -> list[GapRange]:
+    """Of each contact boundary without an obstacle; normals are those of the facets."""
+    found = []
+    for number, (name, contact) in enumerate(data.problem.contact.items()):
+        if contact.obstacle is None:
+            found.append(_range(data, name, contact, np.flatnonzero(data.contact == number)))
+    return found
+
+
+def _range(data: BodyData, name: str, contact: Contact, facets: IntArray) -> GapRange:
+    table, dim = data.table, data.table.dim
+    parts = _parts(dim)
+    count, pieces = len(facets), len(parts)
+    pairs = np.array(EDGES[dim - 1] if dim > 2 else ((0, 1),))
+    corners = np.einsum("pab,fbi->fpai", parts, table.mesh.points[table.facets[facets]]).reshape(-1, dim, dim)
+    seen = np.vstack([np.eye(dim), 0.5 * (np.eye(dim)[pairs[:, 0]] + np.eye(dim)[pairs[:, 1]])])
+    shapes = shape_values(data.order, seen @ parts)
+    moved = np.einsum("pqa,fai,fi->fpq", shapes, data.displacement[data.facet_nodes[facets]], table.normals[facets])
+    gap, off = _gap(name, contact, corners, seen)
+    r = moved - gap.reshape(count, pieces, -1)
+    ends, middles = r[..., :dim], r[..., dim:]
+    control = np.concatenate([ends, 2.0 * middles - 0.5 * (ends[..., pairs[:, 0]] + ends[..., pairs[:, 1]])], axis=2)
+    off = off.reshape(count, pieces)
+    middle = table.mesh.points[table.facets[facets]].mean(axis=1)
+    domain = contact.law.at(middle).penetrations
+    sure = np.where(np.isfinite(off), off, 0.0)
+    above = (control.max(axis=2) + sure).max(axis=1) - domain.upper
+    below = domain.lower - (control.min(axis=2) - sure).min(axis=1)
+    return GapRange(facets, off.max(axis=1), above, below)
+
+
+def _gap(name: str, contact: Contact, corners: Array, seen: Array) -> tuple[Array, Array]:
+    """Polynomials near to a gap, at points (q, d) of parts (k, d, d), and how far from it they may be, (k,)."""
+    given, time = (contact.gap.value, contact.gap.time) if isinstance(contact.gap, Instant) else (contact.gap, None)
+    if isinstance(given, Formula):
+        found = given.expansion(corners, time)
+        if np.isfinite(found.off).all():
+            return found.at(seen), found.off
+    places = np.einsum("qa,kai->kqi", seen, corners)
+    values = (
+        DataField(contact.gap, f"gap of contact '{name}'")
+        .at(places.reshape(-1, corners.shape[2]))
+        .reshape(places.shape[:2])
+    )
+    return values, np.full(len(corners), np.inf if callable(contact.gap) else 0.0)
+
+
+def _parts(dim: int) -> Array:
+    """Barycentric coordinates (p, d, d) of the corners of the parts of a facet."""
+    n = _PARTS[dim]
+    if dim == 2:
+        at = np.arange(n + 1) / n
+        ends = np.stack([at[:-1], at[1:]], axis=1)
+        return np.stack([1.0 - ends, ends], axis=2)
+    found = []
+    for i in range(n):
+        for j in range(n - i):
+            found.append([[i, j], [i + 1, j], [i, j + 1]])
+            if i + j < n - 1:
+                found.append([[i + 1, j + 1], [i, j + 1], [i + 1, j]])
+    two = np.array(found, dtype=float) / n
+    return np.concatenate([1.0 - two.sum(axis=2, keepdims=True), two], axis=2)

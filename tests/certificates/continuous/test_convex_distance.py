@@ -1,0 +1,258 @@
+"""Bounds for convex laws that need no constant of the body: of bodies that nothing but contact holds, above all."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.certificates import DistanceToExact, certify
+from hemivar.certificates.continuous.body_data import body_data
+from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
+from hemivar.certificates.continuous.convex_distance import unknown_gaps
+from hemivar.certificates.continuous.exact_distance import exact_distance
+from hemivar.certificates.continuous.fenchel import fenchel_gap
+from hemivar.certificates.continuous.trace_bounds import TraceBounds
+from hemivar.fem.assembly import stiffness_matrix
+from hemivar.fem.transfer import interpolate
+from hemivar.formula import Formula
+from hemivar.laws import Signorini
+from hemivar.mechanics.conditions import ScalarData, Support
+from tests.certificates.continuous.everyday import everyday
+from tests.samples import sampled
+
+#: What stands for a body that nothing but contact holds, and for one whose constants are not known.
+UNKNOWN = TraceBounds(0.0, 0.0, 0.0, 0.0, False, "not known")
+
+
+def seminorm(mesh: hv.Mesh, problem: hv.ContactProblem, order: int, v: Array) -> float:
+    return float(np.sqrt(max(v.ravel() @ (stiffness_matrix(mesh, problem.material, order) @ v.ravel()), 0.0)))
+
+
+def error(problem: hv.ContactProblem, displacement: Array, times: int = 2) -> float:
+    """The seminorm of the distance to the solution on a nested mesh, in the plane with quadratic elements."""
+    order = 2 if problem.mesh.dim == 2 else 1
+    mesh = problem.mesh.refined(times)
+    finer = hv.solve(replace(problem, mesh=mesh, order=order)).raise_for_status()
+    coarse = hv.discretize(problem, check_coercivity=False)
+    assert coarse.field is not None
+    assert finer.problem.field is not None
+    moved = interpolate(coarse.field, displacement, finer.problem.field)
+    return seminorm(mesh, problem, order, finer.displacement - moved)
+
+
+def bounded(problem: hv.ContactProblem) -> tuple[hv.Solution, DistanceToExact]:
+    solution = hv.solve(problem).raise_for_status()
+    found = certify(solution, exact=True, trace_constant=False).exact
+    assert found is not None
+    return solution, found
+
+
+@pytest.mark.parametrize("seed", sampled(range(34)))
+def test_everyday_problems_have_bounds_above_their_errors(seed: int) -> None:
+    _, problem = everyday(seed)
+    solution, found = bounded(problem)
+    assert found.guaranteed, found.reasons
+    assert found.constant == 0.0
+    assert found.unseen
+    assert not found.unique
+    off = error(problem, solution.displacement)
+    assert off * (1.0 - 1e-9) <= found.bound <= 8.0 * off
+
+
+def block(
+    contact: hv.Contact, *, n: int = 6, length: float = 1.0, stiff: float = 1e3, side: float = 0.0, **more: object
+) -> hv.ContactProblem:
+    """Pressed down by a thousandth of its stiffness; held to the side where no force pushes it there."""
+    mesh = hv.rectangle((2.0 * length, length), (2 * n, n))
+    supports = {} if side else {"left": hv.Roller()}
+    load = {"top": (side * stiff, -1e-3 * stiff)}
+    stated = hv.ContactProblem(mesh, hv.Material.young(stiff, 0.3), {"bottom": contact}, supports, tractions=load)
+    return replace(stated, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("law", [Signorini(), hv.Compliance(50.0)])
+def test_a_solution_that_is_exact_has_a_bound_of_rounding(law: hv.laws.Superpotential) -> None:
+    """A block that slides along its support under an even pressure has the same stress everywhere."""
+    _, found = bounded(block(hv.Contact(law)))
+    assert found.guaranteed
+    assert found.relative < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_displacements_that_solve_nothing_are_bounded_too(seed: int) -> None:
+    problem = block(hv.Contact(hv.Compliance(500.0), hv.Tresca(0.3)), side=2e-4)
+    u = hv.solve(problem).displacement
+    wave = np.random.default_rng(seed).normal(size=(2, 2))
+    u = u + 3e-4 * np.sin(problem.mesh.points @ wave)
+    found = exact_distance(problem, u, UNKNOWN)
+    assert found.guaranteed
+    off = error(problem, u)
+    assert off <= found.distance <= 8.0 * off
+
+
+def test_units_do_not_matter() -> None:
+    ratios = []
+    for length, stiff in ((1.0, 1e3), (1e3, 1e-3), (1e-3, 1e9)):
+        k = 0.5 * stiff / length
+        gap = Formula(f"0.0005 * (x - {length})^2 / {length}")
+        contact = hv.Contact(hv.Compliance(k), hv.Tresca(3e-4 * stiff), gap=gap)
+        ratios.append(bounded(block(contact, length=length, stiff=stiff, side=1e-4))[1].relative)
+    np.testing.assert_allclose(ratios, ratios[0], rtol=1e-5)
+
+
+#: A bottom that is round, and one that comes down to the plane between the nodes alone.
+ROUND = "0.002 * (x - 1)^2"
+BUMP = "0.0004 - 0.002 * exp(-((x - 0.917) / 0.02)^2)"
+
+
+@pytest.mark.parametrize("law", [Signorini(), hv.Compliance(2e3)])
+@pytest.mark.parametrize("gap", [ROUND, BUMP])
+def test_gaps_that_are_formulas_are_known_between_the_points(law: hv.laws.Superpotential, gap: str) -> None:
+    formula = Formula(gap)
+    problem = block(hv.Contact(law, gap=formula))
+    solution, found = bounded(problem)
+    assert found.guaranteed, found.reasons
+    assert found.bound >= error(problem, solution.displacement, times=3)
+    function: ScalarData = lambda x: formula(x)  # noqa: E731
+    _, seen = bounded(block(hv.Contact(law, gap=function)))
+    assert not seen.guaranteed
+    assert "the gap of contact 'bottom' varies" in seen.why
+
+
+def test_what_cannot_be_moved_out_of_a_gap_has_an_estimate() -> None:
+    """Between a corner that is held and the next node the gap is negative."""
+    mesh = hv.rectangle((2.0, 1.0), (12, 6))
+    contact = {"bottom": hv.Contact(Signorini(), gap=Formula("0.01 * x * (x - 1 / 6)"))}
+    held: dict[str, Support] = {"left": hv.Fixed(x=0.0, y=0.0)}
+    stated = hv.ContactProblem(mesh, hv.Material.young(1e3, 0.3), contact, held, tractions={"top": (0.0, -1.0)})
+    found = exact_distance(stated, np.zeros(mesh.points.shape), UNKNOWN)
+    assert not found.guaranteed
+    assert any("leaves the domain of the law" in reason for reason in found.reasons)
+
+
+def test_a_stress_in_equilibrium_pays_for_tractions_that_the_law_does_not_want() -> None:
+    """An even pressure balances the load, and the gap is not even: nothing but G sees how far that is off."""
+    problem = block(hv.Contact(hv.Compliance(2e4), gap=Formula("0.0004 * (x - 1)^2")))
+    strain = hv.solve(block(hv.Contact(hv.Compliance(2e4)))).displacement
+    found = exact_distance(problem, strain, UNKNOWN)
+    assert found.guaranteed
+    assert found.distance >= error(problem, strain)
+    assert found.parts.misfit < error(problem, strain)
+
+
+def test_what_brings_a_displacement_out_of_a_rigid_foundation_counts() -> None:
+    problem = block(hv.Contact(Signorini(), hv.Tresca(0.3)), side=2e-4)
+    u = hv.solve(problem).displacement.copy()
+    u[np.flatnonzero(problem.mesh.points[:, 1] < 1e-9)[3:6], 1] -= 5e-3
+    found = exact_distance(problem, u, UNKNOWN)
+    assert found.guaranteed
+    assert found.parts.correction > 0.0
+    assert found.distance >= error(problem, u)
+    assert found.distance - found.parts.correction < error(problem, u)
+
+
+def traces_of(problem: hv.ContactProblem, u: Array) -> ContactTraces:
+    traces = contact_traces(body_data(problem, u))
+    assert traces is not None
+    return traces
+
+
+def test_gaps_that_are_off_are_paid_at_their_worst() -> None:
+    """Of a compliance k the gap of Fenchel is ``(zeta - k r)^2 / 2 k``, here for a gap that may be off by 1e-3."""
+    k, wide = 300.0, 1e-3
+    problem = block(hv.Contact(hv.Compliance(k)))
+    traces = traces_of(problem, np.full(problem.mesh.points.shape, -4e-3))
+    forces = np.zeros(traces.local.shape)
+    forces[..., 0] = 2.0
+    found = fenchel_gap(traces, forces, 1.0, np.full(len(traces.facets), wide))
+    zeta = found.multiplier[0, 0, 0]
+    worst = max((zeta - k * (4e-3 + sign * wide)) ** 2 / (2.0 * k) for sign in (-1.0, 1.0))
+    np.testing.assert_allclose(found.normal_gap, worst * traces.weights.sum(axis=1), rtol=1e-12)
+
+
+def test_what_is_unknown_of_a_gap_is_above_what_polynomials_miss() -> None:
+    """Of a cubic on parts of length h: ``h^3 / (36 sqrt 3)`` from its best parabola by far, at least a fourth of it."""
+    problem = block(hv.Contact(hv.Compliance(300.0), gap=Formula("0.5 * x^3")))
+    traces = traces_of(problem, np.zeros(problem.mesh.points.shape))
+    length = 1.0 / 6.0 / 8.0
+    assert (unknown_gaps(traces) >= 0.5 * length**3 / 32.0).all()
+    even = traces_of(block(hv.Contact(hv.Compliance(300.0), gap=Formula("0.5 * x^2"))), traces.data.displacement)
+    assert (unknown_gaps(even) < 1e-12).all()
+
+
+def test_what_facets_cannot_represent_of_the_multiplier_is_oscillation() -> None:
+    problem = block(hv.Contact(Signorini(), gap=Formula(ROUND)))
+    found = exact_distance(problem, hv.solve(problem).displacement, UNKNOWN)
+    parts = found.parts
+    assert parts.oscillation > 1e-6 * parts.misfit
+    whole = parts.misfit + parts.oscillation + parts.algebraic
+    expected = 0.5 * (whole + np.sqrt(whole**2 + 4.0 * parts.gap)) + parts.correction
+    assert found.distance == pytest.approx(expected, rel=1e-12)
+    assert found.cells.sum() == pytest.approx((parts.misfit + parts.oscillation) ** 2, rel=1e-9)
+
+
+def test_what_supports_hold_needs_no_constants_of_its_body_either() -> None:
+    """A mesh in space with more tetrahedra than constants are computed on."""
+    mesh = hv.box((1.0, 1.0, 1.0), 8)
+    stated = hv.ContactProblem(
+        mesh,
+        hv.Material.young(1e3, 0.3),
+        {"bottom": hv.Contact(Signorini(), hv.Tresca(0.5), gap=Formula("0.002 * ((x - 0.5)^2 + (y - 0.5)^2)"))},
+        {"top": hv.Prescribed((0.0, 0.0, -0.002))},
+    )
+    assert mesh.number_of_cells > 2500
+    solution, found = bounded(stated)
+    assert found.guaranteed, found.reasons
+    assert found.unique
+    assert not found.unseen
+    finer = error(stated, solution.displacement, times=1)
+    assert finer <= found.bound <= 8.0 * finer
+
+
+def test_quadratic_elements_are_sharper() -> None:
+    contact = hv.Contact(hv.Compliance(300.0), hv.Tresca(0.3))
+    bounds = []
+    for order in (1, 2):
+        problem = block(contact, side=2e-4, order=order)
+        solution, found = bounded(problem)
+        assert found.guaranteed, found.reasons
+        assert found.bound >= error(problem, solution.displacement)
+        bounds.append(found.bound)
+    assert bounds[1] < 0.6 * bounds[0]
+
+
+def test_the_words_name_the_motions_that_are_not_seen() -> None:
+    _, found = bounded(block(hv.Contact(Signorini(), hv.Tresca(1.0)), side=1e-4))
+    assert found.unseen == "translation (1, 0), translation (0, 1), rotation"
+    assert any("but for rigid motions, which the energy does not see" in line for line in found.lines())
+    assert found.record()["unseen"] == found.unseen
+
+
+@pytest.mark.parametrize(
+    ("contact", "words"),
+    [
+        (
+            hv.Contact(hv.Softening(1e3, 1e-3, 10.0)),
+            "nothing but contact holds the body, and its law is not known to be",
+        ),
+        (hv.Contact(hv.Compliance(1e3), hv.Coulomb(0.3)), "friction .* depends|depends on the pressure"),
+    ],
+)
+def test_laws_that_are_not_convex_have_no_bound_and_the_words_say_why(contact: hv.Contact, words: str) -> None:
+    problem = block(contact)
+    found = exact_distance(problem, hv.solve(problem).displacement, UNKNOWN)
+    assert not np.isfinite(found.distance)
+    assert re.search(words, "; ".join(found.reasons)), found.reasons
+
+
+def test_loads_that_contact_cannot_balance_leave_no_bound() -> None:
+    """Without friction a body that is pushed along the plane is in no equilibrium."""
+    problem = block(hv.Contact(hv.Compliance(500.0)), side=2e-4)
+    found = exact_distance(problem, np.full(problem.mesh.points.shape, -1e-3), UNKNOWN)
+    assert not np.isfinite(found.distance)
+    assert any("no tractions that the law allows balance the loads" in reason for reason in found.reasons)
