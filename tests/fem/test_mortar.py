@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,10 +42,9 @@ def pressed(mesh: hv.Mesh, contact: hv.Contact, order: int = 1) -> hv.ContactPro
 def resultants(solution: hv.Solution) -> tuple[Array, Array]:
     """Contact forces on the upper and on the lower body, from the nodal forces of the trace."""
     problem = solution.problem
-    weighted = problem.contact.weights[:, None] * solution.multiplier
     field = problem.field
     assert field is not None
-    forces = (field.basis @ (problem.contact.trace.T @ weighted.ravel())).reshape(-1, field.mesh.dim)
+    forces = (field.lift.T @ problem.contact.force(solution.multiplier)).reshape(-1, field.mesh.dim)
     upper = np.zeros(len(forces), dtype=bool)
     upper[np.unique(field.mesh.cell_nodes(field.order)[field.mesh.regions["u"]])] = True
     return forces[upper].sum(axis=0), forces[~upper].sum(axis=0)
@@ -216,7 +216,7 @@ def test_sliding_by_more_than_an_element_is_told() -> None:
     assert warned == [False, True]
 
 
-def test_the_finer_boundary_has_the_contact_points_then_the_one_that_is_held_less() -> None:
+def test_a_much_softer_body_has_the_contact_points_then_the_finer_one_then_the_one_that_is_held_less() -> None:
     against = {"u:bottom": hv.Contact(hv.Signorini(), against="l:top")}
     assert pressed(blocks((7, 3), (5, 4)), against["u:bottom"]).pair("u:bottom") == ("u:bottom", "l:top")
     assert pressed(blocks((5, 3), (7, 4)), against["u:bottom"]).pair("u:bottom") == ("l:top", "u:bottom")
@@ -227,6 +227,10 @@ def test_the_finer_boundary_has_the_contact_points_then_the_one_that_is_held_les
         {"l:bottom": hv.Clamped(), "u:left": hv.Clamped(), "u:top": hv.Roller()},
     )
     assert alike.pair("u:bottom") == ("l:top", "u:bottom")
+    for ratio, slave in ((3.0, "u:bottom"), (5.0, "l:top")):
+        material = hv.Material.by_region({"u": hv.Material.young(ratio, 0.3), "l": hv.Material.young(1.0, 0.3)})
+        stiffer = replace(pressed(blocks((7, 3), (5, 4)), against["u:bottom"]), material=material)
+        assert stiffer.pair("u:bottom")[0] == slave
 
 
 def test_three_blocks_on_each_other_and_two_on_one() -> None:

@@ -126,16 +126,15 @@ def no_motions(field: Field) -> RigidModes:
 
 def _stopped(field: Field) -> tuple[IntArray, Array]:
     """Nodes that supports act on, and the projections (k, d, d) on what they fix there."""
-    dim, basis = field.mesh.dim, field.basis
-    filled = np.flatnonzero(np.diff(basis.indptr))
-    column_node = np.zeros(basis.shape[1], dtype=np.int64)
-    column_node[basis.indices] = np.repeat(filled // dim, np.diff(basis.indptr)[filled])
+    dim, own = field.mesh.dim, field.own
+    column_node = own.indices[own.indptr[:-1]] // dim
     nodes = np.flatnonzero(np.bincount(column_node, minlength=field.number_of_nodes) < dim)
     rows = (nodes[:, None] * dim + np.arange(dim)).ravel()
-    free = basis[rows]
-    product = (free @ free.T).tocoo()  # block diagonal, for a column belongs to one node
+    product = sp.csr_array(field.basis[rows] @ field.lift.tocsc()[:, rows]).tocoo()
+    same = product.row // dim == product.col // dim  # all but rounding
+    row, column = product.row[same], product.col[same]
     projection = np.tile(np.eye(dim), (len(nodes), 1, 1))
-    np.subtract.at(projection, (product.row // dim, product.row % dim, product.col % dim), product.data)
+    np.subtract.at(projection, (row // dim, row % dim, column % dim), product.data[same])
     projection[np.abs(projection) < 1e-14] = 0.0
     return nodes, projection
 

@@ -129,6 +129,16 @@ class Field(PickleMixin):
         return np.asarray(self.lift @ self.prescribed)
 
     @cached_property
+    def own(self) -> sp.csc_array:
+        """The entries of the basis at the nodes of the unknowns themselves, shape (nodes * components, n).
+
+        Where unknowns are jumps between bodies, the nodes of one body follow those of another one besides.
+        """
+        back = sp.csc_array(self.lift.T)
+        there = sp.csc_array((np.ones(back.nnz), back.indices, back.indptr), shape=back.shape)
+        return sp.csc_array(self.basis.tocsc() * there)
+
+    @cached_property
     def free_motions(self) -> RigidModes:
         """The motions without strain, or without gradient, that supports leave to a displacement or one component."""
         return free_constants(self) if self.constants else free_motions(self)

@@ -295,8 +295,8 @@ def _redistributed(mass: Operator, problem: DiscreteProblem, moved: IntArray) ->
     )
     massless = np.zeros(whole.shape[0], dtype=bool)
     massless[problem.contact.trace.indices] = True
-    basis = sp.csc_array(field.basis)
-    node = np.concatenate([basis.indices[basis.indptr[:-1]], moved]) // field.components
+    own = field.own
+    node = np.concatenate([own.indices[own.indptr[:-1]], moved]) // field.components
     spread = _spread(whole, massless, node)
     if not moved.size:
         return replace(mass, inner=spread)

@@ -319,8 +319,6 @@ def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[Bou
     """Make the displacements of contact points independent at nodes of two boundaries (nodal quadrature)."""
     for later in range(1, len(groups)):
         for earlier in range(later):
-            if groups[earlier].pair or groups[later].pair:
-                continue  # each of their points sees nodes of its own on the other side
             first, second = groups[earlier].points, groups[later].points
             assert first.frames is not None
             assert second.frames is not None
@@ -333,6 +331,8 @@ def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[Bou
             blocked[mine[~alike], 1:] = True
             other_blocked[theirs[~alike], 1:] = True
             mine, theirs = mine[alike], theirs[alike]
+            if groups[earlier].pair or groups[later].pair:
+                mine = theirs = mine[:0]  # each sees nodes of its own on the other side
             if mine.size:
                 weights, frames = first.weights.copy(), first.frames.copy()
                 normal = first.frames[mine, 0] * first.weights[mine, None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import stated_load
-from hemivar.fem.contact_points import refuse_dependent
+from hemivar.fem.contact_points import BoundaryContact, refuse_dependent
 from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import EnergyIntegral, bedded_energy
 from hemivar.fem.lift import lifted
@@ -48,11 +49,13 @@ def discretize(
 
     The displacement is ``U = P u + u0`` with orthonormal columns in ``P``: at the nodes of a contact
     boundary (nodal quadrature) they are the normal and the tangents, so that the trace selects unknowns; at
-    inclined rollers the free tangents; elsewhere the Cartesian axes. ``K = P' Kf P``, ``f = P'(F - Kf u0)``;
-    gap and slip offset take up ``u0``. A bedding of the body is part of K, and a body with one has no free motions.
-    A body that is not linear has a :class:`hemivar.discrete.Potential` in the place of K, and its internal forces at
-    ``u0`` in that of ``Kf u0``; its ``u0`` is the displacement of the linear body without strain that follows the
-    supports, for supports that move alone would strain the cells beside them the more the finer the mesh is.
+    inclined rollers the free tangents; elsewhere the Cartesian axes. Where two bodies touch, unknowns of the slave
+    are its jumps, normal and tangential, and its nodes follow the master at jumps zero. ``K = P' Kf P``,
+    ``f = P'(F - Kf u0)``; gap and slip offset take up ``u0``. A bedding of the body is part of K, and a body with one
+    has no free motions. A body that is not linear has a :class:`hemivar.discrete.Potential` in the place of K, and its
+    internal forces at ``u0`` in that of ``Kf u0``; its ``u0`` is the displacement of the linear body without strain
+    that follows the supports, for supports that move alone would strain the cells beside them the more the finer the
+    mesh is.
 
     With nodal quadrature, contact point j is a node; its normal is the normalised sum of the adjacent facet
     normals times facet measures, its weight the integral of its shape function over the contact boundary.
@@ -100,17 +103,24 @@ def discretize(
     return _discretize(expect(given, ContactProblem, "what to discretize", remedy), check_coercivity, evolving)
 
 
-def coarse_problem(problem: ContactProblem, start: Array) -> DiscreteProblem:
-    """The problem below another one; at unknowns zero a nonlinear body has the nodal values (nodes, c) ``start``."""
-    return _discretize(problem, False, True, start)
+def coarse_problem(problem: ContactProblem, start: Array, pairs: Mapping[str, BoundaryContact]) -> DiscreteProblem:
+    """The problem below another one; at unknowns zero a nonlinear body has the nodal values (nodes, c) ``start``.
+
+    ``pairs`` are the contact points of two bodies.
+    """
+    return _discretize(problem, False, True, start, pairs)
 
 
 def _discretize(
-    problem: ContactProblem, check_coercivity: bool, evolving: bool, start: Array | None = None
+    problem: ContactProblem,
+    check_coercivity: bool,
+    evolving: bool,
+    start: Array | None = None,
+    pairs: Mapping[str, BoundaryContact] | None = None,
 ) -> DiscreteProblem:
     refuse_evolution(problem, evolving)
     mesh, order = problem.mesh, problem.order
-    conditions = nodal_conditions(problem)
+    conditions = nodal_conditions(problem, pairs)
     basis = conditions.basis
     if basis.shape[1] == 0:
         raise SupportError("the supports leave the problem no freedom; refine the mesh or remove supports")
@@ -118,7 +128,7 @@ def _discretize(
     full_load = stated_load(problem)
     one = problem.components == 1
     field = Field(
-        mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, constants=one,
+        mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, conditions.lift, constants=one,
         ring=problem.material.axisymmetric,
     )  # fmt: skip
     contact, offset, law, energy = conditions.contact()
@@ -174,15 +184,14 @@ def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBo
     bedded = _bedded(problem, blocks)
     if prescribed.any():
         reaction = blocks.times(conditions.supports.value).ravel()
-    blocks.turn(conditions.directions)
-    bulk = Quadratic(blocks.matrix(conditions.free), assembled=True)
+    bulk = Quadratic(conditions.matrix(blocks), assembled=True)
     return _DiscreteBody(bulk, reaction, 0.5 * float(prescribed @ reaction), bedded)
 
 
 def _stored(problem: ContactProblem, conditions: NodalConditions) -> EnergyIntegral:
     """The energy by the unknowns, zero where supports alone are displaced."""
     energy, start = bedded_energy(problem), conditions.supports.value
-    return EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free)
+    return EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free, conditions.jumps)
 
 
 def _nonlinear(problem: ContactProblem, integral: EnergyIntegral) -> _DiscreteBody:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import cast
 
@@ -19,12 +19,14 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, relaxing, viscous
+from hemivar.fem.contact_points import BoundaryContact
 from hemivar.fem.discretize import discretize
 from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import EnergyIntegral
 from hemivar.fem.mass import MassDensity, body_blocks, inertia, mass_blocks, per_volume
+from hemivar.fem.mortar_basis import JumpUnknowns
 from hemivar.fem.supports import Supports
-from hemivar.fem.unknowns import nodal_conditions
+from hemivar.fem.unknowns import matrix_of, nodal_conditions
 from hemivar.mechanics.conditions import ScalarData, Support, prescribed_values
 from hemivar.mechanics.statement import ContactProblem
 
@@ -44,13 +46,20 @@ class Reduction:
         Which components of the nodes are unknowns.
     directions : array (nodes, c, c), optional
         Along which they go; by default along the axes.
+    jumps : JumpUnknowns, optional
+        Unknowns that are jumps between bodies, in the place of some of these.
     """
 
     def __init__(
-        self, problem: DiscreteProblem, moved: IntArray, free: BoolArray, directions: Array | None = None
+        self,
+        problem: DiscreteProblem,
+        moved: IntArray,
+        free: BoolArray,
+        directions: Array | None = None,
+        jumps: JumpUnknowns | None = None,
     ) -> None:
         assert problem.field is not None
-        self.problem, self.moved, self.free, self.directions = problem, moved, free, directions
+        self.problem, self.moved, self.free, self.directions, self.jumps = problem, moved, free, directions, jumps
         if problem.unknowns != int(free.sum()):
             raise ProblemError("the discrete problem is not made of this statement; discretize the statement")
 
@@ -74,9 +83,7 @@ class Reduction:
     def part(self, blocks: EdgeBlocks, of: Operator | None = None) -> Operator:
         """Another operator, a multiple of the one ``of`` if it is one up to rounding. The blocks are used up."""
         coupling, held = self._coupled(blocks)
-        if self.directions is not None:
-            blocks.turn(self.directions)
-        pattern, data = self.pattern, blocks.matrix(self.free).data
+        pattern, data = self.pattern, matrix_of(blocks, self.directions, self.free, self.jumps).data
         if of is not None:
             whole = Operator(of_arrays(data, pattern.indices, pattern.indptr), coupling, held)
             factor = whole.multiple_of(of)
@@ -94,7 +101,11 @@ class Reduction:
 
 
 def body_family(
-    problem: ContactProblem, discrete: DiscreteProblem | None = None, *, with_mass: bool = True
+    problem: ContactProblem,
+    discrete: DiscreteProblem | None = None,
+    *,
+    with_mass: bool = True,
+    pairs: Mapping[str, BoundaryContact] | None = None,
 ) -> OperatorFamily:
     """The matrices of a problem: the stiffness is that of :func:`discretize`, the others stand on the same sparsity.
 
@@ -108,13 +119,15 @@ def body_family(
         What :func:`discretize` made of the same problem.
     with_mass : bool
         Whether the mass is asked for.
+    pairs : mapping, optional
+        Contact points of two bodies that the discrete problem was made with.
     """
     problem = expect(problem, ContactProblem, "what to make matrices of", "give the ContactProblem")
     discrete = discretize(problem, check_coercivity=False, evolving=True) if discrete is None else discrete
     material, mesh = problem.material, problem.mesh
-    conditions, graph = nodal_conditions(problem), node_graph(mesh, problem.order)
+    conditions, graph = nodal_conditions(problem, pairs), node_graph(mesh, problem.order)
     moved = moved_components(problem, conditions.supports)
-    reduction = Reduction(discrete, moved, conditions.free, conditions.directions)
+    reduction = Reduction(discrete, moved, conditions.free, conditions.directions, conditions.jumps)
     stiffness = reduction.stiffness(lambda: body_blocks(mesh, material, problem.bedding, graph))
 
     def made(law: ConstitutiveLaw) -> Operator:

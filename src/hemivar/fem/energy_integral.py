@@ -16,7 +16,9 @@ from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives
 from hemivar.fem.mass import mass_blocks, per_volume
+from hemivar.fem.mortar_basis import JumpUnknowns
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
+from hemivar.fem.unknowns import matrix_of
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
@@ -185,6 +187,8 @@ class EnergyIntegral(PickleMixin):
         Those of the components of every node; None for those along the axes.
     free : bool array, shape (nodes, c)
         Which of them are unknowns.
+    jumps : JumpUnknowns, optional
+        Unknowns that are jumps between bodies, in the place of some of these.
     """
 
     body: BeddedEnergy
@@ -192,6 +196,7 @@ class EnergyIntegral(PickleMixin):
     prescribed: Array
     directions: Array | None
     free: BoolArray
+    jumps: JumpUnknowns | None = None
 
     @property
     def unknowns(self) -> int:
@@ -200,8 +205,9 @@ class EnergyIntegral(PickleMixin):
 
     @property
     def origin(self) -> Array:
-        """``P'u0``, (n,): what is displaced at unknowns zero, in their directions."""
-        return np.asarray(self.basis.T @ self.prescribed.ravel())
+        """What is displaced at unknowns zero, by unknowns (n,): ``P'u0``, jumps made of it."""
+        along = self.basis.T @ self.prescribed.ravel()
+        return np.asarray(along if self.jumps is None else self.jumps.back @ (self.jumps.back.T @ along))
 
     def field(self, u: Array) -> Array:
         """Nodal values ``P u + u0``, shape (nodes, c)."""
@@ -255,9 +261,7 @@ class EnergyIntegral(PickleMixin):
 
     def _reduced(self, blocks: EdgeBlocks) -> sp.csr_array:
         """The matrix (n, n) of blocks, which are used up."""
-        if self.directions is not None:
-            blocks.turn(self.directions)
-        return blocks.matrix(self.free)
+        return matrix_of(blocks, self.directions, self.free, self.jumps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.potential import Potential, Tangent
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
+from hemivar.fem.contact_points import BoundaryContact
 from hemivar.fem.discretize import coarse_problem
 from hemivar.fem.dynamics import body_family
 
@@ -35,12 +37,15 @@ class Coarser:
         Of the finer problem.
     shared : int array
         The contact point of the finer problem at the place of each contact point of the coarser one.
+    pairs : mapping
+        Contact points of two bodies on the coarser mesh, by boundary.
     """
 
     problem: DiscreteProblem
     prolongation: sp.csr_array
     field: Field
     shared: IntArray
+    pairs: Mapping[str, BoundaryContact]
 
     def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
@@ -100,14 +105,67 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
         return _coarser_tangent(problem, problem.model.parts)
     parent = field.mesh.parent
     shared = _nodes_of_both(parent.interpolation)
-    coarse = coarse_problem(statement.on(parent.mesh), field.prescribed.reshape(-1, field.components)[shared])
-    assert coarse.field is not None
     nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.components), format="csr"))
+    pairs = _pairs(problem, nodal)
+    start = field.prescribed.reshape(-1, field.components)[shared]
+    coarse = coarse_problem(statement.on(parent.mesh), start, pairs)
+    assert coarse.field is not None
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
     prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
+    _keep_apart(prolongation, _jumps(problem), _jumps(coarse))
     prolongation.eliminate_zeros()
-    step = Coarser(coarse, prolongation, field, _shared_points(problem.contact, coarse.contact, parent.interpolation))
+    found = _shared_points(problem.contact, coarse.contact, parent.interpolation)
+    step = Coarser(coarse, prolongation, field, found, pairs)
     return replace(step, problem=step.posed(problem))
+
+
+def _jumps(problem: DiscreteProblem) -> BoolArray:
+    """Which unknowns (n,) are jumps between two bodies."""
+    statement, contact, found = problem.origin, problem.contact, np.zeros(problem.unknowns, dtype=bool)
+    assert statement is not None
+    pairs = [i for i, name in enumerate(contact.names) if statement.contact[name].against]
+    rows = np.repeat(np.isin(contact.boundary, pairs), contact.components)
+    found[contact.trace[rows].indices] = True
+    return found
+
+
+def _keep_apart(prolongation: sp.csr_array, jumps: BoolArray, coarse: BoolArray) -> None:
+    """Let jumps follow from coarse jumps alone, in place: what two bodies do together makes none."""
+    rows = np.repeat(jumps, np.diff(prolongation.indptr))
+    prolongation.data[rows & ~coarse[prolongation.indices]] = 0.0
+
+
+def _pairs(problem: DiscreteProblem, nodal: sp.csr_array) -> dict[str, BoundaryContact]:
+    """Contact points of two bodies on the coarser mesh, by boundary.
+
+    They are those of the finer mesh at the nodes that both meshes have: a jump of coarse displacements is what the
+    finer mesh makes of it, and no coarse mortar projection is needed, of a surface that may have moved away.
+    ``nodal`` interpolates displacements.
+    """
+    field, statement, contact = problem.field, problem.origin, problem.contact
+    assert field is not None
+    assert statement is not None
+    assert field.mesh.parent is not None
+    interpolation, found = field.mesh.parent.interpolation, {}
+    shared = _nodes_of_both(interpolation)
+    place = np.full(interpolation.shape[0], -1)
+    place[shared] = np.arange(shared.size)
+    for name in contact.names:
+        if not statement.contact[name].against:
+            continue
+        every = contact.on(name)
+        weights = interpolation[contact.node[every]].T @ contact.weights[every]
+        points = contact.take(every[place[contact.node[every]] >= 0])
+        if not points.count:
+            continue
+        node = place[points.node]
+        trace = sp.csr_array(points.trace @ field.lift @ nodal)
+        blocked = (np.diff(points.trace.indptr) == 0).reshape(points.shape)
+        points = replace(points, trace=trace, weights=weights[node], node=node)
+        law = statement.contact[name].law.at(points.points)
+        rest = np.zeros(points.count)
+        found[name] = BoundaryContact(points, rest, np.zeros((points.count, field.mesh.dim)), law, blocked, pair=True)
+    return found
 
 
 def _coarser_tangent(problem: DiscreteProblem, tangent: Tangent) -> Coarser | None:
@@ -155,14 +213,19 @@ def _coarser_in_time(problem: DiscreteProblem, parts: Composition) -> Coarser | 
 
 def _coarser_family(family: OperatorFamily) -> tuple[Coarser, OperatorFamily] | None:
     step = coarser(family.problem)
-    return None if step is None else (step, family_of(step.problem, family.mass is not None))
+    return None if step is None else (step, family_of(step.problem, family.mass is not None, step.pairs))
 
 
-def family_of(problem: DiscreteProblem, inertia: bool) -> OperatorFamily:
-    """The matrices in time of an elastic body that was discretised, with its mass if that is asked for."""
+def family_of(
+    problem: DiscreteProblem, inertia: bool, pairs: Mapping[str, BoundaryContact] | None = None
+) -> OperatorFamily:
+    """The matrices in time of an elastic body that was discretised, with its mass if that is asked for.
+
+    ``pairs`` are the contact points of two bodies on a coarser mesh.
+    """
     stated = problem.origin
     assert stated is not None
-    return body_family(stated, problem, with_mass=inertia)
+    return body_family(stated, problem, with_mass=inertia, pairs=pairs)
 
 
 def _shared_points(fine: ContactPoints, coarse: ContactPoints, interpolation: sp.csr_array) -> IntArray:

@@ -28,7 +28,7 @@ def node_slots(field: Field | None, stiffness: sp.csr_array) -> NodeSlots | None
     """Where the unknowns of a field stand by nodes, coupled nodes near each other; None where there is no mesh."""
     if field is None:
         return None
-    basis, size = field.basis.tocsc(), field.components
+    basis, size = field.own, field.components
     node, component = np.divmod(basis.indices[basis.indptr[:-1]], size)
     used = np.zeros(basis.shape[0] // size, dtype=bool)
     used[node] = True

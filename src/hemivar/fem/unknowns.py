@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.fem.contact_points import BoundaryContact, boundary_contact, contacts_of_one, join, merge_corners
+from hemivar.fem.edge_blocks import EdgeBlocks
+from hemivar.fem.mortar_basis import JumpUnknowns, jump_unknowns
 from hemivar.fem.supports import Supports, movable, stated_supports, unit
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -46,7 +49,29 @@ class NodalConditions:
     @cached_property
     def basis(self) -> sp.csr_array:
         """The matrix P, shape (nodes * c, n)."""
-        return basis_of(self.directions, self.free)
+        nodal = basis_of(self.directions, self.free)
+        return nodal if self.jumps is None else sp.csr_array(nodal @ self.jumps.change)
+
+    @cached_property
+    def lift(self) -> sp.csr_array | None:
+        """A left inverse of P, shape (n, nodes * c); None for its transpose."""
+        return None if self.jumps is None else sp.csr_array(self.jumps.back @ basis_of(self.directions, self.free).T)
+
+    @cached_property
+    def jumps(self) -> JumpUnknowns | None:
+        """The unknowns that are jumps between two bodies; None where there are none."""
+        pairs = [group for group in self.groups if group.pair]
+        if not pairs:
+            return None
+        nodal, components = basis_of(self.directions, self.free), self.free.shape[1]
+        trace = sp.csr_array(sp.vstack([group.points.trace for group in pairs]) @ nodal)
+        rows = np.flatnonzero(~np.concatenate([group.blocked for group in pairs]).ravel() & (np.diff(trace.indptr) > 0))
+        own = np.repeat(np.concatenate([group.points.node for group in pairs]), components)[rows]
+        return jump_unknowns(sp.csr_array(trace[rows]), own, np.flatnonzero(self.free) // components)
+
+    def matrix(self, blocks: EdgeBlocks) -> sp.csr_array:
+        """The symmetric matrix (n, n) of blocks along the axes, which are used up."""
+        return matrix_of(blocks, self.directions, self.free, self.jumps)
 
     @property
     def prescribed(self) -> Array:
@@ -76,13 +101,14 @@ class NodalConditions:
         )  # fmt: skip
 
 
-def nodal_conditions(problem: ContactProblem) -> NodalConditions:
-    """Supports and contact at the nodes of a problem."""
+def nodal_conditions(problem: ContactProblem, pairs: Mapping[str, BoundaryContact] | None = None) -> NodalConditions:
+    """Supports and contact at the nodes of a problem; ``pairs`` are contact points of two bodies that are known."""
     supports = stated_supports(problem)
     if problem.kind:
         groups = contacts_of_one(problem, supports)
     else:
-        groups = [boundary_contact(problem, name, supports) for name in problem.contact]
+        known = {} if pairs is None else pairs
+        groups = [known.get(name) or boundary_contact(problem, name, supports) for name in problem.contact]
         if problem.quadrature is Quadrature.NODAL:
             groups = merge_corners(groups, supports)
     directions, free = _free_directions(supports, groups)
@@ -123,6 +149,19 @@ def _free_directions(supports: Supports, groups: list[BoundaryContact]) -> tuple
             chosen[every[filled], held[filled, step]] = supports.directions[partly[filled], step]
         directions[partly], free[partly] = chosen, used
     return directions, free
+
+
+def matrix_of(
+    blocks: EdgeBlocks, directions: Array | None, free: BoolArray, jumps: JumpUnknowns | None = None
+) -> sp.csr_array:
+    """The symmetric matrix (n, n) of blocks along the axes, which are used up, by unknowns.
+
+    ``directions (nodes, c, c)`` are those of the components of every node, ``free (nodes, c)`` those that move.
+    """
+    if directions is not None:
+        blocks.turn(directions)
+    nodal = blocks.matrix(free)
+    return nodal if jumps is None else jumps.of(nodal)
 
 
 def basis_of(directions: Array, free: BoolArray) -> sp.csr_array:

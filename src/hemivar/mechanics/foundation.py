@@ -88,7 +88,8 @@ class Contact(CheckedFields, PickleMixin):
         is no foundation then.  The gap is the distance along the normal, to which ``gap`` is added; where the two
         overlap it is negative (an interference fit).
     slave : str
-        Which of the two boundaries has the contact points: by default the finer one, else the one with fewer supports.
+        Which of the two boundaries has the contact points: by default that of a body that is four times softer, else
+        the finer one, else the one with fewer supports.
     side : Side
         Of one component: where the foundation lies, ``"above"`` (default) or ``"below"``.
 
@@ -141,7 +142,7 @@ class Contact(CheckedFields, PickleMixin):
         metadata=stated(
             Form.TEXT,
             "which of the two boundaries has the contact points",
-            left_out="the finer one, else the one with fewer supports",
+            left_out="that of a body four times softer, else the finer one, else the one with fewer supports",
         ),
     )
     side: Side = field(

@@ -49,6 +49,8 @@ __all__ = ["AREA", "ContactProblem", "Quadrature", "expect_body"]
 
 #: What contact over the whole mesh is called.
 AREA = "area"
+#: How many times softer a body is that has the contact points though its mesh is coarser.
+_MUCH_STIFFER = 4.0
 #: What scalar problems had, and where it stands.
 _RENAMED = {
     "coefficient": "material.coefficient", "density": "material.density", "viscosity": "material.viscosity",
@@ -410,8 +412,9 @@ class ContactProblem(PickleMixin, ReprMixin):
     def pair(self, name: str) -> tuple[str, str]:
         """The boundary with the contact points, and the one that it touches, of a contact with another body.
 
-        The finer boundary has the contact points, else the one of which supports hold fewer nodes, else the one that
-        the contact is named after.
+        The boundary of a body that is several times softer has the contact points: jumps of a stiff body against a soft
+        one are stiff, and multigrid takes many cycles where the two part.  Else the finer one has them, else the one of
+        which supports hold fewer nodes, else the one that the contact is named after.
         """
         contact = self.contact[name]
         other = contact.against
@@ -420,18 +423,30 @@ class ContactProblem(PickleMixin, ReprMixin):
         held = np.zeros(self.mesh.number_of_nodes, dtype=bool)
         for support in self.supports:
             held[self.mesh.boundaries[support]] = True
-        size, share = {}, {}
+        size, share, stiff = {}, {}, {}
         for side in (name, other):
-            facets = self.mesh.boundaries[side]
+            facets, stiff[side] = self.mesh.boundaries[side], self._stiffness_at(side)
             size[side] = float(self.mesh.facet_normals(facets)[1].mean())
             share[side] = float(held[np.unique(facets)].mean())
         if max(share.values()) == 1.0 > min(share.values()):
             first = min(share, key=lambda side: share[side])
+        elif max(stiff.values()) > _MUCH_STIFFER * min(stiff.values()):
+            first = min(stiff, key=lambda side: stiff[side])
         elif abs(size[name] - size[other]) > 0.01 * size[name]:
             first = min(size, key=lambda side: size[side])
         else:
             first = name if share[name] <= share[other] else other
         return (name, other) if first == name else (other, name)
+
+    def _stiffness_at(self, boundary: str) -> float:
+        """Mean size of the elasticity in the cells along a boundary."""
+        mesh = self.mesh
+        on = np.zeros(mesh.number_of_nodes, dtype=bool)
+        on[mesh.boundaries[boundary]] = True
+        cells = np.flatnonzero(np.count_nonzero(on[mesh.cells], axis=1) >= mesh.dim)
+        masks = {name: np.isin(cells, members) for name, members in mesh.regions.items()}
+        tensors = self.material.stiffness_tensor(mesh.points[mesh.cells[cells]].mean(axis=1), masks)
+        return float(np.einsum("kvv->k", tensors).mean())
 
     def _check_overlaps(self) -> None:
         """Refuse facets of two foundations, and of one where a support holds everything."""

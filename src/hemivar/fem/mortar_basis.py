@@ -1,0 +1,217 @@
+"""Unknowns that are jumps between bodies, in the place of displacements of the slaves of mortar projections.
+
+A contact point of two bodies sees a node of the slave and nodes of the master.  Counted from where the master takes it,
+the displacement of the slave's node is the jump itself: with these unknowns each contact point sees one, as on a
+foundation, and multigrid interpolates what the two bodies do together and the jump apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.portable import PickleMixin
+from hemivar.basics.types import Array, BoolArray, IntArray
+
+__all__ = ["JumpUnknowns", "jump_unknowns"]
+
+#: Share of a node of the slave in the jump there from which the jump comes in its place.
+_OWN = 1e-2
+#: Bodies in a chain, each the slave of the next one, up to which jumps are followed.
+_CHAIN = 64
+#: How often jumps look for an unknown that no other jump has taken in the meantime.
+_TRIES = 8
+#: Entries that are rounding.
+_ROUNDED = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class JumpUnknowns(PickleMixin):
+    """The change of basis from nodal unknowns u (n,) to unknowns v (n,) of which some are jumps.
+
+    Attributes
+    ----------
+    change : sparse array, shape (n, n)
+        T in ``u = T v``.
+    back : sparse array, shape (n, n)
+        Its inverse; the rows of jumps are those of the trace.
+    """
+
+    change: sp.csr_array
+    back: sp.csr_array
+
+    @cached_property
+    def _added(self) -> tuple[IntArray, sp.csr_array]:
+        """The unknowns (k,) of u that are none of v, and their rows (k, n) of ``T - 1``."""
+        added = sp.csr_array(self.change - sp.eye_array(self.change.shape[0]))
+        rows = np.flatnonzero(np.diff(added.indptr)).astype(np.int64)
+        return rows, sp.csr_array(added[rows])
+
+    def of(self, matrix: sp.csr_array) -> sp.csr_array:
+        """``T'A T`` of a symmetric matrix (n, n) with sorted indices, on a sparsity that follows from that of A."""
+        rows, added = self._added
+        near = sp.csr_array(matrix[rows])
+        values = _correction(near, added, rows)
+        places = _correction(_ones(near), _ones(added), rows)
+        touched = np.flatnonzero(np.diff(places.indptr))
+        parts = [sp.csr_array(one[touched]).tocoo() for one in (matrix, places, values)]
+        data = np.concatenate([parts[0].data, np.zeros(parts[1].nnz), parts[2].data])
+        at = tuple(np.concatenate([part.coords[axis] for part in parts]) for axis in (0, 1))
+        changed = sp.csr_array(sp.coo_array((data, at), shape=(touched.size, matrix.shape[1])))
+        return _with_rows(matrix, touched, changed)
+
+
+def _correction(near: sp.csr_array, added: sp.csr_array, rows: IntArray) -> sp.csr_array:
+    """``G'A + A G + G'A G`` of the rows ``near (k, n)`` of A and ``added (k, n)`` of G, which has no others."""
+    one = sp.csr_array(added.T @ near)
+    return sp.csr_array(one + one.T + added.T @ (near[:, rows] @ added))
+
+
+def _ones(matrix: sp.csr_array) -> sp.csr_array:
+    return sp.csr_array((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+def _with_rows(matrix: sp.csr_array, rows: IntArray, changed: sp.csr_array) -> sp.csr_array:
+    """A matrix with others in the place of some of its rows (k,), zeros among their entries."""
+    counts = np.diff(matrix.indptr).astype(np.int64)
+    counts[rows] = np.diff(changed.indptr)
+    indptr = np.concatenate([[0], np.cumsum(counts)])
+    new = np.zeros(matrix.shape[0], dtype=bool)
+    new[rows] = True
+    there, before = np.repeat(new, counts), np.repeat(new, np.diff(matrix.indptr))
+    indices, data = np.empty(indptr[-1], dtype=matrix.indices.dtype), np.empty(indptr[-1])
+    indices[there], data[there] = changed.indices, changed.data
+    indices[~there], data[~there] = matrix.indices[~before], matrix.data[~before]
+    found = sp.csr_array((data, indices, indptr.astype(matrix.indptr.dtype)), shape=matrix.shape)
+    found.has_canonical_format = True
+    return found
+
+
+# ---- the change of basis -------------------------------------------------------------------------------------------
+
+
+def jump_unknowns(trace: sp.csr_array, own: IntArray, node: IntArray) -> JumpUnknowns | None:
+    """Unknowns of which some are the jumps of a trace.
+
+    Each comes in the place of an unknown of its own node, or of one of the master where another jump has taken that.
+
+    Parameters
+    ----------
+    trace : sparse array, shape (k, n)
+        The jumps by nodal unknowns.
+    own : int array, shape (k,)
+        The node of the slave that each of them belongs to.
+    node : int array, shape (n,)
+        The node of each unknown, in order.
+
+    Returns
+    -------
+    JumpUnknowns or None
+        None if bodies are slaves of one another in a circle.
+    """
+    pivot = _pivots(trace, own, node)
+    rows = np.flatnonzero(pivot >= 0)
+    rows = rows[np.argsort(pivot[rows])]
+    jumps, n = pivot[rows], trace.shape[1]
+    trace = sp.csr_array(trace[rows])
+    inverse = _inverse(sp.csr_array(trace[:, jumps]), node[jumps])
+    if inverse is None:
+        return None
+    others = np.ones(n)
+    others[jumps] = 0.0
+    among = sp.csr_array((np.ones(jumps.size), (jumps, np.arange(jumps.size))), shape=(n, jumps.size))
+    plain = sp.diags_array(others)
+    change = plain + among @ inverse @ (among.T - trace @ plain)
+    return JumpUnknowns(_cleaned(change), _cleaned(plain + among @ trace))
+
+
+def _cleaned(matrix: sp.csr_array) -> sp.csr_array:
+    matrix = sp.csr_array(matrix)
+    matrix.data[np.abs(matrix.data) < _ROUNDED] = 0.0
+    matrix.eliminate_zeros()
+    matrix.sort_indices()
+    return matrix
+
+
+def _slots(node: IntArray) -> tuple[IntArray, IntArray]:
+    """Of things at nodes (k,): the number of the node among these, and which of its things each is."""
+    _, place = np.unique(node, return_inverse=True)
+    order = np.argsort(place, kind="stable")
+    slot = np.empty(node.size, dtype=np.int64)
+    slot[order] = np.arange(node.size) - np.searchsorted(place[order], place[order])
+    return place, slot
+
+
+def _pivots(trace: sp.csr_array, own: IntArray, node: IntArray) -> IntArray:
+    """The unknown (k,) of its own node in whose place each jump comes, -1 for those that find none."""
+    place, slot = _slots(own)
+    first, entries = np.searchsorted(node, own), trace.tocoo()
+    local = node[entries.col] == own[entries.row]
+    row, column = entries.row[local], entries.col[local]
+    blocks = np.zeros((int(place.max(initial=-1)) + 1, int(slot.max(initial=-1)) + 1, 3))
+    blocks[place[row], slot[row], column - first[row]] = entries.data[local]
+    picked = _picked(blocks)[place, slot]
+    return _elsewhere(np.where(picked < 0, -1, first + picked), trace, ~local)
+
+
+def _elsewhere(pivot: IntArray, trace: sp.csr_array, elsewhere: BoolArray) -> IntArray:
+    """Pivots with the largest of the entries ``elsewhere``, shape (nnz,), that is left for rows that have none."""
+    entries, out = trace.tocoo(), pivot.copy()
+    for _ in range(_TRIES):
+        left = elsewhere & (out[entries.row] < 0) & (np.abs(entries.data) > _OWN) & ~np.isin(entries.col, out)
+        if not left.any():
+            break
+        row, column, size = entries.row[left], entries.col[left], np.abs(entries.data[left])
+        order = np.lexsort((-size, row))
+        row, first = np.unique(row[order], return_index=True)
+        column, kept = np.unique(column[order][first], return_index=True)
+        out[row[kept]] = column
+    return out
+
+
+def _picked(rest: Array) -> IntArray:
+    """Columns (p, r) of the pivots of the rows of blocks (p, r, c), row after row; -1 where a row has none."""
+    every, found = np.arange(len(rest)), np.full(rest.shape[:2], -1)
+    for r in range(rest.shape[1]):
+        row = rest[:, r]
+        pick = np.argmax(np.abs(row), axis=1)
+        value = row[every, pick]
+        good = np.abs(value) > _OWN
+        found[good, r] = pick[good]
+        factor = rest[every, :, pick] * (good / np.where(good, value, 1.0))[:, None]
+        rest = rest - factor[:, :, None] * row[:, None, :]
+    return found
+
+
+def _inverse(matrix: sp.csr_array, node: IntArray) -> sp.csr_array | None:
+    """The inverse of how jumps (k, k) depend on the unknowns in whose place they come: blocks of nodes, and chains."""
+    own = _of_blocks(matrix, node)
+    entries = matrix.tocoo()
+    away = node[entries.row] != node[entries.col]
+    across = sp.csr_array((entries.data[away], (entries.row[away], entries.col[away])), shape=matrix.shape)
+    step, found, part = sp.csr_array(-own @ across), own, own
+    for _ in range(_CHAIN):
+        part = sp.csr_array(step @ part)
+        if not part.nnz:
+            return found
+        found = sp.csr_array(found + part)
+    return None
+
+
+def _of_blocks(matrix: sp.csr_array, node: IntArray) -> sp.csr_array:
+    """The inverse of the blocks of nodes on the diagonal of a matrix (k, k)."""
+    place, slot = _slots(node)
+    entries = matrix.tocoo()
+    within = node[entries.row] == node[entries.col]
+    row, column = entries.row[within], entries.col[within]
+    blocks = np.tile(np.eye(3), (int(place.max(initial=-1)) + 1, 1, 1))
+    blocks[place, slot, slot] = 0.0
+    blocks[place[row], slot[row], slot[column]] = entries.data[within]
+    number = np.full(blocks.shape[:2], -1)
+    number[place, slot] = np.arange(node.size)
+    rows, columns = (np.broadcast_to(one, blocks.shape) for one in (number[:, :, None], number[:, None, :]))
+    real = (rows >= 0) & (columns >= 0)
+    return sp.csr_array((np.linalg.inv(blocks)[real], (rows[real], columns[real])), shape=matrix.shape)
