@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.potential import Potential, Tangent
@@ -112,27 +112,10 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     assert coarse.field is not None
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
     prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
-    _keep_apart(prolongation, _jumps(problem), _jumps(coarse))
     prolongation.eliminate_zeros()
     found = _shared_points(problem.contact, coarse.contact, parent.interpolation)
     step = Coarser(coarse, prolongation, field, found, pairs)
     return replace(step, problem=step.posed(problem))
-
-
-def _jumps(problem: DiscreteProblem) -> BoolArray:
-    """Which unknowns (n,) are jumps between two bodies."""
-    statement, contact, found = problem.origin, problem.contact, np.zeros(problem.unknowns, dtype=bool)
-    assert statement is not None
-    pairs = [i for i, name in enumerate(contact.names) if statement.contact[name].against]
-    rows = np.repeat(np.isin(contact.boundary, pairs), contact.components)
-    found[contact.trace[rows].indices] = True
-    return found
-
-
-def _keep_apart(prolongation: sp.csr_array, jumps: BoolArray, coarse: BoolArray) -> None:
-    """Let jumps follow from coarse jumps alone, in place: what two bodies do together makes none."""
-    rows = np.repeat(jumps, np.diff(prolongation.indptr))
-    prolongation.data[rows & ~coarse[prolongation.indices]] = 0.0
 
 
 def _pairs(problem: DiscreteProblem, nodal: sp.csr_array) -> dict[str, BoundaryContact]:

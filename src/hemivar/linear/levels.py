@@ -126,11 +126,24 @@ class Levels:
         for k in range(algebraic + 1, len(levels)):
             self.galerkin[k] = levels[k].coupling.galerkin(self.between[k], levels[k - 1].coupling)
             self.reach[k] = sp.csr_array(abs(self.between[k]).T)
-        self.whole = [np.asarray(reach.sum(axis=1)) for reach in self.reach]
         self.levels = levels
+        self.whole = [self._reached(k) for k in range(len(levels))]
         self._slots = [NodeSlots.single(level.matrix.shape[0]) for level in levels] if slots is None else slots
         self._blocks: dict[int, Points] = {}
         self._idle: list[Truncated] = []
+
+    def _reached(self, k: int) -> Array:
+        """The weights of what each coarse contact unknown reaches: contact unknowns, or all where no law acts on it.
+
+        A master hardly moves the jumps of its slave: it is needed though all of these are held.
+        """
+        whole = np.asarray(self.reach[k].sum(axis=1))
+        other = np.ones(whole.size, dtype=bool)
+        other[self.own[k - 1] if whole.size else []] = False
+        if other.any():
+            columns = self.transfers[k - 1].prolongation[:, self.levels[k - 1].contact[other]]
+            whole[other] = abs(columns).sum(axis=0)
+        return whole
 
     def __getstate__(self) -> dict[str, object]:
         """Copies make their compiled levels anew."""
