@@ -25,6 +25,7 @@ _HANDED_ON = {
     "ReprMixin.plot": "report.notebook.picture_of",
     "ReprMixin.show": "report.notebook.show",
     "ReprMixin.to_dataframe": "report.notebook.frame_of",
+    "DiscreteProblem.of_forms": "fem.forms.of_forms",
     "Solution.summary": "report.summary.summary_of",
     "Fit.plot": "report.plot_fit",
     "Fit.summary": "report.identification_figure.fit_summary",

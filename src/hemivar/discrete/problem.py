@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import InitVar, dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.defined_above import above
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
@@ -181,6 +182,26 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         contact = ContactPoints(rows, own, components=components, **where)
         model = Model(bulk, contact, None if found_field is None else Space((found_field,)))
         return cls(model, Loading(load, offset, law, constant))
+
+    @classmethod
+    def of_forms(cls, basis: object, form: object, **options: Any) -> DiscreteProblem:
+        """A problem by any basis and form of scikit-fem.
+
+        Parameters
+        ----------
+        basis : skfem.CellBasis
+        form : skfem.BilinearForm, or its matrix
+        **options
+            ``load``, ``supports`` and ``fixed`` of :class:`hemivar.fem.FormBody`; ``contact``, ``trace`` and ``at`` of
+            its method ``problem``.
+
+        Raises
+        ------
+        ProblemError
+            Something is of the wrong kind or shape, or a name is unknown.
+        """
+        found: DiscreteProblem = above("DiscreteProblem.of_forms")(basis, form, **options)
+        return found
 
     def with_(
         self,

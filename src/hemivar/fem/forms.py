@@ -1,0 +1,481 @@
+"""A body by any basis and form of scikit-fem: supports, contact at nodes or quadrature points, mixed bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+import skfem
+from scipy.spatial import cKDTree
+
+from hemivar.basics.arguments import described, suggest
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.contact import ContactPoints
+from hemivar.discrete.loading import Loading
+from hemivar.discrete.model import Model
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.space import Field, Space
+from hemivar.errors import ProblemError
+from hemivar.fem.contact_points import _frames
+from hemivar.laws import ContactLaw, VectorLaw, join_laws
+from hemivar.mechanics.conditions import DataField
+from hemivar.mechanics.foundation import Contact, Side
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["FormBody", "MixedBulk", "of_forms"]
+
+#: Newton-Cotes rules at the nodes of order 1 and 2: places in the reference cell of scikit-fem, and weights.
+_NODES = {
+    ("line", 1): ([[0.0], [1.0]], [1 / 2, 1 / 2]),
+    ("line", 2): ([[0.0], [1.0], [0.5]], [1 / 6, 1 / 6, 4 / 6]),
+    ("tri", 1): ([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [1 / 6, 1 / 6, 1 / 6]),
+    ("quad", 1): ([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], [1 / 4, 1 / 4, 1 / 4, 1 / 4]),
+    ("quad", 2): (
+        [[x, y] for y in (0.0, 0.5, 1.0) for x in (0.0, 0.5, 1.0)],
+        [p * q for q in (1 / 6, 4 / 6, 1 / 6) for p in (1 / 6, 4 / 6, 1 / 6)],
+    ),
+    ("tet", 1): ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [1 / 24] * 4),
+}
+#: The middle of each reference cell, and its measure.
+_MIDDLE = {
+    "line": ([[0.5]], [1.0]),
+    "tri": ([[1 / 3, 1 / 3]], [1 / 2]),
+    "quad": ([[0.5, 0.5]], [1.0]),
+    "tet": ([[0.25, 0.25, 0.25]], [1 / 6]),
+    "hex": ([[0.5, 0.5, 0.5]], [1.0]),
+}
+#: Share of the size of the mesh below which two places are one, and of the largest eigenvalue that counts as none.
+_SAME, _DEPENDENT = 1e-9, 1e-10
+#: Size of a solution, relative to the load and the matrix, from which the matrix is singular up to rounding.
+_SINGULAR = 1e13
+#: Right sides solved at a time.
+_COLUMNS = 64
+#: Most rows of a trace whose rank is examined.
+_EXAMINED = 4000
+
+#: What is prescribed on a boundary: one value of all unknowns there, a function of places (d, k), or one of either for
+#: the unknowns of each name of scikit-fem, such as ``{"u^2": 0.0}``.
+Prescription = float | Callable[[Array], Array] | Mapping[str, float | Callable[[Array], Array]]
+#: What touches a foundation: of the fields of a basis function, one after the other, those that are displaced.
+TraceOf = Callable[..., Any]
+
+
+@dataclass(frozen=True, eq=False)
+class MixedBulk(Quadratic):
+    """A body with constraints, ``[[A, D'], [D, -S]]``, condensed to the unknowns that contact sees.
+
+    Its energy is the least ``1/2 u'A u - f'u`` under ``D u = g``, or with the compliance S of the constraints.  What is
+    left after the factorisation of the whole symmetric indefinite matrix apart from the kept unknowns is a dense
+    stiffness on these, which must be positive definite: it is so where A is on the kernel of D.
+
+    Attributes
+    ----------
+    kept : int array (k,)
+        The unknowns of the body that are left.
+    others : int array (n - k,)
+    coupling : sparse array (n - k, k)
+        Rows of the others, columns of the kept ones.
+    load : array (n,)
+        Of the whole body.
+    factor : scipy.sparse.linalg.SuperLU
+        Of the others, with pivots by size: their matrix is indefinite.
+    """
+
+    kept: IntArray = field(kw_only=True)
+    others: IntArray = field(kw_only=True)
+    coupling: sp.csr_array = field(kw_only=True)
+    load: Array = field(kw_only=True)
+    factor: spla.SuperLU = field(kw_only=True)
+
+    @staticmethod
+    def of(matrix: sp.csr_array, load: Array, kept: IntArray) -> MixedBulk:
+        """Raises ProblemError: the contact unknowns are not stiff, or the others do not follow from them."""
+        others = np.setdiff1d(np.arange(matrix.shape[0]), kept)
+        inner, coupling = sp.csc_array(matrix[others][:, others]), sp.csr_array(matrix[others][:, kept])
+        factor = _factorised(inner)
+        schur = matrix[kept][:, kept].toarray()
+        for start in range(0, kept.size, _COLUMNS):
+            part = slice(start, start + _COLUMNS)
+            schur[:, part] -= coupling.T @ factor.solve(coupling[:, part].toarray())
+        schur = 0.5 * (schur + schur.T)
+        values = np.linalg.eigvalsh(schur)
+        least = float(values.min(initial=np.inf))
+        if least < -_DEPENDENT * float(values.max(initial=0.0)):
+            raise ProblemError(
+                f"with its constraints the body has the stiffness {least:.3g} in some direction of the contact "
+                "unknowns; the first block must not be negative where the constraints hold"
+            )
+        return MixedBulk(
+            sp.csr_array(schur), kept=kept, others=others, coupling=coupling, load=np.asarray(load), factor=factor
+        )
+
+    def reduced(self) -> tuple[Array, float]:
+        """The load of the kept unknowns (k,), and the work of that of the others."""
+        inner = self.load[self.others]
+        alone = self.factor.solve(inner)
+        return self.load[self.kept] - self.coupling.T @ alone, float(inner @ alone)
+
+    def extend(self, kept: Array) -> Array:
+        """All unknowns (n,) of the kept ones (k,), under the stated load."""
+        found = np.empty(self.load.size)
+        found[self.kept] = kept
+        found[self.others] = self.factor.solve(self.load[self.others] - self.coupling @ kept)
+        return found
+
+
+def _factorised(matrix: sp.csc_array) -> spla.SuperLU:
+    """The factors of a symmetric indefinite matrix, with pivots by size; a singular one is told."""
+    singular = ProblemError(
+        "the constraints do not determine the body apart from its contact: fix a pressure with fixed=, or add a support"
+    )
+    try:
+        factor = spla.splu(matrix)
+    except RuntimeError:
+        raise singular from None
+    probe = np.cos(np.arange(matrix.shape[0], dtype=float))
+    size = float(abs(matrix).sum(axis=0).max(initial=0.0)) * float(np.abs(factor.solve(probe)).max(initial=0.0))
+    if not size < _SINGULAR:
+        raise singular
+    return factor
+
+
+@dataclass(frozen=True, eq=False)
+class FormBody:
+    """A body stated by a basis and forms of scikit-fem.
+
+    Attributes
+    ----------
+    basis : skfem.CellBasis
+        Of any element, composite ones included.
+    form : skfem.BilinearForm, or matrix (N, N)
+        Symmetric.  A matrix with zeros or negative numbers on its diagonal is that of a mixed body.
+    load : skfem.LinearForm, array (N,) or None
+    supports : mapping
+        Of names of boundaries of the mesh of the basis to what is prescribed there.
+    fixed : int array, optional
+        Further unknowns that are zero, by their numbers.
+
+    Raises
+    ------
+    ProblemError
+        Something is of the wrong kind or shape, or a name is unknown.
+    """
+
+    basis: Any
+    form: Any
+    load: Any = None
+    supports: Mapping[str, Prescription] = field(default_factory=dict)
+    fixed: Sequence[int] | IntArray = ()
+
+    def __post_init__(self) -> None:
+        if not hasattr(self.basis, "element_dofs") or not hasattr(self.basis, "get_dofs"):
+            raise ProblemError(f"basis is {described(self.basis)}; give a skfem.Basis(mesh, element)")
+        matrix = self.form.assemble(self.basis) if hasattr(self.form, "assemble") else self.form
+        count = int(self.basis.N)
+        if getattr(matrix, "shape", None) != (count, count):
+            raise ProblemError(
+                f"form is {described(self.form)}; give a skfem.BilinearForm, or a matrix of shape ({count}, {count})"
+            )
+        load = self.load.assemble(self.basis) if hasattr(self.load, "assemble") else self.load
+        load = np.zeros(count) if load is None else np.asarray(load, dtype=float)
+        if load.shape != (count,):
+            raise ProblemError(
+                f"load is {described(self.load)}; give a skfem.LinearForm, or an array of shape ({count},)"
+            )
+        held, values = self._prescribed()
+        object.__setattr__(self, "_matrix", sp.csr_array(matrix))
+        object.__setattr__(self, "_load", load)
+        object.__setattr__(self, "_held", held)
+        object.__setattr__(self, "_values", values)
+
+    @property
+    def free(self) -> IntArray:
+        """Numbers of the unknowns that no support holds."""
+        held: BoolArray = self.__dict__["_held"]
+        return np.flatnonzero(~held)
+
+    def _prescribed(self) -> tuple[BoolArray, Array]:
+        count = int(self.basis.N)
+        held, values = np.zeros(count, dtype=bool), np.zeros(count)
+        for name, stated in self.supports.items():
+            dofs = self.basis.get_dofs(self._facets(name, "supports"))
+            parts = stated if isinstance(stated, Mapping) else {"": stated}
+            for part, value in parts.items():
+                numbers = np.asarray(dofs.all([part]) if part else dofs.all())
+                if not numbers.size:
+                    raise ProblemError(f"supports['{name}']: there are no unknowns '{part}' on this boundary")
+                held[numbers] = True
+                known = value(self.basis.doflocs[:, numbers]) if callable(value) else value
+                values[numbers] = np.broadcast_to(np.asarray(known, dtype=float), numbers.shape)
+        further = np.asarray(self.fixed, dtype=np.int64)
+        if further.size and not (further.min() >= 0 and further.max() < count):
+            raise ProblemError(f"fixed names unknown {further.max()}; the basis has the unknowns 0 to {count - 1}")
+        held[further] = True
+        return held, values
+
+    def _facets(self, name: str, where: str) -> IntArray:
+        known = self.basis.mesh.boundaries or {}
+        if name not in known:
+            near = suggest(str(name), list(known), "boundaries")
+            raise ProblemError(f"{where} names boundary '{name}', which the mesh of the basis does not have{near}")
+        return np.asarray(known[name], dtype=np.int64)
+
+    def full(self, problem: DiscreteProblem, unknowns: Array) -> Array:
+        """All unknowns of the basis (N,) of those of a solution of the problem that :meth:`problem` made."""
+        values: Array = np.array(self.__dict__["_values"])
+        values[self.free] = problem.bulk.extend(unknowns) if isinstance(problem.bulk, MixedBulk) else unknowns
+        return values
+
+    def problem(
+        self, contact: Mapping[str, Contact], trace: TraceOf | None = None, at: str | int = "nodes"
+    ) -> DiscreteProblem:
+        """The discrete problem with contact on boundaries or regions of the mesh of the basis.
+
+        Parameters
+        ----------
+        contact : mapping of name to Contact
+            With its laws and its gap; a boundary, or a region for contact over an area.
+        trace : callable, optional
+            Of the fields of a basis function, one argument each (``skfem.DiscreteField``): what touches, a vector or
+            one component.  The first field by default.  One component is the penetration itself; a vector touches
+            along the normal of its boundary.
+        at : str or int
+            ``"nodes"``: contact points are nodes with positive weights; a number: the points of the rule of quadrature
+            of that degree on the boundary or region, whose displacements must be independent of one another.
+
+        Raises
+        ------
+        ProblemError
+        """
+        if at != "nodes" and not (isinstance(at, int) and at >= 0):
+            raise ProblemError(f"at = {at!r}; choose 'nodes', or the degree of a rule of quadrature")
+        parts = [self._touching(name, one, trace, at) for name, one in contact.items()]
+        if not parts:
+            raise ProblemError("contact is empty; name a boundary or a region that touches a foundation")
+        if len({part.rows.shape[0] // len(part.weights) for part in parts}) > 1:
+            raise ProblemError("the contacts have different numbers of components; state one problem for each")
+        matrix, load = self.__dict__["_matrix"], self.__dict__["_load"]
+        values, free = self.__dict__["_values"], self.free
+        held = matrix @ values
+        rows = sp.csr_array(sp.vstack([part.rows for part in parts]))
+        offset = np.concatenate([part.offset for part in parts])
+        offset = offset - np.asarray(rows @ values).reshape(offset.shape)
+        inner, force = sp.csr_array(matrix[free][:, free]), load[free] - held[free]
+        seen, constant = sp.csr_array(rows[:, free]), 0.5 * float(values @ held) - float(values @ load)
+        bulk, shown = Quadratic(inner) if (inner.diagonal() > 0.0).all() else None, self._field(free)
+        if bulk is None:
+            kept = np.unique(seen.indices).astype(np.int64)
+            bulk, shown = MixedBulk.of(inner, force, kept), None
+            force, work = bulk.reduced()
+            constant -= 0.5 * work
+            seen = sp.csr_array(seen[:, kept])
+        names = tuple(contact)
+        joined = join_laws([(part.law, len(part.weights)) for part in parts])
+        _refuse_dependent(seen)
+        points = ContactPoints(
+            seen,
+            np.concatenate([part.weights for part in parts]),
+            np.concatenate([part.points for part in parts]),
+            None if offset.shape[1] == 1 else np.concatenate([part.frames for part in parts]),
+            boundary=np.repeat(np.arange(len(parts)), [len(part.weights) for part in parts]),
+            names=names,
+            components=offset.shape[1],
+        )
+        space = None if shown is None else Space((shown,))
+        return DiscreteProblem(Model(bulk, points, space), Loading(force, offset, joined, constant))
+
+    def _touching(self, name: str, contact: Contact, trace: TraceOf | None, at: str | int) -> _Touching:
+        if not isinstance(contact, Contact):
+            raise ProblemError(f"contact['{name}'] is {described(contact)}; give a hemivar.Contact")
+        if contact.obstacle is not None or contact.against or contact.memory or contact.damping is not None:
+            raise ProblemError(f"contact['{name}']: a body of forms takes laws and a gap; leave the others out")
+        mesh = self.basis.mesh
+        regions = mesh.subdomains or {}
+        area = name in regions and name not in (mesh.boundaries or {})
+        order = _order_of(self.basis.elem)
+        if area:
+            where: dict[str, Any] = {"elements": regions[name]}
+            shape, kind = _cell_shape(mesh), skfem.CellBasis
+        else:
+            where = {"facets": self._facets(name, "contact")}
+            shape, kind = _facet_shape(mesh), skfem.FacetBasis
+        if at == "nodes" and (shape, order) not in _NODES:
+            raise ProblemError(
+                f"contact['{name}']: elements of order {order} have no positive weights at the nodes of a {shape}; "
+                "write at=1, for one point on each"
+            )
+        if isinstance(at, int) and at > 1:
+            where["intorder"] = at
+        else:
+            places, weights = _NODES[shape, order] if at == "nodes" else _MIDDLE[shape]
+            where["quadrature"] = np.array(places).T, np.array(weights)
+        local = kind(mesh, self.basis.elem, mapping=self.basis.mapping, **where)
+        found = _rows(local, trace, name)
+        if at == "nodes":
+            found = found.merged(_SAME * float(np.ptp(mesh.p, axis=1).max()))
+        return found.stated(name, contact, area)
+
+    def _field(self, free: IntArray) -> Field | None:
+        """The displacement for pictures and rigid motions: of vector Lagrange elements on simplices."""
+        elem, mesh = self.basis.elem, self.basis.mesh
+        inner = getattr(elem, "elem", None)
+        order = {"ElementTriP1": 1, "ElementTetP1": 1}.get(type(inner).__name__)
+        if not isinstance(elem, skfem.ElementVector) or order is None or type(mesh).__name__ not in _SIMPLICES:
+            return None
+        boundaries = {name: mesh.facets[:, facets].T for name, facets in (mesh.boundaries or {}).items()}
+        regions = {name: np.asarray(cells) for name, cells in (mesh.subdomains or {}).items()}
+        own = Mesh.oriented(mesh.p.T, mesh.t.T, boundaries, regions)
+        place = np.empty(int(self.basis.N), dtype=np.int64)
+        place[self.basis.nodal_dofs.T.ravel()] = np.arange(place.size)
+        basis = sp.csr_array((np.ones(free.size), (place[free], np.arange(free.size))), shape=(place.size, free.size))
+        values = np.empty(place.size)
+        values[place] = self.__dict__["_values"]
+        return Field(own, order, basis, values, mesh.p.shape[0], rigid=False)
+
+
+_SIMPLICES = ("MeshTri1", "MeshTet1")
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """What touches at m places, component by component, before the normals are chosen."""
+
+    rows: sp.csr_array  # (m * c, N)
+    weights: Array  # (m,)
+    points: Array  # (m, d)
+    normals: Array | None  # (m, d)
+
+    def merged(self, near: float) -> _Rows:
+        """Places that coincide are one; weights are added, rows and normals are means by their weights."""
+        together = cKDTree(self.points).query_pairs(near, output_type="ndarray")
+        m = len(self.weights)
+        graph = sp.csr_array((np.ones(len(together)), (together[:, 0], together[:, 1])), shape=(m, m))
+        _, group = sp.csgraph.connected_components(graph, directed=False)
+        _, first = np.unique(group, return_index=True)
+        weights: Array = np.bincount(group, self.weights).astype(float)
+        share = self.weights / weights[group]
+        count, size = len(first), self.rows.shape[0] // len(self.weights)
+        mean = sp.csr_array((share, (group, np.arange(len(group)))), shape=(count, len(group)))
+        rows = sp.csr_array(sp.kron(mean, sp.eye_array(size)) @ self.rows)
+        rows.data[np.abs(rows.data) < 1e-12 * np.abs(rows.data).max(initial=0.0)] = 0.0
+        rows.eliminate_zeros()
+        normals = None if self.normals is None else mean @ self.normals
+        return _Rows(rows, weights, self.points[first], normals)
+
+    def stated(self, name: str, contact: Contact, area: bool) -> _Touching:
+        m, dim = len(self.weights), self.points.shape[1]
+        size = self.rows.shape[0] // m
+        gap = DataField(contact.gap, f"gap of contact '{name}'").at(self.points)
+        if size == 1:
+            sign = -1.0 if contact.side is Side.BELOW else 1.0
+            normal = ContactLaw(contact.normal).at(self.points)  # type: ignore[arg-type]
+            return _Touching(sp.csr_array(sign * self.rows), self.weights, self.points, gap[:, None], normal, None)
+        if area or self.normals is None or size != dim:
+            raise ProblemError(
+                f"contact['{name}']: {size} components touch over an area, or are no displacement; give trace=, which "
+                "returns one component"
+            )
+        frames = _frames(self.normals / np.linalg.norm(self.normals, axis=1)[:, None])
+        offset = np.zeros((m, dim))
+        offset[:, 0] = gap
+        law = contact.law.at(self.points).in_frames(frames)
+        return _Touching(sp.csr_array(_blocks(frames) @ self.rows), self.weights, self.points, offset, law, frames)
+
+
+@dataclass(frozen=True, eq=False)
+class _Touching:
+    """The contact points of one boundary or region."""
+
+    rows: sp.csr_array
+    weights: Array
+    points: Array
+    offset: Array
+    law: VectorLaw
+    frames: Array | None
+
+
+def _blocks(frames: Array) -> sp.csr_array:
+    """The block diagonal matrix of (m, d, d)."""
+    m, d, _ = frames.shape
+    columns = np.broadcast_to(np.arange(m * d).reshape(m, 1, d), frames.shape)
+    return sp.csr_array((frames.ravel(), columns.ravel(), np.arange(0, m * d * d + 1, d)), shape=(m * d, m * d))
+
+
+def _first_field(first: Any, *others: Any) -> Any:
+    return first
+
+
+def _rows(local: Any, trace: TraceOf | None, name: str) -> _Rows:
+    """The trace of every basis function at the points of a rule on cells or facets."""
+    touching: TraceOf = _first_field if trace is None else trace
+    values: list[Array] = [np.asarray(touching(*function), dtype=float) for function in local.basis]
+    points = np.asarray(local.global_coordinates())
+    dim, cells, places = points.shape
+    shapes = {value.shape for value in values}
+    if len(shapes) > 1 or values[0].shape[-2:] != (cells, places) or values[0].ndim > 3:
+        raise ProblemError(
+            f"contact['{name}']: trace returns arrays of shape {values[0].shape}; give shape ([c,] {cells}, {places})"
+        )
+    table = np.stack(values)  # (functions, [c], cells, places)
+    table = table[:, None] if table.ndim == 3 else table
+    functions, size = table.shape[:2]
+    row = np.arange(cells * places * size).reshape(cells, places, size)
+    at = np.broadcast_to(row[None], (functions, cells, places, size))
+    columns = np.broadcast_to(np.asarray(local.element_dofs)[:, :, None, None], at.shape)
+    entries = table.transpose(0, 2, 3, 1)
+    matrix = sp.csr_array(
+        sp.coo_array((entries.ravel(), (at.ravel(), columns.ravel())), shape=(row.size, int(local.N)))
+    )
+    matrix.eliminate_zeros()
+    normals = getattr(local, "normals", None)
+    outward = None if normals is None else np.asarray(normals).reshape(dim, -1).T
+    return _Rows(matrix, np.asarray(local.dx).ravel(), points.reshape(dim, -1).T, outward)
+
+
+def _order_of(elem: Any) -> int:
+    """1 where values stand at vertices alone, 2 where also at edges."""
+    names = list(elem.dofnames)
+    inner = names[elem.nodal_dofs : elem.nodal_dofs + elem.facet_dofs + elem.edge_dofs]
+    return 2 if any(not part.startswith("u_n") for part in inner) else 1
+
+
+def _cell_shape(mesh: Any) -> str:
+    return {"Tri": "tri", "Qua": "quad", "Tet": "tet", "Hex": "hex"}[type(mesh).__name__[4:7]]
+
+
+def _facet_shape(mesh: Any) -> str:
+    return {"Tri": "line", "Qua": "line", "Tet": "tri", "Hex": "quad"}[type(mesh).__name__[4:7]]
+
+
+def _refuse_dependent(trace: sp.csr_array) -> None:
+    """Each contact point needs a displacement of its own."""
+    rows = sp.csr_array(trace[np.flatnonzero(np.diff(trace.indptr))])
+    if not rows.shape[0] or rows.shape[0] > _EXAMINED:
+        return
+    values = np.linalg.eigvalsh((rows @ rows.T).toarray())
+    missing = int(np.count_nonzero(values < _DEPENDENT * values[-1]))
+    if missing:
+        raise ProblemError(
+            f"the displacements of the contact points depend on one another ({missing} of {len(values)} rows of the "
+            "trace); write at='nodes', or a rule of lower degree, at=1"
+        )
+
+
+def of_forms(
+    basis: Any,
+    form: Any,
+    *,
+    load: Any = None,
+    supports: Mapping[str, Prescription] | None = None,
+    fixed: Sequence[int] | IntArray = (),
+    contact: Mapping[str, Contact] | None = None,
+    trace: TraceOf | None = None,
+    at: str | int = "nodes",
+) -> DiscreteProblem:
+    """:meth:`FormBody.problem` in one call."""
+    return FormBody(basis, form, load, supports or {}, fixed).problem(contact or {}, trace, at)

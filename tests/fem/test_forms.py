@@ -1,0 +1,293 @@
+"""Bodies by bases and forms of scikit-fem: against the library's own elements, and mixed bodies in closed form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import skfem
+from scipy.integrate import solve_bvp
+from skfem.helpers import dd, ddot, div, dot, grad, sym_grad, trace
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.fem import FormBody, MixedBulk
+
+LAM, MU = 1.2, 0.8
+
+
+@skfem.BilinearForm
+def elastic(u: Any, v: Any, w: Any) -> Any:
+    strain = sym_grad(u)
+    return LAM * trace(strain) * div(v) + 2.0 * MU * ddot(strain, sym_grad(v))
+
+
+def named(mesh: Any) -> Any:
+    """The mesh with the names of the sides of the library's rectangles and boxes."""
+    last = mesh.p.shape[0] - 1
+    ends = {"left": (0, 0.0), "right": (0, 1.0), "bottom": (last, 0.0), "top": (last, 1.0)}
+
+    def at(axis: int, value: float) -> Any:
+        return lambda x: np.abs(x[axis] - value) < 1e-9
+
+    return mesh.with_boundaries({name: at(*where) for name, where in ends.items()})
+
+
+def grid(kind: Any, n: int) -> Any:
+    sides = [np.linspace(0.0, 1.0, n + 1)] * (3 if kind in (skfem.MeshTet, skfem.MeshHex) else 2)
+    return named(kind.init_tensor(*sides))
+
+
+def pressed(basis: Any) -> FormBody:
+    last = basis.mesh.p.shape[0]
+    held = {f"u^{k + 1}": 0.0 for k in range(last - 1)} | {f"u^{last}": -0.05}
+    return FormBody(basis, elastic, supports={"top": held})
+
+
+RUBBED = hv.Contact(hv.Compliance(2.0), hv.Tresca(0.02))
+
+
+@pytest.mark.parametrize(("element", "order"), [(skfem.ElementTriP1, 1), (skfem.ElementTriP2, 2)])
+def test_lagrange_triangles_are_those_of_the_library(element: Any, order: int) -> None:
+    basis = skfem.Basis(grid(skfem.MeshTri, 8), skfem.ElementVector(element()))
+    problem = hv.DiscreteProblem.of_forms(basis, elastic, supports=pressed(basis).supports, contact={"bottom": RUBBED})
+    found = hv.solve(problem)
+    own = hv.solve(
+        hv.ContactProblem(
+            hv.rectangle((1.0, 1.0), 8),
+            hv.Material.lame(LAM, MU),
+            {"bottom": RUBBED},
+            {"top": hv.Prescribed((0.0, -0.05))},
+            order=order,
+        )
+    )
+    assert found.normal_force == pytest.approx(own.normal_force, rel=1e-11)
+    assert found.energy == pytest.approx(own.energy, rel=1e-11)
+    assert problem.contact.weights.sum() == pytest.approx(1.0)
+    ours, theirs = hv.certify(found), hv.certify(own)
+    assert ours.unique is theirs.unique
+    assert ours.margin == pytest.approx(theirs.margin, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "element"),
+    [
+        (skfem.MeshQuad, skfem.ElementQuad1),
+        (skfem.MeshQuad, skfem.ElementQuad2),
+        (skfem.MeshTet, skfem.ElementTetP1),
+        (skfem.MeshHex, skfem.ElementHex1),
+        (skfem.MeshHex, skfem.ElementHex2),
+    ],
+    ids=lambda part: part.__name__,
+)
+def test_uniform_stress_on_other_elements(mesh: Any, element: Any) -> None:
+    """Rollers at the sides: a column of stiffness lam + 2 mu on springs."""
+    basis = skfem.Basis(grid(mesh, 2), skfem.ElementVector(element()))
+    last = basis.mesh.p.shape[0]
+    held: dict[str, Any] = {"top": {f"u^{last}": -0.1}, "left": {"u^1": 0.0}, "right": {"u^1": 0.0}}
+    if last == 3:
+        mesh_of = basis.mesh.with_boundaries({"front": lambda x: x[1] < 1e-9, "back": lambda x: x[1] > 1.0 - 1e-9})
+        basis = skfem.Basis(mesh_of, basis.elem)
+        held |= {"front": {"u^2": 0.0}, "back": {"u^2": 0.0}}
+    found = hv.solve(FormBody(basis, elastic, supports=held).problem({"bottom": hv.Contact(hv.Compliance(3.0))}))
+    column = LAM + 2.0 * MU
+    np.testing.assert_allclose(found.pressure, 0.1 * column * 3.0 / (column + 3.0), rtol=1e-11)
+    assert found.contact.weights.sum() == pytest.approx(1.0)
+    assert (found.contact.weights > 0.0).all()
+
+
+def test_points_of_a_rule_and_names_of_unknowns() -> None:
+    basis = skfem.Basis(grid(skfem.MeshTri, 6), skfem.ElementVector(skfem.ElementTriP2()))
+    body = pressed(basis)
+    soft = hv.Contact(hv.Compliance(2.0))
+    forces = [hv.solve(body.problem({"bottom": soft}, at=at)).normal_force for at in ("nodes", 1, 3)]
+    assert forces == pytest.approx([forces[0]] * 3, rel=0.02)
+    fixed = basis.get_dofs("top").all()
+    same = FormBody(basis, elastic, load=body_force, fixed=fixed).problem({"bottom": soft})
+    other = FormBody(basis, elastic, load=body_force, supports={"top": 0.0}).problem({"bottom": soft})
+    np.testing.assert_allclose(hv.solve(same).unknowns, hv.solve(other).unknowns, atol=1e-14)
+
+
+@skfem.LinearForm
+def body_force(v: Any, w: Any) -> Any:
+    return -0.1 * v[1]
+
+
+# ---- mixed bodies ---------------------------------------------------------------------------------------------------
+
+
+@skfem.BilinearForm
+def incompressible(u: Any, p: Any, v: Any, q: Any, w: Any) -> Any:
+    return 2.0 * MU * ddot(sym_grad(u), sym_grad(v)) - div(u) * q - div(v) * p
+
+
+def taylor_hood(n: int, mesh: Any = None) -> Any:
+    found = grid(skfem.MeshTri, n) if mesh is None else mesh
+    return skfem.Basis(found, skfem.ElementVector(skfem.ElementTriP2()) * skfem.ElementTriP1(), intorder=4)
+
+
+def test_an_incompressible_block_on_springs() -> None:
+    """In plane strain with nu = 1/2 a block under p shortens by p / (4 mu), whatever its mesh."""
+
+    @skfem.LinearForm
+    def load(v: Any, q: Any, w: Any) -> Any:
+        return -0.3 * v[1]
+
+    basis = taylor_hood(3)
+    on_top = load.assemble(basis.boundary("top"))
+    body = FormBody(basis, incompressible, load=on_top, supports={"left": {"u^1^1": 0.0}})
+    problem = body.problem({"bottom": hv.Contact(hv.Compliance(5.0))})
+    found = hv.solve(problem)
+    np.testing.assert_allclose(found.pressure, 0.3, rtol=1e-10)
+    whole = body.full(problem, found.unknowns)
+    top = basis.get_dofs("top").all(["u^2^1"])
+    np.testing.assert_allclose(whole[top], -(0.3 / 5.0 + 0.3 / (4.0 * MU)), rtol=1e-10)
+    assert isinstance(problem.bulk, MixedBulk)
+    assert hv.certify(found).residual.relative < 1e-10
+    # half of the work of the load is stored, in the body and in the springs
+    assert found.energy == pytest.approx(-0.5 * float(on_top @ whole), rel=1e-10)
+
+
+def test_couette_flow_over_a_wall_whose_drag_weakens_has_three_states() -> None:
+    """mu (U - s)/H = tau(s): the roots of a scalar equation."""
+    basis, speed = taylor_hood(1), 1.0
+    held = {"top": {"u^1^1": speed, "u^2^1": 0.0}} | {side: {"u^2^1": 0.0} for side in ("bottom", "left", "right")}
+    body = FormBody(basis, incompressible, supports=held, fixed=[int(basis.get_dofs("top").all(["u^2"])[0])])
+    drag = hv.Softening(stiffness=20.0, limit=0.1, softening=4.0)
+    problem = body.problem({"bottom": hv.Contact(drag)}, trace=lambda u, p: u[0])
+    # 0.8 (1 - s) is 20 s, 2 - 4 (s - 0.1), and 0
+    roots = (0.8 / 20.8, 0.5, 1.0)
+    found = hv.find_solutions(problem).solutions
+    uniform = sorted(float(one.unknowns.mean()) for one in found if np.ptp(one.unknowns) < 1e-8)
+    assert uniform == pytest.approx(roots, abs=1e-9)
+
+
+def test_poiseuille_flow_with_slip() -> None:
+    """Wall traction G H / 2 whatever the law, flux s H + G H^3 / (12 mu)."""
+
+    @skfem.LinearForm
+    def push(v: Any, q: Any, w: Any) -> Any:
+        return 0.7 * v[0]
+
+    basis = taylor_hood(2)
+    held = {side: {"u^2^1": 0.0} for side in ("top", "bottom", "left", "right")}
+    body = FormBody(basis, incompressible, load=push, supports=held, fixed=[int(basis.get_dofs("top").all(["u^2"])[0])])
+    walls = {"bottom": hv.Contact(hv.Compliance(4.0)), "top": hv.Contact(hv.Compliance(4.0))}
+    problem = body.problem(walls, trace=lambda u, p: u[0])
+    found = hv.solve(problem)
+    traction, slip = 0.7 / 2.0, 0.7 / 2.0 / 4.0
+    np.testing.assert_allclose(found.multiplier[:, 0], traction, rtol=1e-9)
+
+    @skfem.LinearForm
+    def flux(v: Any, q: Any, w: Any) -> Any:
+        return v[0]
+
+    whole = body.full(problem, found.unknowns)
+    assert flux.assemble(basis) @ whole == pytest.approx(slip + 0.7 / (12.0 * MU), rel=1e-9)
+
+
+@pytest.mark.parametrize(("grounded", "modulus"), [(True, 3.0), (False, 3.0 + 0.5**2 / 0.4)])
+def test_a_piezoelectric_bar_on_springs(grounded: bool, modulus: float) -> None:
+    """Short circuit c, open circuit c + e^2 / eps; the bar stands on an insulating foundation."""
+    c, e, eps = 3.0, 0.5, 0.4
+
+    @skfem.BilinearForm
+    def bar(u: Any, phi: Any, v: Any, psi: Any, w: Any) -> Any:
+        pull = c * dot(grad(u), grad(v))
+        return pull + e * (dot(grad(phi), grad(v)) + dot(grad(psi), grad(u))) - eps * dot(grad(phi), grad(psi))
+
+    basis = skfem.Basis(grid(skfem.MeshTri, 3), skfem.ElementTriP1() * skfem.ElementTriP1())
+    held: dict[str, Any] = {"top": {"u^1": -0.1, "u^2": 0.0}} | ({"bottom": {"u^2": 0.0}} if grounded else {})
+    body = FormBody(basis, bar, supports=held)
+    # u is along the axis: penetration of the ground is -u
+    problem = body.problem({"bottom": hv.Contact(hv.Compliance(2.0))}, trace=lambda u, phi: -u)
+    found = hv.solve(problem)
+    np.testing.assert_allclose(found.multiplier[:, 0], 0.1 * modulus * 2.0 / (modulus + 2.0), rtol=1e-10)
+
+
+def plate(n: int) -> Any:
+    @skfem.BilinearForm
+    def bending(u: Any, v: Any, w: Any) -> Any:
+        def moment(t: Any) -> Any:
+            return RIGIDITY * ((1.0 - NU) * t + NU * (t[0, 0] + t[1, 1]) * np.eye(2)[:, :, None, None])
+
+        return ddot(moment(dd(u)), dd(v))
+
+    mesh = skfem.MeshTri.init_tensor(np.linspace(0.0, 1.0, n + 1), np.linspace(0.0, 0.25, n // 4 + 1))
+    mesh = mesh.with_boundaries(
+        {"ends": lambda x: (x[0] < 1e-9) | (x[0] > 1 - 1e-9), "long": lambda x: (x[1] < 1e-9) | (x[1] > 0.25 - 1e-9)}
+    ).with_subdomains({"plate": lambda x: x[0] > -1.0})
+    return skfem.Basis(mesh, skfem.ElementTriMorley(), intorder=4), bending
+
+
+RIGIDITY, NU, LOAD, BED = 0.02, 0.3, 0.5, 40.0
+
+
+def test_a_plate_between_clamps_on_a_foundation_is_a_beam() -> None:
+    """Morley's element, long edges without normal derivative: D w'''' + k w = q, solved by collocation."""
+
+    @skfem.LinearForm
+    def weight(v: Any, w: Any) -> Any:
+        return LOAD * v
+
+    def beam(x: Array, y: Array) -> Array:
+        return np.vstack([y[1], y[2], y[3], (LOAD - BED * y[0]) / RIGIDITY])
+
+    x = np.linspace(0.0, 1.0, 41)
+    exact = solve_bvp(beam, lambda a, b: np.array([a[0], a[1], b[0], b[1]]), x, np.zeros((4, 41)), tol=1e-8)
+    middle = float(exact.sol(0.5)[0])
+    errors = []
+    for n in (8, 16, 32):
+        basis, bending = plate(n)
+        body = FormBody(basis, bending, load=weight, supports={"ends": 0.0, "long": {"u_n": 0.0}})
+        found = hv.solve(body.problem({"plate": hv.Contact(hv.Compliance(BED))}))
+        assert found.contact.weights.sum() == pytest.approx(0.25)
+        near = np.abs(found.contact.points[:, 0] - 0.5) < 1e-9
+        errors.append(abs(float(found.multiplier[near, 0].mean()) / BED / middle - 1.0))
+    assert errors[2] < 0.01
+    assert errors[2] < 0.5 * errors[1]
+
+
+# ---- what is wrong is told ------------------------------------------------------------------------------------------
+
+SMALL = skfem.Basis(grid(skfem.MeshTri, 2), skfem.ElementVector(skfem.ElementTriP1()))
+SOFT = hv.Contact(hv.Compliance(1.0))
+
+
+@pytest.mark.parametrize(
+    ("body", "contact", "words"),
+    [
+        ({"basis": 3}, {}, "give a skfem.Basis"),
+        ({"form": 3}, {}, "skfem.BilinearForm"),
+        ({"form": np.eye(3)}, {}, "shape"),
+        ({"load": np.ones(2)}, {}, "skfem.LinearForm"),
+        ({"supports": {"tpo": 0.0}}, {}, "'top'"),
+        ({"supports": {"top": {"u^7": 0.0}}}, {}, "no unknowns 'u\\^7'"),
+        ({"fixed": [10**6]}, {}, "unknowns 0 to"),
+        ({}, {"contact": {}}, "contact is empty"),
+        ({}, {"contact": {"botom": SOFT}}, "'bottom'"),
+        ({}, {"contact": {"bottom": 3}}, "hemivar.Contact"),
+        ({}, {"at": "middles"}, "choose 'nodes'"),
+        ({}, {"at": 4}, "depend on one another"),
+        ({}, {"trace": lambda u: np.ones(3)}, "trace returns"),
+        ({}, {"contact": {"bottom": hv.Contact(hv.Compliance(1.0), against="top")}}, "laws and a gap"),
+    ],
+)
+def test_bad_bodies_and_contacts_are_told(body: dict[str, Any], contact: dict[str, Any], words: str) -> None:
+    stated: dict[str, Any] = {"basis": SMALL, "form": elastic, "supports": {"top": 0.0}} | body
+    with pytest.raises(hv.errors.ProblemError, match=words):
+        FormBody(**stated).problem(**({"contact": {"bottom": SOFT}} | contact))
+
+
+def test_second_order_tetrahedra_have_no_nodal_weights() -> None:
+    basis = skfem.Basis(grid(skfem.MeshTet, 1), skfem.ElementVector(skfem.ElementTetP2()))
+    with pytest.raises(hv.errors.ProblemError, match="no positive weights"):
+        FormBody(basis, elastic, supports={"top": 0.0}).problem({"bottom": SOFT})
+
+
+def test_constraints_that_leave_a_pressure_open_are_told() -> None:
+    basis = taylor_hood(2)
+    held = {side: {"u^1^1": 0.0, "u^2^1": 0.0} for side in ("top", "left", "right")} | {"bottom": {"u^2^1": 0.0}}
+    with pytest.raises(hv.errors.ProblemError, match="fix a pressure"):
+        FormBody(basis, incompressible, supports=held).problem({"bottom": SOFT}, trace=lambda u, p: u[0])
