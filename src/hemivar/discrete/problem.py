@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import InitVar, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -184,7 +184,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         return cls(model, Loading(load, offset, law, constant))
 
     @classmethod
-    def of_forms(cls, basis: object, form: object, **options: Any) -> DiscreteProblem:
+    def of_forms(cls, basis: object, form: object, **options: object) -> DiscreteProblem:
         """A problem by any basis and form of scikit-fem.
 
         Parameters

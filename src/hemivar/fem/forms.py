@@ -58,11 +58,14 @@ _COLUMNS = 64
 #: Most rows of a trace whose rank is examined.
 _EXAMINED = 4000
 
+#: Bases, forms, meshes and elements of scikit-fem, which states no types.
+ScikitFem = Any
+
 #: What is prescribed on a boundary: one value of all unknowns there, a function of places (d, k), or one of either for
 #: the unknowns of each name of scikit-fem, such as ``{"u^2": 0.0}``.
 Prescription = float | Callable[[Array], Array] | Mapping[str, float | Callable[[Array], Array]]
 #: What touches a foundation: of the fields of a basis function, one after the other, those that are displaced.
-TraceOf = Callable[..., Any]
+TraceOf = Callable[..., object]
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +169,9 @@ class FormBody:
         Something is of the wrong kind or shape, or a name is unknown.
     """
 
-    basis: Any
-    form: Any
-    load: Any = None
+    basis: ScikitFem
+    form: ScikitFem
+    load: ScikitFem = None
     supports: Mapping[str, Prescription] = field(default_factory=dict)
     fixed: Sequence[int] | IntArray = ()
 
@@ -299,7 +302,7 @@ class FormBody:
         area = name in regions and name not in (mesh.boundaries or {})
         order = _order_of(self.basis.elem)
         if area:
-            where: dict[str, Any] = {"elements": regions[name]}
+            where: dict[str, object] = {"elements": regions[name]}
             shape, kind = _cell_shape(mesh), skfem.CellBasis
         else:
             where = {"facets": self._facets(name, "contact")}
@@ -406,11 +409,11 @@ def _blocks(frames: Array) -> sp.csr_array:
     return sp.csr_array((frames.ravel(), columns.ravel(), np.arange(0, m * d * d + 1, d)), shape=(m * d, m * d))
 
 
-def _first_field(first: Any, *others: Any) -> Any:
+def _first_field(first: ScikitFem, *others: ScikitFem) -> ScikitFem:
     return first
 
 
-def _rows(local: Any, trace: TraceOf | None, name: str) -> _Rows:
+def _rows(local: ScikitFem, trace: TraceOf | None, name: str) -> _Rows:
     """The trace of every basis function at the points of a rule on cells or facets."""
     touching: TraceOf = _first_field if trace is None else trace
     values: list[Array] = [np.asarray(touching(*function), dtype=float) for function in local.basis]
@@ -437,18 +440,18 @@ def _rows(local: Any, trace: TraceOf | None, name: str) -> _Rows:
     return _Rows(matrix, np.asarray(local.dx).ravel(), points.reshape(dim, -1).T, outward)
 
 
-def _order_of(elem: Any) -> int:
+def _order_of(elem: ScikitFem) -> int:
     """1 where values stand at vertices alone, 2 where also at edges."""
     names = list(elem.dofnames)
     inner = names[elem.nodal_dofs : elem.nodal_dofs + elem.facet_dofs + elem.edge_dofs]
     return 2 if any(not part.startswith("u_n") for part in inner) else 1
 
 
-def _cell_shape(mesh: Any) -> str:
+def _cell_shape(mesh: ScikitFem) -> str:
     return {"Tri": "tri", "Qua": "quad", "Tet": "tet", "Hex": "hex"}[type(mesh).__name__[4:7]]
 
 
-def _facet_shape(mesh: Any) -> str:
+def _facet_shape(mesh: ScikitFem) -> str:
     return {"Tri": "line", "Qua": "line", "Tet": "tri", "Hex": "quad"}[type(mesh).__name__[4:7]]
 
 
@@ -467,10 +470,10 @@ def _refuse_dependent(trace: sp.csr_array) -> None:
 
 
 def of_forms(
-    basis: Any,
-    form: Any,
+    basis: ScikitFem,
+    form: ScikitFem,
     *,
-    load: Any = None,
+    load: ScikitFem = None,
     supports: Mapping[str, Prescription] | None = None,
     fixed: Sequence[int] | IntArray = (),
     contact: Mapping[str, Contact] | None = None,
