@@ -180,9 +180,20 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
             continue
         members = field.mesh.facet_nodes(field.mesh.boundaries[side], field.order)
         nodes, facets = contact.node[index], contact.facet[index]
-        places = (nodes, None) if (nodes >= 0).all() else (None, facets)
+        at_nodes = bool((nodes >= 0).all())
         touched = TouchedSide.of(other, field, contact, index) if other else None
-        found.append(ContactBoundary(name, field.mesh, members, index, *places, side, touched))
+        found.append(
+            ContactBoundary(
+                name,
+                field.mesh,
+                members,
+                index,
+                nodes if at_nodes else None,
+                None if at_nodes else facets,
+                side,
+                touched,
+            )
+        )
     return sorted(found, key=lambda boundary: int(boundary.index[0]))
 
 

@@ -115,7 +115,9 @@ def write_vtu(
     mesh, nodes = field.mesh, field.nodes
     scalar = problem.origin is not None and problem.origin.kind is not None
     point_data, own = (_scalar_fields if scalar else body_fields)(solution)
-    parts = {"part": mesh.parts.cell.astype(np.int32)} if mesh.parts.count > 1 else {}
+    parts: dict[str, Array] = {}
+    if mesh.parts.count > 1:
+        parts["part"] = np.asarray(mesh.parts.cell.astype(np.int32))
     cell_data: dict[str, Array] = {"region": region_numbers(mesh), **parts, **own, **_checked(mesh, cell_values)}
     boundaries = [] if scalar else contact_boundaries(problem)
     quantities = contact_quantities(solution) if boundaries or (scalar and problem.contact.count) else {}
