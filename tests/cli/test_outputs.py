@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import signal
@@ -19,7 +20,7 @@ from hemivar import cli
 from hemivar.cli import main, terminal
 from hemivar.cli.outputs import Writer
 from hemivar.cli.session import Session
-from hemivar.errors import ProblemError
+from hemivar.errors import FileError, ProblemError
 from hemivar.workflows import comparison
 from tests.problem_files import block_file
 from tests.samples import slow
@@ -232,6 +233,37 @@ def test_a_writer_goes_on_and_complains_in_the_end(folder: Path, capsys: pytest.
         "hemivar: error: --plot a.png: not enough memory to write it",
         f"hemivar: error: --csv law.csv: {folder / 'law.csv'} was read for this problem; name another file",
     ]
+
+
+def test_what_processes_write_together_fails_on_all_of_them_or_ends_them() -> None:
+    """A file that one of them alone cannot write would let the others wait for ever."""
+    writer = Writer(together=("--vtu",))
+    of_all = FileError("the disk is full")
+    of_all.shared = True  # type: ignore[attr-defined]
+    writer.write("--vtu", Path("a.vtu"), _failing(of_all))
+    writer.write("--json", Path("a.json"), _failing(FileError("the disk is full")))
+    assert writer.failed == ["--vtu: the disk is full", "--json: the disk is full"]
+    for error in (FileError("the disk of one is full"), MemoryError(), ZeroDivisionError()):
+        with pytest.raises(type(error)):
+            writer.write("--vtu", Path("a.vtu"), _failing(error))
+
+
+def test_one_voice_is_heard_and_by_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    under = Terminal()
+    with contextlib.redirect_stdout(terminal.Stream(under)):
+        for speaks in (True, False):
+            with terminal.one_voice(speaks):
+                print(f"speaks: {speaks}")
+                print(f"complains: {speaks}", file=sys.stderr)
+                assert not sys.stdout.isatty()
+                assert not getattr(sys.stdout, "rich_proxied_file").isatty()  # noqa: B009
+        assert sys.stdout.isatty()
+    assert under.getvalue() == "speaks: True\n"
+    assert capsys.readouterr().err == "complains: True\n"
 
 
 def test_ctrl_c_leaves_out_pictures_but_no_data() -> None:

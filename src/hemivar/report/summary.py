@@ -119,9 +119,9 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
             yield "" if number else "contact forces", f"{shown(side)} {force}"
     whole = float(vectors.total(contact.weights.sum())[0])
     yield from contact_rows(solution.measured, solution.contact_length, whole, _counts(solution), units)
-    if vectors.named(solution.debonding):
-        damage, lost = (solution.debonding.get(name, np.zeros(0)) for name in ("damage", "dissipated"))
-        glued = np.flatnonzero(np.isfinite(damage))  # on other boundaries there is nothing to break
+    if solution.debonding:
+        damage, lost = solution.debonding["damage"], solution.debonding["dissipated"]
+        glued = np.isfinite(damage)  # on other boundaries there is nothing to break
         opening, worst = vectors.largest(_most(-solution.penetration[glued]), _most(damage[glued])).tolist()
         energy = float(vectors.total(float(contact.weights[glued] @ lost[glued]))[0])
         yield "max opening", _with(f"{max(opening, 0.0):.6g}", units.length)
