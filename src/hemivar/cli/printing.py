@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.files.changes import Change
     from hemivar.files.problem_file import ProblemFile
+    from hemivar.mesh import Mesh
     from hemivar.report.tables import Table
     from hemivar.solvers import Progress as Step
     from hemivar.solvers import Solution
@@ -234,6 +235,7 @@ def print_head(session: Session, discrete: DiscreteProblem) -> None:
     title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
     print(title or shown(stated.name))
     _print_changes(stated.changes)
+    _print_notes(stated.problem.mesh)
     where = f" on {', '.join(discrete.contact.places)}" if discrete.contact.names else ""
     points = int(discrete.vectors.total(discrete.contact_points)[0])
     warnings = [f"warning           {warning}" for warning in discrete.notes]
@@ -244,6 +246,13 @@ def print_title(stated: ProblemFile, changes: Sequence[Change] = ()) -> None:
     """Print what the problem is in one line, and what was changed."""
     print(one_line(stated.problem.title) or shown(stated.name))
     _print_changes(changes)
+    _print_notes(stated.problem.mesh)
+
+
+def _print_notes(mesh: Mesh) -> None:
+    """Print how a mesh file was read: cells that were converted, and what could not be taken."""
+    for note in mesh.notes:
+        print(f"mesh file         {shown(note)}")
 
 
 def _print_changes(changes: Sequence[Change]) -> None:

@@ -15,7 +15,7 @@ from hemivar.errors import ProblemError
 from hemivar.files.schema import decode, encode
 from hemivar.files.toml import TomlTable, context, kind, printable
 from hemivar.mechanics.statement import ContactProblem, Quadrature
-from hemivar.mesh import Assembly, Grid, Mesh, MeshRecipe, Opening
+from hemivar.mesh import Assembly, Grid, Marking, Mesh, MeshRecipe, Opening
 
 #: What a mesh is made of, of which one is given.
 _SOURCES = ("rectangle", "box", "file")
@@ -33,15 +33,15 @@ class StatedMesh:
     Attributes
     ----------
     recipe : MeshRecipe
-    order : int
-        Polynomial degree of the elements.
+    order : int or None
+        Polynomial degree of the elements; None if the mesh is to suggest it.
     quadrature : Quadrature
     table : TomlTable
         Where it stands, for messages.
     """
 
     recipe: MeshRecipe
-    order: int
+    order: int | None
     quadrature: Quadrature
     table: TomlTable
 
@@ -83,22 +83,23 @@ class StatedMesh:
         return (known[0][0], sum(count for _, count in known)) if len(known) == len(parts) else None
 
     def _check_size(self, key: str, dim: int, cells: float) -> None:
-        degree = "" if self.order == 1 else f" of order {self.order}"
+        order = self.order or 1
+        degree = "" if order == 1 else f" of order {order}"
         with context(f"{self.table.where(key)}:"):
-            require(problem_bytes(dim, cells, self.order), f"a problem on {cells:.3g} cells{degree}")
+            require(problem_bytes(dim, cells, order), f"a problem on {cells:.3g} cells{degree}")
 
 
 def read_mesh_table(table: TomlTable, folder: Path) -> StatedMesh:
     """What the table says; mesh files are looked for in a folder."""
     elements = decode(ContactProblem, table, part="mesh")
     quadrature = Quadrature(elements.get("quadrature", Quadrature.NODAL))
-    return StatedMesh(_recipe(table, folder), elements.get("order", 1), quadrature, table)
+    return StatedMesh(_recipe(table, folder), elements.get("order"), quadrature, table)
 
 
 def _recipe(table: TomlTable, folder: Path) -> MeshRecipe:
     """How the mesh of a table is made: from a rectangle, a box or a file, or of the parts that have tables."""
     sources = [key for key in _SOURCES if key in table]
-    names = [key for key, value in table.data.items() if isinstance(value, dict)]
+    names = [key for key, value in table.data.items() if isinstance(value, dict) and key != "boundaries"]
     source: Grid | Path | Assembly
     if names:
         for key in (*_SOURCES, "cells", "pattern", "origin"):
@@ -111,8 +112,13 @@ def _recipe(table: TomlTable, folder: Path) -> MeshRecipe:
             given = f"{' and '.join(sources)} are given" if sources else "none is given"
             raise table.error("rectangle, box, file", f"{given}; give one of the three")
         source = _file(table, folder) if sources[0] == "file" else _grid(table, sources[0])
-    recipe = decode(MeshRecipe, table, part="mesh", opened=_openings)
+    recipe = decode(MeshRecipe, table, part="mesh", boundaries=_markings, opened=_openings)
     return MeshRecipe(source, **(recipe | {"shift": tuple(recipe.get("shift", ()))}))
+
+
+def _markings(table: TomlTable) -> tuple[Marking, ...]:
+    named = table.table("boundaries", None, inline=True)
+    return tuple(Marking(name, named.text(name)) for name in named.data)
 
 
 def _openings(table: TomlTable) -> tuple[Opening, ...]:
@@ -133,7 +139,11 @@ def _openings(table: TomlTable) -> tuple[Opening, ...]:
 
 def _of_mesh(recipe: MeshRecipe) -> str:
     """The key to which an error in placing or opening a mesh belongs."""
-    given = [key for key in ("opened", "shift", "turn", "scale") if getattr(recipe, key) != getattr(_PLAIN, key)]
+    given = [
+        key
+        for key in ("opened", "boundaries", "shift", "turn", "scale")
+        if getattr(recipe, key) != getattr(_PLAIN, key)
+    ]
     return given[0] if given else next(iter(recipe.source.parts)) if isinstance(recipe.source, Assembly) else "cells"
 
 
@@ -169,7 +179,10 @@ def _grid(table: TomlTable, shape: str) -> Grid:
 
 def mesh_record(recipe: MeshRecipe, problem: ContactProblem, folder: Path) -> dict[str, object]:
     """The table [mesh] for a mesh that was made like this, in a problem file of a folder."""
-    return _recipe_record(recipe, folder) | encode(problem, part="mesh")
+    elements = encode(problem, part="mesh")
+    if problem.order == (problem.mesh.suggested_order if recipe is problem.mesh.recipe else 1):
+        del elements["order"]
+    return _recipe_record(recipe, folder) | elements
 
 
 def _recipe_record(recipe: MeshRecipe, folder: Path) -> dict[str, object]:
@@ -185,8 +198,12 @@ def _recipe_record(recipe: MeshRecipe, folder: Path) -> dict[str, object]:
             record["pattern"] = source.pattern
         if any(source.origin):
             record["origin"] = source.origin
-    placed = encode(recipe, part="mesh", opened=_opened_record)
+    placed = encode(recipe, part="mesh", boundaries=_marked_record, opened=_opened_record)
     return placed | record if isinstance(source, Assembly) else record | placed
+
+
+def _marked_record(boundaries: tuple[Marking, ...]) -> dict[str, str]:
+    return {one.name: one.condition for one in boundaries}
 
 
 def _opened_record(opened: tuple[Opening, ...]) -> list[object]:

@@ -233,7 +233,7 @@ def parse_problem_file(
             contact=contact,
             supports=supports,
             title=top.text("title", ""),
-            order=stated.order,
+            order=stated.order,  # type: ignore[arg-type]  # None: what the mesh suggests
             quadrature=stated.quadrature,
             units=units,
             **loads,  # type: ignore[arg-type]

@@ -25,7 +25,7 @@ rectangle = [1.0, 1.0]       # width and height; boundaries: left, right, bottom
 cells = [32, 32]             # along x and y
 pattern = "cross"            # "cross": four triangles in each rectangle; "right" or "left": two
 # box = [1.0, 1.0, 1.0]      # instead of a rectangle, with cells = [8, 8, 8]; boundaries also: front, back (y)
-# file = "part.msh"          # or: Gmsh or anything meshio reads; its physical groups give
+# file = "part.msh"          # or: Gmsh, Abaqus, Nastran, ...; its groups give
                              # the names of boundaries and regions
 # refine = 1                 # cut every triangle into four, so many times
 # order = 2                  # quadratic elements

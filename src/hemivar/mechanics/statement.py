@@ -95,7 +95,7 @@ class ContactProblem(PickleMixin, ReprMixin):
     tractions : mapping of boundary name to vector, callable or Pressure
         Force per area.
     title : str
-    order : int
+    order : int, optional
         Polynomial degree of the elements, 1 or 2.
     quadrature : Quadrature
         Where the contact laws are evaluated.
@@ -134,11 +134,12 @@ class ContactProblem(PickleMixin, ReprMixin):
     )  # fmt: skip
     title: str = ""
     order: int = field(
-        default=1,
+        default=None,  # type: ignore[assignment]  # it is a number once the problem is made
         metadata=stated(
-            Form.WHOLE, "1: linear elements; 2: quadratic ones (contact in 3D needs 1)", least=1, most=2, table="mesh"
+            Form.WHOLE, "1: linear elements; 2: quadratic ones (contact in 3D needs 1)", least=1, most=2, table="mesh",
+            left_out="`1`; `2` for plane mesh files of second order with straight edges",
         ),
-    )
+    )  # fmt: skip
     quadrature: Quadrature = field(
         default=Quadrature.NODAL,
         metadata=stated(
@@ -262,6 +263,8 @@ class ContactProblem(PickleMixin, ReprMixin):
         expect(self.units, Units, "units", UNITS_REMEDY)
         if not isinstance(self.mesh, Mesh):
             raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
+        if self.order is None:
+            object.__setattr__(self, "order", self.mesh.suggested_order)
         if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
             raise ProblemError(f"order = {self.order!r}; give 1 or 2")
         if not isinstance(self.material, Material) or type(self.material) is Material:

@@ -167,8 +167,8 @@ def _node_sets(found: meshio.Mesh | Grid) -> Iterator[tuple[str, IntArray]]:
     """Named groups of nodes."""
     for name, ids in getattr(found, "point_sets", {}).items():
         yield name, np.asarray(ids, dtype=np.int64)
-    families, tags = getattr(found, "point_tags", {}), found.point_data.get("point_tags")
-    names = {name for family in families.values() for name in family} if tags is not None else set()
+    families, tags = getattr(found, "point_tags", {}), found.point_data.get("point_tags", np.zeros(0))
+    names = {name for family in families.values() for name in family}
     for name in sorted(names):
         own = [tag for tag, family in families.items() if name in family]
         yield name, np.flatnonzero(np.isin(tags, own))
@@ -207,8 +207,8 @@ def _read_silently(path: Path) -> meshio.Mesh:
     curved = _CURVED.search(read_bytes(path, "mesh file", path.stat().st_size))
     if curved:
         raise ProblemError(unknown_kind(curved.group(1).decode("ascii")))
-    name, error = reasons[0]
-    raise ProblemError(f"cannot be read as a mesh of the format {name}{_reason(error)}; {_SAVE}") from error
+    name, why = reasons[0]
+    raise ProblemError(f"cannot be read as a mesh of the format {name}{_reason(why)}; {_SAVE}") from why
 
 
 def _reason(error: BaseException) -> str:

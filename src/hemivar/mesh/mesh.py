@@ -17,6 +17,7 @@ from hemivar.basics.memory import mesh_bytes, refined_cells, require
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.formula import Condition
 from hemivar.kernels import mesh_edges
 from hemivar.mesh.assembled import assembled
 from hemivar.mesh.checks import (
@@ -403,6 +404,50 @@ class Mesh(PickleMixin):
             A callable gets the midpoints of all outer facets, shape (k, d), and returns a mask, shape (k,).
         """
         return self.named(self._chosen(boundaries, self.boundary_facets, "boundar", "y", "ies"), self.regions)
+
+    def marked(self, boundaries: Mapping[str, object]) -> Mesh:
+        """The mesh with more named boundaries, by formulas, functions or facets.
+
+        Parameters
+        ----------
+        boundaries : mapping of name to str, callable, or int array (k, d)
+            A formula is a condition such as ``"x > 39.9 and y < 2"``: it holds the outer facets at all of whose corners
+            it is true. Callables and facets are those of :meth:`with_boundaries`.
+
+        Returns
+        -------
+        Mesh
+
+        Raises
+        ------
+        ProblemError
+            If a formula is no condition, no facet fulfils it, or the mesh has a boundary of this name.
+        """
+        expect(boundaries, Mapping, "boundaries", "give a dict of conditions by names")  # type: ignore[type-abstract]
+        for name in boundaries:
+            if name in self.boundaries or name in self.interfaces:
+                raise ProblemError(f"the mesh has a boundary or an interface '{name}' already; take another name")
+        chosen = {
+            name: self._where(name, value) if isinstance(value, str) else value for name, value in boundaries.items()
+        }
+        found = self._chosen(chosen, self.boundary_facets, "boundar", "y", "ies")
+        formulas = {str(name): value for name, value in boundaries.items() if isinstance(value, str)}
+        plain = self.recipe if len(formulas) == len(boundaries) else None
+        mesh = self.named({**self.boundaries, **found}, self.regions)
+        return mesh.made_by(plain and plain.marking(formulas))
+
+    def _where(self, name: str, condition: str) -> IntArray:
+        """Outer facets at all of whose corners a condition holds."""
+        holds = Condition(condition, f"boundary '{name}'")(self.points)
+        chosen = self.boundary_facets[holds[self.boundary_facets].all(axis=1)]
+        if not len(chosen):
+            low, high = self.points.min(axis=0), self.points.max(axis=0)
+            ends = zip("xyz", low, high, strict=False)
+            reach = ", ".join(f"{axis} from {a:.6g} to {b:.6g}" for axis, a, b in ends)
+            raise ProblemError(
+                f"boundary '{name}': {condition} holds at no facet of the outer boundary; the mesh has {reach}"
+            )
+        return chosen
 
     def with_interfaces(self, interfaces: Mapping[str, object]) -> Mesh:
         """The mesh with these named curves or surfaces inside the body in place of its own.

@@ -165,7 +165,7 @@ class _Groups:
         self, name: str, facets: IntArray, keys_of: Callable[[IntArray], IntArray], known: IntArray, inner: IntArray
     ) -> None:
         """A group of facets: those between two cells are an interface."""
-        apart = (facets < 0).any(axis=1)
+        apart = np.asarray((facets < 0).any(axis=1))
         keys = keys_of(np.where(apart[:, None], 0, facets))
         apart |= ~np.isin(keys, known)
         if apart.all():
@@ -176,7 +176,7 @@ class _Groups:
                 f"group '{name}' has facets that belong to no cell ({np.count_nonzero(apart)} of {len(facets)}); "
                 "remove them"
             )
-        within: BoolArray = np.isin(keys, inner)
+        within = np.asarray(np.isin(keys, inner))
         if not within.all():
             self.boundaries[name] = facets[~within]
         if within.any():

@@ -17,7 +17,7 @@ from hemivar.basics.stated import Form, stated
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Assembly", "Grid", "MeshRecipe", "Opening"]
+__all__ = ["Assembly", "Grid", "Marking", "MeshRecipe", "Opening"]
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,21 @@ class Opening:
 
 
 @dataclass(frozen=True)
+class Marking:
+    """A boundary that was named by a condition.
+
+    Attributes
+    ----------
+    name : str
+    condition : str
+        True at the corners of its facets, such as ``"x > 39.9"``.
+    """
+
+    name: str
+    condition: str
+
+
+@dataclass(frozen=True)
 class MeshRecipe:
     """How a mesh was made, so that a file can say it.
 
@@ -101,6 +116,8 @@ class MeshRecipe:
         Angle, in degrees, by which it was turned about the origin after that.
     shift : tuple of float
         By how much it was moved after that; empty if it was not.
+    boundaries : tuple of Marking
+        Boundaries that were named after that.
     opened : tuple of Opening
         What was opened after that.
     refine : int
@@ -129,6 +146,16 @@ class MeshRecipe:
             "by how much the mesh is moved, a number for each direction, after `turn`",
             table="mesh",
             left_out="not moved",
+        ),
+    )
+    boundaries: tuple[Marking, ...] = field(
+        default=(),
+        metadata=stated(
+            Form.OWN,
+            "boundaries beside those of the mesh, by conditions that are true at the corners of their facets, such as "
+            '`{ right = "x > 39.9", hole = "(x - 5)^2 + y^2 < 4.01" }`',
+            table="mesh",
+            left_out="none",
         ),
     )
     opened: tuple[Opening, ...] = field(
@@ -160,6 +187,8 @@ class MeshRecipe:
             mesh = mesh.rotated(math.radians(self.turn))
         if self.shift:
             mesh = mesh.moved(np.eye(mesh.dim), self.shift)
+        if self.boundaries:
+            mesh = mesh.marked({one.name: one.condition for one in self.boundaries})
         for one in self.opened:
             mesh = mesh.opened(one.name, one.between)
         return mesh.made_by(replace(self, refine=0))
@@ -176,7 +205,9 @@ class MeshRecipe:
 
     @property
     def halvings(self) -> int:
-        """How often the numbers of cells can be halved and stay at least 2."""
+        """How often the numbers of cells can be halved and stay at least 2; 0 where conditions would name others."""
+        if self.boundaries:
+            return 0
         if isinstance(self.source, Assembly):
             return min(one.halvings for one in self.source.parts.values())
         times = 0
@@ -193,6 +224,12 @@ class MeshRecipe:
     def opening(self, name: str, between: tuple[str, str] | None) -> MeshRecipe | None:
         """The recipe of the mesh with one more curve or surface opened; None where it was refined before."""
         return replace(self, opened=(*self.opened, Opening(name, between))) if self.refine == 0 else None
+
+    def marking(self, conditions: Mapping[str, str]) -> MeshRecipe | None:
+        """The recipe of the mesh with more boundaries named; None where it was opened or refined before."""
+        more = tuple(Marking(name, condition) for name, condition in conditions.items())
+        early = self.refine == 0 and not self.opened
+        return replace(self, boundaries=(*self.boundaries, *more)) if early else None
 
     def refined(self) -> MeshRecipe:
         """The recipe of the mesh refined once more."""

@@ -172,7 +172,8 @@ def distribute(ranks: Ranks, mesh: Mesh | None) -> Piece:
     if mesh is not None and ranks.rank == 0:
         packets = [_packet(mesh, cells) for cells in wanted]
     points, cells, numbers, boundaries, regions, total = ranks.mpi.scatter(packets)
-    piece = Mesh.trusted(points, cells, boundaries, regions)
+    reading = ranks.mpi.bcast(mesh.reading if mesh is not None and ranks.rank == 0 else None)
+    piece = Mesh.trusted(points, cells, boundaries, regions, reading=reading)
     count = int(ranks.mpi.bcast(mesh.parts.count if mesh is not None and ranks.rank == 0 else None))
     whole = mesh if ranks.rank == 0 and count > 1 else None
     return replace(_shared(ranks, piece, numbers, total, None), parts=count, whole=whole)
