@@ -105,7 +105,9 @@ def test_problem_files_name_boundaries(tmp_path: Path) -> None:
     write_problem(problem, path)
     assert hv.read_problem(path).mesh.recipe == mesh.recipe
     assert 'end = "x > 39.9"' in path.read_text()
-    moved = parse_problem(FILE.replace("refine = 1", "scale = 0.1\nshift = [36.0, 0.0]").replace("x < 1e-6 and y <= 10", "x < 36.1"))
+    moved = parse_problem(
+        FILE.replace("refine = 1", "scale = 0.1\nshift = [36.0, 0.0]").replace("x < 1e-6 and y <= 10", "x < 36.1")
+    )
     assert moved.mesh.facet_normals(moved.mesh.boundaries["end"])[1].sum() == pytest.approx(2.0)
 
 

@@ -97,7 +97,7 @@ class _Instance:
         """Places of the points of the part: shifted, then turned about an axis."""
         given = [floats([word for word in row if word], "*INSTANCE") for row in self.rows]
         if given:
-            points = points + given[0][:3]
+            points = points + np.pad(given[0], (0, 3))[:3]
         if len(given) > 1 and len(given[1]) >= 7:
             start, along, angle = given[1][:3], given[1][3:6] - given[1][:3], math.radians(given[1][6])
             axis = along / np.linalg.norm(along)
@@ -236,9 +236,11 @@ class _Body:
                 self._surface(one, scope)
                 continue
             if one.generate:
+                start = self.first.get(scope, 0)
+                known = np.concatenate(self.ids if one.key == "NSET" else self.numbers) - start
                 found = [
-                    np.arange(first, last + 1, max(step, 1)) + self.first.get(scope, 0)
-                    for first, last, step in (_limits(row) for row in one.rows)
+                    known[(known >= first) & (known <= last) & ((known - first) % max(step, 1) == 0)] + start
+                    for first, last, step in map(_limits, one.rows)
                 ]
             else:
                 words = [word for row in one.rows for word in row if word]

@@ -18,6 +18,7 @@ from hemivar.errors import ProblemError
 from hemivar.mesh.kinds import CODES, KINDS, unknown_kind
 from hemivar.mesh.raw import RawMesh
 from hemivar.mesh.tetgen import tetgen_faces
+from hemivar.mesh.vtk_grid import is_unstructured_vtk, parse_vtk
 from hemivar.mesh.vtu_grid import Grid, read_vtu
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ __all__ = ["read_by_meshio"]
 
 #: Cell data that number groups; 0 is no group.
 _TAGS = (
-    "gmsh:physical", "medit:ref", "netgen:index", "tetgen:ref", "cell_tags", "CellEntityIds", "flac3d:group",
+    "gmsh:physical", "medit:ref", "tetgen:ref", "cell_tags", "CellEntityIds", "flac3d:group",
     "avsucd:material",
 )  # fmt: skip
 #: Cell data that number something else.
@@ -43,32 +44,36 @@ _MOST_GROUPS = 256
 
 
 def read_by_meshio(path: Path) -> RawMesh:
-    """What a file holds.
+    """What a file holds, of a format that meshio reads, or of VTK, whose data are alike.
 
     Raises
     ------
     ProblemError
         In one sentence, which says the reason of meshio where it gives one.
     """
-    found = read_vtu(path, "mesh file") if path.suffix.lower() == ".vtu" else _read_silently(path)
-    try:
-        raw, places = _elements(found)
-        for name, parts in _sets(found):
-            for number, rows in parts:
-                _add(raw, (KINDS[CODES[found.cells[number].type]].dim, name), places[number], rows)
-        raw.at_nodes.update(_node_sets(found))
-        raw.notes.extend(
-            f"array '{name}' numbers more than {_MOST_GROUPS} groups; it was not taken"
-            for name, values in found.cell_data.items()
-            if _numbers_groups(name, values) and _count(values) > _MOST_GROUPS
-        )
-        if path.suffix.lower() in (".ele", ".node"):
-            tetgen_faces(path, raw)
-        return raw
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-        if isinstance(error, ProblemError):
-            raise
-        raise ProblemError("cannot be read: what it holds does not fit together; save it again") from error
+    found = _read(path)
+    raw, places = _elements(found)
+    for name, parts in _sets(found):
+        for number, rows in parts:
+            _add(raw, (KINDS[CODES[found.cells[number].type]].dim, name), places[number], rows)
+    raw.at_nodes.update(_node_sets(found))
+    raw.notes.extend(
+        f"array '{name}' numbers more than {_MOST_GROUPS} groups; it was not taken"
+        for name, values in found.cell_data.items()
+        if _numbers_groups(name, values) and _count(values) > _MOST_GROUPS
+    )
+    if path.suffix.lower() in (".ele", ".node"):
+        tetgen_faces(path, raw)
+    return raw
+
+
+def _read(path: Path) -> meshio.Mesh | Grid:
+    suffix = path.suffix.lower()
+    if suffix == ".vtu":
+        return read_vtu(path, "mesh file")
+    if suffix == ".vtk" and is_unstructured_vtk(first_bytes(path, 1024, "mesh file")):
+        return parse_vtk(read_bytes(path, "mesh file", path.stat().st_size))
+    return _read_silently(path)
 
 
 def _elements(found: meshio.Mesh | Grid) -> tuple[RawMesh, list[int]]:

@@ -17,6 +17,7 @@ from hemivar.mesh.keys import cell_facets, facet_keys
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
 from hemivar.mesh.nastran import is_nastran, parse_nastran
+from hemivar.mesh.netgen import parse_netgen
 from hemivar.mesh.raw import RawMesh
 from hemivar.mesh.reading import Reading
 from hemivar.mesh.recipe import MeshRecipe
@@ -70,7 +71,10 @@ def read_mesh(path: str | Path) -> Mesh:
     start = first_bytes(name, 1 << 16, "mesh file")
     try:
         return _mesh(_raw(name, start, size), MeshRecipe(Path(path).absolute()))
-    except ProblemError as error:
+    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
+        if not isinstance(error, ProblemError):
+            told = "cannot be read: what it holds does not fit together; save it again"
+            raise ProblemError(f"{_named(path)} {told}") from error
         if str(error).startswith("mesh file '"):
             raise
         between = " " if str(error).startswith("cannot be read") else ": "
@@ -94,6 +98,8 @@ def _raw(path: Path, start: bytes, size: int) -> RawMesh:
         return parse_abaqus(text(), path.parent)
     if suffix in _NASTRAN and is_nastran(start):
         return parse_nastran(text())
+    if suffix == ".vol":
+        return parse_netgen(text())
     if suffix == ".su2":
         return parse_su2(text())
     if suffix == ".msh" and not start.lstrip().startswith(b"("):

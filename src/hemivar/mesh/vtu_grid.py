@@ -22,7 +22,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.mesh.kinds import CODES, KINDS, VTK_KINDS, unknown_kind
 from hemivar.mesh.vtu_arrays import NUMBERS, Packing, VtuArray, short, whole
 
-__all__ = ["BUDGET", "Grid", "GridBlock", "read_vtu"]
+__all__ = ["BUDGET", "Grid", "GridBlock", "blocks_of", "checked_nodes", "read_vtu", "widths_of"]
 
 #: A file may unpack to so many bytes whatever its size, and to so many times its size if that is more.
 BUDGET = (256 * 2**20, 20)
@@ -140,10 +140,10 @@ def _read(data: bytes, budget: int) -> Grid:
         nodes, types = piece.connected()
         found.append((nodes + start, types))
         start += piece.nodes
-    blocks, rows = _blocks(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    blocks, rows = blocks_of(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
     return Grid(
         points,
-        [GridBlock(name, data) for name, data in blocks],
+        blocks,
         point_data=at_points,
         cell_data={name: [values[own] for own in rows] for name, values in in_cells.items()},
         field_data={name: array.read() for name, array in fields.items()},
@@ -174,17 +174,11 @@ class _Piece:
         if not self.cells:
             return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
         types, ends = self._integers("types"), self._integers("offsets")
-        unknown = sorted(set(np.unique(types).tolist()) - set(_KINDS))
-        if unknown:
-            names = ", ".join(_OTHER_KINDS.get(kind, f"{kind} of VTK") for kind in unknown[:8])
-            raise ProblemError(unknown_kind(names))
-        if not np.array_equal(np.diff(ends, prepend=0), _WIDTHS[types]):
+        if not np.array_equal(np.diff(ends, prepend=0), widths_of(types)):
             raise ProblemError("the offsets of its cells do not belong to their types; save it again")
         self.of_cells["connectivity"].expect(int(ends[-1]))
         nodes = self._integers("connectivity")
-        if nodes.min() < 0 or nodes.max() >= self.nodes:
-            raise ProblemError("a cell refers to a node that is not in it; save it again")
-        return nodes, types
+        return checked_nodes(nodes, self.nodes), types
 
     def _integers(self, name: str) -> IntArray:
         values = self.of_cells[name].read().ravel()
@@ -209,20 +203,35 @@ def _appended(data: bytes) -> tuple[bytes, bytes | str]:
         raise ProblemError("what is appended to it is no base64; save it again") from None
 
 
-def _blocks(nodes: IntArray, types: IntArray) -> tuple[list[tuple[str, IntArray]], list[IntArray | slice]]:
+def widths_of(types: IntArray) -> IntArray:
+    """Numbers of nodes of cells of these types of VTK; kinds that are not read are refused."""
+    unknown = sorted(set(np.unique(types).tolist()) - set(_KINDS))
+    if unknown:
+        raise ProblemError(unknown_kind(", ".join(_OTHER_KINDS.get(kind, f"{kind} of VTK") for kind in unknown[:8])))
+    return np.asarray(_WIDTHS[types], dtype=np.int64)
+
+
+def checked_nodes(nodes: IntArray, count: int) -> IntArray:
+    """Nodes of cells, refused where there are none of that number."""
+    if len(nodes) and (nodes.min() < 0 or nodes.max() >= count):
+        raise ProblemError("a cell refers to a node that is not in it; save it again")
+    return nodes
+
+
+def blocks_of(nodes: IntArray, types: IntArray) -> tuple[list[GridBlock], list[IntArray | slice]]:
     """Cells by kind, in the order in which the kinds appear, and which of all cells those of each block are."""
     if len(types) and (types == types[0]).all():
         kind = int(types[0])
         name, width = _KINDS[kind]
-        return [(name, _in_order(kind, nodes.reshape(-1, width)))], [slice(None)]
+        return [GridBlock(name, _in_order(kind, nodes.reshape(-1, width)))], [slice(None)]
     kinds, first = np.unique(types, return_index=True)
     ends = np.cumsum(_WIDTHS[types])
-    blocks: list[tuple[str, IntArray]] = []
+    blocks: list[GridBlock] = []
     rows: list[IntArray | slice] = []
     for kind in kinds[np.argsort(first)].tolist():
         name, width = _KINDS[kind]
         own = np.flatnonzero(types == kind)
-        blocks.append((name, _in_order(kind, nodes[ends[own][:, None] + np.arange(-width, 0)])))
+        blocks.append(GridBlock(name, _in_order(kind, nodes[ends[own][:, None] + np.arange(-width, 0)])))
         rows.append(own)
     return blocks, rows
 

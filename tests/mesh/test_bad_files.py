@@ -1,0 +1,216 @@
+"""Mesh files of other programs that cannot be taken: one plain sentence that names the file and the place."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hemivar.errors import ProblemError
+from hemivar.mesh import read_mesh
+
+from .foreign_models import FILES
+
+INP = """*NODE, NSET=all
+1, 0., 0.
+2, 1., 0.
+3, 1., 1.
+4, 0., 1.
+*ELEMENT, TYPE=CPE4, ELSET=body
+1, 1, 2, 3, 4
+*SURFACE, NAME=low
+body, S1
+*NSET, NSET=high
+3, 4
+"""
+BDF = """$ a comment
+BEGIN BULK
+GRID,1,,0.,0.,0.
+GRID,2,,1.,0.,0.
+GRID,3,,1.,1.,0.
+GRID,4,,0.,1.,0.
+CQUAD4,1,7,1,2,3,4
+ENDDATA
+"""
+SU2 = """NDIME= 2
+NELEM= 1
+9 0 1 2 3 0
+NPOIN= 4
+0 0 0
+1 0 1
+1 1 2
+0 1 3
+NMARK= 1
+MARKER_TAG= low
+MARKER_ELEMS= 1
+3 0 1
+"""
+VOL = """mesh3d
+dimension
+2
+geomtype
+0
+surfaceelements
+1
+1 1 0 0 4 1 2 3 4
+edgesegmentsgi2
+1
+1 0 1 2 -1 -1 1 0 1 0 1 1
+points
+4
+0 0 0
+1 0 0
+1 1 0
+0 1 0
+bcnames
+1
+1 low
+endmesh
+"""
+VTK = """# vtk DataFile Version 4.2
+a square
+ASCII
+DATASET UNSTRUCTURED_GRID
+POINTS 4 float
+0 0 0 1 0 0 1 1 0 0 1 0
+CELLS 1 5
+4 0 1 2 3
+CELL_TYPES 1
+9
+CELL_DATA 1
+SCALARS part int 1
+LOOKUP_TABLE default
+2
+"""
+TEXTS = {"inp": INP, "bdf": BDF, "su2": SU2, "vol": VOL, "vtk": VTK}
+
+
+def read(tmp_path: Path, suffix: str, text: str) -> str:
+    """What is said of a file; empty if it gives a mesh."""
+    path = tmp_path / f"part.{suffix}"
+    path.write_text(text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            read_mesh(path)
+        except ProblemError as error:
+            said = str(error)
+            assert said.startswith(f"mesh file '{path}'")
+            assert "\n" not in said
+            assert "meshio" not in said.lower().replace(str(tmp_path).lower(), "")
+            return said.replace(str(path), "part")
+    return ""
+
+
+@pytest.mark.parametrize("suffix", TEXTS)
+def test_the_files_are_good_as_they_stand(suffix: str, tmp_path: Path) -> None:
+    assert read(tmp_path, suffix, TEXTS[suffix]) == ""
+
+
+CASES = [
+    ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 3", r"\*ELEMENT of type CPE4: 4 numbers are no rows of 5"),
+    ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 3, 9", "refers to node 9, which is not in the file"),
+    ("inp", "1, 1, 2, 3, 4", "1, 1, 2, x, 4", r"'x' is not a whole number \(\*ELEMENT\)"),
+    ("inp", "1, 1, 2, 3, 4", "1, 1, 3, 2, 4", "quad 1 of the file, at .* crosses itself or has no area"),
+    ("inp", "CPE4", "CPE17", "cells of type CPE17, which are not read"),
+    ("inp", "CPE4", "CIN3D8", "cells of type CIN3D8, which are not read; mesh with triangles"),
+    ("inp", ", TYPE=CPE4", "", r"\*ELEMENT without TYPE"),
+    ("inp", "2, 1., 0.", "2, 1., zero", r"'zero' is not a number \(\*NODE\)"),
+    ("inp", "2, 1., 0.", "2, nan, 0.", r"node 2 has the coordinates \[nan, 0.0, 0.0\]; all must be finite"),
+    ("inp", "2, 1., 0.", "1, 1., 0.", "node 1 occurs twice"),
+    ("inp", "*NODE, NSET=all", "*NODE, SYSTEM=C", "cylindrical or spherical coordinates"),
+    ("inp", "body, S1", "body, S5", "surface 'low' names face S5 of a quad; it has 4"),
+    ("inp", "body, S1", "bodies, S1", "'low' refers to the set 'bodies', which is not there"),
+    ("inp", "NAME=low", "TYPE=ELEMENT", r"a \*SURFACE has no name; add NAME="),
+    ("inp", "high\n3, 4\n", "high\n3, 4, top\n", "'high' refers to the set 'top', which is not there"),
+    ("inp", "NSET=high\n3, 4", "NSET=high, GENERATE\n3", "a generated set has the line '3'; give first, last and step"),
+    ("inp", "*SURFACE", "*NGEN\n1, 4\n*SURFACE", r"nodes or elements by \*NGEN, which is not read"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=none.inp\n*SURFACE", "none.inp"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=part.inp\n*SURFACE", "include one another more than 8 deep"),
+    ("inp", "*ELEMENT, TYPE=CPE4, ELSET=body\n1, 1, 2, 3, 4\n", "", r"it holds no \*ELEMENT"),
+    ("inp", INP, "nothing here", "it holds no keyword of Abaqus"),
+    ("inp", "*SURFACE", "*INSTANCE, NAME=a, PART=b\n*END INSTANCE\n*SURFACE", "instance 'A' is of part 'B'"),
+    ("bdf", "CQUAD4,1,7,1,2,3,4", "CQUAD4,1,7,1,2,3", "a CQUAD4 has fewer than 4 nodes"),
+    ("bdf", "CQUAD4,1,7,1,2,3,4", "CQUAD4,1,7,1,2,3,8", "refers to node 8, which is not in the file"),
+    ("bdf", "CQUAD4,1,7,1,2,3,4", "CTRIAX6,1,7,1,2,3", "cells of type CTRIAX6, which are not read"),
+    ("bdf", "CQUAD4,1,7,1,2,3,4", "CHACAB,1,7,1,2,3", "cells of type CHACAB, which are not read"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,3,1.,0.,0.", "node 2 lies in coordinate system 3; save the mesh in the basic"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,,one,0.,0.", r"'one' is not a number \(GRID\)"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,two,,1.,0.,0.", r"'two' is not a whole number \(number of a GRID\)"),
+    ("bdf", "GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.5", r"a surface in space \(z from 0 to 0.5\)"),
+    ("bdf", "CQUAD4,1,7,1,2,3,4", "CBAR,1,7,1,2", "it holds lines only, and no cells of a body"),
+    ("bdf", "BEGIN BULK\n", "BEGIN BULK\n+,1,2\n", "goes on from another one"),
+    ("su2", "NDIME= 2", "NDIME= 4", "NDIME is 4; it must be 2 or 3"),
+    ("su2", "9 0 1 2 3 0", "9 0 1 2 7 0", "refers to node 8"),
+    ("su2", "9 0 1 2 3 0", "7 0 1 2 3 0", "cells of type 7 of VTK, which are not read"),
+    ("su2", "9 0 1 2 3 0", "9 0 1 2", "3 numbers are no rows of 4"),
+    ("su2", "NPOIN= 4", "NPOIN= 40", "NPOIN says 40 lines, and 8 are there; it is cut off"),
+    ("su2", "NPOIN= 4", "NPOIN= 3", "its line '0 1 3' is no 'KEY= value'; the counts before it are wrong"),
+    ("su2", "NPOIN= 4", "NPOIN= four", r"'four' is not a whole number \(NPOIN\)"),
+    ("su2", "1 0 1\n", "1 a 1\n", r"'a' is not a number \(NPOIN\)"),
+    ("vol", "1 1 0 0 4 1 2 3 4", "1 1 0 0 5 1 2 3 4", "cells of type of 5 nodes"),
+    ("vol", "1 1 0 0 4 1 2 3 4", "1 1 0 0 4 1 2 3", "3 numbers are no rows of 4"),
+    ("vol", "points\n4", "points\n40", "points says 40 rows, and the file ends before"),
+    ("vol", "mesh3d\n", "", "it is no mesh of Netgen"),
+    ("vtk", "4 0 1 2 3", "4 0 1 2 9", "a cell refers to a node that is not in it"),
+    ("vtk", "\n9\n", "\n7\n", "cells of type polygon, which are not read"),
+    ("vtk", "\n9\n", "\n5\n", "its cells do not belong to their types"),
+    ("vtk", "CELL_TYPES 1\n9", "", "it holds no points or no cells"),
+    ("vtk", "part int 1", "part words 1", "part is of type 'words', which VTK does not have"),
+    ("vtk", "POINTS 4", "POINTS 400", "POINTS has 32 numbers in place of 1200"),
+    ("vtk", "LOOKUP_TABLE default\n", "", "SCALARS part lacks its LOOKUP_TABLE"),
+    ("med", None, "no HDF5", "read with the package h5py; pip install|cannot be read as a mesh of the format"),
+    ("unv", None, "    -1\n  2411\n", "suffix '.unv' stands for no format that is read"),
+    ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nTrianglesP2\n0\nEnd\n", "cells of type TrianglesP2"),
+    ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nSpheres\n0\nEnd\n", "format medit .Unknown keyword 'Spheres'"),
+    ("msh", None, "$ a comment of another program\nGRID,1,,0.,0.,0.\n", r"does not begin like a file of Gmsh"),
+    ("msh", None, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n", r"it has no section \$Nodes"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("suffix", "old", "new", "says"), CASES)
+def test_bad_files_are_refused_in_a_sentence(suffix: str, old: str | None, new: str, says: str, tmp_path: Path) -> None:
+    assert len(CASES) >= 40
+    text = new if old is None else TEXTS[suffix].replace(old, new, 1)
+    assert text != TEXTS.get(suffix)
+    found = read(tmp_path, suffix, text)
+    with pytest.raises(ProblemError, match=says):
+        raise ProblemError(found)
+
+
+@pytest.mark.parametrize("suffix", TEXTS)
+def test_files_that_are_cut_off_or_damaged_end_in_a_mesh_or_a_sentence(suffix: str, tmp_path: Path) -> None:
+    text, rng = TEXTS[suffix], np.random.default_rng(3)
+    for end in range(0, len(text), 7):
+        read(tmp_path, suffix, text[:end])
+    for _ in range(150):
+        damaged = list(text)
+        for place in rng.integers(0, len(text), rng.integers(1, 4)):
+            damaged[place] = rng.choice(list("0123456789-.,= e*\nX"))
+        read(tmp_path, suffix, "".join(damaged))
+
+
+def test_what_could_not_be_taken_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "part.inp"
+    more = "*ELEMENT, TYPE=MASS, ELSET=m\n9, 1\n*NSET, NSET=point\n1\n*ELSET, ELSET=Body\nbody\n"
+    path.write_text(INP + more + "*SURFACE, NAME=skin\nbody\n")
+    assert read_mesh(path).notes == (
+        "1 quadrilaterals were split into 4 triangles",
+        "surface 'skin' has a row without the number of a face (S1, S2, ...); it was not taken",
+        "elements MASS are no part of a body; they were not taken",
+        "'all' is a group of all nodes; it was not taken",
+        "'point' is a group between whose nodes there is no facet of the boundary; it was not taken",
+    )
+    assert {path.suffix for path in FILES.iterdir()} >= {
+        ".inp",
+        ".bdf",
+        ".med",
+        ".su2",
+        ".mesh",
+        ".vtk",
+        ".vol",
+        ".ele",
+        ".vtu",
+    }
