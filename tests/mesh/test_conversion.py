@@ -285,7 +285,7 @@ def test_collapsed_hexahedra_are_split_as_what_they_are(cell: list, wanted: int,
 @pytest.mark.parametrize(
     ("kind", "cell", "says"),
     [
-        ("quad", [0, 2, 1, 3], r"quad 2 of the file, at \(.*\), crosses itself or has no area; improve its shape"),
+        ("quad", [0, 2, 1, 3], r"quad 2 of the file, at \(.*\), crosses itself or has no area; correct its shape"),
         ("quad", [0, 0, 2, 2], "quad 2 of the file, .* has fewer than three corners"),
         (
             "hexahedron",

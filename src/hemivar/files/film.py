@@ -15,7 +15,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.snapshot import snapshot
 from hemivar.files.vtu import CELL_TYPES
-from hemivar.mesh.vtu_grid import Grid, GridBlock, read_vtu
+from hemivar.mesh.vtu_grid import CellGrid, GridBlock, read_vtu
 from hemivar.solvers import ContactStates, NormalState, TangentialState
 
 __all__ = ["Film", "FilmFrame", "film_of", "read_film"]
@@ -197,7 +197,7 @@ def read_film(path: str | Path) -> Film:
     return Film(vertices, numbers.reshape(cells.shape), times, "", frame, paired)
 
 
-def _at_nodes(grid: Grid, file: Path, name: str, width: int = 0) -> Array:
+def _at_nodes(grid: CellGrid, file: Path, name: str, width: int = 0) -> Array:
     """Point data, the first components of vectors; zeros where a frame has none of that name."""
     shape = (len(grid.points), width) if width else (len(grid.points),)
     values = np.asarray(grid.point_data.get(name, np.zeros(shape)), dtype=float)
@@ -208,7 +208,7 @@ def _at_nodes(grid: Grid, file: Path, name: str, width: int = 0) -> Array:
     return values[:, :width] if width else values
 
 
-def _numbers(grid: Grid, file: Path, name: str) -> IntArray:
+def _numbers(grid: CellGrid, file: Path, name: str) -> IntArray:
     """The numbers of the states of contact points among the nodes, -1 elsewhere."""
     if name not in grid.point_data:
         return np.full(len(grid.points), -1)
@@ -219,7 +219,7 @@ def _numbers(grid: Grid, file: Path, name: str) -> IntArray:
     return numbers.astype(np.int64)
 
 
-def _read_frame(path: Path) -> Grid:
+def _read_frame(path: Path) -> CellGrid:
     """A frame, its pieces joined if it lies in several."""
     if path.suffix.lower() != ".pvtu":
         return read_vtu(path, "frame")
@@ -248,7 +248,7 @@ def _named_files(path: Path, names: list[str], suffixes: tuple[str, ...]) -> lis
     return [path.parent / name for name in names]
 
 
-def _joined(path: Path, parts: list[Grid]) -> Grid:
+def _joined(path: Path, parts: list[CellGrid]) -> CellGrid:
     """Pieces of one body, the nodes that several of them have once."""
     kinds = {block.type for part in parts for block in part.cells}
     shapes = [{name: np.shape(values)[1:] for name, values in part.point_data.items()} for part in parts]
@@ -261,4 +261,4 @@ def _joined(path: Path, parts: list[Grid]) -> Grid:
         number.ravel()[block.data + start] for part, start in zip(parts, starts, strict=False) for block in part.cells
     ]
     data = {name: np.concatenate([part.point_data[name] for part in parts])[first] for name in parts[0].point_data}
-    return Grid(every[first], [GridBlock(kinds.pop(), np.concatenate(cells))], point_data=data)
+    return CellGrid(every[first], [GridBlock(kinds.pop(), np.concatenate(cells))], point_data=data)

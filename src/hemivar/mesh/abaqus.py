@@ -12,7 +12,7 @@ import numpy as np
 from hemivar.basics.disk import read_bytes, regular_file, shown
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh.kinds import CODES, KINDS, Kind, unknown_kind
+from hemivar.mesh.kinds import CODES, KINDS, ElementKind, unknown_kind
 from hemivar.mesh.raw import Block, RawMesh, put_together
 from hemivar.mesh.texts import floats, rows_of, whole
 
@@ -77,16 +77,16 @@ class _Keyword:
     shown: bool
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _Part:
     """Nodes and elements whose numbers belong together."""
 
     ids: list[IntArray] = field(default_factory=list)
     points: list[Array] = field(default_factory=list)
-    elements: list[tuple[Kind, IntArray, IntArray, str]] = field(default_factory=list)
+    elements: list[tuple[ElementKind, IntArray, IntArray, str]] = field(default_factory=list)
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _Instance:
     """Where a part is put."""
 
@@ -202,7 +202,7 @@ class _Body:
         self.blocks: list[Block] = []
         self.numbers: list[IntArray] = []
         self.sets: dict[tuple[str, str, str], list[IntArray]] = {}
-        self.surfaces: dict[str, list[tuple[Kind, IntArray]]] = {}
+        self.surfaces: dict[str, list[tuple[ElementKind, IntArray]]] = {}
         self.shown: dict[str, dict[str, list[IntArray]]] = {"NSET": {}, "ELSET": {}}
         self.notes: list[str] = []
 
@@ -323,7 +323,7 @@ def _limits(row: list[str]) -> tuple[int, int, int]:
     return numbers[0], numbers[1], [*numbers, 1][2]
 
 
-def _kind(name: str) -> Kind:
+def _kind(name: str) -> ElementKind:
     """A kind of element by its name."""
     for pattern, kinds in _TYPES:
         found = pattern.match(name)

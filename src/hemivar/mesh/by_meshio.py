@@ -19,7 +19,7 @@ from hemivar.mesh.kinds import CODES, KINDS, unknown_kind
 from hemivar.mesh.raw import RawMesh
 from hemivar.mesh.tetgen import tetgen_faces
 from hemivar.mesh.vtk_grid import is_unstructured_vtk, parse_vtk
-from hemivar.mesh.vtu_grid import Grid, read_vtu
+from hemivar.mesh.vtu_grid import CellGrid, read_vtu
 
 if TYPE_CHECKING:
     import meshio
@@ -67,7 +67,7 @@ def read_by_meshio(path: Path) -> RawMesh:
     return raw
 
 
-def _read(path: Path) -> meshio.Mesh | Grid:
+def _read(path: Path) -> meshio.Mesh | CellGrid:
     suffix = path.suffix.lower()
     if suffix == ".vtu":
         return read_vtu(path, "mesh file")
@@ -76,7 +76,7 @@ def _read(path: Path) -> meshio.Mesh | Grid:
     return _read_silently(path)
 
 
-def _elements(found: meshio.Mesh | Grid) -> tuple[RawMesh, list[int]]:
+def _elements(found: meshio.Mesh | CellGrid) -> tuple[RawMesh, list[int]]:
     """Points and elements, and the number of the first element of each block."""
     foreign = sorted({block.type for block in found.cells if len(block.data)} - set(CODES))
     if foreign:
@@ -120,7 +120,7 @@ def _add(raw: RawMesh, key: tuple[int, str], start: int, rows: IntArray) -> None
 _Members = list[tuple[int, IntArray]]
 
 
-def _sets(found: meshio.Mesh | Grid) -> Iterator[tuple[str, _Members]]:
+def _sets(found: meshio.Mesh | CellGrid) -> Iterator[tuple[str, _Members]]:
     """Named groups of elements: sets, then what arrays number."""
     named = set()
     for name, blocks in getattr(found, "cell_sets", {}).items():
@@ -155,7 +155,7 @@ def _count(values: list[AnyArray]) -> int:
     return len(np.unique(np.concatenate([np.ravel(one) for one in values])))
 
 
-def _names(found: meshio.Mesh | Grid, array: str, dim: int, tag: int) -> list[str]:
+def _names(found: meshio.Mesh | CellGrid, array: str, dim: int, tag: int) -> list[str]:
     """Names of the groups of a number: those that the file gives, the number itself, or array and number."""
     if array not in _TAGS:
         return [f"{array}:{tag}"]
@@ -168,7 +168,7 @@ def _names(found: meshio.Mesh | Grid, array: str, dim: int, tag: int) -> list[st
     return known[:1] or [str(tag)]
 
 
-def _node_sets(found: meshio.Mesh | Grid) -> Iterator[tuple[str, IntArray]]:
+def _node_sets(found: meshio.Mesh | CellGrid) -> Iterator[tuple[str, IntArray]]:
     """Named groups of nodes."""
     for name, ids in getattr(found, "point_sets", {}).items():
         yield name, np.asarray(ids, dtype=np.int64)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise, product
 
-__all__ = ["CODES", "KINDS", "SHAPES", "VTK_KINDS", "Kind", "Shape", "unknown_kind"]
+__all__ = ["CODES", "KINDS", "SHAPES", "VTK_KINDS", "ElementKind", "Shape", "unknown_kind"]
 
 _TRIANGLE = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
 #: Numbers of the 27 nodes of a hexahedron by their places along x, y and z.
@@ -105,7 +105,7 @@ SHAPES = _shapes()
 
 
 @dataclass(frozen=True)
-class Kind:
+class ElementKind:
     """A kind of element.
 
     Attributes
@@ -132,13 +132,13 @@ class Kind:
         return self.nodes > self.shape.corners
 
 
-def _kinds() -> tuple[Kind, ...]:
+def _kinds() -> tuple[ElementKind, ...]:
     more = {
         "line": (3,), "triangle": (6, 7), "quad": (8, 9), "tetra": (10,), "pyramid": (13, 14), "wedge": (15, 18),
         "hexahedron": (20, 27),
     }  # fmt: skip
-    plain = [Kind(name, shape, shape.corners) for name, shape in SHAPES.items()]
-    return (*plain, *(Kind(f"{name}{n}", SHAPES[name], n) for name, several in more.items() for n in several))
+    plain = [ElementKind(name, shape, shape.corners) for name, shape in SHAPES.items()]
+    return (*plain, *(ElementKind(f"{name}{n}", SHAPES[name], n) for name, several in more.items() for n in several))
 
 
 #: All kinds; elements say which one they are by its place here.

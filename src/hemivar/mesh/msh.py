@@ -15,7 +15,7 @@ import numpy as np
 from hemivar.basics.disk import shown
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh.kinds import CODES, KINDS, Kind, unknown_kind
+from hemivar.mesh.kinds import CODES, KINDS, ElementKind, unknown_kind
 from hemivar.mesh.msh_numbers import (
     Bytes,
     Numbers,
@@ -382,14 +382,14 @@ class _Reader:
             left -= many
 
 
-def _kind(number: int) -> Kind:
+def _kind(number: int) -> ElementKind:
     """A kind of element by its number."""
     if number not in _KINDS:
         raise ProblemError(unknown_kind(_OTHER_KINDS.get(number, f"{number} of the format")))
     return KINDS[CODES[_KINDS[number]]]
 
 
-def _ordered(kind: Kind, nodes: IntArray) -> IntArray:
+def _ordered(kind: ElementKind, nodes: IntArray) -> IntArray:
     """Nodes of elements (k, n) in the order of VTK."""
     shape = kind.shape
     if not kind.quadratic or shape.name not in _EDGES:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh.kinds import CODES, Kind
+from hemivar.mesh.kinds import CODES, ElementKind
 
 __all__ = ["Block", "RawMesh", "put_together"]
 
@@ -45,7 +45,7 @@ class RawMesh:
 class Block:
     """Elements of one kind: their nodes, and the groups of all of them or the group and entity of each (0: none)."""
 
-    kind: Kind
+    kind: ElementKind
     nodes: IntArray
     groups: list[int] | IntArray
     entities: IntArray | None = None

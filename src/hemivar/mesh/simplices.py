@@ -131,7 +131,7 @@ def _middles(cells: IntArray, kinds: IntArray, points: Array) -> tuple[IntArray,
     if twice.any():
         place = points[rows[int(np.argmax(twice)), 2]]
         raise ProblemError(
-            f"an edge at {_place(place)} has another node in its middle in each of two cells; merge coincident nodes"
+            f"an edge at {_place(place)} has another node in its middle in each of two cells; join coincident nodes"
         )
     return rows[:, :2], rows[:, 2]
 
@@ -306,7 +306,7 @@ def _distorted(nodes: _Nodes, part: _Part, bad: BoolArray, what: str) -> Problem
     first = int(np.argmax(bad))
     several = f" ({np.count_nonzero(bad)} such cells)" if np.count_nonzero(bad) > 1 else ""
     place = _place(nodes.points[cells[first]].mean(axis=0))
-    return ProblemError(f"{shape.name} {rows[first] + 1} of the file, at {place}, {what}{several}; improve its shape")
+    return ProblemError(f"{shape.name} {rows[first] + 1} of the file, at {place}, {what}{several}; correct its shape")
 
 
 def _place(point: Array) -> str:

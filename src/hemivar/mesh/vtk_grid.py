@@ -8,7 +8,7 @@ from hemivar.basics.disk import shown
 from hemivar.basics.types import AnyArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.texts import floats, whole
-from hemivar.mesh.vtu_grid import Grid, blocks_of, checked_nodes, widths_of
+from hemivar.mesh.vtu_grid import CellGrid, blocks_of, checked_nodes, widths_of
 
 __all__ = ["is_unstructured_vtk", "parse_vtk"]
 
@@ -29,7 +29,7 @@ def is_unstructured_vtk(start: bytes) -> bool:
     )
 
 
-def parse_vtk(data: bytes) -> Grid:
+def parse_vtk(data: bytes) -> CellGrid:
     """The grid in the bytes of a file.
 
     Raises
@@ -85,7 +85,7 @@ class _Reader:
             raise ProblemError(f"{shown(what)} has {len(words)} numbers in place of {count}; save the file again")
         return floats(words, what) if form.kind == "f" else whole(words, what)
 
-    def read(self) -> Grid:
+    def read(self) -> CellGrid:
         while words := self._line():
             self._section(words[0].upper(), words)
         if not len(self.types) or not len(self.points):
@@ -101,7 +101,7 @@ class _Reader:
             raise ProblemError("its cells do not belong to their types; save it again")
         blocks, rows = blocks_of(checked_nodes(nodes, len(self.points)), self.types)
         data = {name: [values[own] for own in rows] for name, values in self.cell_data.items()}
-        return Grid(self.points.astype(float), blocks, cell_data=data)
+        return CellGrid(self.points.astype(float), blocks, cell_data=data)
 
     def _section(self, key: str, words: list[str]) -> None:
         if key == "POINTS":

@@ -22,7 +22,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.mesh.kinds import CODES, KINDS, VTK_KINDS, unknown_kind
 from hemivar.mesh.vtu_arrays import NUMBERS, Packing, VtuArray, short, whole
 
-__all__ = ["BUDGET", "Grid", "GridBlock", "blocks_of", "checked_nodes", "read_vtu", "widths_of"]
+__all__ = ["BUDGET", "CellGrid", "GridBlock", "blocks_of", "checked_nodes", "read_vtu", "widths_of"]
 
 #: A file may unpack to so many bytes whatever its size, and to so many times its size if that is more.
 BUDGET = (256 * 2**20, 20)
@@ -58,7 +58,7 @@ class GridBlock:
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class CellGrid:
     """An unstructured grid, under the names of meshio.
 
     Attributes
@@ -77,7 +77,7 @@ class Grid:
     field_data: dict[str, AnyArray] = field(default_factory=dict)
 
 
-def read_vtu(path: str | Path, what: str, most_bytes: int = 1 << 62, share: int = 1) -> Grid:
+def read_vtu(path: str | Path, what: str, most_bytes: int = 1 << 62, share: int = 1) -> CellGrid:
     """The grid in a VTU file, in ASCII, base64 or appended, compressed by zlib or LZMA or not at all.
 
     Cells come in one block for each kind, in the order of the file within it; its pieces are put together.
@@ -112,7 +112,7 @@ def read_vtu(path: str | Path, what: str, most_bytes: int = 1 << 62, share: int 
         raise FileError(f"{named} needs more memory than there is; take a coarser mesh") from error
 
 
-def _read(data: bytes, budget: int) -> Grid:
+def _read(data: bytes, budget: int) -> CellGrid:
     """Sizes first, numbers after them."""
     text, appended = _appended(data)
     root = parse_xml(text)
@@ -141,7 +141,7 @@ def _read(data: bytes, budget: int) -> Grid:
         found.append((nodes + start, types))
         start += piece.nodes
     blocks, rows = blocks_of(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
-    return Grid(
+    return CellGrid(
         points,
         blocks,
         point_data=at_points,
