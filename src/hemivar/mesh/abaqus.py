@@ -180,7 +180,9 @@ class _Reader:
         for name, instance in placed.items():
             own = self.parts.get(name) or self.parts.get(instance.part)
             if own is None:
-                raise ProblemError(f"instance '{shown(name)}' is of part '{shown(instance.part)}', which is not there")
+                raise ProblemError(
+                    f"instance '{shown(name)}' is of part '{shown(instance.part)}', which is not there; save it again"
+                )
             body.add(name, instance, own)
         if not body.blocks:
             raise ProblemError("it holds no *ELEMENT; save the mesh with its elements")
