@@ -144,7 +144,9 @@ def _pairs(problem: DiscreteProblem, nodal: sp.csr_array) -> dict[str, BoundaryC
         node = place[points.node]
         trace = sp.csr_array(points.trace @ field.lift @ nodal)
         blocked = (np.diff(points.trace.indptr) == 0).reshape(points.shape)
-        points = replace(points, trace=trace, weights=weights[node], node=node)
+        assert points.mean is not None
+        mean = sp.csr_array(points.mean @ interpolation)
+        points = replace(points, trace=trace, weights=weights[node], node=node, mean=mean)
         law = statement.contact[name].law.at(points.points)
         rest = np.zeros(points.count)
         found[name] = BoundaryContact(points, rest, np.zeros((points.count, field.mesh.dim)), law, blocked, pair=True)
