@@ -30,6 +30,7 @@ SECTIONS = {
     "First steps": ("first_solution", "weighted_block", "units", "law_in_space", "all_methods", "warm_start"),
     "Laws": ("own_laws", "weakening_friction", "delamination", "mixed_mode", "broken_foundation"),
     "Several solutions": ("convexity_and_margin", "three_solutions", "trace_constants"),
+    "Bodies that touch": ("two_cylinders", "two_spheres", "press_fit", "three_blocks", "wheel_on_rail"),
     "In space, and one unknown": ("cube_friction", "membrane_obstacle", "antiplane_friction"),
     "Time": (
         "bounce", "stick_slip", "relaxation", "wear", "delayed_failure", "bar_impact", "thermoviscoelastic",
@@ -42,7 +43,7 @@ _ORDER = tuple(name for names in SECTIONS.values() for name in names)
 #: Which figure of an example its card shows, where it is not the first.
 _SHOWN = {
     "adaptive_mesh": 2, "broken_foundation": 2, "delayed_failure": 2, "exact_distance": 2, "first_solution": 2,
-    "hertz_obstacle": 2,
+    "hertz_obstacle": 2, "three_blocks": 2,
 }  # fmt: skip
 _CARD = re.compile(r'^\.\. raw:: html\n\n    <div class="sphx-glr-thumbcontainer".*?^    </div>\n', re.M | re.S)
 _OPEN = '.. raw:: html\n\n    <div class="sphx-glr-thumbnails">\n\n'

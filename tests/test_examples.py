@@ -222,8 +222,60 @@ def test_hertz_obstacle_is_hertz_within_one_per_cent() -> None:
     )  # Johnson, Contact Mechanics: 0.70 for plane strain
 
 
-def test_shipped_mesh_is_small() -> None:
-    assert (EXAMPLES / "meshes" / "half_disc.msh").stat().st_size < 300_000
+def test_two_cylinders_are_hertz() -> None:
+    """Half width and pressure by Hertz, for R = 10, E = 210000, nu = 0.3 and 1000 N/mm."""
+    found = run("two_cylinders")
+    assert pytest.approx(0.2348908547, rel=1e-9) == found["HALF_WIDTH"]
+    assert pytest.approx(2710.279092, rel=1e-9) == found["PEAK"]
+    assert found["widths"][-1] == pytest.approx(0.2348908547, rel=0.01)
+    assert found["peaks"][-1] == pytest.approx(2710.279092, rel=0.002)
+    assert found["order"] > 1.5
+    upper, lower = found["finest"].contact_forces.values()
+    np.testing.assert_allclose(upper, -lower, atol=1e-9)
+    np.testing.assert_allclose(upper, [0.0, 1000.0], atol=1e-6)
+
+
+def test_two_spheres_are_hertz() -> None:
+    found = run("two_spheres")
+    assert pytest.approx(0.3191252149, rel=1e-9) == found["HALF_WIDTH"]
+    assert pytest.approx(4688.340501, rel=1e-9) == found["PEAK"]
+    assert found["errors"][-1] < 0.02
+    assert found["finest"].pressure.max() == pytest.approx(4688.340501, rel=0.01)
+    assert found["finest"].normal_force == pytest.approx(1000.0, rel=2e-3)
+
+
+def test_press_fit_is_lame_of_second_order() -> None:
+    found = run("press_fit")
+    assert found["EXACT"]["strain"] == pytest.approx(54.08653846, rel=1e-9)
+    for errors in found["errors"].values():
+        assert errors[-1] < 0.015
+        assert (np.log2(errors[:-1] / errors[1:]) > 1.9).all()
+
+
+def test_three_blocks_close_their_ledger_and_slip_at_coulombs_bound() -> None:
+    found = run("three_blocks")
+    assert found["history"].ended == "finished"
+    assert found["gap"] < 1e-12
+    for most in found["most"].values():
+        assert most == pytest.approx(0.64, rel=1e-3)
+    loop = np.trapezoid(
+        -found["history"]["top:bottom.friction_force"][-51:], found["drag"](found["history"].times[-51:])
+    )
+    lost = np.diff(found["history"]["friction"][[-51, -1]])[0] + np.diff(found["history"]["numerical"][[-51, -1]])[0]
+    assert loop == pytest.approx(lost, rel=0.05), "the area of the loop is the heat of a period"
+
+
+def test_wheel_on_rail_is_hertz_within_one_per_cent() -> None:
+    found = run("wheel_on_rail")
+    assert found["mesh"].parts.count == 2
+    width = math.sqrt(8.0 * found["force"] * 460.0 * (1.0 - 0.3**2) / (math.pi * 210e3))
+    assert found["found_width"] == pytest.approx(width, rel=0.01)
+    assert found["found_peak"] == pytest.approx(2.0 * found["force"] / (math.pi * width), rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["half_disc", "wheel"])
+def test_shipped_mesh_is_small(name: str) -> None:
+    assert (EXAMPLES / "meshes" / f"{name}.msh").stat().st_size < 300_000
 
 
 def test_law_in_space() -> None:

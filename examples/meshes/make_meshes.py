@@ -94,6 +94,61 @@ def bracket(path: Path) -> None:
     gmsh.finalize()
 
 
+def wheel(path: Path) -> None:
+    """A railway wheel in mm, seen from the side, on a piece of rail that it touches at the origin.
+
+    Regions wheel and rail, which share no node; boundaries hub and tread, head and foot.
+    """
+    import gmsh
+
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("wheel")
+    geo, radius, bore, length, height, angle = gmsh.model.geo, 460.0, 90.0, 400.0, 150.0, 0.06
+    middle = geo.addPoint(0.0, radius, 0.0)
+
+    def on_circle(size: float, turn: float) -> int:
+        return geo.addPoint(size * math.sin(turn), radius - size * math.cos(turn), 0.0)
+
+    def ring(size: float, turns: list[float]) -> list[int]:
+        points = [on_circle(size, turn) for turn in turns]
+        ends = zip(points, [*points[1:], points[0]], strict=True)
+        return [geo.addCircleArc(one, middle, other) for one, other in ends]
+
+    rim = ring(radius, [-angle, 0.0, angle, math.pi / 2, math.pi, -math.pi / 2])
+    hub = ring(bore, [0.0, math.pi / 2, math.pi, -math.pi / 2])
+    disc = geo.addPlaneSurface([geo.addCurveLoop(rim), geo.addCurveLoop(hub)])
+    near = radius * math.sin(angle)
+    corners = [
+        (-length, -height),
+        (length, -height),
+        (length, 0.0),
+        (near, 0.0),
+        (0.0, 0.0),
+        (-near, 0.0),
+        (-length, 0.0),
+    ]
+    points = [geo.addPoint(x, y, 0.0) for x, y in corners]
+    lines = [geo.addLine(one, other) for one, other in zip(points, [*points[1:], points[0]], strict=True)]
+    rail = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    geo.synchronize()
+    for name, curves in (("tread", rim[:2]), ("hub", hub), ("head", lines[3:5]), ("foot", lines[:1])):
+        gmsh.model.addPhysicalGroup(1, curves, name=name)
+    for name, surface in (("wheel", disc), ("rail", rail)):
+        gmsh.model.addPhysicalGroup(2, [surface], name=name)
+    field = gmsh.model.mesh.field
+    field.add("MathEval", 1)
+    field.setString(1, "F", "Min(50, 0.8 + 0.2*Max(Sqrt(x*x + y*y) - 7, 0))")
+    field.setAsBackgroundMesh(1)
+    for key in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints", "MeshSizeFromCurvature"):
+        gmsh.option.setNumber(f"Mesh.{key}", 0)
+    gmsh.model.mesh.generate(2)
+    gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+    gmsh.write(str(path))
+    gmsh.finalize()
+
+
 if __name__ == "__main__":
     half_disc(Path(__file__).parent / "half_disc.msh")
     bracket(Path(__file__).parent / "bracket.msh")
+    wheel(Path(__file__).parent / "wheel.msh")
