@@ -88,6 +88,18 @@ def test_fields_are_those_of_the_library(name: str) -> None:
     assert corners.max() < len(points)
 
 
+@pytest.mark.parametrize("name", ["two-bodies", "press-fit"])
+def test_two_bodies_come_with_no_foundation(name: str) -> None:
+    text = template(name)
+    messages = answers(Bench(Path()), "solve", text)
+    assert kinds(messages) == ["problem", "shape", "picture", "laws", "certificate", "done"]
+    (boundary,) = one(messages, "shape").head["boundaries"]  # type: ignore[misc]
+    assert boundary["pair"]
+    solution, picture = hv.solve(parse_problem(text)), one(messages, "picture")
+    np.testing.assert_allclose(picture.arrays["pressure"], solution.pressure, rtol=1e-9)
+    np.testing.assert_allclose(picture.arrays["moved"][:, :2], solution.contact.moved(solution.displacement))
+
+
 def test_a_body_that_is_kept_gives_the_same_as_a_new_one() -> None:
     """Another load and law are solved on the body of before, another material or mesh is not."""
     text = template("survey")

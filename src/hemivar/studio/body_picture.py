@@ -43,7 +43,8 @@ class BodyShape:
     places, normals : arrays (m, 3)
         Contact points at rest, and the outward normal there.
     boundaries : list of dict
-        ``name``, ``index`` of the contact points, ``along`` the boundary, ``axis`` that it is.
+        ``name``, ``index`` of the contact points, ``along`` the boundary, ``axis`` that it is, and whether it is a
+        ``pair``: another body is touched, and no foundation.
     weights : array (m,)
         Length or area of each contact point.
     """
@@ -178,7 +179,8 @@ def _boundaries(problem: DiscreteProblem) -> list[dict[str, object]]:
             own = contact.points[index]
             widest = int(np.argmax(np.ptp(own, axis=0)))
             along, axis = own[:, widest], "xyz"[widest]
-        found.append({"name": name, "index": index.tolist(), "along": along.tolist(), "axis": axis})
+        told = {"name": name, "index": index.tolist(), "along": along.tolist(), "axis": axis}
+        found.append({**told, "pair": name in contact.pairs})
     return found
 
 

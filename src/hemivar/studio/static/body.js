@@ -180,6 +180,7 @@ export class BodyView {
     const at = (j, depth) => [0, 1, 2].map((k) => places[3 * j + k] + (scale * this.gap(j, columns) + depth) * normals[3 * j + k]);
     if (kind === "plane") {
       for (const one of boundaries) {
+        if (one.pair) continue; // another body is touched, and drawn
         const order = one.index.map((j, k) => [one.along[k], j]).sort((a, b) => a[0] - b[0]).map((pair) => pair[1]);
         for (let k = 0; k + 1 < order.length; k += 1) {
           const from = at(order[k], 0);
