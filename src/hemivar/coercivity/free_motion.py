@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from hemivar.errors import SupportError
 if TYPE_CHECKING:
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.discrete.space import Field
+    from hemivar.mesh.mesh import Mesh
 
 __all__ = ["describe", "free_growth", "refuse", "refuse_free_motion"]
 
@@ -74,6 +76,8 @@ def free_growth(problem: DiscreteProblem, motions: RigidModes) -> list[Recession
 
 
 _REMEDY = "add a support or a law that holds it"
+#: Motions this small, of the largest of all parts, are none.
+_STILL = 1e-6
 
 
 def refuse(hold: CoercivityResult, motion: str, who: str = "the body", remedy: str = _REMEDY) -> None:
@@ -128,12 +132,15 @@ def describe(coefficients: Array) -> str:
 def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, hold: CoercivityResult) -> SupportError:
     field = problem.field
     assert field is not None
-    part, motion = int(group.parts[0]), ""
+    part, motion, along = int(group.parts[0]), "", []
     if hold.direction is not None:
         moved = group.coefficients @ hold.direction
+        size = float(np.abs(moved).max())
         fastest = int(np.argmax(np.linalg.norm(moved, axis=1)))
-        part, motion = int(group.parts[fastest]), describe(moved[fastest])
-    who, remedy = _words(field, motions, group, part)
+        part, motion = int(group.parts[fastest]), describe(moved[fastest] / size)
+        along = [int(k) for k in group.parts[np.abs(moved).max(axis=1) > _STILL * size] if k != part]
+        hold = replace(hold, growth=hold.growth / size)
+    who, remedy = _words(field, motions, group, part, along)
     if problem.contact_points and problem.law.state_dependent:
         remedy += " (friction whose bound depends on the solution is not counted, for it may vanish)"
     try:
@@ -143,21 +150,28 @@ def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, ho
     raise AssertionError
 
 
-def _words(field: Field, motions: RigidModes, group: Mechanism, part: int) -> tuple[str, str]:
-    """Who moves, and what would hold it."""
+def _words(
+    field: Field, motions: RigidModes, group: Mechanism, part: int, along: Sequence[int] = ()
+) -> tuple[str, str]:
+    """Who moves, which parts move along with it, and what would hold it."""
     if motions.parts.count == 1:
         return "the body", _REMEDY
     mesh, place = field.mesh, _vector(motions.parts.place(field.mesh, part))
-    name = motions.parts.name(mesh, part)
-    which = f"part {part + 1} of {motions.parts.count} of the body" if name is None else f"part '{name}' of the body"
-    who = f"{which}, around x = {place},"
+    who = f"{_called(motions, mesh, part)} of the body, around x = {place},"
     if group.hinges.size:
         places = _listed([_vector(x) for x in field.nodes[group.hinges]])
         who += f" which is joined to others at x = {places} only,"
+    if len(along):
+        who += f" together with {_listed([_called(motions, mesh, other) for other in along])},"
     names = _listed([f"'{name}'" for name in motions.parts.boundaries(mesh, part)])
     where = f" on one of its boundaries ({names})" if names else ""
-    joined = "give it common facets with the others (nodes at one place must be one node)"
-    return who, f"{_REMEDY}{where}, or {joined}"
+    joined = "state what it touches (against = ...), or give it common facets with the others"
+    return who, f"{_REMEDY}{where}, {joined} (nodes at one place must be one node)"
+
+
+def _called(motions: RigidModes, mesh: Mesh, part: int) -> str:
+    name = motions.parts.name(mesh, part)
+    return f"part {part + 1} of {motions.parts.count}" if name is None else f"part '{name}'"
 
 
 def _listed(words: Sequence[str], most: int = 3) -> str:

@@ -25,6 +25,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
+import scipy.sparse as sp
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray
@@ -384,8 +385,7 @@ class _Programme:
         block = np.zeros((height, a + 2))
         block[: len(cuts), :a], block[: len(cuts), a] = cuts, -1.0
         block[len(cuts) :, :a], block[len(cuts) :, a + 1] = hard, -1.0
-        left = np.zeros((count, height, count, a + 2))
-        left[range(count), :, range(count)] = block
+        left = sp.block_diag([block] * count, "csr")
         right = np.tile(np.concatenate([np.zeros(len(cuts)), np.full(len(hard), self.growth.slack)]), count)
         broken = [0.0, np.inf if np.isfinite(penalty) else 0.0]
         box = np.tile(np.array([[-1.0, 1.0]] * a + [[-np.inf, np.inf], broken]), (count, 1)).reshape(count, a + 2, 2)
@@ -395,7 +395,7 @@ class _Programme:
         cost = np.tile([0.0] * a + [1.0, price], count)
         found = linprog(
             cost,
-            left.reshape(count * height, -1),
+            left,
             right,
             bounds=box.reshape(-1, 2),
             method="highs",

@@ -9,7 +9,7 @@ by the mesh and by the supports alone, whatever the rounding of the matrix.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +24,7 @@ from hemivar.mesh.parts import Parts
 if TYPE_CHECKING:
     from hemivar.discrete.space import Field
 
-__all__ = ["Mechanism", "RigidModes", "admitted", "free_motions", "no_motions", "rigid_basis"]
+__all__ = ["Mechanism", "RigidModes", "admitted", "free_motions", "joined", "no_motions", "rigid_basis"]
 
 #: A motion that moves the supports by less than this, relative to its size, is free.
 _RANK = 1e-9
@@ -34,7 +34,7 @@ _LARGEST = 1200
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """Parts that hang together, and the motions without deformation that are left to them.
+    """Parts that hang together or touch one another, and the motions without deformation that are left to them.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class RigidModes:
     motions : sparse array (nodes * d, a)
         Nodal displacements, of size one.
     groups : tuple of Mechanism
-        Parts that move independently of one another.
+        Parts that move independently of one another; see :func:`joined`.
     parts : Parts
         All of the body.
     """
@@ -142,6 +142,44 @@ def _stopped(field: Field) -> tuple[IntArray, Array]:
 def _deforming_nothing(field: Field) -> Array:
     """Coefficients of the motions that deform no part of a body, (3 or 6, q): of rings the one along the axis."""
     return np.eye(3)[:, [1]] if field.ring else np.eye(3 if field.mesh.dim == 2 else 6)
+
+
+def joined(motions: RigidModes, trace: sp.csr_array) -> RigidModes:
+    """The same motions, with the parts in one group that touch one another.
+
+    Each of two parts may be held as long as the other rests, and both be free to move together.
+
+    Parameters
+    ----------
+    motions : RigidModes
+    trace : sparse array (q, nodes * d)
+        What contact sees of nodal displacements.
+    """
+    groups = motions.groups
+    if len(groups) < 2:
+        return motions
+    widths = [group.coefficients.shape[2] for group in groups]
+    of = sp.csr_array((np.ones(sum(widths)), (np.arange(sum(widths)), np.repeat(np.arange(len(groups)), widths))))
+    seen = abs(trace @ motions.motions) @ of
+    count, label = connected_components(seen.T @ seen, directed=False)
+    if count == len(groups):
+        return motions
+    touching = [[groups[k] for k in np.flatnonzero(label == piece)] for piece in range(count)]
+    columns = np.concatenate([np.arange(one.columns.start, one.columns.stop) for every in touching for one in every])
+    ends = np.cumsum([0] + [sum(one.coefficients.shape[2] for one in every) for every in touching]).tolist()
+    made = tuple(_merged(every, slice(*span)) for every, span in zip(touching, itertools.pairwise(ends), strict=True))
+    return RigidModes(sp.csc_array(motions.motions[:, columns]), made, motions.parts)
+
+
+def _merged(groups: list[Mechanism], columns: slice) -> Mechanism:
+    """Groups as one, of the given columns."""
+    if len(groups) == 1:
+        return replace(groups[0], columns=columns)
+    blocks = [one.coefficients for one in groups]
+    kinds = blocks[0].shape[1]
+    coefficients = scipy.linalg.block_diag(*(block.reshape(-1, block.shape[2]) for block in blocks))
+    parts, hinges = (np.concatenate([getattr(one, what) for one in groups]) for what in ("parts", "hinges"))
+    return Mechanism(parts, columns, coefficients.reshape(len(parts), kinds, -1), hinges)
 
 
 def _of_one(field: Field) -> RigidModes:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import scipy.sparse as sp
+
 from hemivar.basics.arguments import expect
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
-from hemivar.coercivity.rigid_modes import RigidModes, no_motions
+from hemivar.coercivity.rigid_modes import RigidModes, joined, no_motions
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.potential import Potential
@@ -80,11 +83,15 @@ class Model(PickleMixin):
         """The first field of the space, the displacement of the body; None for a model made of arrays."""
         return None if self.space is None else self.space.fields[0]
 
-    @property
+    @cached_property
     def free_motions(self) -> RigidModes:
-        """The motions without energy, of a model whose field knows its motions."""
-        assert self.field is not None
-        return no_motions(self.field) if self.resisted else self.field.free_motions
+        """The motions without energy, of a model whose field knows its motions, by groups of parts that touch."""
+        field = self.field
+        assert field is not None
+        if self.resisted:
+            return no_motions(field)
+        motions = field.free_motions
+        return motions if len(motions.groups) < 2 else joined(motions, sp.csr_array(self.contact.trace @ field.lift))
 
     @property
     def linear(self) -> Quadratic:

@@ -34,7 +34,7 @@ __all__ = [
 
 #: Entries of the trace below this are rounding.
 _ZERO = 1e-12
-#: What rounding may put a held point beyond the end of a law by, of the largest place of the foundation or value there.
+#: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the largest place or value.
 _ROUNDED = 1e-12
 #: Overlap of two bodies that is no rounding, of their size, and degrees between facets that a projection can bear.
 _OVERLAP, _TURNED = 1e-9, 30.0
