@@ -24,6 +24,8 @@ __all__ = ["Polished", "polish", "polish_by_solver"]
 
 _EPS = float(np.finfo(float).eps)
 _TIGHT = 1e-13
+#: Part of the load that rounding may reach.
+_TELLING = 1e-3
 _STEPS = 3
 
 
@@ -37,8 +39,11 @@ class Polished:
     rounding: float
 
     def solves(self, controls: Controls, more: float = 0.0) -> bool:
-        """Whether the residual is below the tolerance, or no larger than rounding (``more`` of it from elsewhere)."""
-        if not np.isfinite(self.residual.total):
+        """Whether the residual is below the tolerance, or no larger than rounding (``more`` of it from elsewhere).
+
+        Not where rounding hides the load: a body that has run away excuses any residual.
+        """
+        if not np.isfinite(self.residual.total) or self.rounding > _TELLING * self.residual.scale:
             return False
         allowed = controls.atol + controls.rtol * self.residual.scale + self.residual.rounding + self.rounding + more
         return bool(self.residual.total <= allowed)
