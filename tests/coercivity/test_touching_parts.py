@@ -131,3 +131,49 @@ def test_towers_in_space_are_told_to_stand_or_fall(count: int) -> None:
             continue
         with pytest.raises(hv.errors.SupportError, match=r"part 'block \d' .*rotation"):
             hv.discretize(pressed)
+
+
+@pytest.mark.parametrize("space", [False, True])
+def test_friction_that_grows_with_the_pressure_holds_within_its_cone(space: bool) -> None:
+    """A flat block slides where the force sideways exceeds mu times the weight; a tower of two as well."""
+    size = (4.0, 4.0, 0.5) if space else (4.0, 0.5)
+    build = hv.box if space else hv.rectangle
+    mesh = hv.Mesh.assembled({
+        "lower": build(size, 2), "upper": build(size, 3, origin=(*(0.0,) * (len(size) - 1), 0.5)),
+    })  # fmt: skip
+    contact = {
+        "upper:bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.3), against="lower:top"),
+        "lower:bottom": hv.Contact(hv.Compliance(50.0), hv.Coulomb(0.4)),
+    }
+    turned = np.array([np.cos(0.2), np.sin(0.2)]) if space else np.ones(1)  # not along a direction of the polygon
+    for part, stands in ((0.28, True), (0.31, False)):
+        load = (*(part * turned).tolist(), -1.0)
+        pressed = hv.ContactProblem(mesh, hv.Material.young(1e3, 0.3), contact, tractions={"upper:top": load})
+        if not stands:
+            with pytest.raises(hv.errors.SupportError, match=r"^part 'upper' .*as far as the pressure brings it"):
+                hv.discretize(pressed)
+            continue
+        found = hv.solve(pressed)
+        assert found.status is hv.Status.CONVERGED
+        assert any("that there is an equilibrium is not shown" in said for said in found.warnings)
+        friction = found.problem.contact.weights[:, None] * found.multiplier[:, 1:]
+        on = found.problem.contact.on("upper:bottom")
+        sides = 4.0 ** len(turned) * part
+        assert np.linalg.norm(friction[on].sum(axis=0)) == pytest.approx(sides, rel=1e-7)
+
+
+def test_a_bound_beside_coulombs_law_counts_where_it_is() -> None:
+    """Friction with a bound of its own is sure, whatever holds on the other boundaries."""
+    contact = {
+        "upper:bottom": hv.Contact(hv.Signorini(), hv.Tresca(0.1), against="lower:top"),
+        "lower:bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.3)),
+    }
+    supports = {"lower:left": hv.Fixed(x=0.0)}
+    load = {"upper:top": (0.0, -0.1)}
+    held = hv.discretize(hv.ContactProblem(HALVES, MATERIAL, contact, supports, tractions=load))
+    assert held.held
+    assert not held.warnings
+    up, down, slip = held.law.rates
+    np.testing.assert_array_equal(slip, np.where(held.contact.boundary == 0, 0.1, 0.0))
+    assert np.isposinf(up).all()
+    assert not down.any()

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.coercivity.held_at_rest import IDLE, NO_MINIMUM, PERHAPS_NO_MINIMUM, growths, resistances
+from hemivar.coercivity.held_at_rest import (
+    BY_FRICTION,
+    IDLE,
+    NO_MINIMUM,
+    PERHAPS_NO_MINIMUM,
+    growths,
+    resistances,
+    with_friction,
+)
 from hemivar.coercivity.recession import Coercivity, CoercivityResult, RecessionFunction, decide, rests
 from hemivar.coercivity.rigid_modes import Mechanism, RigidModes, rigid_basis
 from hemivar.errors import SupportError
@@ -26,6 +34,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     """Refuse a body that is not held.
 
     Its energy does not grow along each motion without deformation, and its foundation does not resist each at rest.
+    A body whose load friction can balance that grows with the pressure is let pass with a warning.
     A body on which nothing acts is let pass where contact resists each motion one way: it is in balance where it is.
 
     Parameters
@@ -53,18 +62,25 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     holds = [decide(growth) for growth in grows]
     limit: str | None = None
     idle: str | None = None
+    by_friction = False
     if any(hold.verdict is not Coercivity.HELD for hold in holds):
         at_rest = resistances(field, contact, problem.loading, forces, motions)
-        for group, growth, hold, resistance in zip(motions.groups, grows, holds, at_rest, strict=True):
+        rubbed = with_friction(field, contact, problem.law, forces, motions)
+        for group, growth, hold, resistance, rubs in zip(motions.groups, grows, holds, at_rest, rubbed, strict=True):
             if hold.verdict is Coercivity.HELD:
                 continue
             if resistance is None or decide(resistance).verdict is not Coercivity.HELD:
                 if problem.unmoved and rests(growth if resistance is None else resistance):
                     idle = IDLE
                     continue
+                if rubs is not None and decide(rubs).verdict is Coercivity.HELD:
+                    by_friction = True
+                    continue
                 assert hold.direction is not None or hold.verdict is Coercivity.UNDECIDED
                 raise _refusal(problem, motions, group, hold)
             limit = NO_MINIMUM if hold.verdict is Coercivity.FALLS else limit or PERHAPS_NO_MINIMUM
+    if by_friction:
+        return replace(problem, warnings=(*problem.warnings, BY_FRICTION), law_known=True)
     return problem.known_to_be_held(limit, idle)
 
 
@@ -142,7 +158,7 @@ def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, ho
         hold = replace(hold, growth=hold.growth / size)
     who, remedy = _words(field, motions, group, part, along)
     if problem.contact_points and problem.law.state_dependent:
-        remedy += " (friction whose bound depends on the solution is not counted, for it may vanish)"
+        remedy += " (friction that depends on the solution counts only as far as the pressure brings it)"
     try:
         refuse(hold, motion, who, remedy)
     except SupportError as error:

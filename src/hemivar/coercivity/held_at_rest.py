@@ -15,6 +15,7 @@ held up to a limit.  If it is not, nothing holds the body even at rest.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,13 +31,30 @@ if TYPE_CHECKING:
     from hemivar.discrete.loading import Loading
     from hemivar.discrete.space import Field
 
-__all__ = ["IDLE", "NO_MINIMUM", "PERHAPS_NO_MINIMUM", "geometric_slack", "growths", "limit_of", "resistances"]
+__all__ = [
+    "BY_FRICTION",
+    "IDLE",
+    "NO_MINIMUM",
+    "PERHAPS_NO_MINIMUM",
+    "geometric_slack",
+    "growths",
+    "limit_of",
+    "resistances",
+    "with_friction",
+]
 
 #: What is said of bodies that are held at rest only.
 NO_MINIMUM = "held by the foundation up to a limit; the energy has no minimum"
 PERHAPS_NO_MINIMUM = "held by the foundation up to a limit; whether the energy has a minimum is not known"
+#: What is said of bodies that only friction holds which the pressure bounds.
+BY_FRICTION = (
+    "held by friction that grows with the pressure: forces within its cone balance the load, but that there is an "
+    "equilibrium is not shown before the solve"
+)
 #: What is said of bodies on which nothing acts, and which contact alone holds.
 IDLE = "no load presses the body onto what would hold it: this state of rest is one of many equilibria"
+#: Directions of slip in space along which friction counts that grows with the pressure.
+_DIRECTIONS = 16
 #: Part of the load against which a foundation must hold a body at rest.
 _SMALL = 1e-6
 
@@ -80,6 +98,41 @@ def resistances(
         rest, weights = -loading.offset[points], contact.weights[points]
         up, down, slip = (weights * most for most in own.strongest(rest, size))
         found.append(hinges(rows, up, down, slip, part * work, part * load, slack))
+    return found
+
+
+def with_friction(
+    field: Field, contact: ContactPoints, law: VectorLaw, forces: Array, motions: RigidModes
+) -> list[RecessionFunction | None]:
+    """Growths with friction that the pressure bounds, ``|lam_t| <= mu lam_n``, for each group; None where none acts.
+
+    Forces of that cone do no work along motions with ``v_n + mu |v_t| <= 0``, and can do any along others.  So a load
+    is in the interior of what all cones and the other forces balance exactly if this growth is positive.  In space the
+    cone is that over a polygon inside of the circle.
+    """
+    slack = geometric_slack(contact.points, contact.weights)
+    found: list[RecessionFunction | None] = []
+    for points, rows, work, load in _grouped(field, contact, forces, motions):
+        own = law.take(points) if len(points) else law
+        rate = np.broadcast_to(own.friction_per_pressure, len(points))
+        growth = growth_along(own, rows, contact.weights[points], work, load, slack)
+        up = np.broadcast_to(own.rates[0], len(points))
+        rubs = np.flatnonzero((rate > 0.0) & np.isposinf(up))
+        if not rubs.size or rows.shape[1] < 2:
+            found.append(None)
+            continue
+        turns = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+        ways = np.array([[1.0], [-1.0]]) if rows.shape[1] == 2 else np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        slips = rate[rubs, None, None] * np.einsum("wc,kca->kwa", ways, rows[rubs, 1:])
+        cone = (rows[rubs, :1] + slips).reshape(-1, work.size)
+        found.append(
+            replace(
+                growth,
+                rows=np.concatenate([growth.rows, cone]),
+                up=np.concatenate([growth.up, np.full(len(cone), np.inf)]),
+                down=np.concatenate([growth.down, np.zeros(len(cone))]),
+            )
+        )
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -267,9 +267,9 @@ class ContactLaw(NormalAndFriction):
 
     def recession(self, direction: Array) -> Array:
         rate = self.normal.recession(direction[:, 0])
-        if self.state_dependent:
+        if direction.shape[1] == 1:
             return rate
-        return rate + self.tangential.recession(lengths(direction[:, 1:])) if direction.shape[1] > 1 else rate
+        return rate + self._sure_friction.recession(lengths(direction[:, 1:]))
 
     def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
         parts = (self.normal, self.tangential)
@@ -299,9 +299,22 @@ class ContactLaw(NormalAndFriction):
 
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         up, down = (steepest(self.normal, rest[:, 0], sign, size) for sign in (1.0, -1.0))
-        if rest.shape[1] == 1 or self.state_dependent:
+        if rest.shape[1] == 1:
             return up, down, np.zeros(len(rest))
-        return up, down, steepest(self.tangential, lengths(rest[:, 1:]), 1.0, size)
+        return up, down, steepest(self._sure_friction, lengths(rest[:, 1:]), 1.0, size)
+
+    @property
+    def friction_per_pressure(self) -> Array:
+        bound = self.friction.bound
+        if not isinstance(bound, StateBound):
+            return np.zeros(1)
+        return np.asarray(bound.per_pressure * self.friction.profile.recession(np.ones(1)))
+
+    @property
+    def _sure_friction(self) -> Superpotential:
+        """The part of the slip with the friction bound that is there in every state."""
+        bound = self.friction.bound
+        return replace(self.friction, bound=bound.least).radial if isinstance(bound, StateBound) else self.tangential
 
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
         return self.normal.asymptotic_curvature(sign), self.tangential.asymptotic_curvature(sign)

@@ -321,6 +321,11 @@ class VectorLaw(PickleMixin, ABC):
         up, down, slip = (self.recession(np.array([way])) for way in ([1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]))
         return up, down, slip
 
+    @property
+    def friction_per_pressure(self) -> Array:
+        """What is sure of the friction that a pressure brings with it, far away, as a multiple of it, (m or 1,)."""
+        return np.zeros(1)
+
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         """The most that the law resists on ways of length ``size`` from ``rest (m, c)``, (m,)."""
         return most_resisted(self, rest, size)

@@ -45,6 +45,16 @@ class StateBound(PickleMixin, ABC):
         """Bound in a state, shape (m,); never negative."""
 
     @property
+    def least(self) -> Array:
+        """What the bound is at least, whatever the state, shape (m or 1,)."""
+        return np.zeros(1)
+
+    @property
+    def per_pressure(self) -> Array:
+        """What a pressure raises the bound by at least, as a multiple of it, shape (m or 1,)."""
+        return np.zeros(1)
+
+    @property
     @abstractmethod
     def lipschitz(self) -> Array:
         """Lipschitz constant in the penetration, shape (m or 1,); inf where the bound jumps or needs the pressure."""
@@ -101,6 +111,10 @@ class CoulombBound(StateBound):
 
     def value(self, penetration: Array, pressure: Array) -> Array:
         return np.asarray(self._known * np.maximum(np.asarray(pressure, dtype=float), 0.0))
+
+    @property
+    def per_pressure(self) -> Array:
+        return self._known
 
     @property
     def lipschitz(self) -> Array:
@@ -360,6 +374,10 @@ class _PlainBound(StateBound):
         return np.broadcast_to(self.bound, np.shape(penetration))
 
     @property
+    def least(self) -> Array:
+        return self.bound
+
+    @property
     def lipschitz(self) -> Array:
         return np.zeros(1)
 
@@ -403,6 +421,20 @@ class StackedBound(StateBound):
         return out
 
     @property
+    def least(self) -> Array:
+        return self._of_parts([part.least for part in self.parts])
+
+    @property
+    def per_pressure(self) -> Array:
+        return self._of_parts([part.per_pressure for part in self.parts])
+
+    def _of_parts(self, values: Sequence[Array]) -> Array:
+        out = np.empty(self._count)
+        for value, index in zip(values, self.indices, strict=True):
+            out[index] = value
+        return out
+
+    @property
     def differentiable(self) -> bool:
         return all(part.differentiable for part in self.parts)
 
@@ -418,10 +450,7 @@ class StackedBound(StateBound):
 
     @property
     def lipschitz(self) -> Array:
-        out = np.empty(self._count)
-        for part, index in zip(self.parts, self.indices, strict=True):
-            out[index] = part.lipschitz
-        return out
+        return self._of_parts([part.lipschitz for part in self.parts])
 
 
 def stack_bounds(bounds: Sequence[tuple[StateBound | Array, int]]) -> StateBound:
