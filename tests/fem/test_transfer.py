@@ -92,3 +92,35 @@ def test_errors() -> None:
         interpolate(mesh, mesh.points, np.zeros((3, 3)))
     with pytest.raises(ProblemError, match="finite"):
         interpolate(mesh, mesh.points, np.full((1, 2), np.nan))
+
+
+@pytest.mark.parametrize("nested", [True, False])
+@pytest.mark.parametrize("order", [1, 2])
+def test_sides_that_touch_keep_their_own_values(nested: bool, order: int) -> None:
+    """Two blocks at one place, and a cut that ends inside of a block: nodes there are looked for on their own side."""
+    below, above = rectangle((1.0, 0.5), 3), rectangle((1.0, 0.5), 4, origin=(0.0, 0.5))
+    blocks = Mesh.assembled({"below": below, "above": above})
+    cut = rectangle((1.0, 1.0), 4)
+    middle = np.flatnonzero(np.abs(cut.points[:, 1] - 0.5) < 1e-9)
+    middle = middle[np.argsort(cut.points[middle, 0])][:3]
+    opened = cut.with_interfaces({"cut": np.column_stack([middle[:-1], middle[1:]])}).opened("cut")
+
+    def field(mesh: Mesh, of: int) -> np.ndarray:
+        """Linear below and above, and zero at the end of the cut, so that it may jump across it."""
+        places, cells = mesh.nodes(of), mesh.cell_nodes(of)
+        up = np.zeros(len(places), dtype=bool)
+        up[cells[mesh.points[mesh.cells].mean(axis=1)[:, 1] > 0.5]] = True
+        return np.where(up, 1.0 + places[:, 0], -2.0 * places[:, 0]) * np.minimum(places[:, 0] - 0.5, 0.0)
+
+    def whole(mesh: Mesh) -> np.ndarray:
+        return np.where(np.arange(mesh.number_of_nodes) < below.number_of_nodes, -1.0, 1.0)
+
+    finer = Mesh.assembled({"below": below.refined(), "above": rectangle((1.0, 0.5), 7, origin=(0.0, 0.5))})
+    target = blocks.refined() if nested else finer
+    found = interpolate(blocks, whole(blocks), target)
+    upper = np.zeros(target.number_of_nodes, dtype=bool)
+    upper[target.cells[target.points[target.cells].mean(axis=1)[:, 1] > 0.5]] = True
+    np.testing.assert_allclose(found, np.where(upper, 1.0, -1.0), atol=1e-12)
+    if nested:
+        values = field(opened, order)
+        np.testing.assert_allclose(interpolate(opened, values, opened), values[: opened.number_of_nodes], atol=1e-12)

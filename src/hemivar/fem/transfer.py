@@ -23,6 +23,8 @@ __all__ = ["interpolate", "interpolation_matrix", "locate"]
 
 _INSIDE = -1e-10
 _CHUNK = 1 << 15
+#: Part of the extent of a mesh within which two nodes are at one place, and of the way to the middle of a cell.
+_SAME, _BESIDE = 1e-9, 1e-6
 
 
 def interpolate(source: Field | Mesh, values: Array, target: Field | Mesh | Array) -> Array:
@@ -54,17 +56,33 @@ def interpolate(source: Field | Mesh, values: Array, target: Field | Mesh | Arra
     expected = mesh.number_of_nodes if order == 1 else mesh.number_of_nodes + len(mesh.edges)
     if rows != expected:
         raise ProblemError(f"values has {rows} rows; a field of order {order} on this mesh has {expected} nodes")
-    if isinstance(target, Field):
-        points = target.nodes
-    elif isinstance(target, Mesh):
-        points = target.points
+    inside = None
+    if isinstance(target, Field | Mesh):
+        points = target.nodes if isinstance(target, Field) else target.points
+        if _touches_itself(mesh):
+            inside = _inside(target)
     else:
         points = real_array(target, "points", finite=False)
-    matrix = interpolation_matrix(mesh, order, points)
+    matrix = interpolation_matrix(mesh, order, points, inside)
     return np.asarray(matrix @ nodal.reshape(rows, -1)).reshape(len(points), *nodal.shape[1:])
 
 
-def interpolation_matrix(mesh: Mesh, order: int, points: Array) -> sp.csr_array:
+def _touches_itself(mesh: Mesh) -> bool:
+    """Whether nodes of two bodies, or of two sides of an opening, lie at one place."""
+    places = np.round((mesh.points - mesh.points.min(axis=0)) / (_SAME * np.ptp(mesh.points, axis=0).max()))
+    return len(np.unique(places, axis=0)) < len(places)
+
+
+def _inside(target: Field | Mesh) -> Array:
+    """Places (k, d) beside the nodes of a field or mesh, each inside of a cell of the node: on its own side."""
+    mesh, order = (target.mesh, target.order) if isinstance(target, Field) else (target, 1)
+    nodes, cells = mesh.nodes(order), mesh.cell_nodes(order)
+    owner = np.zeros(len(nodes), dtype=np.int64)
+    owner[cells] = np.arange(len(cells))[:, None]
+    return nodes + _BESIDE * (mesh.points[mesh.cells].mean(axis=1)[owner] - nodes)
+
+
+def interpolation_matrix(mesh: Mesh, order: int, points: Array, inside: Array | None = None) -> sp.csr_array:
     """Matrix of the shape functions at points.
 
     Parameters
@@ -73,13 +91,17 @@ def interpolation_matrix(mesh: Mesh, order: int, points: Array) -> sp.csr_array:
     order : int
         1 or 2.
     points : array, shape (k, d)
+    inside : array, shape (k, d), optional
+        Places near the points that say in which cells they are looked for; the points themselves by default.
 
     Returns
     -------
     sparse array, shape (k, nodes)
         Its rows sum to one.
     """
-    cells, barycentric = locate(mesh, points)
+    cells, barycentric = locate(mesh, points if inside is None else inside)
+    if inside is not None:
+        barycentric += np.einsum("kbd,kd->kb", barycentric_gradients(mesh)[cells], points - inside)
     barycentric[np.abs(barycentric) < 1e-13] = 0.0
     barycentric /= barycentric.sum(axis=1, keepdims=True)
     shapes = shape_values(order, barycentric)
