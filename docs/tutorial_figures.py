@@ -22,6 +22,7 @@ PAGES = (
     "tutorial-engineer",
     "tutorial-failure",
     "glue",
+    "bodies",
     "nonlinear",
     "figures",
 )
