@@ -79,7 +79,7 @@ def _inside(target: Field | Mesh) -> Array:
     nodes, cells = mesh.nodes(order), mesh.cell_nodes(order)
     owner = np.zeros(len(nodes), dtype=np.int64)
     owner[cells] = np.arange(len(cells))[:, None]
-    return nodes + _BESIDE * (mesh.points[mesh.cells].mean(axis=1)[owner] - nodes)
+    return np.asarray(nodes + _BESIDE * (mesh.points[mesh.cells].mean(axis=1)[owner] - nodes))
 
 
 def interpolation_matrix(mesh: Mesh, order: int, points: Array, inside: Array | None = None) -> sp.csr_array:

@@ -14,7 +14,7 @@ from hemivar.basics.stated import keys_of
 from hemivar.errors import ProblemError
 from hemivar.files.schema import decode, encode
 from hemivar.files.toml import TomlTable, context, kind, printable
-from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mechanics.statement import ContactProblem, Geometry, Quadrature
 from hemivar.mesh import Assembly, Grid, Marking, Mesh, MeshRecipe, Opening
 
 #: What a mesh is made of, of which one is given.
@@ -36,6 +36,7 @@ class StatedMesh:
     order : int or None
         Polynomial degree of the elements; None if the mesh is to suggest it.
     quadrature : Quadrature
+    geometry : Geometry
     table : TomlTable
         Where it stands, for messages.
     """
@@ -43,6 +44,7 @@ class StatedMesh:
     recipe: MeshRecipe
     order: int | None
     quadrature: Quadrature
+    geometry: Geometry
     table: TomlTable
 
     def begin(self, halvings: int = 0) -> Mesh:
@@ -93,7 +95,8 @@ def read_mesh_table(table: TomlTable, folder: Path) -> StatedMesh:
     """What the table says; mesh files are looked for in a folder."""
     elements = decode(ContactProblem, table, part="mesh")
     quadrature = Quadrature(elements.get("quadrature", Quadrature.NODAL))
-    return StatedMesh(_recipe(table, folder), elements.get("order"), quadrature, table)
+    geometry = Geometry(elements.get("geometry", Geometry.CURVED))
+    return StatedMesh(_recipe(table, folder), elements.get("order"), quadrature, geometry, table)
 
 
 def _recipe(table: TomlTable, folder: Path) -> MeshRecipe:

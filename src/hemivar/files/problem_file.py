@@ -235,6 +235,7 @@ def parse_problem_file(
             title=top.text("title", ""),
             order=stated.order,  # type: ignore[arg-type]  # None: what the mesh suggests
             quadrature=stated.quadrature,
+            geometry=stated.geometry,
             units=units,
             **loads,  # type: ignore[arg-type]
         )

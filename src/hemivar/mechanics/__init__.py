@@ -10,7 +10,7 @@ from hemivar.mechanics.material_words import BoundsBy, PlaneState, ScalarKind, S
 from hemivar.mechanics.moduli import Branch
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem
-from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mechanics.statement import ContactProblem, Geometry, Quadrature
 from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds, StoredEnergy
 from hemivar.mechanics.thermal import Heat, HeatContact
 
@@ -22,6 +22,7 @@ __all__ = [
     "ContactProblem",
     "Cylinder",
     "Fixed",
+    "Geometry",
     "GradientEnergy",
     "Heat",
     "HeatContact",

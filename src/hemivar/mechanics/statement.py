@@ -69,6 +69,15 @@ class Quadrature(StrEnum):
     multipliers."""
 
 
+class Geometry(StrEnum):
+    """What boundaries that look curved are: facets that follow each other at small angles."""
+
+    CURVED = "curved"
+    """The mesh replaces a curve by its facets: bounds of the distance to the exact solution are estimates."""
+    AS_MESHED = "as-meshed"
+    """The body is the polygon or polyhedron of the mesh, and its exact solution the one that is meant."""
+
+
 @known_fields
 @dataclass(frozen=True, eq=False)
 class ContactProblem(PickleMixin, ReprMixin):
@@ -104,6 +113,8 @@ class ContactProblem(PickleMixin, ReprMixin):
         points, shape (k, d), and returns shape (k,).
     units : Units
         For labels; no number is converted.
+    geometry : Geometry
+        What boundaries that look curved are, for bounds of the distance to the exact solution.
 
     Raises
     ------
@@ -160,6 +171,16 @@ class ContactProblem(PickleMixin, ReprMixin):
         ) | stated_of_one(Form.QUANTITY, least=0.0, table="loads"),
     )  # fmt: skip
     units: Units = field(default_factory=Units)
+    geometry: Geometry = field(
+        default=Geometry.CURVED,
+        metadata=stated(
+            Form.TEXT,
+            '`"as-meshed"`: the body is the polygon or polyhedron of the mesh, so that bounds of the distance to the '
+            'exact solution hold for it; `"curved"`: facets that follow each other at small angles stand for a curve, '
+            "and bounds are estimates",
+            choices=tuple(Geometry), table="mesh",
+        ),
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         self._check_frame()
@@ -280,6 +301,10 @@ class ContactProblem(PickleMixin, ReprMixin):
             object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
         except ValueError as error:
             raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
+        try:
+            object.__setattr__(self, "geometry", Geometry(self.geometry))
+        except ValueError as error:
+            raise ProblemError(f"geometry = {self.geometry!r}; choose 'curved' or 'as-meshed'") from error
 
     def _check_half_section(self) -> None:
         """Refuse what is no half of a section of a body of revolution."""

@@ -55,6 +55,9 @@ def test_a_polygon_is_told_from_a_curve() -> None:
         reason, inner = unmet_hypotheses(on_mesh(round_plate(n)))
         assert "without a name" in inner
         assert f"the boundary 'arc' looks curved: it turns by up to {90.0 / n:.3g} degrees" in reason
+        # who says that the polygon is the body has no reason, and a bound
+        meant = replace(on_mesh(round_plate(n)), geometry="as-meshed")
+        assert unmet_hypotheses(meant) == []
         # refined, the body is the same polygon; that its boundary stands for a curve is seen still
         assert "looks curved" in unmet_hypotheses(on_mesh(round_plate(n).refined()))[0]
     # one bend of a polygon, as of a ramp, is none

@@ -24,7 +24,7 @@ from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.parametrised import ParameterLaw
 from hemivar.mechanics.conditions import Roller
 from hemivar.mechanics.obstacles import Plane
-from hemivar.mechanics.statement import ContactProblem, expect_body
+from hemivar.mechanics.statement import ContactProblem, Geometry, expect_body
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["STRAIGHT", "body_shape", "facet_angles", "inexact_data", "stated_conditions", "unmet_hypotheses"]
@@ -104,6 +104,8 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
                 f"the law of contact '{name}' varies along the boundary ({', '.join(names)}), where it is seen at the "
                 "points of a rule of integration only"
             )
+    if problem.geometry is Geometry.AS_MESHED:
+        return found
     found += [
         f"the boundary {words} looks curved: it turns by up to {angle:.3g} degrees from facet to facet; the bound is "
         "one for the body with straight facets"
