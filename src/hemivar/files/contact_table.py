@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -357,11 +357,7 @@ def memory_kinds() -> Mapping[str, Any]:
     """The memories that a problem file can state, by name: those whose fields are all parameters."""
     named: list[Any] = [getattr(memory, name) for name in memory.__all__]
     kinds = [one for one in named if inspect.isclass(one) and issubclass(one, memory.Memory) and is_dataclass(one)]
-    return {one.name: one for one in kinds if all(_is_parameter(field) for field in fields(one))}
-
-
-def _is_parameter(field: Field[object]) -> bool:
-    return field.init and str(field.type).split(" ")[0] in ("Parameter", "float")
+    return {one.name: one for one in kinds if all("stated" in field.metadata for field in fields(one))}
 
 
 def _read_memory(table: TomlTable, dim: int) -> tuple[memory.Memory, ...] | None:
@@ -403,10 +399,5 @@ def _memory_record(memories: Sequence[Any], where: str) -> list[object]:
     for number, stated in enumerate(memories):
         if kinds.get(getattr(stated, "name", "")) is not type(stated):
             raise not_expressible(f"{where}[{number}]", stated, f"memories of the kinds {', '.join(kinds)}")
-        one: dict[str, object] = {"kind": stated.name}
-        for part in fields(stated):
-            value = getattr(stated, part.name)
-            if part.default is MISSING or callable(value) or value != part.default:
-                one[part.name] = quantity_record(value, f"{where}[{number}].{part.name}")
-        record.append(one)
+        record.append({"kind": stated.name} | encode(stated, f"{where}[{number}]"))
     return record

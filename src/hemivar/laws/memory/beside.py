@@ -90,7 +90,7 @@ class PenetrationMemory(Memory):
         > 0.
     """
 
-    stiffness: Parameter
+    stiffness: Parameter = field(metadata=parameter("stiffness of what is remembered", f"{RATE}/time"))
     time: Parameter = field(metadata=positive("time in which it forgets", "time"))
     name: ClassVar[str] = "penetration-memory"
 

@@ -11,7 +11,7 @@ from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.friction import ABSOLUTE_VALUE, Friction
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState, kept, slide
-from hemivar.laws.parameters import LENGTH, positive
+from hemivar.laws.parameters import LENGTH, parameter, positive
 from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.vector_law import VectorLaw
 
@@ -108,9 +108,9 @@ class RateAndState(Memory):
     """
 
     direct: Parameter = field(metadata=positive("effect of the rate", "1"))
-    evolution: Parameter
+    evolution: Parameter = field(metadata=parameter("effect of the age", "1"))
     length: Parameter = field(metadata=positive("slip that renews contacts", LENGTH))
-    reference: Parameter
+    reference: Parameter = field(metadata=parameter("coefficient of steady slip at the rate of the reference", "1"))
     rate: Parameter = field(metadata=positive("rate of the reference", "length/time"))
     age: Parameter = field(metadata=positive("age at the beginning", "time"))
     name: ClassVar[str] = "rate-and-state"
