@@ -27,7 +27,7 @@ from hemivar.fem.mass import MassDensity, body_blocks, inertia, mass_blocks, per
 from hemivar.fem.mortar_basis import JumpUnknowns
 from hemivar.fem.supports import Supports
 from hemivar.fem.unknowns import matrix_of, nodal_conditions
-from hemivar.mechanics.conditions import ScalarData, Support, prescribed_values
+from hemivar.mechanics.conditions import ScalarData, Support, stated_values
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["Reduction", "body_family", "moved_components"]
@@ -163,4 +163,4 @@ def moved_components(problem: ContactProblem, supports: Supports) -> IntArray:
 
 def _moves(support: Support | ScalarData) -> bool:
     """Whether a support may displace what it holds."""
-    return any(callable(value) or bool(np.any(np.asarray(value))) for value in prescribed_values(support))
+    return any(callable(value) or bool(np.any(np.asarray(value))) for value in stated_values(support).values())

@@ -14,7 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.mechanics.material import Material, no_matrices
 from hemivar.mechanics.material_description import MaterialDescription
 from hemivar.mechanics.material_words import BoundsBy, ScalarKind
-from hemivar.mechanics.per_volume import Regional
+from hemivar.mechanics.per_volume import Regional, refuse_uncovered
 
 __all__ = ["ByRegion", "LowerElasticity", "lower_elasticity"]
 
@@ -64,17 +64,9 @@ class ByRegion(Material):
                     f"the material names region '{name}', which the mesh does not have; it has: "
                     f"{', '.join(sorted(available)) or 'none'}"
                 )
-        covered = np.zeros(len(points), dtype=int)
-        for name in self.parts:
-            covered += available[name]
-        if np.any(covered != 1):
-            bad = int(np.flatnonzero(covered != 1)[0])
-            what = "no region" if covered[bad] == 0 else "more than one region"
-            raise ProblemError(
-                f"the point {points[bad].tolist()} lies in {what} that the material names; the regions "
-                f"must cover the body without overlap"
-            )
-        return {name: np.asarray(available[name], dtype=bool) for name in self.parts}
+        masks = {name: np.asarray(available[name], dtype=bool) for name in self.parts}
+        refuse_uncovered(masks, points, "that the material names", "body")
+        return masks
 
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         size = points.shape[1] * (points.shape[1] + 1) // 2

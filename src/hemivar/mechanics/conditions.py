@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Literal, TypeVar, cast, overload
 
@@ -225,35 +225,17 @@ def _checked_result(
     return result
 
 
-def traction_value(traction: Traction) -> VectorData | ScalarData:
-    """The value of a traction or of a pressure."""
-    return traction.value if isinstance(traction, Pressure) else traction
-
-
-def prescribed_values(support: Support | ScalarData) -> list[VectorData | ScalarData]:
-    """What a support prescribes; nothing for those that hold displacements at zero."""
-    match support:
-        case Prescribed():
-            return [support.value]
-        case Fixed():
-            return [value for value in (support.x, support.y, support.z) if value is not None]
-        case Clamped() | Roller():
-            return []
-    return [support]
+def stated_values(condition: Support | Traction | ScalarData) -> dict[str, VectorData | ScalarData]:
+    """What a support, a pressure or a traction prescribes, by the names of its fields; "" for plain data."""
+    if not isinstance(condition, Clamped | Roller | Fixed | Prescribed | Pressure):
+        return {"": condition}
+    values = {one.name: getattr(condition, one.name) for one in fields(condition)}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def condition_at_time(condition: Condition, t: float) -> Condition:
     """A support, a pressure or a traction at a time; itself if it does not depend on time."""
-    match condition:
-        case Prescribed():
-            moved = at_time(condition.value, t)
-            return condition if moved is condition.value else replace(condition, value=moved)
-        case Pressure():
-            pushed = at_time(condition.value, t)
-            return condition if pushed is condition.value else replace(condition, value=pushed)
-        case Fixed():
-            changed = {axis: at_time(getattr(condition, axis), t) for axis in ("x", "y", "z")}
-            return replace(condition, **changed)
-        case Clamped() | Roller():
-            return condition
-    return cast(Condition, at_time(condition, t))
+    changed = {name: at_time(one, t) for name, one in stated_values(condition).items() if depends_on_time(one)}  # type: ignore[arg-type]
+    if "" in changed:
+        return cast(Condition, changed[""])
+    return replace(condition, **changed) if changed else condition  # type: ignore[type-var]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import cast
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from hemivar.mechanics.instants import refuse_time
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_description import MaterialDescription
 from hemivar.mechanics.material_words import ScalarKind
-from hemivar.mechanics.per_volume import Regional, at_place, checked_per_volume, constant_of, refuse_unknown
+from hemivar.mechanics.per_volume import Regional, at_place, by_region, checked_per_volume, constant_of, refuse_unknown
 
 __all__ = ["Coefficient", "GradientMaterial"]
 
@@ -125,27 +126,13 @@ class GradientMaterial(Material):
         regions: Mapping[str, BoolArray] | None,
     ) -> Array:
         """What a function makes of the coefficient, or of that of each region for the points there."""
-        what = self.scalar.constant
-        if not isinstance(self.coefficient, Mapping):
-            return function(_flux_density(self.coefficient, what), slice(None))
-        found: Array | None = None
-        covered = np.zeros(len(points), dtype=int)
-        for name, value in self.coefficient.items():
-            mask = (regions or {})[name]
-            covered += mask
-            if mask.any():
-                part = function(_flux_density(value, f"{what} of region '{name}'"), mask)
-                found = np.zeros((len(points), *part.shape[1:])) if found is None else found
-                found[mask] = part
-        if (covered != 1).any():
-            bad = int(np.flatnonzero(covered != 1)[0])
-            where = "no region" if covered[bad] == 0 else "more than one region"
-            raise ProblemError(
-                f"the point {points[bad].tolist()} lies in {where} that the {what} names; the regions must cover the "
-                "mesh without overlap"
-            )
-        assert found is not None
-        return found
+        return by_region(
+            self.coefficient,
+            self.scalar.constant,
+            lambda value, what, at: function(_flux_density(cast(Coefficient, value), what), at),
+            points,
+            regions,
+        )
 
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         return self._of_parts(lambda part, at: part.at_rest(points[at]), points, regions)

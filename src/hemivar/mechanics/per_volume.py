@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -18,11 +18,13 @@ __all__ = [
     "STRESS",
     "Regional",
     "at_place",
+    "by_region",
     "checked_per_volume",
     "checked_quantity",
     "constant",
     "constant_of",
     "plain_constant",
+    "refuse_uncovered",
     "refuse_unknown",
 ]
 
@@ -77,25 +79,43 @@ def constant_of(value: Regional) -> float | None:
 
 def at_place(value: Regional, name: str, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
     """A quantity at points (k, d), shape (k,)."""
+    return by_region(value, name, lambda one, what, at: _at(one, what, points[at]), points, regions)
+
+
+def by_region(
+    value: object,
+    name: str,
+    function: Callable[[object, str, BoolArray | slice], Array],
+    points: Array,
+    regions: Mapping[str, BoolArray] | None,
+) -> Array:
+    """What a function makes of a quantity, its name and all points, or of that of each region and its points."""
     if not isinstance(value, Mapping):
-        return _at(value, name, points)
-    found, covered = np.zeros(len(points)), np.zeros(len(points), dtype=int)
-    for region, one in value.items():
-        mask = (regions or {})[region]
-        covered += mask
+        return function(value, name, slice(None))
+    masks = {region: (regions or {})[region] for region in value}
+    refuse_uncovered(masks, points, f"that the {name} names", "mesh")
+    found: Array | None = None
+    for region, mask in masks.items():
         if mask.any():
-            found[mask] = _at(one, f"{name} of region '{region}'", points[mask])
+            part = function(value[region], f"{name} of region '{region}'", mask)
+            found = np.zeros((len(points), *part.shape[1:])) if found is None else found
+            found[mask] = part
+    return np.zeros(0) if found is None else found
+
+
+def refuse_uncovered(masks: Mapping[str, BoolArray], points: Array, which: str, what: str) -> None:
+    """Refuse regions that leave points out, or share some."""
+    covered = np.sum([np.zeros(len(points), dtype=int), *masks.values()], axis=0)
     if (covered != 1).any():
         bad = int(np.flatnonzero(covered != 1)[0])
         where = "no region" if covered[bad] == 0 else "more than one region"
         raise ProblemError(
-            f"the point {points[bad].tolist()} lies in {where} that the {name} names; the regions must cover the mesh "
-            "without overlap"
+            f"the point {points[bad].tolist()} lies in {where} {which}; the regions must cover the {what} without "
+            "overlap"
         )
-    return found
 
 
-def _at(value: ScalarData, name: str, points: Array) -> Array:
+def _at(value: object, name: str, points: Array) -> Array:
     found = DataField(value, name).at(points)
     require(found >= 0.0, points, found, name, "must not be negative")
     return found

@@ -6,6 +6,7 @@ import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -34,8 +35,7 @@ from hemivar.mechanics.conditions import (
     VectorData,
     condition_at_time,
     plain_data,
-    prescribed_values,
-    traction_value,
+    stated_values,
 )
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import depends_on_time, error_context
@@ -246,8 +246,8 @@ class ContactProblem(PickleMixin, ReprMixin):
     def time_dependent(self) -> frozenset[str]:
         """What depends on time: some of "load", "supports", "gap" and "law"; empty at rest."""
         found = {part for contact in self.contact.values() for part in contact.time_dependent}
-        loads = (self.body_force, *map(traction_value, self.tractions.values()))
-        held = (value for support in self.supports.values() for value in prescribed_values(support))
+        loads = (self.body_force, *chain(*(stated_values(one).values() for one in self.tractions.values())))
+        held = chain(*(stated_values(one).values() for one in self.supports.values()))
         found |= {"load"} if any(map(depends_on_time, loads)) else set()
         return frozenset(found | ({"supports"} if any(map(depends_on_time, held)) else set()))
 

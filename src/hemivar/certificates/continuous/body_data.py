@@ -24,7 +24,7 @@ from hemivar.fem.constitutive import elastic
 from hemivar.fem.elements import shape_derivatives, shape_values, voigt_index
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mechanics.composed_material import lower_elasticity
-from hemivar.mechanics.conditions import DataField, Pressure, traction_value
+from hemivar.mechanics.conditions import DataField, Pressure, stated_values
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import EDGES
@@ -319,7 +319,7 @@ def _loads(
     point, weight = quadrature_rule(dim - 1, 5)
     shares = weight @ shape_values(order, point)
     for name, traction in problem.tractions.items():
-        given, what = traction_value(traction), f"tractions['{name}']"
+        (given,), what = stated_values(traction).values(), f"tractions['{name}']"
         number = np.unique(table.numbers(mesh.boundaries[name]))
         measures, normals = table.measures[number], table.normals[number]
         pushes = isinstance(traction, Pressure)
