@@ -9,7 +9,7 @@ import hemivar as hv
 from hemivar.evolution import Evolution, ImplicitEuler, Midpoint, Save, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.formula import Formula
-from hemivar.mechanics.thermal import Heat, HeatContact, Touching
+from hemivar.mechanics.thermal import ContactConductance, Heat, HeatContact
 from tests import bodies
 
 KAPPA, VISCOUS, BETA, SOURCE, START = 3.0, 0.6, 2.0, 0.7, 0.2
@@ -120,7 +120,7 @@ def test_temperatures_of_supports_and_what_they_give() -> None:
 def test_where_a_support_holds_the_body_heat_flows_as_beside_it() -> None:
     """The node at a clamped edge is no contact point: its conductance is that of the next node, not of the last one."""
     problem = bodies.square(hv.Compliance(2.0), 2, lame=(0.0, 0.5))
-    heat = Heat(1.0, 1.0, contact={"bottom": HeatContact(Touching(5.0), temperature=1.0)})
+    heat = Heat(1.0, 1.0, contact={"bottom": HeatContact(ContactConductance(5.0), temperature=1.0)})
     discrete = discretize_evolution(Evolution(problem, heat=heat))
     assert discrete.heat is not None
     exchange = discrete.heat.conduction.problem

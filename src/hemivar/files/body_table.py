@@ -15,7 +15,7 @@ from hemivar.formula import VARIABLES
 from hemivar.laws.registry import NORMAL_LAWS
 from hemivar.mechanics.conditions import SUPPORTS, Fixed, Prescribed, Pressure, ScalarData, Support
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.mechanics.thermal import Heat, HeatContact, Touching
+from hemivar.mechanics.thermal import ContactConductance, Heat, HeatContact
 from hemivar.mesh import Mesh
 
 __all__ = ["HEAT_KEYS", "heat_record", "loads_record", "read_heat", "read_loads", "read_supports", "supports_record"]
@@ -136,12 +136,12 @@ def _read_contact(table: TomlTable, reader: _Reader) -> HeatContact:
         return HeatContact(**found)
 
 
-def _conductance(table: TomlTable) -> float | Touching:
+def _conductance(table: TomlTable) -> float | ContactConductance:
     value = table.data["conductance"]
     if isinstance(value, dict):
-        given = table.table("conductance", keys_of(Touching), inline=True)
+        given = table.table("conductance", keys_of(ContactConductance), inline=True)
         with context(f"{table.source}: [{table.name}]"):
-            return Touching(**decode(Touching, given))
+            return ContactConductance(**decode(ContactConductance, given))
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise table.error(
             "conductance", f"must be a number or {{ closed = 2.0, per_pressure = 0.1 }}, not {kind(value)}"
@@ -161,7 +161,7 @@ def _contact_record(name: str, contact: HeatContact, aside: SideFiles) -> dict[s
     where = f"heat.contact['{name}']"
 
     def conductance(value: object) -> object:
-        if isinstance(value, Touching):
+        if isinstance(value, ContactConductance):
             return encode(value)
         if callable(value):
             raise not_expressible(f"{where}.conductance", value, "a number, or HeatContact.touching(...)")

@@ -29,7 +29,7 @@ from hemivar.mechanics.per_volume import Regional, checked_per_volume, refuse_un
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 
-__all__ = ["Heat", "HeatContact", "Touching"]
+__all__ = ["ContactConductance", "Heat", "HeatContact"]
 
 Conductance = float | Callable[[Array, Array], object]
 
@@ -107,9 +107,9 @@ class HeatContact(PickleMixin):
             check_own(self.exchange)
 
     @staticmethod
-    def touching(closed: float, per_pressure: float = 0.0, exponent: float = 1.0) -> Touching:
+    def touching(closed: float, per_pressure: float = 0.0, exponent: float = 1.0) -> ContactConductance:
         """A conductance ``closed + per_pressure p^exponent`` where the body is pressed on, and none elsewhere."""
-        return Touching(closed, per_pressure, exponent)
+        return ContactConductance(closed, per_pressure, exponent)
 
     @property
     def law(self) -> Superpotential:
@@ -145,7 +145,7 @@ class HeatContact(PickleMixin):
 
 
 @dataclass(frozen=True)
-class Touching(PickleMixin):
+class ContactConductance(PickleMixin):
     """A conductance that is there where the body is pressed on: ``closed + per_pressure p^exponent`` for p > 0.
 
     Attributes

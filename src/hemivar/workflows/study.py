@@ -32,9 +32,9 @@ from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.error_norms import KnownField, error_norms
 from hemivar.fem.transfer import interpolation_matrix
-from hemivar.files.kept_solution import KeptSolution
-from hemivar.files.kept_work import KeptWork
 from hemivar.files.problem_file import read_problem_file
+from hemivar.files.resume_log import ResumeLog
+from hemivar.files.stored_solution import StoredSolution
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
@@ -303,15 +303,15 @@ def studying(
     known = options.known if isinstance(options.known, KnownField) else None
     if known is not None:
         error_norms(stated, np.zeros((len(stated.mesh.nodes(stated.order)), stated.components)), known)
-    kept: KeptWork[KeptSolution] | None = None
+    kept: ResumeLog[StoredSolution] | None = None
     if options.checkpoint is not None:
         digest = study_digest(stated, options)
-        kept = KeptWork(
+        kept = ResumeLog(
             options.checkpoint,
             "study",
             "mesh",
             digest,
-            KeptSolution.of_line,
+            StoredSolution.of_line,
             most_bytes=_MOST_KEPT,
             wanted=options.must_keep,
         )
@@ -378,7 +378,7 @@ def study(
 
 
 def _levels(
-    stated: ContactProblem, options: StudyOptions, kept: KeptWork[KeptSolution] | None, levels: list[StudyLevel]
+    stated: ContactProblem, options: StudyOptions, kept: ResumeLog[StoredSolution] | None, levels: list[StudyLevel]
 ) -> Work[bool]:
     """All meshes from coarse to fine, put into the list when they are done; returns whether it was interrupted."""
     count = options.refine + 1
@@ -427,10 +427,10 @@ def _named(mesh: Mesh, discrete: DiscreteProblem) -> str:
     return f"h = {mesh.size:.4g}, {discrete.unknowns} unknowns"
 
 
-def _keep(kept: KeptWork[KeptSolution] | None, number: int, solution: Solution) -> None:
+def _keep(kept: ResumeLog[StoredSolution] | None, number: int, solution: Solution) -> None:
     """Keep what is the same whenever it is computed: not what a time limit ended."""
     if kept is not None and solution.status is not Status.MAX_TIME:
-        kept.add(KeptSolution.of(number, solution))
+        kept.add(StoredSolution.of(number, solution))
 
 
 def _solving(discrete: DiscreteProblem, last: Solution | None, options: StudyOptions) -> Work[Solution]:
@@ -462,7 +462,7 @@ class _Task:
 
 
 def _by_processes(
-    stated: ContactProblem, options: StudyOptions, kept: KeptWork[KeptSolution] | None, levels: list[StudyLevel]
+    stated: ContactProblem, options: StudyOptions, kept: ResumeLog[StoredSolution] | None, levels: list[StudyLevel]
 ) -> Work[bool]:
     """The meshes that are not in the list yet, by several processes; returns whether the work was interrupted.
 
@@ -509,10 +509,10 @@ def _mesh(task: _Task) -> tuple[int, StudyLevel]:
         passed = task.folder / str(task.number - 1)
         while not passed.exists():
             time.sleep(_PAUSE)
-        last = KeptSolution.read(passed, _MOST_KEPT).solution(coarse)
+        last = StoredSolution.read(passed, _MOST_KEPT).solution(coarse)
     solution = result_of(_solving(discrete, last, task.options))
     if task.number < task.options.refine and solution.status not in _NO_LEVEL:
-        KeptSolution.of(task.number, solution).keep(task.folder / str(task.number))
+        StoredSolution.of(task.number, solution).keep(task.folder / str(task.number))
     return task.number, _level(solution, mesh, task.options)
 
 

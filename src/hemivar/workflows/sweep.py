@@ -25,8 +25,8 @@ from hemivar.certificates import smallness
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.files.changes import Change, read_change
-from hemivar.files.kept_work import KeptWork
 from hemivar.files.problem_file import parse_problem_file, read_text
+from hemivar.files.resume_log import ResumeLog
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.linear.threads import one_thread
 from hemivar.solvers import Controls
@@ -332,7 +332,7 @@ def sweeping(
     record, done = None, dict[tuple[int, ...], SweepPoint]()
     if options.checkpoint is not None:
         digest, said = sweep_digest(problem, given, options), {"parameters": list(keys)}
-        record = KeptWork(
+        record = ResumeLog(
             options.checkpoint, "sweep", "point", digest, SweepPoint.of_line, said, wanted=options.must_keep
         )
         among = set(places)

@@ -13,9 +13,9 @@ import pytest
 
 import hemivar as hv
 from hemivar.errors import FileError
-from hemivar.files import kept_work
-from hemivar.files.kept_solution import KeptSolution
-from hemivar.files.kept_work import KeptWork
+from hemivar.files import resume_log
+from hemivar.files.resume_log import ResumeLog
+from hemivar.files.stored_solution import StoredSolution
 from hemivar.files.sweep_point import SweepPoint
 from tests import bodies
 
@@ -26,16 +26,16 @@ Data = dict[str, Any]
 
 def solution_line() -> str:
     problem = bodies.square(hv.Compliance(20.0), 2, body_force=(0.0, -0.5))
-    return KeptSolution.of(0, hv.solve(problem)).line()
+    return StoredSolution.of(0, hv.solve(problem)).line()
 
 
 def refused(path: Path, line: str, read: Callable[[str], Any]) -> str:
     """What is said of a file with a line whose check is right."""
-    KeptWork(path, "sweep", "point", "abc", read)
+    ResumeLog(path, "sweep", "point", "abc", read)
     with path.open("a") as stream:
-        stream.write(f'{{"check": "{kept_work._check(line)}", {line[1:]}\n')
+        stream.write(f'{{"check": "{resume_log._check(line)}", {line[1:]}\n')
     with pytest.raises(FileError) as caught:
-        KeptWork(path, "sweep", "point", "abc", read)
+        ResumeLog(path, "sweep", "point", "abc", read)
     return str(caught.value)
 
 
@@ -100,17 +100,17 @@ SOLUTIONS: dict[str, Callable[[Data], object]] = {
 def test_a_solution_that_makes_no_sense_is_refused(tmp_path: Path, name: str) -> None:
     data = json.loads(solution_line())
     SOLUTIONS[name](data)
-    assert "line 2: this is no point" in refused(tmp_path / "a.jsonl", json.dumps(data), KeptSolution.of_line)
+    assert "line 2: this is no point" in refused(tmp_path / "a.jsonl", json.dumps(data), StoredSolution.of_line)
 
 
 def test_a_damaged_byte_is_noticed(tmp_path: Path) -> None:
     file = tmp_path / "a.jsonl"
-    KeptWork(file, "sweep", "point", "abc", SweepPoint.of_line).add(POINT)
-    assert list(KeptWork(file, "sweep", "point", "abc", SweepPoint.of_line)) == [POINT]
+    ResumeLog(file, "sweep", "point", "abc", SweepPoint.of_line).add(POINT)
+    assert list(ResumeLog(file, "sweep", "point", "abc", SweepPoint.of_line)) == [POINT]
     whole = file.read_bytes()
     for spot in np.random.default_rng(1).integers(0, len(whole) - 1, 40).tolist():
         data = bytearray(whole)
         data[spot] ^= 1
         file.write_bytes(bytes(data))
         with pytest.raises(FileError, match=r"a\.jsonl"):
-            KeptWork(file, "sweep", "point", "abc", SweepPoint.of_line)
+            ResumeLog(file, "sweep", "point", "abc", SweepPoint.of_line)

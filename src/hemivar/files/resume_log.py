@@ -12,7 +12,7 @@ from typing import Generic, Protocol, TypeVar
 from hemivar.basics import disk
 from hemivar.errors import FileError
 
-__all__ = ["KeptWork"]
+__all__ = ["ResumeLog"]
 
 _FORMAT = 3
 #: What a line begins with: the check of the rest of it.
@@ -26,7 +26,7 @@ class _Part(Protocol):
 Part = TypeVar("Part", bound=_Part)
 
 
-class KeptWork(Generic[Part]):
+class ResumeLog(Generic[Part]):
     """A file that holds the parts of one work that are done, bound to that work by a digest.
 
     A process that is killed leaves whole lines, and perhaps the beginning of one, which is left out.  Every line has a

@@ -19,11 +19,11 @@ from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution, Status
 
-__all__ = ["KeptSolution"]
+__all__ = ["StoredSolution"]
 
 
 @dataclass(frozen=True, eq=False)
-class KeptSolution:
+class StoredSolution:
     """The solution on one mesh of several, as a file keeps it: all but the problem and the history of the steps.
 
     Attributes
@@ -50,19 +50,19 @@ class KeptSolution:
     kind: PointKind | None
 
     @staticmethod
-    def of(number: int, solution: Solution) -> KeptSolution:
+    def of(number: int, solution: Solution) -> StoredSolution:
         """What is kept of a solution."""
-        names = [one.name for one in fields(KeptSolution) if one.name != "number"]
-        return KeptSolution(number, **{name: getattr(solution, name) for name in names})
+        names = [one.name for one in fields(StoredSolution) if one.name != "number"]
+        return StoredSolution(number, **{name: getattr(solution, name) for name in names})
 
     def keep(self, path: Path) -> None:
         """A file with this line alone, whole or not at all."""
         write_text(path, self.line())
 
     @staticmethod
-    def read(path: Path, most_bytes: int) -> KeptSolution:
+    def read(path: Path, most_bytes: int) -> StoredSolution:
         """The contrary of :meth:`keep`."""
-        return KeptSolution.of_line(read_text(path, "solution", most_bytes))
+        return StoredSolution.of_line(read_text(path, "solution", most_bytes))
 
     def line(self) -> str:
         """The line; numbers of the two arrays as their bytes in base 64."""
@@ -71,11 +71,11 @@ class KeptSolution:
         return json.dumps({**head, "arrays": [text_of_array(one) for one in arrays]}, allow_nan=False)
 
     @staticmethod
-    def of_line(text: str) -> KeptSolution:
+    def of_line(text: str) -> StoredSolution:
         """What a line holds."""
         data = json.loads(text)
         arrays = [array_of_text(one) for one in data.pop("arrays")]
-        found = decoded(KeptSolution, data, arrays)
+        found = decoded(StoredSolution, data, arrays)
         if min(found.number, found.steps, found.evaluations) < 0:
             raise ValueError("a number of meshes or steps is negative")
         finite = np.isfinite(found.unknowns).all() and np.isfinite(found.multiplier).all()
