@@ -15,7 +15,7 @@ from enum import StrEnum
 import numpy as np
 
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.stated import Form, stated
+from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, DataField, check_finite
@@ -41,7 +41,25 @@ class Normals(StrEnum):
     """The body's: the gap is measured along its outward normal; where that misses the obstacle there is no contact."""
 
 
-class Obstacle(PickleMixin, ABC):
+def _vector(value: object, name: str) -> Array:
+    """A vector of the obstacle's own, which does not change with the array it came from."""
+    array = check_finite(value, name, LARGEST).copy()
+    if array.ndim != 1 or len(array) not in (2, 3):
+        raise ProblemError(f"{name} has shape {array.shape}; give 2 or 3 numbers")
+    array.setflags(write=False)
+    return array
+
+
+def _radius(value: object, name: str) -> float:
+    array = check_finite(value, f"{name}: radius")
+    if array.ndim != 0 or not array > 0.0:
+        raise ProblemError(f"{name}: radius is {value!r}; give one positive number")
+    if not 1.0 / LARGEST < array < LARGEST:
+        raise ProblemError(f"{name}: radius is {value!r}, beyond the range of numbers; take another unit of length")
+    return float(array)
+
+
+class Obstacle(CheckedFields, PickleMixin, ABC):
     """A rigid obstacle, given by its signed distance: positive outside, zero on the surface, negative inside."""
 
     @property
@@ -84,13 +102,12 @@ class Plane(Obstacle):
         Out of the obstacle, towards the body; of any length.
     """
 
-    point: Sequence[float] | Array = field(metadata=stated(Form.POINT))
+    point: Sequence[float] | Array = field(metadata=stated(Form.POINT) | kept(_vector, shown="Plane: {}"))
     normal: Sequence[float] | Array = field(metadata=stated(Form.POINT))
 
     def __post_init__(self) -> None:
-        point = _vector(self.point, "Plane: point")
-        object.__setattr__(self, "point", point)
-        object.__setattr__(self, "normal", _direction(self.normal, len(point), "Plane: normal"))
+        super().__post_init__()
+        object.__setattr__(self, "normal", _direction(self.normal, len(self.point), "Plane: normal"))
 
     @property
     def dim(self) -> int:
@@ -121,13 +138,9 @@ class Sphere(Obstacle):
         The body lies inside: everything beyond the sphere is the obstacle.
     """
 
-    center: Sequence[float] | Array = field(metadata=stated(Form.POINT))
-    radius: float = field(metadata=stated(Form.NUMBER, above=0.0))
+    center: Sequence[float] | Array = field(metadata=stated(Form.POINT) | kept(_vector, shown="Sphere: {}"))
+    radius: float = field(metadata=stated(Form.NUMBER, above=0.0) | kept(_radius, shown="Sphere"))
     inside: bool = field(default=False, metadata=stated(Form.FLAG))
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "center", _vector(self.center, "Sphere: center"))
-        object.__setattr__(self, "radius", _radius(self.radius, "Sphere"))
 
     @property
     def dim(self) -> int:
@@ -159,18 +172,16 @@ class Cylinder(Obstacle):
         The body lies inside: everything beyond the cylinder is the obstacle.
     """
 
-    point: Sequence[float] | Array = field(metadata=stated(Form.POINT))
+    point: Sequence[float] | Array = field(metadata=stated(Form.POINT) | kept(_vector, shown="Cylinder: {}"))
     axis: Sequence[float] | Array = field(metadata=stated(Form.POINT))
-    radius: float = field(metadata=stated(Form.NUMBER, above=0.0))
+    radius: float = field(metadata=stated(Form.NUMBER, above=0.0) | kept(_radius, shown="Cylinder"))
     inside: bool = field(default=False, metadata=stated(Form.FLAG))
 
     def __post_init__(self) -> None:
-        point = _vector(self.point, "Cylinder: point")
-        if len(point) != 3:
+        super().__post_init__()
+        if len(self.point) != 3:
             raise ProblemError("Cylinder: point has 2 coordinates; in the plane a cylinder is a circle: take Sphere")
-        object.__setattr__(self, "point", point)
         object.__setattr__(self, "axis", _direction(self.axis, 3, "Cylinder: axis"))
-        object.__setattr__(self, "radius", _radius(self.radius, "Cylinder"))
 
     @property
     def dim(self) -> int:
@@ -427,15 +438,6 @@ def _round_along(arm: Array, directions: Array, radius: float, inside: bool) -> 
     return np.where(meets, way, np.inf)
 
 
-def _vector(value: object, name: str) -> Array:
-    """A vector of the obstacle's own, which does not change with the array it came from."""
-    array = check_finite(value, name, LARGEST).copy()
-    if array.ndim != 1 or len(array) not in (2, 3):
-        raise ProblemError(f"{name} has shape {array.shape}; give 2 or 3 numbers")
-    array.setflags(write=False)
-    return array
-
-
 def _direction(value: object, dim: int, name: str) -> Array:
     given = _vector(value, name)
     if len(given) != dim:
@@ -449,12 +451,3 @@ def _direction(value: object, dim: int, name: str) -> Array:
     array /= size
     array.setflags(write=False)
     return array
-
-
-def _radius(value: object, name: str) -> float:
-    array = check_finite(value, f"{name}: radius")
-    if array.ndim != 0 or not array > 0.0:
-        raise ProblemError(f"{name}: radius is {value!r}; give one positive number")
-    if not 1.0 / LARGEST < array < LARGEST:
-        raise ProblemError(f"{name}: radius is {value!r}, beyond the range of numbers; take another unit of length")
-    return float(array)
