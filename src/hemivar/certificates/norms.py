@@ -58,19 +58,15 @@ class Solve(Protocol):
 
     def multiply(self, v: Array) -> Array:
         """``K v``."""
-        ...
 
     def dual(self, b: Array, guess: Array | None = None) -> tuple[Array, float]:
         """About ``K^-1 b`` (n,), and an upper bound of ``b'K^-1 b``."""
-        ...
 
     def least(self, b: Array) -> float:
         """A lower bound of ``b'K^-1 b``."""
-        ...
 
     def top(self, part: sp.csr_array, near: float | None = None) -> Mode:
         """The largest eigenvalue of ``(S'S, K)``, ``S`` (k, n)."""
-        ...
 
 
 class Factorised:

@@ -39,24 +39,19 @@ class Bulk(Protocol):
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
-        ...
 
     def value(self, u: Array) -> float:
         """Stored energy at the unknowns u (n,)."""
-        ...
 
     def gradient(self, u: Array) -> Array:
         """Its derivative (n,): the internal forces."""
-        ...
 
     def hessian(self, u: Array) -> sp.csr_array:
         """Its second derivative (n, n), symmetric."""
-        ...
 
     @property
     def row_sums(self) -> Array:
         """Sums (n,) of the absolute entries of the rows of a second derivative, by which rounding is measured."""
-        ...
 
 
 class Sized(ABC):

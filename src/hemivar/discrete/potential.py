@@ -34,44 +34,34 @@ class BodyEnergy(Protocol):
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
-        ...
 
     @property
     def origin(self) -> Array:
         """What is displaced at unknowns zero, in their directions (n,)."""
-        ...
 
     def value(self, u: Array) -> float:
         """The energy at the unknowns u (n,)."""
-        ...
 
     def gradient(self, u: Array) -> Array:
         """Its derivative (n,)."""
-        ...
 
     def hessian(self, u: Array) -> sp.csr_array:
         """Its second derivative (n, n), symmetric, on one sparsity for all u."""
-        ...
 
     def lower(self) -> sp.csr_array | None:
         """A matrix (n, n) below every second derivative and positive where they are; None if none is known."""
-        ...
 
     def upper(self) -> sp.csr_array:
         """A matrix (n, n) above every second derivative."""
-        ...
 
     def from_field(self, values: Array) -> BodyEnergy:
         """The same energy by the change of the unknowns from nodal values (nodes, c) on."""
-        ...
 
     def field_value(self, values: Array) -> float:
         """The energy of nodal values (nodes, c)."""
-        ...
 
     def field_forces(self, values: Array) -> Array:
         """Internal forces (nodes, c) of nodal values (nodes, c)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

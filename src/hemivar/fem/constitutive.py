@@ -25,23 +25,18 @@ class EnergyDensity(Protocol):
 
     def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         """W, shape (k,)."""
-        ...
 
     def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         """Its derivative, shape (k, v)."""
-        ...
 
     def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         """Its second derivative, shape (k, v, v)."""
-        ...
 
     def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         """Matrices (k, v, v) below all of them; zero where none is known."""
-        ...
 
     def upper_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         """Matrices (k, v, v) above all of them."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

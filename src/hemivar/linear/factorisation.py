@@ -46,21 +46,17 @@ class Factorisation(Protocol):
 
     def solve_interior(self, rhs: Array) -> Array:
         """``K_II^-1 rhs_I`` at the unknowns I, 0 at the kept ones; ``rhs (n,)``, its kept entries are ignored."""
-        ...
 
     def reduce(self, load: Array) -> CondensedLoad:
         """A load f (n,), taken over to the kept unknowns."""
-        ...
 
     def extend(self, reduced: CondensedLoad, kept: Array) -> Array:
         """The unknowns (n,) in equilibrium with a load, kept ones y (k,) given: ``K_II^-1 (f_I - K_IC y)`` at the
         unknowns I, y at the kept ones."""
-        ...
 
     @property
     def interior_positive(self) -> bool:
         """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
-        ...
 
 
 def factorise(matrix: sp.csr_array, kept: IntArray, many: bool = False) -> Factorisation:

@@ -25,31 +25,24 @@ class Vectors(Protocol):
     @property
     def alone(self) -> bool:
         """Whether this process has all entries."""
-        ...
 
     def total(self, *values: float) -> Array:
         """Sums of numbers that each process has."""
-        ...
 
     def largest(self, *values: float) -> Array:
         """Largest of numbers that each process has; nan counts as infinity, for comparisons would lose it."""
-        ...
 
     def norms(self, *vectors: Array) -> Array:
         """Euclidean norms of vectors, without overflow or underflow on the way."""
-        ...
 
     def lowest(self, value: float) -> tuple[float, bool]:
         """The lowest of numbers that each process has, and whether it is that of this one; of equals the first."""
-        ...
 
     def named(self, names: Iterable[str]) -> tuple[str, ...]:
         """The names that any process knows, in the same order on all."""
-        ...
 
     def before(self, count: int) -> int:
         """How many of something the processes before this one have, which has ``count`` of it."""
-        ...
 
 
 @dataclass(frozen=True)

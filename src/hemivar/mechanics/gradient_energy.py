@@ -31,27 +31,21 @@ class FluxDensity(Protocol):
 
     def at_rest(self, points: Array) -> Array:
         """Derivatives (k, d, d) of the flux where the gradient is zero."""
-        ...
 
     def energy(self, points: Array, strain: Array) -> Array:
         """W of gradients (k, d), shape (k,)."""
-        ...
 
     def stress(self, points: Array, strain: Array) -> Array:
         """The flux (k, d) of gradients (k, d)."""
-        ...
 
     def tangent(self, points: Array, strain: Array) -> Array:
         """Derivatives (k, d, d) of the flux."""
-        ...
 
     def lower_tensor(self, points: Array) -> Array:
         """Matrices (k, d, d) below all derivatives of the flux."""
-        ...
 
     def upper_tensor(self, points: Array) -> Array:
         """Matrices (k, d, d) above all derivatives of the flux."""
-        ...
 
 
 class GradientEnergy(PickleMixin, ABC):

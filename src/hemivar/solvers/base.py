@@ -24,15 +24,12 @@ class PosedSystem(PointSystem, Protocol):
     @property
     def problem(self) -> DiscreteProblem:
         """The problem."""
-        ...
 
     def free_growth(self) -> list[RecessionFunction]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
-        ...
 
     def for_problem(self, problem: DiscreteProblem) -> Self:
         """The same body under another load, gap or law."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

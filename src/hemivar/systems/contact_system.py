@@ -30,117 +30,91 @@ class PointSystem(Protocol):
     @property
     def vectors(self) -> Vectors:
         """How the parts of all processes are looked at together."""
-        ...
 
     @property
     def law(self) -> VectorLaw:
         """The contact law."""
-        ...
 
     @property
     def weights(self) -> Array:
         """Quadrature weights (m,)."""
-        ...
 
     @property
     def active(self) -> BoolArray:
         """Components (m, d) that are free to move."""
-        ...
 
     @property
     def compliance(self) -> Array:
         """Displacement for a unit pressure at a point when its surroundings are held, (m, 2)."""
-        ...
 
     @property
     def material_compliance(self) -> Array:
         """The same when all other unknowns are held, (m, 2): by it residuals compare displacement and multiplier."""
-        ...
 
     @property
     def load(self) -> Array:
         """Forces on the unknowns of the system, flat."""
-        ...
 
     @property
     def constant(self) -> float:
         """Energy that does not depend on the unknowns."""
-        ...
 
     @property
     def load_scale(self) -> LoadScale:
         """What residuals are held against."""
-        ...
 
     @property
     def seconds(self) -> float:
         """Time spent on setting up."""
-        ...
 
     @property
     def extent(self) -> float:
         """Largest extent of the body; infinite where it is not known."""
-        ...
 
     def start(self, guess: Array | None = None) -> Array:
         """An admissible point near a guess, or near zero displacement."""
-        ...
 
     def of_unknowns(self, unknowns: Array) -> Array:
         """The point of a vector of unknowns (n,)."""
-        ...
 
     def local(self, x: Array) -> Array:
         """Local displacements (m, d) of a point."""
-        ...
 
     def magnitude(self, x: Array) -> float:
         """Largest displacement or gap of the contact points of this process: what may cancel in :meth:`local`."""
-        ...
 
     def out_of_balance(self, x: Array) -> Array:
         """What the body leaves of its load at a point, the foundation apart; of the shape of the point."""
-        ...
 
     def at_contact(self, force: Array) -> Array:
         """Forces (m, d) on the contact points of a force of the shape of a point."""
-        ...
 
     def less_contact(self, force: Array, contact: Array) -> Array:
         """What is left of a force of the shape of a point where contact points take up theirs, (m, d); flat."""
-        ...
 
     def rounding_sizes(self, x: Array) -> Array:
         """Sizes of what is added up in :meth:`out_of_balance`, flat."""
-        ...
 
     def stretch(self, change: Array) -> float:
         """Energy norm of a difference of two points."""
-        ...
 
     def law_at(self, x: Array, lam: Array | None = None) -> VectorLaw:
         """See :meth:`Equilibrium.law_at`."""
-        ...
 
     def energy(self, x: Array, lam: Array | None = None, force: Array | None = None) -> float:
         """See :meth:`Equilibrium.energy`."""
-        ...
 
     def multiplier(self, x: Array, force: Array | None = None) -> Array:
         """See :meth:`Equilibrium.multiplier`."""
-        ...
 
     def residual(self, x: Array, lam: Array, force: Array | None = None) -> Residual:
         """See :meth:`Equilibrium.residual`."""
-        ...
 
     def recover(self, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
         """All unknowns (n,), with the residual of the whole problem for each multiplier; the first one is theirs."""
-        ...
 
     def with_law(self, law: VectorLaw) -> Self:
         """The same body on another foundation."""
-        ...
 
 
 class ContactSystem(PointSystem, Protocol):
@@ -149,46 +123,36 @@ class ContactSystem(PointSystem, Protocol):
     @property
     def fixed(self) -> Array:
         """Values (m, d) of the components that are not free to move."""
-        ...
 
     @property
     def diagonal(self) -> Array:
         """Stiffness of every component, positive, one number for the tangential ones of a point, (m, d)."""
-        ...
 
     @property
     def blocks(self) -> Array:
         """Stiffness between the components of each point, (m, d, d)."""
-        ...
 
     def couple(self, step: Array) -> Array:
         """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
-        ...
 
     @property
     def lambda_max(self) -> float:
         """Largest eigenvalue of the contact block scaled by its diagonal."""
-        ...
 
     def moved(self, x: Array, r: Array) -> Array:
         """The point with its contact points changed so that their local displacements are ``r (m, d)``."""
-        ...
 
     def multiply(self, change: Array) -> Array:
         """Elastic force that a change of a point takes away, of its shape."""
-        ...
 
     def multiply_contact(self, change: Array) -> Array:
         """The same for a change of the contact points alone, all else being held."""
-        ...
 
     def refreshed(self, x: Array, force: Array) -> Array:
         """:meth:`out_of_balance` of a point where it is ``force`` up to rounding; computed anew where that is cheap."""
-        ...
 
     def newton_equation(self, known: NewtonEquation | None = None) -> NewtonEquation:
         """Newton's equation of the system, for one solve; ``known`` is that of the same body on another foundation."""
-        ...
 
 
 class Equilibrium:

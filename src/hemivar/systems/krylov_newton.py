@@ -32,7 +32,6 @@ class Truncation(Protocol):
     @property
     def diagonal(self) -> Array:
         """Diagonal of the stiffness, what curvature is compared with, (n,)."""
-        ...
 
     def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
         """Become Newton's matrix at another place.
@@ -40,23 +39,18 @@ class Truncation(Protocol):
         ``x (n,)``: the place; ``held (k,)``: active components that keep their value; ``curvature (m, d, d)``: second
         derivatives of the laws, weights included; zero where held.
         """
-        ...
 
     def __matmul__(self, vector: Array, /) -> Array:
         """The matrix times a vector (n,) that is zero where held; entries there mean nothing."""
-        ...
 
     def cycle(self, right: Array) -> Array:
         """About the inverse times a vector that is zero where held; so is the answer."""
-        ...
 
     def preconditioner(self) -> tuple[bool, Callable[[Array], Array]]:
         """The cycle for one run of conjugate gradients, and whether it may change a little on the way."""
-        ...
 
     def release(self) -> None:
         """Give its memory back."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -141,12 +141,9 @@ class NewtonEquation(Protocol):
 
     def solve(self, at: LinearisedPoint, accuracy: Accuracy) -> Correction:
         """The correction of a point; not finite where a derivative that is not symmetric is singular."""
-        ...
 
     def negative_curvature(self, at: LinearisedPoint) -> Array | None:
         """The direction of most negative curvature; None where there is none, or where it would cost too much."""
-        ...
 
     def release(self) -> None:
         """Give its memory back."""
-        ...

@@ -36,11 +36,9 @@ class LinearBody(Protocol):
 
     def posed(self, prepare: Prepare) -> PointSystem:
         """What a method works on; ``prepare`` makes it of a problem that is in one place."""
-        ...
 
     def multiply(self, change: Array) -> Array:
         """Elastic force (n,) that a change (n,) of all unknowns takes away."""
-        ...
 
 
 class NonlinearSystem(PointSystem, Protocol):
@@ -49,19 +47,15 @@ class NonlinearSystem(PointSystem, Protocol):
     def tangent_at(self, x: Array, force: Array) -> LinearBody | None:
         """The linear body that has the forces and the stiffness of this one at ``x``, where ``force`` is what is left
         of the load; its energy lacks a constant. None where that stiffness is negative and another body is above."""
-        ...
 
     def above_at(self, x: Array, force: Array) -> LinearBody | None:
         """A linear body that has the same forces at ``x`` and more energy elsewhere; None where none is known."""
-        ...
 
     def posed_below(self) -> Self | None:
         """The same on the next coarser mesh, where there is one."""
-        ...
 
     def from_below(self, x: Array) -> Array:
         """Unknowns (n,) of the displacement field given by those of the next coarser mesh."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,24 +35,19 @@ class PlanePotential(Protocol):
     @property
     def shown(self) -> str:
         """What messages call it."""
-        ...
 
     @property
     def exact(self) -> bool:
         """Whether second derivatives are exact, not found by differences."""
-        ...
 
     def value(self, r: Array, s: Array) -> Array:
         """f, of the shape of r."""
-        ...
 
     def gradient(self, r: Array, s: Array) -> tuple[Array, Array]:
         """f_r and f_s."""
-        ...
 
     def hessian(self, r: Array, s: Array) -> tuple[Array, Array, Array]:
         """f_rr, f_rs and f_ss."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
