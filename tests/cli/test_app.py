@@ -276,11 +276,11 @@ BAD_FILES: dict[str, tuple[str, list[str]]] = {
     ),
     "unreadable mesh": (changed((MESH_FILE[0], 'file = "garbage.msh"')), ["[mesh] file", "cannot be read"]),
     "mesh of unknown format": (changed((MESH_FILE[0], 'file = "mesh.xyz9"')), ["[mesh] file", "cannot be read"]),
-    "quadrilaterals": (
-        changed((MESH_FILE[0], 'file = "quads.msh"')),
-        ["[mesh] file", "cells of type quad", "only straight-sided triangles"],
+    "cells of third order": (
+        changed((MESH_FILE[0], 'file = "cubic.msh"')),
+        ["[mesh] file", "cells of type triangle10", "of order 1 or 2"],
     ),
-    "no cells in the mesh": (changed((MESH_FILE[0], 'file = "lines.msh"')), ["[mesh] file", "no triangles"]),
+    "no cells in the mesh": (changed((MESH_FILE[0], 'file = "lines.msh"')), ["[mesh] file", "no cells of a body"]),
     "degenerate cells": (
         changed((MESH_FILE[0], 'file = "flat.msh"')),
         ["[mesh] file: mesh file 'flat.msh': ", "degenerate (no volume)", "cells 1"],
@@ -344,7 +344,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "part.msh": GOOD_MESH,
         "garbage.msh": "this is not a mesh\n",
         "mesh.xyz9": "1 2 3\n",
-        "quads.msh": gmsh(SQUARE, [*LINES, "3 2 3 3 1 2 3 4"], GROUPS),
+        "cubic.msh": gmsh(SQUARE, [*LINES, "21 2 3 3 1 2 3 4 1 2 3 4 1 2"], GROUPS),
         "lines.msh": gmsh(SQUARE, LINES, GROUPS),
         "flat.msh": gmsh([*SQUARE[:2], (2, 0), (0, 1)], ["2 2 3 3 1 2 4", "2 2 4 4 1 2 3"], GROUPS),
         "inner.msh": gmsh(SQUARE, ["1 2 1 1 1 3", *TRIANGLES], GROUPS),
@@ -858,3 +858,20 @@ def test_the_picture_tells_the_kind_that_was_certified(folder: Path, capsys: pyt
     drawn = re.search(r"at most (\S+) \(relative\)", line)
     assert drawn is not None
     assert float(drawn[1]) == pytest.approx(float(distance[1]), rel=0.1)  # with two digits there
+
+
+@pytest.mark.parametrize("command", ["solve", "march", "sweep"])
+def test_commands_say_how_a_mesh_file_was_read(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Cells that were split, and groups that were not taken; in one line each."""
+    lines = [f'{dim} {number} "{name}"' for dim, number, name in ((1, 1, "left"), (1, 2, "bottom"), (0, 3, "corner"))]
+    (tmp_path / "part.msh").write_text(gmsh(SQUARE, [*LINES, "15 2 3 1 2", "3 2 4 3 1 2 3 4"], lines))
+    path = tmp_path / "part.toml"
+    path.write_text(changed(MESH_FILE) + ("\n[time]\nuntil = 1.0\nstep = 0.5\n" if command == "march" else ""))
+    code, out, err = run(
+        capsys, command, path, *(["--set", "contact.bottom.gap=0:0.1:2"] if command == "sweep" else [])
+    )
+    assert (code, err) == (0, ""), err + out
+    assert out.count("mesh file         1 quadrilaterals were split into 4 triangles\n") == 1
+    assert out.count("mesh file         group 'corner' holds points only; it was not taken\n") == 1

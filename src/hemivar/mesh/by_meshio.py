@@ -95,7 +95,7 @@ def _elements(found: meshio.Mesh | CellGrid) -> tuple[RawMesh, list[int]]:
         places.append(sum(map(len, own)))
         own.append(data.astype(np.int64))
         kinds.setdefault(kind.dim, []).append(np.full(len(data), CODES[kind.name]))
-    some = [dim for dim, own in cells.items() if dim and sum(map(len, own))]
+    some = [dim for dim, own in cells.items() if sum(map(len, own))]
     widths = {dim: max(own.shape[1] for own in cells[dim]) for dim in some}
     padded = {
         dim: np.concatenate([np.pad(own, ((0, 0), (0, widths[dim] - own.shape[1])), mode="edge") for own in cells[dim]])
@@ -109,9 +109,7 @@ def _within(data: AnyArray, count: int) -> bool:
 
 
 def _add(raw: RawMesh, key: tuple[int, str], start: int, rows: IntArray) -> None:
-    if key[0]:
-        known = raw.groups.get(key, np.zeros(0, dtype=np.int64))
-        raw.groups[key] = np.union1d(known, start + rows)
+    raw.groups[key] = np.union1d(raw.groups.get(key, np.zeros(0, dtype=np.int64)), start + rows)
 
 
 # ---- groups ------------------------------------------------------------------------------------------------------

@@ -94,7 +94,7 @@ def put_together(
     cells: dict[int, IntArray] = {}
     kinds: dict[int, IntArray] = {}
     groups: dict[tuple[int, str], IntArray] = {}
-    for dim in (1, 2, 3):
+    for dim in range(4):
         own = [block for block in blocks if block.kind.dim == dim and len(block.nodes)]
         if not own:
             continue
