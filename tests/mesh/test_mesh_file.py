@@ -50,12 +50,18 @@ def test_problem_files_have_a_limit(tmp_path: Path) -> None:
         read_problem(path)
 
 
-def test_mesh_files_are_held_against_the_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "large.msh"
+@pytest.mark.parametrize(("name", "start", "need"), [("a.msh", b"", 6), ("a.inp", b"", 12), ("a.bdf", b"GRID,1\n", 28)])
+def test_mesh_files_are_held_against_the_memory(
+    name: str, start: bytes, need: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / name
     with path.open("wb") as stream:
+        stream.write(start)
         stream.truncate(2**30)
-    monkeypatch.setattr(machine, "available_bytes", lambda: 2.0**32)
-    with pytest.raises(ProblemError, match=r"large.msh' of 1024 MiB needs about 6 GiB of memory, and 4 GiB are free"):
+    monkeypatch.setattr(machine, "available_bytes", lambda: (need - 2) * 2.0**30)
+    with pytest.raises(
+        ProblemError, match=rf"{name}' of 1024 MiB needs about {need} GiB of memory, and {need - 2} GiB"
+    ):
         read_mesh(path)
 
 

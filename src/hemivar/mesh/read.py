@@ -26,8 +26,8 @@ from hemivar.mesh.su2 import parse_su2
 
 __all__ = ["read_mesh"]
 
-#: Bytes of memory for each byte of a file that is read.
-_FACTOR = 6.0
+#: Bytes of memory for each byte of a file that is read, at least; of texts that are split into words; of fields.
+_FACTOR, _OF_WORDS, _OF_FIELDS = 6.0, 12.0, 28.0
 _NASTRAN = (".bdf", ".nas", ".fem", ".dat", ".blk", "")
 #: What elements of a dimension are called.
 _ELEMENTS = ("points", "lines", "surfaces", "cells")
@@ -63,11 +63,7 @@ def read_mesh(path: str | Path) -> Mesh:
             raise FileError(f"{_named(path)} does not exist; check the path") from error
         raise
     size = name.stat().st_size
-    require(
-        _FACTOR * size,
-        f"reading {_named(path)} of {size / 2**20:.0f} MiB",
-        "take a coarser mesh",
-    )
+    _require(_FACTOR, path, size)
     start = first_bytes(name, 1 << 16, "mesh file")
     try:
         return _mesh(_raw(name, start, size), MeshRecipe(Path(path).absolute()))
@@ -81,6 +77,10 @@ def read_mesh(path: str | Path) -> Mesh:
         raise ProblemError(f"{_named(path)}{between}{error}") from error
 
 
+def _require(factor: float, path: str | Path, size: int) -> None:
+    require(factor * size, f"reading {_named(path)} of {size / 2**20:.0f} MiB", "take a coarser mesh")
+
+
 def _named(path: str | Path) -> str:
     return f"mesh file '{shown(str(path))}'"
 
@@ -88,7 +88,8 @@ def _named(path: str | Path) -> str:
 def _raw(path: Path, start: bytes, size: int) -> RawMesh:
     """What a file holds, by how it begins and what it is called."""
 
-    def text() -> str:
+    def text(factor: float = _OF_WORDS) -> str:
+        _require(factor, path, size)
         return read_bytes(path, "mesh file", max(size, 1)).decode("utf-8", "replace")
 
     suffix = path.suffix.lower()
@@ -97,7 +98,7 @@ def _raw(path: Path, start: bytes, size: int) -> RawMesh:
     if suffix == ".inp":
         return parse_abaqus(text(), path.parent)
     if suffix in _NASTRAN and is_nastran(start):
-        return parse_nastran(text())
+        return parse_nastran(text(_OF_FIELDS))
     if suffix == ".vol":
         return parse_netgen(text())
     if suffix == ".su2":
