@@ -153,6 +153,10 @@ def test_groups_that_lie_partly_inside_make_a_boundary_and_an_interface(tmp_path
     assert mesh.notes[-1] == "group 'line' lies partly inside the body; that part is the interface 'line:inside'"
     assert {"line:inside:a", "line:inside:b"} <= set(mesh.opened("line:inside").boundaries)
     assert mesh.opened("line:inside").notes == mesh.notes
+    for part in ("contact", "supports"):
+        stated_on = {part: {"line:inside": hv.Contact(hv.Signorini()) if part == "contact" else "clamped"}}
+        with pytest.raises(ProblemError, match=r"lies inside the body; take mesh.opened\('line:inside'\) and one of"):
+            hv.ContactProblem(mesh, hv.Material.lame(1.0, 1.0), **{"supports": {"line": "clamped"}, **stated_on})
     stated = """
 [mesh]
 file = "part.inp"

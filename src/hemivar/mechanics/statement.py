@@ -418,6 +418,10 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _check_name(self, what: str, name: object, one: str, many: str) -> None:
         """Refuse the name of a boundary or region that the mesh does not have."""
         known = list(getattr(self.mesh, many))
+        if many == "boundaries" and name in self.mesh.interfaces:
+            raise ProblemError(
+                f"{what} names '{name}', which lies inside the body; take mesh.opened('{name}') and one of its sides"
+            )
         if name not in known:
             near = suggest(str(name), known, many)
             raise ProblemError(f"{what} names {one} '{name}', which the mesh does not have{near}")
