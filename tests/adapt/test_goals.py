@@ -16,6 +16,7 @@ from hemivar.basics.types import Array
 from hemivar.certificates.continuous import body_constants, exact_distance
 from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_trace_bounds
 from hemivar.errors import ProblemError
+from hemivar.formula import Formula
 from hemivar.gallery import survey, weighted_block
 from hemivar.mesh import rectangle
 from tests import bodies
@@ -354,3 +355,33 @@ def test_an_interval_of_a_mean_displacement_counts_what_its_dual_solution_misses
         size = np.sqrt(-2.0 * pull.energy)  # at the solution the energy is -|z|^2 / 2
         half = 0.5 * float(value.upper[axis] - value.lower[axis])
         assert size <= half / distance.distance <= 1.2 * size
+
+
+def test_of_a_body_that_contact_holds_forces_are_bounded_and_displacements_are_not() -> None:
+    """The foundation bears the whole load; how far a rigid motion takes the top, the energy does not see."""
+    problem = hv.ContactProblem(
+        rectangle((2.0, 1.0), (8, 4)),
+        hv.Material.young(1e3, 0.3),
+        {"bottom": hv.Contact(hv.Compliance(500.0), hv.Tresca(0.3), gap=Formula("0.002 * (x - 1)^2"))},
+        {},
+        tractions={"top": (0.1, -1.0)},
+    )
+    force, top = valued(problem, "contact.bottom.force", "boundary.top.displacement")
+    assert force.guaranteed
+    (along, down) = zip(force.lower, force.upper, strict=True)
+    assert along[0] <= 0.2 <= along[1] or along[0] <= -0.2 <= along[1]
+    assert down[0] <= -2.0 <= down[1] or down[0] <= 2.0 <= down[1]
+    assert not top.guaranteed
+    assert not np.isfinite(top.upper).any()
+    assert any("rigid motions that contact alone decides change it" in reason for reason in top.reasons)
+
+
+def test_adaptive_solves_of_a_body_that_contact_holds_reach_their_bound() -> None:
+    contact = {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(0.3), gap=Formula("0.002 * (x - 1)^2"))}
+    mesh, material = rectangle((2.0, 1.0), (8, 4)), hv.Material.young(1e3, 0.3)
+    found = hv.adapt.solve_adaptive(
+        hv.ContactProblem(mesh, material, contact, {}, tractions={"top": (0.1, -1.0)}), rtol=0.1
+    )
+    assert found.levels[-1].distance.relative <= 0.1
+    assert found.levels[-1].distance.guaranteed
+    assert found.levels[-1].solution.problem.unknowns < 1500

@@ -58,7 +58,12 @@ _NO_PATH = (
     "Where a law falls at once a load path needs a linear body in the plane, with opening and slip apart and a bound "
     "that does not depend on the solution."
 )
-_NO_BOUND = "The distance to the exact solution is bounded for elastic bodies on supports, without bedding."
+_NO_BOUND = "The distance to the exact solution is bounded for elastic bodies, without bedding."
+_NO_BOUND_RESTING = (
+    "The distance to the exact solution is bounded for bodies that contact alone holds where laws are convex, of "
+    "opening and slip apart, and do not depend on the solution."
+)
+_NOT_CONVEX = ("softening", "adhesive", "cohesion", "saw-tooth", "function", *COUPLED)
 _NO_BOUND_OF_PAIR = (
     "The distance to the exact solution is bounded for bodies on foundations, not for bodies that touch each other."
 )
@@ -80,7 +85,8 @@ RULES = (
     Rule("falls at once", _NO_PATH, ("path",), ("space", "nonlinear"), ("saw-tooth",)),
     Rule("falls at once", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
-    Rule("constants of the body are from the discrete problem", _NO_BOUND, _BOUNDS, ("resting",)),
+    Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), _NOT_CONVEX),
+    Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),
     Rule("another body", _NO_BOUND_OF_PAIR, _BOUNDS, ("pair", "glued inside")),
     Rule("and this is a scalar problem", _NO_BOUND, ("exact",), SCALAR),
     Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),

@@ -442,9 +442,10 @@ def _indicator(distance: ExactDistance, constants: TraceBounds) -> Array:
     """What each cell adds, (M,)."""
     found = distance.cells + distance.missed
     table = distance.stress.data.table
-    if len(distance.facets) and 0.0 < constants.both < np.inf:
+    if len(distance.facets):
         owner = table.owners[table.numbers(distance.facets), 0]
-        np.add.at(found, owner, distance.facet_contact / constants.both + distance.facet_gap)
+        known = 0.0 < constants.both < np.inf
+        np.add.at(found, owner, distance.facet_gap + (distance.facet_contact / constants.both if known else 0.0))
     return found
 
 

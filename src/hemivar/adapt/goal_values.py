@@ -175,6 +175,9 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
             centre = work(data, part.field)
             strain, stress = strained(data, part.field)
             size = math.sqrt(max(float(np.einsum("m,mij,mij->", data.table.volumes, stress, strain)), 0.0))
+        elif distance.unseen:
+            centre, size = _mean(part, data), math.inf
+            reasons.append(f"rigid motions that contact alone decides change it: {distance.unseen}")
         else:
             plain = factorise(discrete.stiffness, _NONE) if plain is None else plain
             centre, size = _mean_and_norm(part, data, discrete, plain)
@@ -200,19 +203,22 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
 # ---- first order ---------------------------------------------------------------------------------------------------
 
 
+def _mean(part: Functional, data: BodyData) -> float:
+    return float(np.einsum("fai,fai->", part.tractions, data.displacement[data.table.facets]))
+
+
 def _mean_and_norm(
     part: Functional, data: BodyData, discrete: DiscreteProblem, factor: Factorisation
 ) -> tuple[float, float]:
     """The mean displacement, and an upper bound of the energy norm of the answer to its traction."""
     assert discrete.field is not None
     basis = discrete.field.basis
-    value = float(np.einsum("fai,fai->", part.tractions, data.displacement[data.table.facets]))
     y = factor.solve_interior(np.asarray(basis.T @ linear_forces(data, part.tractions).ravel()))
     z = np.asarray(basis @ y).reshape(data.displacement.shape)
     free = np.full(data.contact.shape, -1)
     stress = _swept(_answering(data, z, part.tractions, free), None)
     energy = float(np.einsum("fai,fai->", part.tractions, z[data.table.facets]))
-    return value, math.sqrt(max(energy, 0.0) + float(stress.misfit.sum()))
+    return _mean(part, data), math.sqrt(max(energy, 0.0) + float(stress.misfit.sum()))
 
 
 def _rest(part: Functional, traces: ContactTraces | None, distance: float, constants: TraceBounds) -> tuple[float, str]:
