@@ -7,6 +7,7 @@ multiplier hands its function on to the others of the facet in equal parts, so t
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,16 +140,16 @@ def _assembled(rows: IntArray, columns: IntArray, values: Array, count: int) -> 
 
 
 def _overlap(mesh: Mesh, slave: IntArray, master: IntArray) -> _Pieces:
-    first, second = _near(mesh, slave, master)
     normal, _ = mesh.facet_normals(slave)
+    first, second = _near(mesh, slave, master, normal)
     facing = np.einsum("pd,pd->p", normal[first], mesh.facet_normals(master)[0][second]) < _FACING
     first, second = first[facing], second[facing]
     d = mesh.dim
     corner, seen = mesh.points[slave[first]], mesh.points[master[second]]
-    edges = corner[:, 1:] - corner[:, :1]
-    frame = np.concatenate([edges, normal[first][:, None]], axis=1)
+    own = mesh.points[slave]
+    frame = np.concatenate([own[:, 1:] - own[:, :1], normal[:, None]], axis=1)
     # projected along the normal: barycentric coordinates on the slave's facet
-    inner = np.einsum("pcd,pde->pce", seen - corner[:, :1], np.linalg.inv(frame))[:, :, : d - 1]
+    inner = np.einsum("pcd,pde->pce", seen - corner[:, :1], np.linalg.inv(frame)[first])[:, :, : d - 1]
     inner = np.concatenate([1.0 - inner.sum(axis=2, keepdims=True), inner], axis=2)
     both = np.concatenate([inner, np.broadcast_to(np.eye(d), (len(first), d, d))], axis=2)
     # what lies deeper behind than both facets are wide is the other side of the body, and no overlap of two
@@ -168,8 +169,11 @@ def _overlap(mesh: Mesh, slave: IntArray, master: IntArray) -> _Pieces:
     return _Pieces(first[pair], second[pair], on_slave[big], simplices[big, :, d:], share[big])
 
 
-def _near(mesh: Mesh, slave: IntArray, master: IntArray) -> tuple[IntArray, IntArray]:
-    """Pairs of facets that may face each other, (p,) and (p,): all within twice the distance and the sizes of both."""
+def _near(mesh: Mesh, slave: IntArray, master: IntArray, normal: Array) -> tuple[IntArray, IntArray]:
+    """Pairs of facets that may face each other, (p,) and (p,): all within twice the distance and the sizes of both.
+
+    Seen along the normal (f, d) of the slave's facet, their middles are no further apart than both are wide.
+    """
     middle, other = (mesh.points[facets].mean(axis=1) for facets in (slave, master))
     radius = [
         np.linalg.norm(mesh.points[facets] - at[:, None], axis=2).max(axis=1)
@@ -180,8 +184,12 @@ def _near(mesh: Mesh, slave: IntArray, master: IntArray) -> tuple[IntArray, IntA
     reach = 2.0 * (np.asarray(distance) + radius[0] + radius[1].max())
     found = tree.query_ball_point(middle, reach, return_sorted=False)
     counts = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
-    second = np.concatenate([np.asarray(one, dtype=np.int64) for one in found])
-    return np.repeat(np.arange(len(slave)), counts), second
+    first = np.repeat(np.arange(len(slave)), counts)
+    second = np.fromiter(itertools.chain.from_iterable(found), dtype=np.int64, count=len(first))
+    way, along = other[second] - middle[first], normal[first]
+    across = np.linalg.norm(way - np.einsum("pd,pd->p", way, along)[:, None] * along, axis=1)
+    close = across <= (1.0 + _LAYERS) * (radius[0][first] + radius[1][second])
+    return first[close], second[close]
 
 
 def _clipped(polygon: Array, d: int) -> tuple[Array, IntArray]:
