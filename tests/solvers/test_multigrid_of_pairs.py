@@ -157,3 +157,29 @@ def test_the_default_method_is_multigrid_where_it_is_for_one_body() -> None:
     two = hv.discretize(pressed(blocks(180, 120), TOUCHING))
     assert abs(one.unknowns / two.unknowns - 1.0) < 0.02
     assert choice.choose(one)[0].name == choice.choose(two)[0].name == "multigrid"
+
+
+@pytest.mark.parametrize(
+    ("contact", "material", "limit"),
+    [(TOUCHING, SOFT, TOGETHER), (TOUCHING, stiff(1.0, 1000.0), TOGETHER), (CURVED, SOFT, 2.0)],
+    ids=["alike", "stiff lower", "half"],
+)
+def test_without_coarser_meshes(contact: hv.Contact, material: hv.Material, limit: float) -> None:
+    """Aggregates know that each body may move alone, and that both move as one where they touch."""
+    found = []
+    for stated in (one_body(64, replace(contact, against="")), pressed(blocks(48, 32), contact, material)):
+        mesh = stated.mesh
+        plain = replace(stated, mesh=hv.Mesh(mesh.points, mesh.cells, mesh.boundaries, mesh.regions))
+        discrete = hv.discretize(plain)
+        levels = body_on_levels.ElasticMultigrid.of(discrete)
+        assert not levels.steps
+        found.append((levels.solve(discrete.load, nested=False)[1], cycles(plain)))
+    assert found[1][0] <= TOGETHER * found[0][0]
+    assert found[1][1] <= limit * found[0][1]
+
+
+def test_where_one_body_has_no_coarser_mesh_levels_go_on_without() -> None:
+    problem = pressed(blocks(64, 50), TOUCHING)
+    assert cycles(problem) <= APART * cycles(one_body(80, hv.Contact(hv.Signorini())))
+    hierarchy = body_on_levels.ElasticMultigrid.of(hv.discretize(problem))
+    assert len(hierarchy.steps) == 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.coercivity.rigid_modes import rigid_basis
 from hemivar.discrete.space import Field
 from hemivar.linear.algebraic import NodeSlots, near_each_other
@@ -14,9 +14,10 @@ __all__ = ["near_kernel", "node_slots", "rigid_motions"]
 
 
 def rigid_motions(field: Field) -> Array:
-    """Unknowns of the rigid translations and rotations, scaled to size one, shape (n, 3 or 6)."""
+    """Unknowns of the rigid translations and rotations, scaled to size one, shape (n, 3 or 6); jumps as if the slave
+    moved alone."""
     motions, _ = rigid_basis(field.nodes)
-    return np.asarray(field.lift @ motions)
+    return np.asarray(field.own.T @ motions)
 
 
 def near_kernel(field: Field | None) -> Array | None:
@@ -38,5 +39,15 @@ def node_slots(field: Field | None, stiffness: sp.csr_array) -> NodeSlots | None
         component = np.arange(node.size) - np.maximum.accumulate(np.where(first, np.arange(node.size), 0))
     else:
         signs = np.sign(basis.data)
-    slots = NodeSlots(number[node] * size + component, size, int(number[-1]) + 1, signs)
+    slots = NodeSlots(number[node] * size + component, size, int(number[-1]) + 1, signs, _groups(field, node))
     return near_each_other(slots, stiffness)
+
+
+def _groups(field: Field, node: IntArray) -> IntArray | None:
+    """Of unknowns at nodes (n,) twice the number of the part, and one more for jumps; None where there are no jumps."""
+    if field.own.nnz == field.basis.nnz:
+        return None
+    mesh, jumps = field.mesh, np.diff(field.lift.tocsr().indptr) > np.diff(field.own.indptr)
+    part = np.zeros(field.number_of_nodes, dtype=np.int64)
+    part[mesh.cell_nodes(field.order)] = mesh.parts.cell[:, None]
+    return np.asarray(2 * part[node] + jumps)

@@ -60,17 +60,25 @@ def algebraic_levels(
     near = np.ones((n, 1)) if near is None else near
     candidates = np.zeros((count, near.shape[1]))
     candidates[slots.places] = near
+    group = np.zeros(slots.nodes, dtype=np.int64)
+    if slots.group is not None:
+        np.maximum.at(group, slots.places // size, slots.group)
     found: list[tuple[sp.csr_array, Transfer]] = []
     while len(found) < _LEVELS and blocks.shape[0] > COARSEST:
-        blocks, prolongation, candidates = _coarsened(blocks, candidates, finest=not found)
+        blocks, prolongation, candidates, group = _coarsened(blocks, candidates, group, finest=not found)
         if not found:
             prolongation = sp.csr_array(place.T @ prolongation)
         found.insert(0, (_regular(sp.csr_array(blocks)), Transfer.of(prolongation)))
     return found
 
 
-def _coarsened(matrix: sp.bsr_array, candidates: Array, finest: bool) -> tuple[sp.bsr_array, sp.csr_array, Array]:
-    """The next coarser matrix, the prolongation to it and the near null space on it, by smoothed aggregation.
+def _coarsened(
+    matrix: sp.bsr_array, candidates: Array, group: IntArray, finest: bool
+) -> tuple[sp.bsr_array, sp.csr_array, Array, IntArray]:
+    """The next coarser matrix, the prolongation to it and near null space and groups on it, by smoothed aggregation.
+
+    Jumps of two bodies have aggregates of their own: where they are free, each body moves alone; where they are held,
+    nothing else is lost.
 
     After Vanek, Mandel and Brezina (Computing 56, 1996), of parts of PyAMG. Its own set-up starts an eigenvalue
     iteration from numpy's global random numbers, so that no two of its hierarchies are alike.
@@ -82,22 +90,26 @@ def _coarsened(matrix: sp.bsr_array, candidates: Array, finest: bool) -> tuple[s
     matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
     size = matrix.blocksize[0]
     if finest:
-        columns = [np.ascontiguousarray(column) for column in candidates.T]
+        jumps = np.repeat(group % 2 == 1, size)
+        columns = [np.where(jumps, 0.0, column) for column in candidates.T]  # the bodies move as one
         for column in columns:
             block_gauss_seidel(matrix, column, np.zeros(column.size), _SWEEPS, "symmetric", size)
-        candidates = np.stack(columns, axis=1)
-    tentative, coarse = fit_candidates(_aggregates(matrix, _STRONG[0] if finest else _STRONG[1]), candidates)
+        candidates = np.where(jumps[:, None], candidates, np.stack(columns, axis=1))
+    members = _aggregates(matrix, group, _STRONG[0] if finest else _STRONG[1])
+    tentative, coarse = fit_candidates(members, candidates)
+    below_group = np.zeros(members.shape[1], dtype=np.int64)
+    below_group[members.indices] = np.repeat(group, np.diff(members.indptr))
     diagonal = np.abs(matrix.diagonal())
     there = diagonal > _GONE * diagonal.max(initial=0.0)
     inverse = np.divide(1.0, diagonal, out=np.zeros(diagonal.size), where=there)
     weight = _DAMPING / _largest_eigenvalue(matrix, np.sqrt(inverse))
     prolongation = tentative - (sp.diags_array(weight * inverse) @ (matrix @ tentative)).tobsr(tentative.blocksize)
     below = (prolongation.T @ matrix @ prolongation).tobsr((candidates.shape[1],) * 2)
-    return below, sp.csr_array(prolongation), coarse
+    return below, sp.csr_array(prolongation), coarse, below_group
 
 
-def _aggregates(matrix: sp.bsr_array, least: float) -> sp.csr_array:
-    """Which aggregate each node belongs to, as a matrix (nodes, aggregates) of ones.
+def _aggregates(matrix: sp.bsr_array, group: IntArray, least: float) -> sp.csr_array:
+    """Which aggregate of its group each node belongs to, as a matrix (nodes, aggregates) of ones.
 
     Nodes that are strongly coupled to no other go with the aggregate that they are coupled to most: left out, they
     would be corrected by no coarser level.
@@ -106,6 +118,7 @@ def _aggregates(matrix: sp.bsr_array, least: float) -> sp.csr_array:
         from pyamg.aggregation import standard_aggregation
 
     coupling = _couplings(matrix)
+    coupling.data[np.repeat(group, np.diff(coupling.indptr)) != group[coupling.indices]] = 0.0
     strong = coupling.copy()
     strong.data[strong.data < least] = 0.0
     strong.eliminate_zeros()

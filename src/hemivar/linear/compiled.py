@@ -30,6 +30,8 @@ class NodeSlots:
     size: int  # entries of a node
     nodes: int
     signs: Array | None = None  # (n,): -1 for unknowns that are counted against the direction of their component
+    # (n,): unknowns of bodies that touch have different numbers, odd ones where they are jumps; no aggregate has both
+    group: IntArray | None = None
 
     @staticmethod
     def single(n: int) -> NodeSlots:

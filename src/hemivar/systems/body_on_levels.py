@@ -46,6 +46,8 @@ __all__ = ["BodyProblem", "ElasticMultigrid", "levels_of", "set_up"]
 
 #: What a body without its contact is computed for: part of the load that may be left, and the most cycles.
 _ROUGH, _QUICK = 1e-2, 15
+#: Part of the unknowns that a coarser mesh may have where it is the mesh itself of one of the bodies.
+_MOST = 0.4
 #: Unknowns up to which a coarse body is condensed.
 _FEW = 2500
 
@@ -66,7 +68,7 @@ class ElasticMultigrid:
         coarsest = problem
         while coarsest.unknowns > COARSEST:
             step = coarser(coarsest)
-            if step is None:
+            if step is None or _stays(step, coarsest):
                 break
             chain.append(step)
             coarsest = step.problem
@@ -97,6 +99,15 @@ class ElasticMultigrid:
     def solve(self, load: Array, tolerance: float = 1e-10, nested: bool = True) -> tuple[Array, int]:
         """``K^-1 load`` (n,), none of the contact laws acting, and the cycles that it took: :meth:`Hierarchy.solve`."""
         return self.hierarchy.solve(load, tolerance, nested)
+
+
+def _stays(step: Coarser, finer: DiscreteProblem) -> bool:
+    """Whether a coarser mesh is hardly coarser, for it leaves one of several bodies as it is: levels without a mesh do
+    better than such that coarsen one side of a contact alone."""
+    assert step.problem.field is not None
+    cells = [np.bincount(field.mesh.parts.cell) for field in (step.problem.field, step.field)]
+    same = cells[0].size > 1 and bool((cells[0] == cells[1]).any())
+    return same and step.problem.unknowns > _MOST * finer.unknowns
 
 
 class MatrixAtContact(ContactStiffness):
