@@ -86,6 +86,22 @@ def test_what_bodies_with_heat_refuse(heat: Any, words: str) -> None:
         Evolution(body(), heat=heat)
 
 
+def test_heat_through_a_joint_of_two_bodies_is_refused_and_the_joint_insulates() -> None:
+    upper, lower = hv.rectangle((1.0, 1.0), (3, 2), origin=(0.0, 1.0)), MESH
+    contact = {"upper:bottom": hv.Contact(hv.Compliance(20.0), against="lower:top")}
+    supports = {"lower:bottom": hv.Clamped(), "upper:top": hv.Clamped()}
+    mesh = hv.Mesh.assembled({"upper": upper, "lower": lower})
+    two = body(mesh=mesh, contact=contact, supports=supports, tractions={})
+    for name in ("upper:bottom", "lower:top"):
+        with pytest.raises(hv.errors.ProblemError, match="where bodies touch each other, 'upper:bottom' against 'lower:top'"):
+            march(Evolution(two, heat=Heat(1.0, 1.0, contact={name: HeatContact(1.0)})), 0.1, step=0.1)
+    heat = Heat(1.0, 1.0, expansion=0.01, supports={"upper:top": 1.0})
+    warm = march(Evolution(two, heat=heat), 2.0, step=0.1).frames[-1].temperature
+    assert warm is not None
+    assert (warm[: len(upper.points)] > 0.5).all()
+    assert np.abs(warm[len(upper.points) :]).max() < 1e-12
+
+
 def test_what_goes_with_heat() -> None:
     scalar = hv.ScalarProblem(MESH, 1.0, kind=ScalarKind.HEAT, capacity=1.0)
     with pytest.raises(hv.errors.ProblemError, match="heat= goes with a body"):

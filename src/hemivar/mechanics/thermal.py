@@ -318,6 +318,12 @@ class Heat(PickleMixin):
             if name not in mesh.boundaries:
                 near = suggest(str(name), list(mesh.boundaries), "boundaries")
                 raise ProblemError(f"contact of Heat names boundary '{name}', which the mesh does not have{near}")
+            for pair, contact in problem.contact.items():
+                if contact.against and name in (pair, contact.against):
+                    raise ProblemError(
+                        f"contact['{name}'] of Heat is where bodies touch each other, '{pair}' against "
+                        f"'{contact.against}': no heat is exchanged there yet; leave it out, and the joint insulates"
+                    )
         if problem.quadrature is Quadrature.MIDPOINT:
             raise ProblemError("heat is exchanged at nodes, and this problem has contact at midpoints; take NODAL")
         for name, one in self.contact.items():
