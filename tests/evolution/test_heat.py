@@ -92,8 +92,9 @@ def test_heat_through_a_joint_of_two_bodies_is_refused_and_the_joint_insulates()
     supports = {"lower:bottom": hv.Clamped(), "upper:top": hv.Clamped()}
     mesh = hv.Mesh.assembled({"upper": upper, "lower": lower})
     two = body(mesh=mesh, contact=contact, supports=supports, tractions={})
+    said = "where bodies touch each other, 'upper:bottom' against 'lower:top'"
     for name in ("upper:bottom", "lower:top"):
-        with pytest.raises(hv.errors.ProblemError, match="where bodies touch each other, 'upper:bottom' against 'lower:top'"):
+        with pytest.raises(hv.errors.ProblemError, match=said):
             march(Evolution(two, heat=Heat(1.0, 1.0, contact={name: HeatContact(1.0)})), 0.1, step=0.1)
     heat = Heat(1.0, 1.0, expansion=0.01, supports={"upper:top": 1.0})
     warm = march(Evolution(two, heat=heat), 2.0, step=0.1).frames[-1].temperature
