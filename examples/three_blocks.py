@@ -3,9 +3,9 @@ A stack of three blocks under a load cycle
 ==========================================
 
 Three rubber blocks lie on one another, pressed together; the uppermost is dragged to and fro. Coulomb's friction acts
-in both joints. The boundaries there are *against* each other, and their nodes do not match. Friction alone holds the
-block in the middle, so its mass is stated as well. The march keeps a ledger of the energy: what support and load put
-in is stored or lost, and nothing else.
+in both joints. The boundaries there are *against* each other, and their nodes do not match. The load grows from
+zero, and before it presses nothing but its mass holds the block in the middle: its density is stated. The march keeps a
+ledger of the energy: what support and load put in is stored or lost, and nothing else.
 """
 
 import matplotlib.pyplot as plt
