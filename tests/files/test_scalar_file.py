@@ -159,8 +159,8 @@ def test_what_a_file_refuses(old: str, new: str, words: str) -> None:
     assert "\n" not in str(refused.value)
 
 
-def test_a_key_of_scalar_problems_is_unknown_to_bodies() -> None:
-    with pytest.raises(hv.errors.ProblemError, match="area: unknown table"):
+def test_the_area_of_a_body_has_no_law_of_the_penetration() -> None:
+    with pytest.raises(hv.errors.ProblemError, match=r"\[area\] normal: .* its points only slide"):
         parse_problem(
             '[mesh]\nrectangle = [1, 1]\ncells = 2\n[material]\nlame = [1, 1]\n[area]\nnormal = "signorini"\n'
         )

@@ -28,7 +28,7 @@ def texts(figure: Figure) -> str:
 
 def test_a_membrane_and_its_foundation() -> None:
     found = hv.solve(gallery.membrane_obstacle(16).problem)
-    assert over_area(found).all()
+    assert over_area(found.problem).all()
     words = texts(plot_solution(found, title="A title", note="a note", unit="mm"))
     share = 100.0 * found.contact_length / found.problem.contact.weights.sum()
     for expected in ("A title", "a note", "deflection u (mm)", f"in contact: {share:.3g} %", "Signorini law", "below"):

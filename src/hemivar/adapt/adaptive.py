@@ -35,7 +35,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
 from hemivar.fem.transfer import interpolate
-from hemivar.mechanics.statement import ContactProblem, expect_body
+from hemivar.mechanics.statement import ContactProblem, expect_body, refuse_areas
 from hemivar.solvers import Controls, Solution, Solver, Status, solve
 from hemivar.systems.workspace import Workspace
 
@@ -367,6 +367,7 @@ def _checked(
     """The problem on a mesh that is fine enough to begin with, and the goal."""
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
     problem = expect_body(problem, "what to solve adaptively", remedy)
+    refuse_areas(problem, "an adaptive solve")
     limits = (("rtol", rtol), ("share", share), ("max_time", max_time), ("max_memory", max_memory))
     for name, value in (*limits, ("max_unknowns", max_unknowns)):
         if not number(value, name, "give a positive number") > 0.0:

@@ -132,6 +132,9 @@ class PetscEngine(Engine):
         if found.problem.kind:
             said = f"{found.name}: kind: the engine 'petsc' has no scalar problems; leave --engine out"
             raise shared(MethodError(said))
+        if found.problem.areas:
+            said = f"{found.name}: area: the engine 'petsc' has no contact over an area; leave --engine out"
+            raise shared(MethodError(said))
         return found
 
     def _cut(self, stated: StatedMesh) -> list[Piece]:

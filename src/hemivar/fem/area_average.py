@@ -9,21 +9,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["area_average"]
+__all__ = ["area_average", "over_area"]
+
+
+def over_area(problem: DiscreteProblem) -> BoolArray:
+    """Which contact points belong to a contact over an area, (m,)."""
+    contact, stated = problem.contact, problem.origin
+    areas = set(stated.areas) if stated else set()
+    return np.isin(contact.boundary, [k for k, name in enumerate(contact.names) if name in areas])
 
 
 def area_average(problem: DiscreteProblem, values: Array) -> Array:
-    """Values at contact points (m,), over areas averaged twice: over the nodes of each cell, and over cells.
+    """Values at contact points (m, ...), over areas averaged twice: over the nodes of each cell, and over cells.
 
     Parameters
     ----------
     problem : DiscreteProblem
         On contact boundaries values stay what they are.
-    values : array (m,)
+    values : array (m,) or (m, k)
     """
     stated, contact, found = problem.origin, problem.contact, values.copy()
     if stated is None:
@@ -35,7 +42,10 @@ def area_average(problem: DiscreteProblem, values: Array) -> Array:
 
 
 def _averaged(mesh: Mesh, cells: IntArray, nodes: IntArray, values: Array) -> Array:
-    """Values (p,) at nodes (p,), averaged over the nodes of each cell that has one, and over the cells at each node."""
+    """Values (p,) or (p, k) at nodes (p,), averaged over the nodes of each cell that has one, and over the cells at
+    each node."""
+    if values.ndim == 2:
+        return np.column_stack([_averaged(mesh, cells, nodes, column) for column in values.T])
     known, at = np.zeros(mesh.number_of_nodes), np.zeros(mesh.number_of_nodes)
     known[nodes], at[nodes] = 1.0, values
     members, count = mesh.cells[cells], mesh.number_of_nodes

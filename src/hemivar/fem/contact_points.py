@@ -23,6 +23,7 @@ from hemivar.mechanics.statement import ContactProblem, Quadrature
 
 __all__ = [
     "BoundaryContact",
+    "area_contacts",
     "boundary_contact",
     "contacts_of_one",
     "join",
@@ -200,7 +201,39 @@ def _pair_warnings(title: str, overlap: float, nodes: Array, turned: float) -> t
     return tuple(found)
 
 
-# ---- one component ----------------------------------------------------------------------------------------
+# ---- areas, and one component -----------------------------------------------------------------------------
+
+
+def area_contacts(problem: ContactProblem, supports: Supports, others: list[BoundaryContact]) -> list[BoundaryContact]:
+    """The contact points of areas of a plane body: nodes that slide, with two tangents and no normal."""
+    nodes, dim = supports.nodes, problem.mesh.dim
+    names, free = tuple(problem.contact), supports.count < dim
+    beside = [one.points for one in others if one.points.count]
+    taken = [(one.names[one.boundary[0]], np.unique(one.seen // dim)) for one in beside]
+    found = []
+    for place in _places(problem, len(nodes), list(problem.areas)):
+        for name, own in taken:
+            _refuse_shared(name, own, place, nodes, free)
+        contact, at, count = place.contact, nodes[place.nodes], len(place.nodes)
+        frames = np.zeros((count, dim + 1, dim))
+        frames[:, 1:] = _tangents(supports, place.nodes)
+        with error_context(f"contact '{place.name}'", contact.normal, contact.friction):
+            law = contact.law.at(at)
+        mean, boundary = _selection(place.nodes, len(nodes)), np.full(count, names.index(place.name))
+        trace = local_components(mean, frames)
+        points = ContactPoints(trace, place.weights, at, frames, place.nodes, boundary=boundary, names=names, mean=mean)
+        belt = DataField(contact.belt, f"belt of contact '{place.name}'", dim).at(at)
+        found.append(BoundaryContact(points, np.zeros(count), belt, law, np.zeros((count, dim + 1), dtype=bool)))
+    return found
+
+
+def _tangents(supports: Supports, nodes: IntArray) -> Array:
+    """Axes (k, 2, 2) at nodes of the plane; where a support holds one direction it is the second of them."""
+    axes = np.broadcast_to(np.eye(2), (len(nodes), 2, 2)).copy()
+    once = np.flatnonzero(supports.count[nodes] == 1)
+    held = supports.directions[nodes[once], 0]
+    axes[once] = np.stack([np.column_stack([held[:, 1], -held[:, 0]]), held], axis=1)
+    return axes
 
 
 def contacts_of_one(problem: ContactProblem, supports: Supports) -> list[BoundaryContact]:
@@ -210,8 +243,11 @@ def contacts_of_one(problem: ContactProblem, supports: Supports) -> list[Boundar
     the second one, laws of the penetration on the first, and the other one is not there.
     """
     nodes = supports.nodes
-    places = _places(problem, len(nodes))
-    _refuse_shared(problem, places, nodes, supports.count == 0)
+    boundaries = [name for name in problem.contact if name not in problem.areas]
+    places = _places(problem, len(nodes), boundaries) + _places(problem, len(nodes), list(problem.areas))
+    for first in places[: len(boundaries)]:
+        for second in places[len(boundaries) :]:
+            _refuse_shared(first.name, first.nodes, second, nodes, supports.count == 0)
     components = 2 if any(place.contact.rubs for place in places) else 1
     names = tuple(place.name for place in places)
     found = []
@@ -247,46 +283,41 @@ class _Place:
     weights: Array
 
 
-def _places(problem: ContactProblem, count: int) -> list[_Place]:
-    """Boundaries, then areas; a node of two boundaries, or of two areas, belongs to the first of them entirely."""
-    mesh, order = problem.mesh, problem.order
+def _places(problem: ContactProblem, count: int, names: list[str]) -> list[_Place]:
+    """Contacts on boundaries, or over areas; a node of two of them belongs to the first entirely."""
     found: list[_Place] = []
-
-    def add(name: str, members: IntArray, parts: Array, rivals: slice) -> None:
+    for name in names:
+        members, parts = _parts(problem, name)
         summed = np.bincount(members.ravel(), weights=parts.ravel(), minlength=count)
-        for k in range(rivals.start, len(found)):
-            own = found[k].nodes
-            found[k] = replace(found[k], weights=found[k].weights + summed[own])
-            summed[own] = 0.0
+        for k, other in enumerate(found):
+            found[k] = replace(other, weights=other.weights + summed[other.nodes])
+            summed[other.nodes] = 0.0
         nodes = np.flatnonzero(summed)
         if not len(nodes):
             raise ProblemError(f"every node of contact '{name}' belongs to another one; join the two")
         found.append(_Place(name, problem.contact[name], nodes, np.asarray(summed[nodes], dtype=float)))
-
-    boundaries = [name for name in problem.contact if name not in problem.areas]
-    for name in boundaries:
-        facets = mesh.boundaries[name]
-        share, measures = shares(order, mesh.dim), mesh.facet_normals(facets)[1]
-        add(name, mesh.facet_nodes(facets, order), np.outer(measures, share), slice(0, None))
-    share = np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
-    for name, cells in problem.areas.items():
-        add(name, mesh.cells[cells], np.outer(mesh.volumes[cells], share), slice(len(boundaries), None))
     return found
 
 
-def _refuse_shared(problem: ContactProblem, places: list[_Place], nodes: Array, free: BoolArray) -> None:
+def _parts(problem: ContactProblem, name: str) -> tuple[IntArray, Array]:
+    """The nodes (k, q) of the facets or cells of a contact, and the weight that each of them has there."""
+    mesh, order = problem.mesh, problem.order
+    if name in problem.areas:
+        cells, share = problem.areas[name], np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
+        return mesh.cells[cells], np.outer(mesh.volumes[cells], share)
+    facets = mesh.boundaries[name]
+    return mesh.facet_nodes(facets, order), np.outer(mesh.facet_normals(facets)[1], shares(order, mesh.dim))
+
+
+def _refuse_shared(boundary: str, own: IntArray, area: _Place, nodes: Array, free: BoolArray) -> None:
     """Refuse contact over an area at free nodes of a contact boundary: two laws would act on one unknown."""
-    number = len(problem.contact) - len(problem.areas)
-    for first in places[:number]:
-        for second in places[number:]:
-            shared = np.intersect1d(first.nodes, second.nodes)
-            shared = shared[free[shared]]
-            if len(shared):
-                raise ProblemError(
-                    f"contacts '{first.name}' (boundary) and '{second.name}' (area) share {len(shared)} nodes, the "
-                    f"first at x = {in_words(nodes[shared[0]])}; restrict the area to a region without the cells at "
-                    f"'{first.name}'"
-                )
+    shared = np.intersect1d(own, area.nodes)
+    shared = shared[free[shared]]
+    if len(shared):
+        raise ProblemError(
+            f"contacts '{boundary}' (boundary) and '{area.name}' (area) share {len(shared)} nodes, the first at x = "
+            f"{in_words(nodes[shared[0]])}; restrict the area to a region without the cells at '{boundary}'"
+        )
 
 
 # ---- boundaries together ----------------------------------------------------------------------------------
@@ -414,10 +445,12 @@ def join(
     """
     if not groups:
         return no_points, np.zeros(no_points.shape), ContactLaw(NoContact()).at(None), 0.0
-    components = groups[0].points.components
+    components = max(group.points.components for group in groups)
+    laws = [(_turned(group), group.points.count) for group in groups]
+    groups = [_widened(group, components) for group in groups]
     blocked = np.concatenate([group.blocked for group in groups])
     rough = np.concatenate([np.broadcast_to(group.law.rubs, (group.points.count,)) for group in groups])
-    law = join_laws([(_turned(group), group.points.count) for group in groups])
+    law = join_laws(laws)
     full = sp.csr_array(sp.vstack([group.points.trace for group in groups]))
     offset = np.concatenate([_foundation(group) for group in groups])
     moved = np.asarray(full @ prescribed).reshape(-1, components)
@@ -456,6 +489,21 @@ def join(
     energy = _held_energy(contact.take(held), law.take(held), -offset[held], rounding)
     kept = law.take(keep) if len(keep) else ContactLaw(NoContact()).at(None)
     return contact.take(keep), offset[keep], kept, energy
+
+
+def _widened(group: BoundaryContact, components: int) -> BoundaryContact:
+    """The same contact points with more local components, along which nothing moves."""
+    count, old = group.points.shape
+    if old == components:
+        return group
+    trace = sp.coo_array(group.points.trace)
+    point, row = np.divmod(trace.row, old)
+    rows, size = point.astype(np.int64) * components + row, (count * components, trace.shape[1])
+    wide = sp.csr_array((trace.data, (rows, trace.col)), shape=size)
+    assert group.points.frames is not None
+    frames = np.pad(group.points.frames, ((0, 0), (0, components - old), (0, 0)))
+    points = replace(group.points, trace=wide, frames=frames)
+    return replace(group, points=points, blocked=np.pad(group.blocked, ((0, 0), (0, components - old))))
 
 
 def _foundation(group: BoundaryContact) -> Array:
@@ -525,12 +573,12 @@ def _singular_row(gram: sp.csc_array) -> int:
 
 
 def local_components(average: sp.csr_array, frames: Array) -> sp.csr_array:
-    """Local components of the averaged displacement: rows ``j d + c``, columns ``node d + i``."""
-    count, dim = frames.shape[:2]
+    """Local components of the averaged displacement in frames (k, c, d): rows ``j c + i``, columns ``node d + i``."""
+    count, local, dim = frames.shape
     entries = average.tocoo()
-    component, axis = np.meshgrid(np.arange(dim), np.arange(dim), indexing="ij")
-    rows = entries.row[:, None, None] * dim + component
+    component, axis = np.meshgrid(np.arange(local), np.arange(dim), indexing="ij")
+    rows = entries.row[:, None, None] * local + component
     columns = entries.col[:, None, None].astype(np.int64) * dim + axis
     data = entries.data[:, None, None] * frames[entries.row]
-    shape = (count * dim, average.shape[1] * dim)
+    shape = (count * local, average.shape[1] * dim)
     return sp.csr_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape)

@@ -11,7 +11,14 @@ import scipy.sparse as sp
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact import ContactPoints
-from hemivar.fem.contact_points import BoundaryContact, boundary_contact, contacts_of_one, join, merge_corners
+from hemivar.fem.contact_points import (
+    BoundaryContact,
+    area_contacts,
+    boundary_contact,
+    contacts_of_one,
+    join,
+    merge_corners,
+)
 from hemivar.fem.edge_blocks import EdgeBlocks
 from hemivar.fem.mortar_basis import JumpUnknowns, jump_unknowns
 from hemivar.fem.supports import Supports, movable, stated_supports, unit
@@ -108,9 +115,14 @@ def nodal_conditions(problem: ContactProblem, pairs: Mapping[str, BoundaryContac
         groups = contacts_of_one(problem, supports)
     else:
         known = {} if pairs is None else pairs
-        groups = [known.get(name) or boundary_contact(problem, name, supports) for name in problem.contact]
+        groups = [
+            known.get(name) or boundary_contact(problem, name, supports)
+            for name in problem.contact
+            if name not in problem.areas
+        ]
         if problem.quadrature is Quadrature.NODAL:
             groups = merge_corners(groups, supports)
+        groups += area_contacts(problem, supports, groups)
     directions, free = _free_directions(supports, groups)
     return NodalConditions(supports, groups, directions, free)
 
@@ -122,7 +134,7 @@ def _free_directions(supports: Supports, groups: list[BoundaryContact]) -> tuple
     taken = np.zeros(count, dtype=bool)
     for group in groups:
         nodes, frames = group.points.node, group.points.frames
-        if frames is not None and (nodes >= 0).all():
+        if frames is not None and frames.shape[1] == dim and (nodes >= 0).all():
             new = ~taken[nodes]
             directions[nodes[new]] = frames[new]
             taken[nodes] = True

@@ -45,34 +45,35 @@ _OBSTACLES: Mapping[str, type[Plane | Sphere | Cylinder]] = {"plane": Plane, "sp
 #: What may stand under "normal".
 _LAWS = {**NORMAL_LAWS, **COUPLED_LAWS}
 _OF_ONE = ("normal", "friction", *keys_of(Contact, by=OF_ONE))
+_OVER = KEYS["area.*"]
 
 
 def read_contacts(top: TomlTable, mesh: Mesh, folder: Path, of_one: bool) -> dict[str, Contact]:
-    """Contacts by boundary, of one component by region too; tables of laws are looked for in a folder."""
+    """Contacts by boundary and by region; tables of laws are looked for in a folder."""
     reader, table = _Reader(mesh.dim, folder), top.table("contact", None)
     found: dict[str, Contact] = {}
     for name in table.data:
         check_named(mesh, table, name)
         read = reader.of_one if of_one else reader.contact
         found[name] = read(table.table(name, _OF_ONE if of_one else KEYS["contact.*"]))
-    return found | _read_areas(top, mesh, reader) if of_one else found
+    return found | _read_areas(top, mesh, reader.of_one if of_one else reader.over, _OF_ONE if of_one else _OVER)
 
 
-def _read_areas(top: TomlTable, mesh: Mesh, reader: _Reader) -> dict[str, Contact]:
+def _read_areas(
+    top: TomlTable, mesh: Mesh, read: Callable[[TomlTable], Contact], keys: tuple[str, ...]
+) -> dict[str, Contact]:
     """Contacts over the mesh, or over regions of it."""
     area = top.table("area", None)
-    if any(key in area for key in _OF_ONE):
-        area.only(_OF_ONE)
-        return {AREA: reader.of_one(area)}
+    if any(key in area for key in keys):
+        area.only(keys)
+        return {AREA: read(area)}
     for name in area.data:
         if name not in mesh.regions:
             known = f"{', '.join(mesh.regions) or 'none'}"
-            raise area.error(
-                name, f"is neither of normal, friction, level, side nor a region of the mesh (regions: {known})"
-            )
+            raise area.error(name, f"is neither of {', '.join(keys)} nor a region of the mesh (regions: {known})")
         if name in top.table("contact", None):
             raise area.error(name, "a boundary with contact has this name too; rename one of them in the mesh")
-    return {name: reader.of_one(area.table(name, _OF_ONE)) for name in area.data}
+    return {name: read(area.table(name, keys)) for name in area.data}
 
 
 class _Reader:
@@ -104,6 +105,13 @@ class _Reader:
             return Contact(
                 normal, friction, obstacle=obstacle, normals=normals, damping=damping, memory=memory, **moved
             )
+
+    def over(self, table: TomlTable) -> Contact:
+        """A contact over an area of a body, where points only slide."""
+        made = self.contact(TomlTable({"normal": "none", **table.data}, table.source, table.name, None, table.prefix))
+        with context(f"{table.where('friction' if made.friction.acts else 'normal')}:"):
+            made.refuse_normals(self.dim)
+        return made
 
     def of_one(self, table: TomlTable) -> Contact:
         """A contact of one component."""
@@ -225,9 +233,8 @@ class SideFiles:
 
 def contact_records(problem: ContactProblem, aside: SideFiles) -> dict[str, object]:
     """The tables [contact] and [area] of a problem."""
-    if not problem.kind:
-        return {"contact": {name: _contact_record(name, one, aside) for name, one in problem.contact.items()}}
-    records = {name: _record_of_one(name, one, aside) for name, one in problem.contact.items()}
+    record = _record_of_one if problem.kind else _contact_record
+    records = {name: record(name, one, aside) for name, one in problem.contact.items()}
     area = {name: records.pop(name) for name in problem.areas}
     return {"contact": records, "area": area.get(AREA, area)}
 

@@ -78,7 +78,20 @@ def _output_keys() -> tuple[str, ...]:
 #: Keys of each table; tables named after boundaries or regions are written with a star.
 KEYS: Mapping[str, tuple[str, ...]] = _Keys(
     {
-        "": ("title", "mesh", "material", "loads", "supports", "contact", "heat", "time", "output", "solver", "units"),
+        "": (
+            "title",
+            "mesh",
+            "material",
+            "loads",
+            "supports",
+            "contact",
+            "area",
+            "heat",
+            "time",
+            "output",
+            "solver",
+            "units",
+        ),
         "mesh": (
             "rectangle",
             "box",
@@ -103,6 +116,7 @@ KEYS: Mapping[str, tuple[str, ...]] = _Keys(
             "against",
             "slave",
         ),
+        "area.*": ("normal", "friction", "belt", "memory"),
         "time": _time_keys,
         "output": _output_keys,
         "solver": keys_of(SolverSettings),
@@ -111,7 +125,7 @@ KEYS: Mapping[str, tuple[str, ...]] = _Keys(
 )
 
 #: Keys of the top of a file of one component.
-KEYS_OF_ONE = ("kind", "area", *(key for key in KEYS[""] if key != "heat"))
+KEYS_OF_ONE = ("kind", *(key for key in KEYS[""] if key != "heat"))
 
 #: Tables that get a heading of their own when they are written; all others stand in one line.
 _HEADED = (*KEYS, "supports", "contact", "material.regions", "area", "heat.contact")

@@ -17,7 +17,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem import gradient, nodal_average, stress, von_mises
-from hemivar.fem.area_average import area_average
+from hemivar.fem.area_average import area_average, over_area
 from hemivar.fem.fields import out_of_plane_stress
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.files.record import prepared
@@ -69,7 +69,8 @@ def write_vtu(
     Cell data: ``stress``, six components xx, yy, zz, xy, yz, xz (the order of symmetric tensors in VTK; zz of plane
     models included), ``von_mises``, ``region`` (number of the region in the order of the mesh, -1 in none) and, where
     there are several, ``part`` (number of the body).
-    Quadratic fields use quadratic cells, with the stress of the centroid.
+    Quadratic fields use quadratic cells, with the stress of the centroid.  Points of contact over an area have their
+    data in the body, and ``mean_friction``, the average of the friction over cells.
 
     A scalar problem is one file. Point data: the unknown by its name (``deflection``, ``temperature``; ``u_z`` in
     antiplane shear), for membranes and antiplane shear ``displacement`` as well, a vector across the plane to warp by,
@@ -120,11 +121,11 @@ def write_vtu(
         parts["part"] = np.asarray(mesh.parts.cell.astype(np.int32))
     cell_data: dict[str, Array] = {"region": region_numbers(mesh), **parts, **own, **_checked(mesh, cell_values)}
     boundaries = [] if scalar else contact_boundaries(problem)
-    quantities = contact_quantities(solution) if boundaries or (scalar and problem.contact.count) else {}
+    direct = np.full(problem.contact_points, True) if scalar else over_area(problem)
+    quantities = contact_quantities(solution) if boundaries or direct.any() else {}
     for name, (values, fill) in quantities.items():
         point_data[name] = np.full((len(nodes), *values.shape[1:]), fill)
-        if scalar:
-            point_data[name][problem.contact.node] = values
+        point_data[name][problem.contact.node[direct]] = values[direct]
     blocks = [block for boundary in boundaries for block in _blocks(boundary, quantities)]
     for block in sorted(blocks, key=lambda block: block.touched)[::-1]:  # points before means, the first one last
         known = block.data["boundary"] >= 0
@@ -187,6 +188,10 @@ def body_fields(
         tensor = _symmetric_stress(stated, solution.displacement)
         point_data["stress"] = nodal_average(stated, tensor, summed)
         cell_data |= {"stress": tensor, "von_mises": von_mises(stated, solution.displacement)}
+        if stated.areas:
+            over, mean = over_area(solution.problem), area_average(solution.problem, solution.friction_vectors)
+            point_data["mean_friction"] = np.zeros((len(solution.displacement), 3))
+            point_data["mean_friction"][solution.problem.contact.node[over]] = three_components(mean[over])
         if isinstance(solution, Snapshot) and solution.thermal_stress is not None:
             cell_data["thermal_stress"] = solution.thermal_stress.reshape(len(solution.thermal_stress), -1)
     return point_data, cell_data

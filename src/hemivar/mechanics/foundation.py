@@ -54,6 +54,9 @@ class Contact(CheckedFields, PickleMixin):
     Of one component, as of a membrane, a law acts on the penetration ``u - gap``, or ``gap - u`` where the foundation
     lies below, and friction on the slip ``u - gap``; one of the two acts.  There is no obstacle and no belt.
 
+    Over an area of a plane body there is no penetration: ``Contact(NoContact(), friction)``, or a law that couples
+    opening and slip, acts on the displacement less that of the belt.
+
     Attributes
     ----------
     normal : Superpotential
@@ -200,6 +203,34 @@ class Contact(CheckedFields, PickleMixin):
                     f"the memory '{one.name}' is of a slip beside the penetration, and a scalar contact has no two; "
                     f"give one of {', '.join(kind.__name__ for kind in _OF_PENETRATION)}, without friction"
                 )
+
+    def refuse_normals(self, dim: int) -> None:
+        """Refuse what acts along a normal, which contact over an area of a body does not have.
+
+        Raises
+        ------
+        ProblemError
+        """
+        if dim != 2:
+            raise ProblemError("contact over a region is for plane bodies, and this one lies in space; take a bedding")
+        if isinstance(self.normal, Superpotential) and not self.rubs:
+            raise ProblemError(
+                f"contact over an area has the law '{self.normal.name}' of a penetration and the friction "
+                f"'{self.friction.name}', and its points only slide; give NoContact() and friction"
+            )
+        if isinstance(self.friction.bound, StateBound):
+            raise ProblemError(
+                f"the bound of friction law '{self.friction.name}' depends on penetration or pressure, which contact "
+                f"over an area does not have; give a number, a formula or a function of x"
+            )
+        beyond = {
+            "an obstacle": self.obstacle is not None,
+            "another boundary": self.against != "",
+            "a gap": callable(self.gap) or self.gap != 0.0,
+            "damping of the penetration": self.damping is not None,
+        }
+        for what in (what for what, given in beyond.items() if given):
+            raise ProblemError(f"contact over an area has {what}, which needs a normal; leave it out")
 
     @property
     def rubs(self) -> bool:

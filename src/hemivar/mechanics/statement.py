@@ -45,7 +45,7 @@ from hemivar.mechanics.per_volume import checked_quantity
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["AREA", "ContactProblem", "Quadrature", "expect_body"]
+__all__ = ["AREA", "ContactProblem", "Quadrature", "expect_body", "refuse_areas"]
 
 #: What contact over the whole mesh is called.
 AREA = "area"
@@ -95,7 +95,8 @@ class ContactProblem(PickleMixin, ReprMixin):
     mesh : Mesh
     material : Material
     contact : mapping of name to Contact
-        By boundary, and of one component by region too; :data:`AREA` is the whole mesh.
+        By boundary, or by region for contact over an area; :data:`AREA` is the whole mesh. Over an area of a plane
+        body, such as a sheet that lies on a table, friction acts on the whole displacement.
     supports : mapping of boundary name to Support
         :class:`Clamped`, :class:`Roller`, :class:`Fixed` or :class:`Prescribed`; ``"clamped"`` and ``"roller"`` are
         turned into the first two.  Of one component a number or a callable that returns shape (k,), as the loads are.
@@ -318,14 +319,15 @@ class ContactProblem(PickleMixin, ReprMixin):
             )
         if Quadrature(self.quadrature) is not Quadrature.NODAL:
             raise ProblemError("plane = 'axisymmetric' has contact at the nodes; take Quadrature.NODAL")
+        if self.areas:
+            raise ProblemError("plane = 'axisymmetric' has no contact over an area; leave it out")
 
     def _check_contacts(self) -> None:
         """Refuse contact that is none, or that the mesh, the order or the field does not take."""
         self._check_mapping("contact")
         for name, contact in self.contact.items():
             self._check_contact(name, contact)
-        areas = [name for name in self.contact if name not in self.mesh.boundaries]
-        if self.kind and self.order == 2 and (areas or (self.contact and self.mesh.dim == 3)):
+        if self.order == 2 and (self.areas or (self.kind and self.contact and self.mesh.dim == 3)):
             raise ProblemError(
                 "contact over an area (or on a boundary in space) is not available with elements of order 2, "
                 "whose corner weights vanish; take order=1"
@@ -337,6 +339,8 @@ class ContactProblem(PickleMixin, ReprMixin):
         midpoint = self.quadrature is Quadrature.MIDPOINT
         if self.kind and midpoint:
             raise ProblemError("a scalar problem has its laws at the nodes; take Quadrature.NODAL")
+        if self.areas and midpoint:
+            raise ProblemError("contact over an area acts at the nodes; take Quadrature.NODAL")
         if self.contact and midpoint and self.mesh.dim == 3:
             raise ProblemError(
                 "quadrature at midpoints is for plane bodies: in 3D a contact boundary has about twice as many facets "
@@ -344,10 +348,11 @@ class ContactProblem(PickleMixin, ReprMixin):
             )
 
     def _check_contact(self, name: str, contact: object) -> None:
-        in_region = name == AREA or name in self.mesh.regions
-        if not self.kind or not in_region:
-            self._check_name("contact", name, "boundary", "boundaries")
-        elif name in self.mesh.boundaries:
+        in_region, on_boundary = name == AREA or name in self.mesh.regions, name in self.mesh.boundaries
+        if not in_region and not on_boundary:
+            near = suggest(str(name), [*self.mesh.boundaries, *self.mesh.regions], "boundaries and regions")
+            raise ProblemError(f"contact names boundary '{name}', which the mesh does not have{near}")
+        if in_region and on_boundary:
             raise ProblemError(f"contact names '{name}', a boundary and a region; rename one of them in the mesh")
         if not isinstance(contact, Contact):
             wrap = "ScalarContact(Signorini(), level=0.1)" if self.kind else "Contact(law, friction)"
@@ -357,6 +362,9 @@ class ContactProblem(PickleMixin, ReprMixin):
                 contact.refuse_directions()
         elif contact.side is not Side.ABOVE:
             raise ProblemError(f"contact['{name}'] has a side, which is for one component; leave it out")
+        elif in_region:
+            with error_context(f"contact '{name}'"):
+                contact.refuse_normals(self.mesh.dim)
         if contact.against:
             self._check_pair(name, contact)
         dim = self.mesh.dim
@@ -514,3 +522,9 @@ def expect_body(problem: object, what: str, remedy: str) -> ContactProblem:
     if found.kind:
         raise ProblemError(f"{what} is a ScalarProblem; {remedy}")
     return found
+
+
+def refuse_areas(problem: ContactProblem, what: str) -> None:
+    """Refuse contact over an area where there is contact on boundaries only."""
+    for name in problem.areas:
+        raise ProblemError(f"{what} is known for contact on boundaries, and '{name}' is over an area; do without it")

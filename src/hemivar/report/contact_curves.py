@@ -12,12 +12,13 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem.area_average import over_area
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.laws import ContactLaw
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, with_notes, write_foot
 from hemivar.report.drawn_body import flat_axes, flat_map
 from hemivar.report.picture import BELOW, new_figure
-from hemivar.report.scalar_map import area_maps, over_area
+from hemivar.report.scalar_map import area_maps
 from hemivar.report.style import (
     BLUE,
     GREEN,
@@ -83,7 +84,7 @@ def plot_contact(
     line, title = certificate_line(solution, certificate), title_of(solution, title)
     with drawing():
         contact = problem.contact
-        if over_area(solution).any():
+        if over_area(problem).any():
             return area_maps(solution, title, unit, stress_unit, line)
         if problem.origin and problem.origin.kind and problem.origin.mesh.dim == 3:
             raise ProblemError("contact of one component in space is not drawn along a line; write it with write_vtu")

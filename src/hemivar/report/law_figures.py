@@ -19,6 +19,7 @@ from hemivar.laws import (
     Friction,
     MixedMode,
     ModeDependentGlue,
+    NoContact,
     OwnCoupledLaw,
     PenetrationBound,
     PiecewiseQuadratic,
@@ -201,7 +202,8 @@ def law_captions(problem: DiscreteProblem) -> list[str]:
     law = problem.law
     if not isinstance(law, ContactLaw):
         return [_proper(law.name)]
-    lines = [f"{_proper(part.name)} law{_constants(part)}" for part in getattr(law.normal, "parts", (law.normal,))]
+    parts = [part for part in getattr(law.normal, "parts", (law.normal,)) if not isinstance(part, NoContact)]
+    lines = [f"{_proper(part.name)} law{_constants(part)}" for part in parts]
     if law.state_dependent:
         lines.append(_state_dependent(law.friction))
         return lines

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from hemivar.basics.types import Array, IntArray
+from hemivar.fem.area_average import over_area
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, polylines
 from hemivar.report.deformed import BodyColour, DeformedBody, round_number
 from hemivar.report.drawn_body import (
@@ -76,7 +77,7 @@ class PlaneBody:
         for line in self.outline:
             ax.plot(*self.mesh.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=2.5)
         self.handles.append(Line2D([], [], color=GREY, lw=0.8, ls=DASHES, label="body at rest"))
-        if self.boundaries:
+        if self.boundaries or over_area(self.problem).any():
             longest = self._forces(ax, arrows) if arrows is not Arrows.NONE else 0.0
             self._foundations(ax, longest)
             self._states(ax)
@@ -152,6 +153,9 @@ class PlaneBody:
             bearing = np.flatnonzero(bears[index] > 1e-9 * bears.max(initial=0.0))
             middle = int(bearing[len(bearing) // 2]) if len(bearing) else len(index) // 2
             kept.append(index[_spread(where, middle, distance * self.size)])
+        over = np.flatnonzero(over_area(self.problem))
+        squares = np.floor(points[over] / (distance * self.size))
+        kept.append(over[np.unique(squares, axis=0, return_index=True)[1]])
         return np.sort(np.concatenate(kept))
 
     def _states(self, ax: Axes) -> None:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.fem.area_average import area_average
+from hemivar.fem.area_average import area_average, over_area
 from hemivar.files.boundary import polylines
 from hemivar.mechanics.foundation import Side
 from hemivar.mechanics.statement import ContactProblem
@@ -24,16 +24,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["area_maps", "over_area", "plot_scalar"]
+__all__ = ["area_maps", "plot_scalar"]
 
 _LEVELS = 10
-
-
-def over_area(solution: Solution) -> BoolArray:
-    """Which contact points belong to a contact over an area, (m,)."""
-    contact, stated = solution.problem.contact, solution.problem.origin
-    areas = set(stated.areas) if stated else set()
-    return np.isin(contact.boundary, [k for k, name in enumerate(contact.names) if name in areas])
 
 
 def plot_scalar(
@@ -74,7 +67,7 @@ def plot_scalar(
     for edge in polylines(mesh.boundary_facets):
         ax.plot(*mesh.points[edge].T, color="black", lw=0.9, zorder=3)
     handles: list[Artist] = []
-    over = over_area(solution)
+    over = over_area(solution.problem)
     touching = over & solution.states.closed
     if touching.any():
         inside = np.zeros(mesh.number_of_nodes)
@@ -96,7 +89,7 @@ def plot_scalar(
     if legend:
         sides = {one.side for one in stated.contact.values() if not one.rubs}
         lines = [note] if note else []
-        lines += [text for text in law_captions(solution.problem) if not text.lower().startswith("none law")]
+        lines += law_captions(solution.problem)
         lines += ["foundation below"] if sides == {Side.BELOW} else []
         handles += [Line2D([], [], ls="", label=text) for text in lines]
         legend_beside(ax, handles=handles, handlelength=1.6, handleheight=1.2, labelspacing=0.7)
@@ -131,10 +124,14 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     mesh, contact = stated.mesh, problem.contact
     if mesh.dim == 3:
         raise ProblemError("contact over a volume is not drawn as a flat map; write it with write_vtu")
-    over = np.flatnonzero(over_area(solution))
-    acts = area_average(problem, solution.pressure + solution.friction.sum(axis=1))[over]  # each has one of the two
-    r = solution.local[over].sum(axis=1)
-    rubs = any(stated.contact[name].rubs for name in stated.areas)
+    over = np.flatnonzero(over_area(problem))
+    rubs = any(not stated.kind or stated.contact[name].rubs for name in stated.areas)
+    if stated.kind:  # each point has one of the two
+        acts, r = area_average(problem, solution.pressure + solution.friction.sum(axis=1)), solution.local.sum(axis=1)
+    else:
+        vectors = area_average(problem, solution.friction), solution.slip
+        acts, r = (np.linalg.norm(values, axis=1) for values in vectors)
+    acts, r = acts[over], r[over]
     held = np.ones(mesh.number_of_nodes, dtype=bool)
     held[contact.node[over]] = False
     cells = mesh.cells[(~held[mesh.cells]).all(axis=1)]

@@ -213,9 +213,11 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
 
     @property
     def measured(self) -> str:
-        """What :attr:`contact_length` is: a "length", an "area" or a "volume"."""
+        """What :attr:`contact_length` is: a "length", an "area" or a "volume"; a "measure" where it is a sum of two."""
         stated = self.problem.origin
-        if stated is not None and stated.kind:
+        if stated is not None and 0 < len(stated.areas) < len(stated.contact):
+            return "measure"
+        if stated is not None:
             return ("length", "area", "volume")[stated.mesh.dim - 2 + bool(stated.areas)]
         ring = stated is not None and stated.material.axisymmetric
         return "area" if ring or self.problem.contact.components == 3 else "length"

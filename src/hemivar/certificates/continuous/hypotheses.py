@@ -24,7 +24,7 @@ from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.parametrised import ParameterLaw
 from hemivar.mechanics.conditions import Roller
 from hemivar.mechanics.obstacles import Plane
-from hemivar.mechanics.statement import ContactProblem, Geometry, expect_body
+from hemivar.mechanics.statement import ContactProblem, Geometry, expect_body, refuse_areas
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["STRAIGHT", "body_shape", "facet_angles", "inexact_data", "stated_conditions", "unmet_hypotheses"]
@@ -73,6 +73,7 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     """
     remedy = "give the ContactProblem that states it: bounds are for elastic bodies at rest"
     expect_body(problem, "the problem of the bound", remedy)
+    refuse_areas(problem, "a bound of the distance to the exact solution")
     refuse_evolution(problem)
     if problem.material.axisymmetric:
         raise ProblemError(

@@ -61,7 +61,7 @@ from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.directed_matrix import directed_matrix
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values, voigt_index
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.mechanics.statement import ContactProblem, expect_body
+from hemivar.mechanics.statement import ContactProblem, expect_body, refuse_areas
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems.workspace import Workspace
 
@@ -366,6 +366,7 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
         cells, or its coarsest mesh has too many.
     """
     expect_body(problem, "the problem of a lower bound", "give the ContactProblem that states the body")
+    refuse_areas(problem, "a bound of a trace constant")
     if cells is not None:
         whole_number(cells, "cells", 1)
     if not problem.contact:

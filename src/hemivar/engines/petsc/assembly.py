@@ -200,6 +200,8 @@ def _named(contact: ContactPoints, names: tuple[str, ...]) -> ContactPoints:
 def _check_suited(problem: ContactProblem) -> None:
     if problem.kind:
         raise MethodError("the engine 'petsc' has no scalar problems; leave --engine out")
+    if problem.areas:
+        raise MethodError("the engine 'petsc' has no contact over an area; leave --engine out")
     if problem.order != 1:
         raise MethodError("the engine 'petsc' has linear elements only; write order = 1, or leave --engine out")
     if problem.contact and problem.quadrature is not Quadrature.NODAL:
