@@ -31,6 +31,28 @@ def test_a_curve_without_noise_gives_its_law(name: str) -> None:
     assert found.misfit < 1e-7
 
 
+@pytest.mark.parametrize("side", ["upper:bottom", "lower:top"])
+def test_the_law_of_a_joint_is_found_by_the_force_on_either_side(side: str) -> None:
+    """Two blocks without lateral strain, E = 10, on springs: 1/F = 2 h/E + 1/k per pull."""
+    mesh = hv.Mesh.assembled(
+        {"upper": hv.rectangle((1.0, 1.0), (3, 1), origin=(0.0, 1.0)), "lower": hv.rectangle((1.0, 1.0), (2, 1))}
+    )
+
+    def state(values: Mapping[str, float]) -> hv.ContactProblem:
+        return hv.ContactProblem(
+            mesh,
+            hv.Material.young(10.0, 0.0),
+            {"upper:bottom": hv.Contact(hv.Compliance(values["stiffness"]), against="lower:top")},
+            {"lower:bottom": hv.Clamped(), "upper:top": hv.Fixed(x=0.0, y=-values["push"])},
+        )
+
+    pushed, sign = np.array([0.01, 0.02, 0.03]), 1.0 if side == "upper:bottom" else -1.0
+    force = sign * pushed / (2.0 / 10.0 + 1.0 / 7.0)
+    measured = Measurements({"push": pushed}, {f"contact.{side}.force.y": force})
+    found = hv.workflows.identify(state, measured, {"stiffness": (1.0, 50.0)})
+    assert found.value("stiffness") == pytest.approx(7.0, rel=1e-6)
+
+
 @pytest.mark.parametrize("name", sampled(CASES, ["trilinear"]))
 def test_one_per_cent_of_noise_gives_it_within_two(name: str) -> None:
     case = CASES[name]
