@@ -527,4 +527,6 @@ def expect_body(problem: object, what: str, remedy: str) -> ContactProblem:
 def refuse_areas(problem: ContactProblem, what: str) -> None:
     """Refuse contact over an area where there is contact on boundaries only."""
     for name in problem.areas:
-        raise ProblemError(f"{what} is known for contact on boundaries, and '{name}' is over an area; do without it")
+        raise ProblemError(
+            f"'{name}' is over an area, and {what} is for contact on boundaries; leave one of the two out"
+        )
