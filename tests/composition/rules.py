@@ -58,7 +58,10 @@ _NO_PATH = (
     "Where a law falls at once a load path needs a linear body in the plane, with opening and slip apart and a bound "
     "that does not depend on the solution."
 )
-_NO_BOUND = "The distance to the exact solution is bounded for elastic bodies, without bedding."
+_NO_BOUND = (
+    "The distance to the exact solution is bounded for elastic bodies, without bedding, and for one component on "
+    "supports; adaptive solves are for bodies."
+)
 _NO_BOUND_RESTING = (
     "The distance to the exact solution is bounded for bodies that contact alone holds where laws are convex, of "
     "opening and slip apart, and do not depend on the solution."
@@ -88,7 +91,6 @@ RULES = (
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), _NOT_CONVEX),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),
     Rule("another body", _NO_BOUND_OF_PAIR, _BOUNDS, ("pair", "glued inside")),
-    Rule("and this is a scalar problem", _NO_BOUND, ("exact",), SCALAR),
     Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),
     Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, friction=("coulomb",)),
     Rule("depend on the mode adds", _NO_BOUND_OF_LAW, _BOUNDS, normal=("mode-dependent",)),

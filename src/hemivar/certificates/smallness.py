@@ -15,6 +15,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, anywhere, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
+from hemivar.certificates.continuous.scalar_distance import scalar_trace_bound
 from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, strain_reach
 from hemivar.certificates.norms import EnergyNorm, energy_norm, factorises
 from hemivar.discrete.bulk import Quadratic
@@ -259,10 +260,10 @@ def with_survey(
 
 def _trace_bound(statement: ContactProblem, workspace: Workspace | None) -> float | None:
     """Upper bound of the c_gamma of a body; None where there is none."""
-    if statement.kind:
-        return None
     check_time()
     try:
+        if statement.kind:
+            return scalar_trace_bound(statement)
         found = lower_bounds(replace(statement, material=_NORM), workspace=workspace)
     except ProblemError:
         return None

@@ -319,14 +319,14 @@ class ContactProblem(PickleMixin, ReprMixin):
             )
         if Quadrature(self.quadrature) is not Quadrature.NODAL:
             raise ProblemError("plane = 'axisymmetric' has contact at the nodes; take Quadrature.NODAL")
-        if self.areas:
-            raise ProblemError("plane = 'axisymmetric' has no contact over an area; leave it out")
 
     def _check_contacts(self) -> None:
         """Refuse contact that is none, or that the mesh, the order or the field does not take."""
         self._check_mapping("contact")
         for name, contact in self.contact.items():
             self._check_contact(name, contact)
+        if self.areas and self.material.axisymmetric:
+            raise ProblemError("plane = 'axisymmetric' has no contact over an area; leave it out")
         if self.order == 2 and (self.areas or (self.kind and self.contact and self.mesh.dim == 3)):
             raise ProblemError(
                 "contact over an area (or on a boundary in space) is not available with elements of order 2, "

@@ -24,6 +24,8 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.continuous import exact_distance
+from hemivar.certificates.continuous.exact_certificate import statement_of
+from hemivar.certificates.continuous.scalar_distance import scalar_distance
 from hemivar.certificates.continuous.trace_bounds import body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -296,10 +298,6 @@ def studying(
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
             "whose mesh can be refined"
         )
-    if options.exact and stated.kind:
-        raise ProblemError(
-            "study: exact=True (--exact) bounds errors of elastic bodies, not of scalar problems; leave it out"
-        )
     known = options.known if isinstance(options.known, KnownField) else None
     if known is not None:
         error_norms(stated, np.zeros((len(stated.mesh.nodes(stated.order)), stated.components)), known)
@@ -557,14 +555,21 @@ def _bounded(levels: list[StudyLevel]) -> Work[bool]:
     """Put the bound of its error into each level; returns whether the work was interrupted."""
     first = levels[0].solution.problem
     with one_thread():
-        constants = body_constants(first, Workspace())  # of the body: they hold on every mesh of it
+        one = first.origin is not None and first.origin.kind is not None
+        # of the body: they hold on every mesh of it
+        constants = None if one else body_constants(first, Workspace())
         for number, level in enumerate(levels):
             yield Phase(f"h = {level.size:.4g}: bound of the error", number, len(levels))
             stated = level.solution.problem.origin
             assert stated is not None
             try:
-                found = exact_distance(stated, level.solution.displacement, constants)
-                bound = found.distance if found.guaranteed or found.conditions else math.inf
+                u = level.solution.displacement
+                found = (
+                    scalar_distance(stated, u)
+                    if constants is None
+                    else statement_of(exact_distance(stated, u, constants))
+                )
+                bound = found.bound if found.guaranteed or found.conditions else math.inf
                 reasons, conditions = found.reasons, found.conditions
             except ProblemError as error:
                 bound, reasons, conditions = math.inf, (str(error),), ()

@@ -10,7 +10,7 @@ import pytest
 import hemivar as hv
 from hemivar.certificates import DistanceToExact
 from hemivar.certificates.continuous import body_constants, distance_to_exact, exact_distance
-from hemivar.gallery import antiplane_friction, survey
+from hemivar.gallery import survey
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +74,6 @@ def test_where_there_is_none(solution: hv.Solution, workspace: hv.systems.Worksp
         replace(survey("5.1", 4), contact={"bottom": hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.1))})
     )
     assert changed in why(problem.with_(law=stiffer.law), u)
-    scalar = hv.solve(antiplane_friction(4).problem)
-    assert "scalar problem" in why(scalar.problem, scalar.unknowns)
     arrays = hv.DiscreteProblem.of_arrays(
         problem.stiffness, problem.load, problem.contact.trace, problem.contact.weights,
         problem.gap, problem.law,

@@ -10,6 +10,7 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
 from hemivar.certificates.continuous.hypotheses import body_shape
+from hemivar.certificates.continuous.scalar_distance import scalar_distance
 from hemivar.certificates.continuous.trace_bounds import body_constants
 from hemivar.certificates.distance_to_exact import DistanceToExact
 from hemivar.discrete.problem import DiscreteProblem
@@ -53,13 +54,13 @@ def distance_to_exact(
     stated = problem.origin
     if problem.field is None or stated is None:
         return nothing("the problem was made of arrays, and no continuous one is known to which it belongs")
-    if stated.kind:
-        return nothing("stresses in equilibrium are made of elastic bodies, and this is a scalar problem")
     if max_time <= 0.0:
         return nothing("the time limit was reached")
     try:
         if not _is_stated(problem, stated, unknowns):
             return nothing("load, gap, law or stiffness are not those of the stated problem")
+        if stated.kind:
+            return scalar_distance(stated, problem.field.full(unknowns))
         constants = body_constants(problem, Workspace.given(workspace))
         if time.perf_counter() - began > max_time:
             return nothing("the time limit was reached")

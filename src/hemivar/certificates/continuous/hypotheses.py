@@ -27,7 +27,16 @@ from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem, Geometry, expect_body, refuse_areas
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["STRAIGHT", "body_shape", "facet_angles", "inexact_data", "stated_conditions", "unmet_hypotheses"]
+__all__ = [
+    "STRAIGHT",
+    "body_shape",
+    "check_supports",
+    "facet_angles",
+    "inexact_data",
+    "law_doubts",
+    "stated_conditions",
+    "unmet_hypotheses",
+]
 
 #: Angle that is rounding, in radians.
 STRAIGHT = 1e-6
@@ -88,8 +97,14 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
             )
     found: list[str] = []
     if displacement is not None and _well_formed(problem, displacement):
-        _check_supports(problem, displacement)
+        check_supports(problem, displacement)
         found += _passed_rollers(problem, displacement)
+    return found + law_doubts(problem)
+
+
+def law_doubts(problem: ContactProblem) -> list[str]:
+    """Laws whose parameters vary, and parts of the surface that look curved, one sentence each."""
+    found: list[str] = []
     for name, contact in problem.contact.items():
         values = list(_parameters(contact.normal)) + list(_parameters(contact.friction))
         for what, value in values:
@@ -174,7 +189,7 @@ def _well_formed(problem: ContactProblem, displacement: Array) -> bool:
     return u.shape == problem.mesh.nodes(problem.order).shape and u.dtype.kind in "fiu" and bool(np.isfinite(u).all())
 
 
-def _check_supports(problem: ContactProblem, displacement: Array) -> None:
+def check_supports(problem: ContactProblem, displacement: Array) -> None:
     """Refuse a displacement that is not among those that the supports allow: the theorems compare two of them."""
     u, supports = np.asarray(displacement), stated_supports(problem)
     off = np.abs(np.einsum("nqd,nd->nq", supports.directions, u - supports.value)).max(axis=1)
