@@ -306,6 +306,8 @@ def test_where_areas_are_refused() -> None:
     problem, _ = sheet()
     with pytest.raises(hv.errors.ProblemError, match="take order=1"):
         replace(problem, order=2)
+    with pytest.raises(hv.errors.ProblemError, match="'axisymmetric' has no contact over an area"):
+        replace(problem, mesh=hv.rectangle((1.0, 1.0), 2), material=hv.Material.young(1.0, 0.3, plane="axisymmetric"))
     with pytest.raises(hv.errors.ProblemError, match="acts at the nodes; take Quadrature"):
         replace(problem, quadrature=Quadrature.MIDPOINT)
     with pytest.raises(hv.errors.ProblemError, match="this one lies in space; take a bedding"):
