@@ -350,7 +350,7 @@ def _paid(
 # ---- the distance -----------------------------------------------------------------------------------------------
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Sums:
     """What is gathered over facets and cells."""
 
@@ -359,7 +359,7 @@ class _Sums:
     at_contact: Array  # (M,): the part of contact in that
     alpha_facets: Array  # (F,)
     alpha_cells: Array  # (M,)
-    gap: float
+    gaps: list[float]
     reasons: list[str]
     conditions: list[str]
 
@@ -379,7 +379,7 @@ class _Distance:
     def _begin(self) -> None:
         facets, cells = len(self.table.facets), len(self.table.cells)
         self.sums = _Sums(
-            np.zeros(facets), np.zeros(cells), np.zeros(cells), np.zeros(facets), np.zeros(cells), 0.0,
+            np.zeros(facets), np.zeros(cells), np.zeros(cells), np.zeros(facets), np.zeros(cells), [],
             [*self.doubts], [],
         )  # fmt: skip
 
@@ -431,7 +431,7 @@ class _Distance:
         measures, part = self.table.measures[facets], np.zeros(len(self.table.cells))
         np.add.at(self.sums.load, facets, measures * mean)
         np.add.at(part, self.table.owners[facets, 0], self.means.kappa(facets) * off * np.sqrt(measures))
-        self.sums.beside += part
+        np.add(self.sums.beside, part, out=self.sums.beside)
         return part
 
     def _places(self, name: str) -> tuple[IntArray, Array]:
@@ -470,9 +470,9 @@ class _Distance:
             weight = self.means.least[cell] / self.means.diameter[cell] ** power * float(paying)
             at = self.problem.mesh.points[members]
             found = _acting(contact, name, self.u[members], _known(nodal[members]), at, weight)
-            self.sums.gap += float(sizes @ found.gap)
-            self.sums.reasons += found.doubts
-            self.sums.conditions += found.conditions
+            self.sums.gaps.append(float(sizes @ found.gap))
+            self.sums.reasons.extend(found.doubts)
+            self.sums.conditions.extend(found.conditions)
             if name in self.problem.areas:
                 cells = self.problem.areas[name]
                 mean[cells], off[cells] = mean[cells] + found.mean, off[cells] + found.off
@@ -480,7 +480,8 @@ class _Distance:
             else:
                 facets = self._facets(name)
                 self.sums.alpha_facets[facets] = found.alpha
-                self.sums.at_contact += self._add(facets, -found.mean, found.off)
+                part = self._add(facets, -found.mean, found.off)
+                np.add(self.sums.at_contact, part, out=self.sums.at_contact)
         return mean, off
 
     def found(self) -> DistanceToExact:
@@ -495,8 +496,8 @@ class _Distance:
         force, force_off = self._contacts(paying)
         mean, off = rule.mean(self._density) - force, rule.off(self._density)
         inside = means.diameter / math.pi * np.sqrt(table.volumes / means.least)
-        sums.at_contact += inside * force_off
-        sums.beside += inside * (off + force_off)
+        for part, beside in ((sums.at_contact, force_off), (sums.beside, off + force_off)):
+            part += inside * beside
         load = sums.load.copy()
         np.add.at(load, table.cell_facets, (mean * table.volumes / (table.dim + 1))[:, None])
         x = means.solved(load, self.u[table.facets].mean(axis=1))
@@ -509,7 +510,7 @@ class _Distance:
         return self._stated(whole, misfit, contact, c)
 
     def _stated(self, whole: float, misfit: float, contact: float, c: float) -> DistanceToExact:
-        G, bound = self.sums.gap, math.inf
+        G, bound = sum(self.sums.gaps), math.inf
         if c < 1.0:
             bound = (whole + math.sqrt(whole**2 + 4.0 * (1.0 - c) * G)) / (2.0 * (1.0 - c))
         reasons = list(self.sums.reasons)
