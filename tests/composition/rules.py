@@ -23,6 +23,8 @@ _AT_REST = tuple(task for task in TASKS if task not in IN_TIME)
 _MARCHES = ("march", "mass", "resume")
 _BOUNDS = ("exact", "adaptive")
 _PLANE = tuple(body for body in BODIES if body not in ("space", *SCALAR))
+_PAIRS = ("pair", "glued inside")
+_ON_FOUNDATIONS = tuple(body for body in BODIES if body not in _PAIRS)
 _OF_STATEMENTS = (*_MARCHES, "study", "jobs", "adaptive", "file")
 _RUBS = tuple(friction for friction in FRICTIONS if friction != "none")
 
@@ -67,9 +69,6 @@ _NO_BOUND_RESTING = (
     "opening and slip apart, and do not depend on the solution."
 )
 _NOT_CONVEX = ("softening", "adhesive", "cohesion", "saw-tooth", "function", *COUPLED)
-_NO_BOUND_OF_PAIR = (
-    "The distance to the exact solution is bounded for bodies on foundations, not for bodies that touch each other."
-)
 _NO_BOUND_OF_LAW = (
     "The distance to the exact solution is not bounded for Coulomb's law; and for glue whose mode decides there is an "
     "estimate only where its tractions change little with the mode."
@@ -90,10 +89,16 @@ RULES = (
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), _NOT_CONVEX),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),
-    Rule("another body", _NO_BOUND_OF_PAIR, _BOUNDS, ("pair", "glued inside")),
+    Rule(
+        "the foundation softens too much for the bodies",
+        "For bodies that touch each other the distance to the exact solution has an estimate where no law falls at once.",
+        _BOUNDS,
+        _PAIRS,
+        ("saw-tooth",),
+    ),
     Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),
-    Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, friction=("coulomb",)),
-    Rule("depend on the mode adds", _NO_BOUND_OF_LAW, _BOUNDS, normal=("mode-dependent",)),
+    Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, _ON_FOUNDATIONS, friction=("coulomb",)),
+    Rule("depend on the mode adds", _NO_BOUND_OF_LAW, _BOUNDS, _ON_FOUNDATIONS, normal=("mode-dependent",)),
     Rule("was made of arrays", _ARRAYS, ("exact", "output"), ("arrays",)),
     Rule("is a DiscreteProblem; give a ContactProblem", _ARRAYS, _OF_STATEMENTS, ("arrays",)),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, _MARCHES, normal=("saw-tooth",)),

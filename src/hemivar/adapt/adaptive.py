@@ -30,6 +30,7 @@ from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array, BoolArray, Record
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
+from hemivar.certificates.continuous.touching_bodies import refuse_touching
 from hemivar.certificates.continuous.trace_bounds import TraceBounds, body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -382,6 +383,7 @@ def _checked(
         wanted = goal_named(problem, expect(wanted, Goal, "a goal", remedy).name)
         if problem.order != 1:
             raise ProblemError("quantities of interest are bounded for linear elements; take order = 1, or no goal")
+        refuse_touching(problem)
         if not problem.material.linear:
             raise ProblemError(
                 "quantities of interest are bounded for linear materials; give no goal, and the distance to the exact "

@@ -37,6 +37,7 @@ from hemivar.certificates.continuous.contact_traces import ContactTraces, contac
 from hemivar.certificates.continuous.exact_distance import SWEEPS, ExactDistance
 from hemivar.certificates.continuous.fenchel import exact_gap
 from hemivar.certificates.continuous.sweeps import PatchSmoother
+from hemivar.certificates.continuous.touching_bodies import refuse_touching
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.discrete.problem import DiscreteProblem
@@ -154,7 +155,7 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
     Raises
     ------
     ProblemError
-        Elements are not linear.
+        Elements are not linear, or bodies touch one another.
     """
     expect(goal, Goal, "the goal", "give what goal_named(...) returns")
     expect(solution, Solution, "the solution", "give what solve(...) returns")
@@ -163,6 +164,8 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
     discrete, data = solution.problem, distance.stress.data
     if data.problem.order != 1:
         raise ProblemError("quantities of interest are bounded for linear elements; take order = 1")
+    if discrete.origin is not None:
+        refuse_touching(discrete.origin)
     parts = functionals(goal, data, discrete)
     traces = contact_traces(data)
     reasons = [] if distance.guaranteed else list(distance.reasons)

@@ -260,6 +260,8 @@ def with_survey(
 
 def _trace_bound(statement: ContactProblem, workspace: Workspace | None) -> float | None:
     """Upper bound of the c_gamma of a body; None where there is none."""
+    if any(contact.against for contact in statement.contact.values()):
+        return None  # of two sides that touch it is the jump that the law sees
     check_time()
     try:
         if statement.kind:

@@ -11,7 +11,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
-from hemivar.fem.mortar import mortar
+from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.rings import facet_shares
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
@@ -29,6 +29,7 @@ __all__ = [
     "join",
     "local_components",
     "merge_corners",
+    "pair_projection",
     "refuse_dependent",
     "shares",
 ]
@@ -150,21 +151,31 @@ def _nodal_normals(problem: ContactProblem, name: str, nodes: IntArray, place: I
     return unit(summed)
 
 
-def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryContact:
-    """The contact points of two bodies: nodes of the slave, with the jump that the mortar projection gives."""
-    mesh, order, contact = problem.mesh, problem.order, problem.contact[name]
+def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> tuple[Mortar, Array]:
+    """The mortar projection of a contact of two bodies, and the normals (m, d) of the slave at its nodes."""
+    mesh, order = problem.mesh, problem.order
     slave, master = problem.pair(name)
     nodes, place = np.unique(mesh.facet_nodes(mesh.boundaries[slave], order).ravel(), return_inverse=True)
     normal = _nodal_normals(problem, slave, nodes, place.ravel(), supports)
     free = movable(normal[:, None], supports.directions[nodes])[:, 0]
     without = np.zeros(len(supports.nodes), dtype=bool)
     without[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
-    title = f"contact '{name}' against '{contact.against}'"
-    ring = problem.material.axisymmetric
+    title, ring = _called(problem, name), problem.material.axisymmetric
     found = mortar(mesh, order, mesh.boundaries[slave], mesh.boundaries[master], without, title, ring)
     if not found.nodes.size:
         raise ProblemError(f"{title}: supports hold all nodes of '{slave}'; give slave = '{master}'")
-    normal, points = normal[np.searchsorted(nodes, found.nodes)], supports.nodes[found.nodes]
+    return found, normal[np.searchsorted(nodes, found.nodes)]
+
+
+def _called(problem: ContactProblem, name: str) -> str:
+    return f"contact '{name}' against '{problem.contact[name].against}'"
+
+
+def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryContact:
+    """The contact points of two bodies: nodes of the slave, with the jump that the mortar projection gives."""
+    contact, title = problem.contact[name], _called(problem, name)
+    found, normal = pair_projection(problem, name, supports)
+    points = supports.nodes[found.nodes]
     stated = DataField(contact.gap, f"gap of {title}").at(points)
     _refuse_beyond(stated, f"gap of {title}", "unit of length")
     apart = -np.einsum("kd,kd->k", normal, found.jump @ supports.nodes)
@@ -176,7 +187,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     trace = sp.csr_array(
         sp.diags_array(moves.ravel().astype(float)) @ trace
     )  # what supports hold of the slave is still
-    pairs = {name: (slave, master)}
+    pairs = {name: problem.pair(name)}
     at = ContactPoints(
         trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
     )

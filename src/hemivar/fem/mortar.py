@@ -30,6 +30,18 @@ _ROUNDED, _LAYERS, _COVERED = 1e-13, 1e-6, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
+class _Coupling:
+    """Integrals of psi and shape functions, on the facets of the slave and on what overlaps."""
+
+    own: IntArray  # (f, n), nodes of the slave's facets
+    here: Array  # (f, n, n)
+    slave: IntArray  # (k,), facets of what overlaps
+    master: IntArray  # (k,)
+    there: Array  # (k, n, n)
+    masters: int  # facets of the master
+
+
+@dataclass(frozen=True, eq=False)
 class Mortar:
     """The jump of a field between two boundaries, at the nodes of the slave."""
 
@@ -37,6 +49,21 @@ class Mortar:
     weights: Array  # (m,), integrals of psi
     jump: sp.csr_array  # (m, nodes): psi-weighted mean of the field on the slave less that on the master
     turned: float  # degrees, by which facets that face each other are not parallel, at most
+    coupling: _Coupling
+
+    def moments(self, forces: Array) -> tuple[Array, Array]:
+        """What forces (m, d) on the slave do facet by facet, and the opposite ones on the master.
+
+        They are moments of the tractions ``sum psi_p forces_p / weights_p`` against the functions of the nodes of each
+        facet of the slave (f, n, d) and of the master (g, n, d).
+        """
+        at, count = self.coupling, self.jump.shape[1]
+        traction = np.zeros((count, forces.shape[1]))
+        traction[self.nodes] = forces / self.weights[:, None]
+        there = np.einsum("kil,kid->kld", at.there, traction[at.own[at.slave]])
+        across = np.zeros((at.masters, *there.shape[1:]))
+        np.subtract.at(across, at.master, there)
+        return np.asarray(np.einsum("fij,fid->fjd", at.here, traction[at.own])), across
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +130,8 @@ def mortar(
     rows.data[np.abs(rows.data) < _ROUNDED] = 0.0
     rows.eliminate_zeros()
     turned = _turned(mesh, slave, master, pieces)
-    return Mortar(nodes, weights[nodes], sp.csr_array(rows), turned)
+    coupling = _Coupling(own, here, pieces.slave, pieces.master, there, len(master))
+    return Mortar(nodes, weights[nodes], sp.csr_array(rows), turned, coupling)
 
 
 def _turned(mesh: Mesh, slave: IntArray, master: IntArray, pieces: _Pieces) -> float:

@@ -19,7 +19,7 @@ from hemivar.mesh.mesh import Mesh
 if TYPE_CHECKING:
     from scipy.spatial import KDTree
 
-__all__ = ["interpolate", "interpolation_matrix", "locate"]
+__all__ = ["beside_nodes", "interpolate", "interpolation_matrix", "locate"]
 
 _INSIDE = -1e-10
 _CHUNK = 1 << 15
@@ -58,28 +58,26 @@ def interpolate(source: Field | Mesh, values: Array, target: Field | Mesh | Arra
         raise ProblemError(f"values has {rows} rows; a field of order {order} on this mesh has {expected} nodes")
     inside = None
     if isinstance(target, Field | Mesh):
-        points = target.nodes if isinstance(target, Field) else target.points
-        if _touches_itself(mesh):
-            inside = _inside(target)
+        points, inside = target.nodes if isinstance(target, Field) else target.points, beside_nodes(mesh, target)
     else:
         points = real_array(target, "points", finite=False)
     matrix = interpolation_matrix(mesh, order, points, inside)
     return np.asarray(matrix @ nodal.reshape(rows, -1)).reshape(len(points), *nodal.shape[1:])
 
 
-def _touches_itself(mesh: Mesh) -> bool:
-    """Whether nodes of two bodies, or of two sides of an opening, lie at one place."""
+def beside_nodes(mesh: Mesh, target: Field | Mesh) -> Array | None:
+    """Places (k, d) beside the nodes of a target, each inside of a cell of the node: on its own side of a contact.
+
+    None where no two nodes of the ``mesh`` are at one place, so that nodes have one side only.
+    """
     places = np.round((mesh.points - mesh.points.min(axis=0)) / (_SAME * np.ptp(mesh.points, axis=0).max()))
-    return len(np.unique(places, axis=0)) < len(places)
-
-
-def _inside(target: Field | Mesh) -> Array:
-    """Places (k, d) beside the nodes of a field or mesh, each inside of a cell of the node: on its own side."""
-    mesh, order = (target.mesh, target.order) if isinstance(target, Field) else (target, 1)
-    nodes, cells = mesh.nodes(order), mesh.cell_nodes(order)
+    if len(np.unique(places, axis=0)) == len(places):
+        return None
+    to, order = (target.mesh, target.order) if isinstance(target, Field) else (target, 1)
+    nodes, cells = to.nodes(order), to.cell_nodes(order)
     owner = np.zeros(len(nodes), dtype=np.int64)
     owner[cells] = np.arange(len(cells))[:, None]
-    return np.asarray(nodes + _BESIDE * (mesh.points[mesh.cells].mean(axis=1)[owner] - nodes))
+    return np.asarray(nodes + _BESIDE * (to.points[to.cells].mean(axis=1)[owner] - nodes))
 
 
 def interpolation_matrix(mesh: Mesh, order: int, points: Array, inside: Array | None = None) -> sp.csr_array:

@@ -33,7 +33,7 @@ from hemivar.fem import discretize, interpolate
 from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.error_norms import KnownField, error_norms
-from hemivar.fem.transfer import interpolation_matrix
+from hemivar.fem.transfer import beside_nodes, interpolation_matrix
 from hemivar.files.problem_file import read_problem_file
 from hemivar.files.resume_log import ResumeLog
 from hemivar.files.stored_solution import StoredSolution
@@ -630,11 +630,14 @@ def _pressure_off(coarse: Solution, fine: Solution) -> float:
     if not other.count or other.points is None or not nodal or one.names != other.names:
         return math.nan
     assert coarse.problem.field is not None
+    assert fine.problem.field is not None
     mesh, order = coarse.problem.field.mesh, coarse.problem.field.order
+    sides = beside_nodes(mesh, fine.problem.field)
     off = np.zeros(other.count)
     for boundary in np.unique(other.boundary):
         mine, theirs = one.boundary == boundary, other.boundary == boundary
         values = np.zeros(coarse.problem.field.number_of_nodes)
         values[one.node[mine]] = coarse.pressure[mine]
-        off[theirs] = interpolation_matrix(mesh, order, other.points[theirs]) @ values - fine.pressure[theirs]
+        inside = None if sides is None else sides[other.node[theirs]]
+        off[theirs] = interpolation_matrix(mesh, order, other.points[theirs], inside) @ values - fine.pressure[theirs]
     return math.sqrt(float(other.weights @ off**2))

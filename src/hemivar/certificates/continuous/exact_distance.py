@@ -42,6 +42,7 @@ from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
 from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
+from hemivar.certificates.continuous.touching_bodies import touch, touching_bodies
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.laws import VectorLaw
@@ -49,6 +50,11 @@ from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
 
+#: Why the distance of bodies that touch is no bound.
+_TOUCHING = (
+    "bodies touch one another: the contact tractions of the mesh load each part, and what the law does between contact "
+    "points is not seen"
+)
 #: Part of c by which what a displacement shows may be larger, by rounding.
 _CONTRADICTED = 1e-6
 #: Softening c from which the softest mode is looked at by itself.
@@ -206,6 +212,10 @@ def exact_distance(
     expect(constants, TraceBounds, "constants", "give those of guaranteed_trace_bounds(hemivar.discretize(problem))")
     for kind in () if sweeps is None else expect(sweeps, tuple, "sweeps", "give a tuple such as (PatchKind.VERTEX,)"):
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
+    usual = SWEEPS[problem.mesh.dim] if problem.order == 1 else _MORE
+    chosen = usual if sweeps is None else sweeps
+    if touch(problem):
+        return _of_touching_bodies(problem, displacement, chosen, unmet)
     data = body_data(problem, displacement)
     inside = admissible_displacement(data)
     moved = data if np.array_equal(inside, data.displacement) else data.moved(inside)
@@ -257,6 +267,19 @@ def _correction(inside: BodyData, data: BodyData) -> float:
 
 def _left_domain(beyond: float) -> str:
     return f"the displacement leaves the domain of the law by {beyond:.3g}, which is not accounted for"
+
+
+def _of_touching_bodies(
+    problem: ContactProblem, displacement: Array, sweeps: tuple[PatchKind, ...], unmet: list[str]
+) -> ExactDistance:
+    """An estimate: each part under its own contact tractions, and the c of the mesh."""
+    data, c = touching_bodies(problem, displacement)
+    constants = TraceBounds(np.inf, np.inf, np.inf, np.inf, True, "")
+    found = _bound(improved_stress(data, None, constants, sweeps), data, None, constants, [*unmet, _TOUCHING])
+    if c < 1.0:
+        return replace(found, distance=found.distance / (1.0 - c), constant=c)
+    reason = f"there is no estimate: the foundation softens too much for the bodies (c = {c:.3g} on this mesh)"
+    return replace(found, distance=np.inf, constant=c, reasons=(*found.reasons, reason))
 
 
 def improved_stress(

@@ -89,12 +89,6 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
             "the body is one of revolution: distances to the exact solution are known for plane bodies and in space; "
             "compare with a finer mesh"
         )
-    for name, contact in problem.contact.items():
-        if contact.against:
-            raise ProblemError(
-                f"contact '{name}' is against '{contact.against}', another body: distances to the exact solution are "
-                "known for bodies on foundations; compare with a finer mesh"
-            )
     found: list[str] = []
     if displacement is not None and _well_formed(problem, displacement):
         check_supports(problem, displacement)
