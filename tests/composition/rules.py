@@ -91,7 +91,7 @@ RULES = (
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),
     Rule(
         "the foundation softens too much for the bodies",
-        "For bodies that touch each other the distance to the exact solution has an estimate where no law falls at once.",
+        "For bodies that touch each other the distance to the exact solution is estimated where no law falls at once.",
         _BOUNDS,
         _PAIRS,
         ("saw-tooth",),
