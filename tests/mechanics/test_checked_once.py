@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics.arguments import one_of
 from hemivar.basics.stated import CheckedFields, kept
-from hemivar.mechanics import Branch, PlaneState, conditions
+from hemivar.mechanics import Branch, Cylinder, PlaneState, Pressure, conditions
 from hemivar.mechanics.conditions import DataField
 
 
@@ -70,8 +71,8 @@ def test_a_field_is_kept_as_its_metadata_say() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: hv.Contact(hv.Signorini(), obstacle=hv.Plane((0, 0), (0, 1)), normals=0), "normals = 0; choose"),
-        (lambda: Branch(lame=np.array(3.0), time=1.0), r"lame = array\(3.\); give two constants"),
+        (lambda: hv.Contact(hv.Signorini(), obstacle=hv.Plane((0, 0), (0, 1)), normals=0), "normals = 0; choose"),  # type: ignore[arg-type]
+        (lambda: Branch(lame=np.array(3.0), time=1.0), r"lame = array\(3.\); give two constants"),  # type: ignore[arg-type]
         (lambda: Branch(lame=(1.0, 1.0), time=10**400), "relaxation time of a branch is 1000.*it must lie between"),
     ],
 )
@@ -92,3 +93,26 @@ def test_a_value_and_a_function_of_it_are_one_field(value: object, components: i
     np.testing.assert_array_equal(moving.at(points, 3.0), 3.0 * expected)
     with pytest.raises(hv.errors.ProblemError, match="v depends on time, and no time is given"):
         moving.at(points)
+
+
+@pytest.mark.parametrize(
+    ("condition", "values"),
+    [
+        (hv.Fixed(y=0.5), {"y": 0.5}), (hv.Clamped(), {}), (hv.Prescribed((0.0, 1.0)), {"value": (0.0, 1.0)}),
+        (Pressure(2.0), {"value": 2.0}), (3.0, {"": 3.0}),
+    ],
+)  # fmt: skip
+def test_what_a_condition_prescribes(condition: Any, values: dict[str, object]) -> None:
+    assert conditions.stated_values(condition) == values
+    assert conditions.condition_at_time(condition, 2.0) is condition
+
+
+def test_a_condition_at_a_time_keeps_what_does_not_move() -> None:
+    moved = conditions.condition_at_time(hv.Fixed(x=lambda x, t: t * x[:, 0], y=0.5), 2.0)
+    assert moved.y == 0.5
+    np.testing.assert_array_equal(moved.x(np.array([[3.0, 0.0]])), [6.0])  # type: ignore[operator, misc, arg-type, call-arg]
+
+
+def test_a_cylinder_has_a_radius() -> None:
+    with pytest.raises(hv.errors.ProblemError, match=r"Cylinder: radius is -1\.0; give one positive number"):
+        Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), -1.0)
