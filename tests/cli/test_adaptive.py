@@ -152,7 +152,9 @@ def test_certify_and_solve_tell_the_distance_to_the_exact_solution(
 def test_an_estimate_and_none_say_why(problem: Path, capsys: pytest.CaptureFixture[str]) -> None:
     where = problem.parent
     varying = where / "varying.toml"
-    varying.write_text(changed(("gap = 0.0", 'gap = "0.01 * x * x"')))
+    law = 'normal = { law = "survey", q_max = 0.3, p_const = 2.0 }'
+    soft = 'normal = { law = "softening", stiffness = 2.0, limit = 0.05, softening = 0.5 }'
+    varying.write_text(changed(("gap = 0.0", 'gap = "0.01 * x * x"'), (law, soft)))
     code, out, _ = run(capsys, "certify", varying)
     assert code == 0
     assert "exact solution    about " in out

@@ -348,8 +348,12 @@ class ContactProblem(PickleMixin, ReprMixin):
             )
 
     def _check_contact(self, name: str, contact: object) -> None:
-        in_region, on_boundary = name == AREA or name in self.mesh.regions, name in self.mesh.boundaries
+        on_boundary = name in self.mesh.boundaries
+        in_region = name == AREA or name in self.mesh.regions
+        if on_boundary and not self.kind:
+            in_region = False  # files of meshes name both alike, and bodies mostly touch along boundaries
         if not in_region and not on_boundary:
+            self._refuse_inside("contact", name)
             near = suggest(str(name), [*self.mesh.boundaries, *self.mesh.regions], "boundaries and regions")
             raise ProblemError(f"contact names boundary '{name}', which the mesh does not have{near}")
         if in_region and on_boundary:
@@ -423,13 +427,17 @@ class ContactProblem(PickleMixin, ReprMixin):
             )
         object.__setattr__(self, name, MappingProxyType(dict(given)))
 
-    def _check_name(self, what: str, name: object, one: str, many: str) -> None:
-        """Refuse the name of a boundary or region that the mesh does not have."""
-        known = list(getattr(self.mesh, many))
-        if many == "boundaries" and name in self.mesh.interfaces:
+    def _refuse_inside(self, what: str, name: object) -> None:
+        if name in self.mesh.interfaces:
             raise ProblemError(
                 f"{what} names '{name}', which lies inside the body; take mesh.opened('{name}') and one of its sides"
             )
+
+    def _check_name(self, what: str, name: object, one: str, many: str) -> None:
+        """Refuse the name of a boundary or region that the mesh does not have."""
+        known = list(getattr(self.mesh, many))
+        if many == "boundaries":
+            self._refuse_inside(what, name)
         if name not in known:
             near = suggest(str(name), known, many)
             raise ProblemError(f"{what} names {one} '{name}', which the mesh does not have{near}")
