@@ -46,6 +46,7 @@ def test_a_cylinder_under_pressure_has_its_uniform_stress(nu: float, order: int)
     np.testing.assert_allclose(solution.displacement, exact, atol=1e-12 * np.abs(exact).max())
     np.testing.assert_allclose(solution.pressure, above, rtol=1e-11)
     assert solution.normal_force == pytest.approx(above * np.pi, rel=1e-12)
+    assert solution.measured == "area"
     stress = solution.stress()
     np.testing.assert_allclose(stress[:, 0, 0], -around, rtol=1e-10)
     np.testing.assert_allclose(stress[:, 1, 1], -above, rtol=1e-10)

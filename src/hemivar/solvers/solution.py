@@ -218,9 +218,9 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         if stated is not None and 0 < len(stated.areas) < len(stated.contact):
             return "measure"
         if stated is not None:
-            return ("length", "area", "volume")[stated.mesh.dim - 2 + bool(stated.areas)]
-        ring = stated is not None and stated.material.axisymmetric
-        return "area" if ring or self.problem.contact.components == 3 else "length"
+            further = bool(stated.areas) or stated.material.axisymmetric
+            return ("length", "area", "volume")[stated.mesh.dim - 2 + further]
+        return "area" if self.problem.contact.components == 3 else "length"
 
     def certify(
         self,
