@@ -25,7 +25,8 @@ mesh = problem.mesh
 print(f"{mesh.parts.count} parts; contact points on {' against '.join(problem.pair('tread'))}")
 solution = hv.solve(problem).raise_for_status()
 force = solution.normal_force
-print(f"the wheel presses with {force:.1f} N per mm, the rail with {solution.contact_forces['tread'][1]:.1f}")
+wheel, rail = (solution.contact_forces[name][1] for name in ("tread", "head"))
+print(f"force along y on the wheel {wheel:.3f} N/mm, on the rail {rail:.3f} N/mm")
 
 # %%
 # Where p² is linear in x², a straight line through the pressures gives half width and peak.
