@@ -175,8 +175,10 @@ def viewing_direction(problem: DiscreteProblem) -> Array:
 
 
 def _view(problem: DiscreteProblem) -> tuple[float, float]:
-    """Elevation and azimuth, in degrees, from which the contact boundary can be seen."""
+    """Elevation and azimuth, in degrees, from which the contact boundary can be seen; of two bodies, both of them."""
     contact = problem.contact
+    if contact.pairs:
+        return 28.0, -60.0
     assert contact.frames is not None
     x, y, z = contact.weights @ contact.frames[:, 0] / contact.weights.sum()
     azimuth = math.degrees(math.atan2(y, x)) + 30.0 if math.hypot(x, y) > 0.5 else -60.0
