@@ -105,9 +105,7 @@ class Certificate(ReprMixin):
         What kind of point it is.
     unique : bool, str or None
         Whether the discrete problem has one solution only; None if that is not known.  Where constants of a law are
-        those of its reach, a text that says so: "the only one with penetrations within the reach 0.2".  Where the law
-        is convex and contact leaves the body a rigid motion along which the energy may be constant, one that names it:
-        "the only one up to a rigid motion, translation (1, 0)".
+        those of its reach, a text that says so: "the only one with penetrations within the reach 0.2".
     curvature : float or None
         Smallest curvature on the critical directions, 1 being that of the body alone; None if not computed.
     direction : array (m, d) or None
@@ -129,6 +127,9 @@ class Certificate(ReprMixin):
     left_out : tuple of str
         Parts for which the time did not suffice: "margin", "equilibrium", "error bound", "kind", "trace constant". What
         stands in their place says the least that can be said: inf, -inf, None or "stationary".
+    free_motion : str
+        Where the law is convex: the rigid motion, such as "translation (1, 0)", up to which it is the only
+        solution, and along which there may be others; empty without one.
     exact : DistanceToExact or None
         The distance to the exact solution of the continuous problem, or why it is not known; None if it was not asked
         for.
@@ -156,6 +157,7 @@ class Certificate(ReprMixin):
     warnings: tuple[str, ...] = ()
     error_bound_sampled: bool = False
     left_out: tuple[str, ...] = ()
+    free_motion: str = ""
     exact: DistanceToExact | None = None
     # whether many processes made it: they leave out what takes the whole matrix, and what they have no proof of
     apart: bool = False
@@ -170,6 +172,8 @@ class Certificate(ReprMixin):
         """:attr:`unique` in words."""
         if isinstance(self.unique, str):
             return self.unique
+        if self.free_motion:
+            return f"the only one up to a rigid motion, {self.free_motion}"
         return {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}[
             self.unique
         ]
@@ -448,6 +452,7 @@ def certified(
         unique=unique,
         curvature=None if local is None else local.curvature,
         direction=None if local is None else local.direction,
+        free_motion="" if local is None else local.free_motion,
         stationary=stationary,
         tolerance=tolerance,
         smallness=constants,
@@ -505,8 +510,8 @@ def _classify(point: Point, constants: Smallness, tolerance: float, stationary: 
         isolated = local.kind is PointKind.LOCAL_MINIMISER and point.energy.definite
         if (left := "" if isolated else motion_left(point, tolerance)) == "":
             return PointKind.UNIQUE_MINIMISER, True, replace(local, direction=None)
-        known = None if left is None else f"the only one up to a rigid motion, {left[1:-1]}"
-        return PointKind.GLOBAL_MINIMISER, known, replace(local, direction=None)
+        local = replace(local, direction=None, free_motion="" if left is None else left[1:-1])
+        return PointKind.GLOBAL_MINIMISER, None, local
     falls = local.kind in (PointKind.SADDLE, PointKind.MAXIMUM, PointKind.CLARKE_STATIONARY)
     if falls and convex and point.energy.definite and _bounded_below(problem):
         unique = False  # the energy has a global minimiser, and this is not it

@@ -44,6 +44,8 @@ class LocalStudy:
     curvature: float | None
     #: Local displacements along which the energy falls, largest component 1.
     direction: Array | None  # (m, d)
+    #: The rigid motion along which other minimisers of a convex energy may lie.
+    free_motion: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 import skfem
-from scipy.spatial import cKDTree
 
 from hemivar.basics.arguments import described, suggest
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact import ContactPoints
@@ -355,6 +355,9 @@ class _Rows:
 
     def merged(self, near: float) -> _Rows:
         """Places that coincide are one; weights are added, rows and normals are means by their weights."""
+        with IMPORTS:
+            from scipy.spatial import cKDTree
+
         together = cKDTree(self.points).query_pairs(near, output_type="ndarray")
         m = len(self.weights)
         graph = sp.csr_array((np.ones(len(together)), (together[:, 0], together[:, 1])), shape=(m, m))

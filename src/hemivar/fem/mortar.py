@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import shape_values
@@ -207,6 +207,8 @@ def _near(mesh: Mesh, slave: IntArray, master: IntArray, normal: Array) -> tuple
         np.linalg.norm(mesh.points[facets] - at[:, None], axis=2).max(axis=1)
         for facets, at in ((slave, middle), (master, other))
     ]
+    with IMPORTS:
+        from scipy.spatial import cKDTree
     tree = cKDTree(other)
     distance, _ = tree.query(middle)
     reach = 2.0 * (np.asarray(distance) + radius[0] + radius[1].max())
