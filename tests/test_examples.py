@@ -530,6 +530,15 @@ def test_links_and_names_exist(page: Path) -> None:
         assert hasattr(getattr(hv, room), name), f"{page.name} names hemivar.{room}.{name}"
 
 
+def test_every_page_is_in_the_list_of_the_folder_and_in_one_menu_of_the_site() -> None:
+    texts = {page.stem: page.read_text(encoding="utf-8") for page in DOCS}
+    listed = re.findall(r"\]\(([\w-]+)\.md\)", texts.pop("README"))
+    menus = re.findall(r"^```\{toctree\}\n(.*?)^```", "\n".join(texts.values()), re.DOTALL | re.MULTILINE)
+    entries = re.findall(r"^([\w-]+)$", "\n".join(menus), re.MULTILINE)
+    assert sorted(entries) == sorted(texts.keys() - {"index"})
+    assert texts.keys() - {"index", "tutorials", "theory-and-evidence"} <= set(listed)
+
+
 def test_every_method_and_its_options_are_documented() -> None:
     text = (EXAMPLES.parent / "docs" / "methods.md").read_text(encoding="utf-8")
     for name, method in hv.solvers.METHODS.items():

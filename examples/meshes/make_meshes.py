@@ -1,4 +1,4 @@
-"""Make the meshes of the examples with Gmsh (``pip install "hemivar[gmsh]"``).
+"""Make the meshes of the examples with Gmsh (``pip install ".[gmsh]"``).
 
 Run ``python examples/meshes/make_meshes.py``. The results are part of the repository: the examples run without Gmsh.
 """
