@@ -59,6 +59,17 @@ def test_the_picture_comes_before_the_certificate_and_the_shape_once() -> None:
     assert kinds(answers(bench, "solve", text, shape=key)) == ["problem", "picture", "laws", "certificate", "done"]
 
 
+def test_sliders_stand_where_a_browser_counts_them() -> None:
+    """A browser counts units of UTF-16, of which an emoji takes two."""
+    text = template("survey").replace("survey, data", "🙂 survey 🙂 é")
+    browser = text.encode("utf-16-le")
+    sliders = one(answers(Bench(Path()), "solve", text), "problem").head["sliders"]
+    assert isinstance(sliders, list)
+    assert sliders
+    for slider in sliders:
+        assert float(browser[2 * slider["start"] : 2 * slider["end"]].decode("utf-16-le")) == slider["value"]
+
+
 @pytest.mark.parametrize("name", ["survey", "softening", "hertz", "cube", "membrane"])
 def test_fields_are_those_of_the_library(name: str) -> None:
     text = template(name)

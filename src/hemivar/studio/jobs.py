@@ -31,7 +31,7 @@ from hemivar.studio.body_picture import BodyShape, fields_of
 from hemivar.studio.law_curves import curves_of
 from hemivar.studio.requests import Request
 from hemivar.studio.sliders import key_of_message, sliders_of
-from hemivar.studio.toml_numbers import numbers_of
+from hemivar.studio.toml_numbers import in_utf16, numbers_of
 from hemivar.systems import Workspace
 from hemivar.workflows import (
     CertificateEvent,
@@ -147,7 +147,7 @@ class Bench:
 
     def _told(self, request: Request, stated: _Stated) -> Message:
         data = tomllib.loads(stated.text)
-        found = sliders_of(data, numbers_of(stated.text))
+        found = sliders_of(data, in_utf16(stated.text, numbers_of(stated.text)))
         return Message(
             {
                 "type": "problem",

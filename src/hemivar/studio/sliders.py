@@ -35,7 +35,7 @@ class Slider:
     table, label : str
         The table under which it is shown, and its name there.
     start, end : int
-        Where it stands in the text.
+        Where it stands in the text, as its number says.
     value, low, high, step : float
     whole : bool
         Whether it is a whole number.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hemivar.basics.first_use import IMPORTS
@@ -12,7 +13,7 @@ from hemivar.basics.first_use import IMPORTS
 if TYPE_CHECKING:
     from tomlkit.items import Float, Integer
 
-__all__ = ["TextNumber", "numbers_of", "replaced"]
+__all__ = ["TextNumber", "in_utf16", "numbers_of", "replaced"]
 
 _NUMBER = re.compile(r"[+-]?(\d(_?\d)*)(\.\d(_?\d)*)?([eE][+-]?\d(_?\d)*)?$")
 #: A character for private use, which marks the places of numbers.
@@ -56,6 +57,15 @@ def numbers_of(text: str) -> list[TextNumber]:
         numbers.append(TextNumber(path, start, start + length, item.unwrap()))
         shift += length - len(mark[0])
     return numbers
+
+
+def in_utf16(text: str, numbers: list[TextNumber]) -> list[TextNumber]:
+    """The numbers with their places in UTF-16 units, as a browser counts: a character beyond U+FFFF takes two."""
+    wide = [place for place, character in enumerate(text) if ord(character) > 0xFFFF]
+    return [
+        replace(one, start=one.start + bisect_left(wide, one.start), end=one.end + bisect_left(wide, one.end))
+        for one in numbers
+    ]
 
 
 def _leaves(value: object, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Integer | Float]]:
