@@ -272,6 +272,8 @@ def test_points_of_a_law_are_dragged(open_page: Callable[..., Page], server: Ser
     page.keyboard.press("ArrowDown")
     page.wait_for_function("document.querySelector('textarea').value.match(/values = \\[1.0, 0.5\\]/) === null")
     ready(page)
+    page.wait_for_timeout(300)
+    assert friction.nth(1).evaluate("node => node === document.activeElement")  # the answer takes no focus
     values = re.search(r"values = \[1.0, (.*?)\]", value_of(page))
     assert values is not None
     assert float(values[1]) < 0.5
@@ -428,6 +430,7 @@ def test_a_run_in_time_is_played(open_page: Callable[..., Page], server: Server)
     page.wait_for_selector(".lower .quiet:has-text('finished')", timeout=60_000)
     bar = page.get_by_label("time", exact=True)
     assert int(bar.get_attribute("max") or 0) > 50
+    assert bar.input_value() == bar.get_attribute("max")  # the last frame is shown
     before = pixels(page)
     page.get_by_role("button", name="Play").click()
     page.wait_for_timeout(1500)
@@ -437,6 +440,78 @@ def test_a_run_in_time_is_played(open_page: Callable[..., Page], server: Server)
     keep(page, "time")
     page.get_by_label("examples").select_option("survey")
     ready(page, ".good")
+
+
+def test_an_emoji_in_the_text_moves_no_slider(open_page: Callable[..., Page], server: Server) -> None:
+    page = open_page(server.address, template("survey").replace("survey, data", "🙂 survey 🙂"))
+    field = page.get_by_label("contact.bottom.normal.q_max", exact=True)
+    field.fill("0.25")
+    field.press("Enter")
+    ready(page, ".good")
+    assert "q_max = 0.25," in value_of(page)
+
+
+def test_undo_is_the_same_in_fields_text_and_picture(open_page: Callable[..., Page], server: Server) -> None:
+    page = open_page(server.address)
+    text = value_of(page)
+    field = page.get_by_label("contact.bottom.normal.q_max", exact=True)
+    for value in ("0.25", "0.2"):
+        field.fill(value)
+        field.press("Enter")
+        ready(page, ".good")
+    field.fill("0.1")  # not yet told: it is the last step
+    field.press("Control+z")
+    assert "q_max = 0.2," in value_of(page)
+    field.press("Control+z")
+    assert "q_max = 0.25," in value_of(page)
+    page.get_by_role("tab", name="Problem").click()
+    page.locator("textarea").press("Control+z")
+    assert value_of(page) == text
+    page.locator("textarea").press("Control+y")
+    assert "q_max = 0.25," in value_of(page)
+
+
+def test_a_changed_problem_has_no_sentence_on_its_solutions(open_page: Callable[..., Page], server: Server) -> None:
+    page = open_page(server.address, template("softening"))
+    page.get_by_role("tab", name="All solutions").click()
+    page.get_by_role("button", name="Find all solutions").click()
+    page.wait_for_selector(".card", timeout=30_000)
+    words = page.locator(".lower .panel:not([hidden]) .quiet")
+    assert "3 solutions" in words.inner_text()
+    page.locator('input[type="range"][data-key="supports.top.displacement.1"]').press("ArrowRight")
+    ready(page)
+    assert page.locator(".card").count() == 0
+    assert "solutions" not in words.inner_text()
+
+
+def test_the_factor_of_the_deformation_is_found_for_each_example(
+    open_page: Callable[..., Page], server: Server
+) -> None:
+    page = open_page(server.address)
+    slide, told = page.get_by_label("deformation scale"), page.locator(".tools output")
+    own = told.inner_text()
+    slide.press("End")
+    assert told.inner_text() != own
+    page.get_by_role("button", name="auto").click()
+    assert told.inner_text() == own
+    slide.press("End")
+    page.get_by_label("examples").select_option("survey")  # the same body
+    page.get_by_label("examples").select_option("hertz")
+    page.wait_for_selector("h1:has-text('steel block')")
+    ready(page)
+    fresh = open_page(server.address, template("hertz"))
+    fresh.get_by_role("button", name="auto").click()
+    assert told.inner_text() == fresh.locator(".tools output").inner_text()
+
+
+def test_warnings_are_marked_on_their_tab(open_page: Callable[..., Page], server: Server) -> None:
+    page = open_page(server.address, template("cube"))
+    ready(page)
+    marked = page.locator(".tabs .marked")
+    assert marked.inner_text() == "Certificate"
+    assert marked.get_attribute("title") == "1 warning"
+    page.get_by_label("examples").select_option("survey")
+    page.wait_for_selector(".tabs .marked", state="detached")
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ __all__ = ["module_texts", "show", "widget_of"]
 _MODULES = (
     "vendor/three.core.min.js", "vendor/three.module.min.js", "dom.js", "colours.js", "plot.js", "body.js", "law.js",
     "charts.js", "sliders.js", "text.js", "export.js", "tabs.js",
-    "address.js", "studio.js",
+    "address.js", "deformation.js", "studio.js",
 )  # fmt: skip
 
 

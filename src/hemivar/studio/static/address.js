@@ -14,7 +14,7 @@ export async function addressOf(studio) {
   if (studio.problem.text !== studio.start) state.set("p", await packed(studio.problem.text));
   state.set("v", VIEW.map((name) => Number(studio.body.view[name].toFixed(3))).join(","));
   state.set("c", [studio.colour.value, studio.map.value, studio.lower.shown, studio.side.shown, studio.root.dataset.theme].join(","));
-  if (studio.shape) state.set("s", studio.scale.value);
+  if (studio.shape) state.set("s", studio.deformation.slide.value);
   return state.toString();
 }
 
@@ -32,7 +32,7 @@ export function restore(studio, kept) {
   if (["light", "dark"].includes(theme)) studio.setTheme(theme);
   const scale = Number(kept.get("s"));
   if (kept.has("s") && Number.isFinite(scale)) {
-    studio.scaleKept = true;
-    studio.setScale(10 ** Math.min(Math.max(scale, 0), 8));
+    studio.deformation.kept = true;
+    studio.deformation.set(10 ** Math.min(Math.max(scale, 0), 8));
   }
 }

@@ -149,7 +149,7 @@ export class PathChart {
 export class SolutionCards {
   constructor(host, search, choose) {
     this.choose = choose;
-    this.words = h("span", { class: "quiet" }, "Every equilibrium of the problem that can be found.");
+    this.words = h("span", { class: "quiet" });
     this.cards = h("div", { class: "cards fill" });
     host.append(h("div", { class: "bar" }, h("button", { class: "primary", onclick: search }, "Find all solutions"), this.words), this.cards);
     this.clear();
@@ -157,6 +157,7 @@ export class SolutionCards {
 
   clear() {
     this.found = [];
+    this.words.textContent = "Every equilibrium of the problem that can be found.";
     this.cards.replaceChildren();
   }
 
@@ -184,7 +185,7 @@ export class PlayBar {
     this.show = show;
     this.frames = [];
     this.play = h("button", { class: "primary", onclick: () => this.toggle() }, "Play");
-    this.place = h("input", { type: "range", class: "wide", min: 0, max: 0, step: 1, value: 0, "aria-label": "time", oninput: () => this.go(Number(this.place.value)) });
+    this.place = h("input", { type: "range", class: "wide", min: 0, max: 0, step: 1, value: 0, "aria-label": "time", oninput: () => this.seek(Number(this.place.value)) });
     this.time = h("output", {}, "");
     this.words = h("span", { class: "quiet" });
     const place = h("div", { class: "fill" });
@@ -195,26 +196,36 @@ export class PlayBar {
   clear() {
     this.frames = [];
     this.history = null;
+    this.chosen = false;
+    this.words.textContent = "";
     this.stop();
   }
 
   add(head, fields) {
     this.frames.push({ head, fields });
     this.place.max = this.frames.length - 1;
-    if (!this.playing && this.frames.length === 1) this.go(0);
-    this.draw();
+    if (!this.chosen && performance.now() - (this.shownAt || 0) > 100) this.go(this.frames.length - 1);
+    else this.draw();
   }
 
   end(head, arrays) {
     this.words.textContent = [head.ended, ...head.messages].join("; ");
     this.history = { head, arrays };
-    this.draw();
+    if (this.chosen) this.draw();
+    else this.go(this.frames.length - 1);
+  }
+
+  /** A frame that the user chose: those that come are no longer followed. */
+  seek(k) {
+    this.chosen = true;
+    this.go(k);
   }
 
   go(k) {
     this.at = Math.min(k, this.frames.length - 1);
     const frame = this.frames[this.at];
     if (!frame) return;
+    this.shownAt = performance.now();
     this.place.value = this.at;
     this.time.textContent = `t = ${shown(frame.head.time)}`;
     this.show(frame);
@@ -226,6 +237,7 @@ export class PlayBar {
       this.stop();
       return;
     }
+    this.chosen = true;
     this.play.textContent = "Pause";
     if (this.at >= this.frames.length - 1) this.at = -1;
     this.playing = setInterval(() => {

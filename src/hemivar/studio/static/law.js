@@ -78,7 +78,10 @@ export class LawView {
         xlabel: withUnit(side[0], this.units.length), ylabel: withUnit(side[1], this.units.stress), lines, marks,
         xrange: [-reach, reach], yrange: [low < 0 ? -most : -0.08 * most, most],
       });
-      panel.plot.layer.replaceChildren(...panel.handles.map((one, k) => this.handle(panel, one, k)));
+      const { layer } = panel.plot;
+      const focused = [...layer.children].indexOf(layer.getRootNode().activeElement);
+      layer.replaceChildren(...panel.handles.map((one, k) => this.handle(panel, one, k)));
+      layer.children[focused]?.focus({ preventScroll: true });
     }
   }
 
@@ -129,7 +132,6 @@ export class LawView {
       event.preventDefault();
       const { plot } = panel;
       put(one.x + 4 * way[0] * (plot.fromX(1) - plot.fromX(0)), one.y + 4 * way[1] * (plot.fromY(0) - plot.fromY(1)), true);
-      panel.plot.layer.children[k]?.focus();
     });
     return node;
   }

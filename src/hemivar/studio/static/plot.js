@@ -49,7 +49,10 @@ export class Plot {
     for (const line of given.lines || []) parts.push(s("path", { class: `line ${line.class || ""}`, d: this.path(line) }));
     for (const mark of given.marks || []) parts.push(this.mark(mark));
     this.root.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    const active = this.root.getRootNode().activeElement;
+    const held = this.layer.contains(active) ? active : null;
     this.root.replaceChildren(...parts, this.layer);
+    held?.focus({ preventScroll: true }); // what leaves the page loses the focus
   }
 
   path(line) {

@@ -4,6 +4,7 @@ import { addressOf, COLOURS, restore } from "./address.js";
 import { BodyView, colouring, fieldRange } from "./body.js";
 import { ContactChart, PathChart, PlayBar, SolutionCards } from "./charts.js";
 import { colourMap, cssColour, MAP_NAMES } from "./colours.js";
+import { Deformation } from "./deformation.js";
 import { download, h, shown } from "./dom.js";
 import { pngBlob, svgBlob } from "./export.js";
 import { LawView, withUnit } from "./law.js";
@@ -89,12 +90,11 @@ class Studio {
     this.colour = h("select", { "aria-label": "colour of the body", onchange: () => this.repaint() },
       ...Object.entries(COLOURS).map(([value, name]) => h("option", { value }, name)));
     this.map = h("select", { "aria-label": "scale of colours", onchange: () => this.repaint() }, ...MAP_NAMES.map((name) => h("option", {}, name)));
-    this.scale = h("input", { type: "range", min: 0, max: 4, step: 0.05, value: 0, "aria-label": "deformation scale", oninput: () => this.rescale() });
-    this.scaled = h("output", {}, "×1");
+    this.deformation = new Deformation(() => this.rescale(), () => this.fit());
     this.mesh = h("input", { type: "checkbox", checked: true, onchange: () => this.rescale() });
     this.legend = h("canvas", { width: 120, height: 10, class: "scale" });
     this.ends = [h("span", {}), h("span", {})];
-    return h("div", { class: "bar tools" }, this.colour, this.map, this.ends[0], this.legend, this.ends[1], h("label", {}, "deformation ", this.scale, this.scaled),
+    return h("div", { class: "bar tools" }, this.colour, this.map, this.ends[0], this.legend, this.ends[1], this.deformation.label, this.deformation.auto,
       h("label", {}, this.mesh, " mesh"), h("button", { title: "0", onclick: () => {
         this.body.reset();
         this.body.draw();
@@ -136,6 +136,16 @@ class Studio {
     this.changed();
   }
 
+  /** Take what is being typed in a field or in the text, so that it is the last step. */
+  settle(field) {
+    clearTimeout(this.typing);
+    if (field === this.area) this.setText(this.area.value, true);
+    else if (field.type === "number") {
+      field.blur();
+      field.focus();
+    }
+  }
+
   step(way) {
     const text = this.undo[way](this.problem.text);
     if (text !== null) this.setText(text, false);
@@ -143,6 +153,8 @@ class Studio {
 
   example() {
     const text = this.templates[this.examples.value];
+    this.deformation.kept = false;
+    this.another = true;
     if (text) this.setText(text.text, true);
     this.name = `${this.examples.value || "problem"}.toml`;
     this.examples.value = "";
@@ -183,10 +195,7 @@ class Studio {
   /** The text with half as many cells for a large body in space, while a slider moves. */
   coarser() {
     if (!this.shape || this.shape.kind !== "space" || !(this.full > MANY_IN_SPACE)) return this.problem.text;
-    const copy = new ProblemText(this.problem.text);
-    copy.spots = new Map([...this.problem.spots].map(([key, spot]) => [key, { ...spot }]));
-    for (const [key, value] of copy.numbers) if (key.startsWith("mesh.cells.")) copy.put(key, Math.max(1, Math.round(value / 2)));
-    return copy.text;
+    return this.problem.coarser();
   }
 
   // ---- answers -------------------------------------------------------------------------------------------
@@ -202,7 +211,7 @@ class Studio {
       laws: () => this.law.setCurves(head.curves, this.problem.numbers, this.units), certificate: () => this.certified(head),
       notice: () => this.note(head.text), progress: () => this.status.replaceChildren(head.words), error: () => this.failed(head),
       refused: () => this.failed({ ...head, key: null }), solutions: () => this.cards.show(head.words, this.body, (all) => this.common(all)),
-      path: () => this.path.set(head, arrays), history: () => this.play.end(head, arrays), done: () => this.done(head),
+      path: () => this.path.set(head, arrays), history: () => this.ended(head, arrays), done: () => this.done(head),
     };
     answers[head.type]?.();
   }
@@ -236,6 +245,7 @@ class Studio {
     }
     this.right();
     this.notices.replaceChildren();
+    this.side.mark("certificate", "");
     this.lower.enable("time", head.timed);
     this.lower.enable("path", !head.timed);
     this.lower.enable("solutions", !head.timed);
@@ -278,9 +288,11 @@ class Studio {
   show(head, fields) {
     if (!this.dragging) this.full = head.unknowns;
     this.last = { head, fields };
-    const first = this.fresh && !this.scaleKept;
+    const first = (this.fresh || this.another) && !this.deformation.kept;
     this.fresh = false;
-    if (first) this.autoScale(fields);
+    if (this.texts.get(head.generation) === this.problem.text) this.another = false;
+    if (first) this.deformation.fit([fields], this.shape.size);
+    this.body.options.scale = this.deformation.factor;
     this.offer(fields);
     this.range = head.time === undefined ? this.rangeOf(fields) : this.common(this.play.frames.map((frame) => frame.fields));
     this.body.options.colour = this.colour.value;
@@ -309,19 +321,18 @@ class Studio {
     this.setBadge("none", `solution: ${one.head.kind}`, "One of the solutions that were found; the certificate is that of the picture before.", []);
   }
 
-  /** A factor of the displacement that makes it visible, where the body is drawn for the first time. */
-  autoScale(fields) {
-    const u = fields.displacement;
-    const largest = u.reduce((a, b) => Math.max(a, Math.abs(b)), 0);
-    const wanted = (0.08 * this.shape.size) / (largest || 1);
-    this.setScale(wanted > 1 ? Math.min(wanted, 1e4) : 1);
+  /** A run in time is there: its largest displacement sets the factor. */
+  ended(head, arrays) {
+    if (!this.deformation.kept) this.fit();
+    this.play.end(head, arrays);
   }
 
-  setScale(factor) {
-    this.scale.max = Math.max(2, Math.ceil(Math.log10(factor) + 1));
-    this.scale.value = Math.log10(factor);
-    this.body.options.scale = 10 ** Number(this.scale.value);
-    this.scaled.textContent = `×${shown(this.body.options.scale, 2)}`;
+  /** Find the factor of the deformation by what is shown, over all frames of a run in time. */
+  fit() {
+    if (!this.last) return;
+    const timed = this.last.head.time !== undefined;
+    this.deformation.fit(timed ? this.play.frames.map((frame) => frame.fields) : [this.last.fields], this.shape.size);
+    this.rescale();
   }
 
   certified(head) {
@@ -340,15 +351,13 @@ class Studio {
   note(text) {
     if ([...this.notices.children].some((one) => one.textContent === text)) return;
     this.notices.append(h("li", {}, text));
+    const count = this.notices.children.length;
+    this.side.mark("certificate", count === 1 ? "1 warning" : `${count} warnings`);
   }
 
   failed(head) {
-    clearTimeout(this.slow);
-    this.waiting = false;
-    if (this.again) {
-      this.arrived();
-      return;
-    }
+    this.done();
+    if (this.waiting) return;
     if (head.of === "point") {
       this.path.set(null);
       return;
@@ -379,9 +388,7 @@ class Studio {
   }
 
   done() {
-    clearTimeout(this.slow);
-    this.waiting = false;
-    if (this.again) this.arrived();
+    this.arrived();
   }
 
   drawn() {
@@ -430,9 +437,7 @@ class Studio {
   }
 
   rescale() {
-    this.scaleKept = true;
-    this.scaled.textContent = `×${shown(10 ** Number(this.scale.value), 2)}`;
-    this.body.setOptions({ scale: 10 ** Number(this.scale.value), mesh: this.mesh.checked });
+    this.body.setOptions({ scale: this.deformation.factor, mesh: this.mesh.checked });
     this.remember();
   }
 
@@ -479,9 +484,9 @@ class Studio {
   }
 
   key(event) {
-    const typing = event.target === this.area || event.target.type === "number";
-    if ((event.ctrlKey || event.metaKey) && !typing && ["z", "y", "Z"].includes(event.key)) {
+    if ((event.ctrlKey || event.metaKey) && ["z", "y", "Z"].includes(event.key)) {
       event.preventDefault();
+      this.settle(event.target);
       this.step(event.key === "z" ? "back" : "forth");
     } else if (event.key === " " && event.target === this.body.canvas && this.timed) {
       event.preventDefault();

@@ -22,6 +22,11 @@ export function tabs(name, titles, changed) {
   shell.enable = (key, there) => {
     heads[key].hidden = !there;
   };
+  /** A mark beside a title, with a sentence; none where it is empty. */
+  shell.mark = (key, sentence) => {
+    heads[key].classList.toggle("marked", Boolean(sentence));
+    heads[key].title = sentence;
+  };
   for (const [key, title] of Object.entries(titles)) {
     panel[key] = h("div", { class: "panel", role: "tabpanel", "aria-label": title });
     heads[key] = h("button", { role: "tab", onclick: () => shell.show(key), onkeydown: (event) => {

@@ -34,6 +34,14 @@ export class ProblemText {
     return true;
   }
 
+  /** The text with half as many cells. */
+  coarser() {
+    const copy = new ProblemText(this.text);
+    copy.spots = new Map([...this.spots].map(([key, spot]) => [key, { ...spot }]));
+    for (const [key, value] of copy.numbers) if (/^mesh\.(.+\.)?cells\./.test(key)) copy.put(key, Math.max(1, Math.round(value / 2)));
+    return copy.text;
+  }
+
   /** The line, from 0, on which a key stands; -1 if that is not known. */
   line(key) {
     const spot = this.spots.get(key);
