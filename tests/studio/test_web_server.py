@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import random
 import re
@@ -151,8 +152,26 @@ def test_more_pages_than_a_server_takes_are_sent_away(client: TestClient) -> Non
     with ExitStack() as stack:
         for _ in range(8):
             stack.enter_context(live(client))  # type: ignore[arg-type]
-        with pytest.raises(WebSocketDisconnect), live(client):  # type: ignore[attr-defined]
-            pass
+        with live(client) as ninth, pytest.raises(WebSocketDisconnect) as ended:  # type: ignore[attr-defined]
+            until(ninth, "hello")
+        assert ended.value.code == 1013
+        assert "8 pages of this studio are open" in ended.value.reason
+
+
+def test_a_path_without_a_slash_shows_nothing(client: TestClient) -> None:
+    """``OPTIONS *`` has one."""
+    sent: list[dict[str, object]] = []
+
+    async def send(message: dict[str, object]) -> None:
+        sent.append(message)
+
+    async def receive() -> dict[str, object]:
+        return {"type": "http.request", "body": b""}
+
+    page = StudioPage("", Path(), "a", TOKEN, PORT)
+    scope = {"type": "http", "method": "OPTIONS", "path": "*", "raw_path": b"*", "query_string": b"", "headers": []}
+    asyncio.run(application(page)(scope, receive, send))  # type: ignore[arg-type]
+    assert sent[0]["status"] == 404
 
 
 def random_message(rng: random.Random) -> str:

@@ -140,10 +140,10 @@ def application(page: StudioPage) -> Starlette:
         return FileResponse(STATIC / "index.html")
 
     async def live(socket: WebSocket) -> None:
+        await socket.accept()  # what is closed before has no reason for the browser
         if len(open_pages) >= _MOST_PAGES:
-            await socket.close(1013, "too many pages of this studio are open; close one")
+            await socket.close(1013, f"{_MOST_PAGES} pages of this studio are open, the most it serves; close one")
             return
-        await socket.accept()
         await _attend(socket, page, workspace, open_pages)
 
     routes = [
@@ -208,7 +208,7 @@ class _Guard:
             await self._app(scope, receive, send)
             return
         headers = {name.lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        given = unquote(scope["path"]).split("/")[1].encode()
+        given = unquote(scope["path"]).removeprefix("/").partition("/")[0].encode()  # of OPTIONS the path may be *
         known = secrets.compare_digest(given, self._page.token.encode())
         hosts = {f"{name}:{self._page.port}" for name in (_HOST, "localhost")}
         origin = headers.get(b"origin")

@@ -21,8 +21,8 @@ function socketLink() {
       const { head, arrays } = unpacked(event.data);
       link.onmessage(head, arrays);
     };
-    socket.onclose = () => {
-      link.onstate(false);
+    socket.onclose = (event) => {
+      link.onstate(false, event.reason);
       setTimeout(connect, wait);
       wait = Math.min(2 * wait, 3000);
     };

@@ -14,6 +14,7 @@ import { ProblemText, Undo, unpackedText } from "./text.js";
 
 /** Milliseconds after which a request that has no picture yet gives way to a newer one. */
 const PATIENCE = 700;
+const LOST = "The studio does not answer: its program has ended or is restarting. Start it again with the same --port and --token; this page goes on from here.";
 /** Unknowns of a body in space from which a coarser mesh is shown while a slider is dragged. */
 const MANY_IN_SPACE = 4000;
 
@@ -39,7 +40,7 @@ class Studio {
     this.build();
     this.setTheme(options.theme || "");
     link.onmessage = (head, arrays) => this.hear(head, arrays);
-    link.onstate = (open) => this.connected(open);
+    link.onstate = (open, reason) => this.connected(open, reason);
   }
 
   // ---- what there is on the page -------------------------------------------------------------------------
@@ -48,8 +49,7 @@ class Studio {
     const button = (name, title, run) => h("button", { title, onclick: run }, name);
     this.title = h("h1", {}, "hemivar studio");
     this.badge = h("button", { class: "badge none", "aria-live": "polite", onclick: () => this.side.show("certificate") }, "…");
-    this.lost = h("p", { class: "lost", role: "alert", hidden: true },
-      "The studio does not answer: its program has ended or is restarting. Start it again with the same --port and --token; this page goes on from here.");
+    this.lost = h("p", { class: "lost", role: "alert", hidden: true });
     this.examples = h("select", { "aria-label": "examples", onchange: () => this.example() }, h("option", { value: "" }, "Examples …"));
     this.theme = h("select", { "aria-label": "light or dark", onchange: () => this.setTheme(this.theme.value) },
       h("option", { value: "" }, "as the system"), h("option", { value: "light" }, "light"), h("option", { value: "dark" }, "dark"));
@@ -396,9 +396,10 @@ class Studio {
     this.root.dispatchEvent(new CustomEvent("studio-drawn", { detail: { generation: this.drawnGeneration, asked: this.since } }));
   }
 
-  connected(open) {
-    this.lost.hidden = open;
+  connected(open, reason) {
     if (!open) {
+      this.lost.hidden = false;
+      this.lost.textContent = reason ? `The studio closed this page: ${reason}.` : LOST;
       this.waiting = false;
       this.status.textContent = "no connection";
     }
