@@ -236,6 +236,48 @@ def test_nothing_is_written_from_a_page(tmp_path: Path, monkeypatch: pytest.Monk
     assert list(tmp_path.iterdir()) == []
 
 
+LAW_OF_A_FILE = '{ law = "table", file = "%s" }'
+ONE_BOUNDARY = """
+[mesh]
+rectangle = [1.0, 1.0]
+cells = [4, 4]
+[material]
+lame = [4.0, 4.0]
+[supports]
+top = "clamped"
+[contact.bottom]
+normal = %s
+"""
+
+
+def test_files_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
+    """A page that was given a file of another folder reads this one; what is typed there opens nothing else."""
+    home = tmp_path / "home"
+    home.mkdir()
+    for place in (home, tmp_path):
+        (place / "law.csv").write_text("r,derivative\n0.0,0.0\n1.0,2.0\n", encoding="utf-8")
+    (home / "way").symlink_to(tmp_path)
+    inside, *outside = (
+        ONE_BOUNDARY % (LAW_OF_A_FILE % name) for name in ("law.csv", "../law.csv", tmp_path / "law.csv", "way/law.csv")
+    )
+    mesh = ONE_BOUNDARY.replace("rectangle = [1.0, 1.0]\ncells = [4, 4]", 'file = "/etc/passwd"') % '"rigid"'
+    part = template("two-bodies").replace("[mesh.lower]", '[mesh.lower]\nfile = "../lower.msh"')
+    assert kinds(answers(Bench(home), "solve", inside))[-1] == "done"
+    for text in (*outside, mesh, part):
+        (refused,) = answers(Bench(home), "solve", text)
+        assert "lies outside of the folder" in str(refused.head["message"])
+    assert kinds(answers(Bench(home, given=outside[0]), "solve", outside[0]))[-1] == "done"
+
+
+def test_parts_of_a_mesh_that_are_too_large_are_refused_before_they_are_made() -> None:
+    text = template("two-bodies").replace("[20, 10]", "[20000, 10000]")
+    assert text != template("two-bodies")
+    start = time.process_time()
+    *_, refused = answers(Bench(Path()), "solve", text)
+    assert "the studio shows up to 400000" in str(refused.head["message"])
+    assert time.process_time() - start < 5.0
+
+
 def test_curves_are_those_of_the_laws() -> None:
     curves = one(answers(Bench(Path()), "solve", template("survey")), "laws").head["curves"]
     assert isinstance(curves, list)

@@ -22,7 +22,8 @@ from hemivar.evolution import Frame, History
 from hemivar.fem import discretize
 from hemivar.files.mesh_table import StatedMesh
 from hemivar.files.problem_file import ProblemFile, parse_problem_file
-from hemivar.mesh import Grid, Mesh
+from hemivar.files.toml import printable
+from hemivar.mesh import Assembly, Grid, Mesh, MeshRecipe
 from hemivar.solvers import Controls, Solution, Solver, Status, method_named
 from hemivar.solvers.contact_states import contact_states
 from hemivar.studio.badges import Badge, badge_in_time, badge_of
@@ -96,10 +97,13 @@ class Bench:
         Where meshes and tables that a text names are looked for.
     workspace : Workspace, optional
         Shared by pages of one process.
+    given : str, optional
+        The text with which the page begins; the files that it names may lie elsewhere.
     """
 
-    def __init__(self, folder: Path, workspace: Workspace | None = None) -> None:
+    def __init__(self, folder: Path, workspace: Workspace | None = None, given: str = "") -> None:
         self.folder = folder
+        self._given = frozenset(_files_in(_tables(given)))
         self.workspace = Workspace.given(workspace)
         self._kept: _Kept | None = None
         self._shape: BodyShape | None = None
@@ -132,6 +136,7 @@ class Bench:
     # ---- reading ----------------------------------------------------------------------------------------
 
     def _read(self, request: Request) -> _Stated:
+        self._refuse_elsewhere(_tables(request.text))
         file = parse_problem_file(request.text, self.folder, "problem", place=_small_enough)
         mesh, order = file.problem.mesh, getattr(file.problem, "order", 1)
         nodes = mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0)
@@ -144,6 +149,16 @@ class Bench:
             )
         body = [data.get(key) for key in ("kind", "mesh", "material", "supports")]
         return _Stated(request.text, file, _keys(request.text), body)
+
+    def _refuse_elsewhere(self, data: object) -> None:
+        """Refuse files outside of the folder, but those that the page began with."""
+        home = self.folder.resolve()
+        for name in _files_in(data):
+            if name not in self._given and not (home / name).resolve().is_relative_to(home):
+                raise ProblemError(
+                    f"problem: '{printable(name)}' lies outside of the folder of the problem; a page reads files of "
+                    "that folder only: copy it there"
+                )
 
     def _told(self, request: Request, stated: _Stated) -> Message:
         data = tomllib.loads(stated.text)
@@ -393,27 +408,53 @@ def _same_body(kept: _Kept, fresh: DiscreteProblem, tables: object) -> bool:
 
 def _small_enough(stated: StatedMesh) -> Mesh:
     """The mesh, refused before it is made where it has more cells than a page shows."""
-    source = stated.recipe.source
-    if isinstance(source, Grid):
+    _, count = _cells_of(stated.recipe)
+    if count > MOST_CELLS:
+        raise stated.table.error(
+            "cells",
+            f"the mesh has {count:.3g} cells; the studio shows up to {MOST_CELLS}: take fewer, or the command "
+            "'hemivar solve'",
+        )
+    return stated.build()
+
+
+def _cells_of(recipe: MeshRecipe) -> tuple[int, float]:
+    """The dimension, and cells of the rectangles and boxes of a mesh; those of files are known when these are read."""
+    source = recipe.source
+    if isinstance(source, Assembly):
+        parts = [_cells_of(part) for part in source.parts.values()]
+        dim, count = parts[0][0], sum(cells for _, cells in parts)
+    elif isinstance(source, Grid):
         dim = len(source.size)
         in_each = 6.0 if dim == 3 else 4.0 if source.pattern == "cross" else 2.0
-        count = refined_cells(dim, in_each * math.prod(map(float, source.cells)), stated.recipe.refine)
-        if count > MOST_CELLS:
-            raise stated.table.error(
-                "cells",
-                f"the mesh has {count:.3g} cells; the studio shows up to {MOST_CELLS}: take fewer, or the command "
-                "'hemivar solve'",
-            )
-    return stated.build()
+        count = in_each * math.prod(map(float, source.cells))
+    else:
+        dim, count = 3, 0.0
+    return dim, refined_cells(dim, count, recipe.refine)
+
+
+def _files_in(data: object) -> Iterator[str]:
+    """The files that a text names: under the keys ``file`` and ``table``, wherever they stand."""
+    if isinstance(data, dict):
+        data = {key: value for key, value in data.items() if key != "output"}  # of which nothing is written
+    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in entries:
+        if isinstance(value, str) and key in ("file", "table"):
+            yield value
+        yield from _files_in(value)
 
 
 def _keys(text: str) -> tuple[str, ...]:
     """The numbers of a text by their keys; none where it is not TOML."""
+    return tuple(number.key for number in numbers_of(text)) if _tables(text) else ()
+
+
+def _tables(text: str) -> dict[str, object]:
+    """The tables of a text; none where it is not TOML, which the reader reports."""
     try:
-        tomllib.loads(text)
+        return tomllib.loads(text)
     except (ValueError, RecursionError):
-        return ()
-    return tuple(number.key for number in numbers_of(text))
+        return {}
 
 
 def _static(stated: _Stated, what: str) -> _Stated:

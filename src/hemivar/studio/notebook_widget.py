@@ -111,7 +111,7 @@ def widget_of(text: str, folder: Path, name: str) -> anywidget.AnyWidget:
         head, parts = message.buffers()
         widget.send(head, parts)
 
-    desk = Desk(Bench(folder), send)
+    desk = Desk(Bench(folder, given=text), send)
 
     def received(_: object, content: object, buffers: Sequence[object]) -> None:
         if isinstance(content, dict) and content.get("type") == "hello":

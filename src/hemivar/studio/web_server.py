@@ -170,7 +170,7 @@ async def _attend(socket: WebSocket, page: StudioPage, workspace: Workspace, ope
             if int(str(message.head["generation"])) >= newest:
                 await socket.send_bytes(message.packed())
 
-    desk = Desk(Bench(page.folder, workspace), send)
+    desk = Desk(Bench(page.folder, workspace, page.text), send)
     open_pages.add(desk)
     sender = asyncio.create_task(hand_on())
     try:
