@@ -334,6 +334,38 @@ def test_the_newest_request_wins() -> None:
     assert numbers.count(1) < 200  # its 400 steps were not waited for
 
 
+def test_a_page_that_waits_for_another_says_so() -> None:
+    told: list[Message] = []
+    go_on, at_work, ended = threading.Event(), threading.Event(), threading.Event()
+
+    class Waits(Bench):
+        def answer(self, request: Request, stopped: object) -> object:  # type: ignore[override]
+            at_work.set()
+            assert go_on.wait(10.0)
+            yield Message({"type": "done", "generation": request.generation})
+
+    first = Desk(Waits(Path()), lambda message: None)
+    second = Desk(Waits(Path()), lambda message: (told.append(message), len(told) == 3 and ended.set()))  # type: ignore[arg-type,return-value]
+    first.put(Request("solve", 1))
+    assert at_work.wait(10.0)
+    second.put(Request("solve", 5))
+    for generation in (5, 6):  # a change meanwhile is answered as well
+        for _ in range(1000):
+            if told and told[-1].head["generation"] == generation:
+                break
+            time.sleep(0.005)
+        assert (told[-1].head["type"], told[-1].head["generation"]) == ("progress", generation)
+        if generation == 5:
+            second.put(Request("solve", 6))
+    assert "another page" in str(told[0].head["words"])
+    go_on.set()
+    assert ended.wait(10.0)
+    for desk in (first, second):
+        desk.close()
+        desk.join(10.0)
+    assert told[-1].head["type"] == "done"
+
+
 def test_an_error_of_the_program_is_told_and_the_worker_lives() -> None:
     told: list[Message] = []
 

@@ -20,6 +20,8 @@ _TURN = threading.Lock()
 _WORKERS: weakref.WeakSet[Desk] = weakref.WeakSet()
 #: Seconds that the end of the process waits for a step.
 _PATIENCE = 5.0
+#: Seconds after which a page that waits for its turn looks whether it was asked for something else.
+_LOOK = 0.1
 
 
 class Desk:
@@ -72,8 +74,20 @@ class Desk:
                     return
                 request, self._pending = self._pending, None
                 number = self._newest
-            with _TURN:
+            told: Request | None = None
+            while not _TURN.acquire(timeout=_LOOK if told else 0.0):
+                with self._changed:
+                    if self._closed:
+                        return
+                    if self._pending is not None:
+                        request, self._pending, number = self._pending, None, self._newest
+                if told is not request:
+                    told = request
+                    self._send(_waiting(request))
+            try:
                 self._answer(request, number)
+            finally:
+                _TURN.release()
 
     def _answer(self, request: Request, number: int) -> None:
         def stopped() -> bool:
@@ -100,6 +114,12 @@ class Desk:
                     }
                 )
             )
+
+
+def _waiting(request: Request) -> Message:
+    words = "waiting for another page of this program to finish its computation …"
+    head = {"type": "progress", "generation": request.generation, "of": request.kind}
+    return Message({**head, "done": None, "words": words})
 
 
 @atexit.register

@@ -208,8 +208,8 @@ class Studio {
     if (head.generation < this.generation) return;
     const answers = {
       problem: () => this.told(head), shape: () => this.setShape(head, arrays), picture: () => this.picture(head, arrays),
-      laws: () => this.law.setCurves(head.curves, this.problem.numbers, this.units), certificate: () => this.certified(head),
-      notice: () => this.note(head.text), progress: () => this.status.replaceChildren(head.words), error: () => this.failed(head),
+      laws: () => this.law.setCurves(head.curves, this.problem.numbers, this.units), certificate: () => this.setBadge(head.level, head.title, head.meaning, head.lines),
+      notice: () => this.note(head.text), progress: () => this.progress(head.words), error: () => this.failed(head),
       refused: () => this.failed({ ...head, key: null }), solutions: () => this.cards.show(head.words, this.body, (all) => this.common(all)),
       path: () => this.path.set(head, arrays), history: () => this.ended(head, arrays), done: () => this.done(head),
     };
@@ -335,10 +335,6 @@ class Studio {
     this.rescale();
   }
 
-  certified(head) {
-    this.setBadge(head.level, head.title, head.meaning, head.lines);
-  }
-
   setBadge(level, title, meaning, lines) {
     const sign = { good: "✓ ", fair: "○ ", poor: "! ", none: "" }[level];
     this.badge.className = `badge ${level}`;
@@ -378,6 +374,11 @@ class Studio {
     this.wrong.hidden = true;
     this.area.classList.remove("wrong");
     this.status.classList.remove("wrong");
+  }
+
+  progress(words) {
+    clearTimeout(this.slow);
+    this.status.textContent = words;
   }
 
   busy(type) {
