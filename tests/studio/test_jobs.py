@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -54,9 +55,9 @@ def test_a_message_comes_back_from_its_bytes() -> None:
 def test_the_picture_comes_before_the_certificate_and_the_shape_once() -> None:
     bench, text = Bench(Path()), template("survey")
     first = answers(bench, "solve", text)
-    assert kinds(first) == ["problem", "shape", "picture", "laws", "certificate", "done"]
+    assert kinds(first) == ["problem", "shape", "picture", "certificate", "done"]
     key = str(one(first, "shape").head["key"])
-    assert kinds(answers(bench, "solve", text, shape=key)) == ["problem", "picture", "laws", "certificate", "done"]
+    assert kinds(answers(bench, "solve", text, shape=key)) == ["problem", "picture", "certificate", "done"]
 
 
 def test_sliders_stand_where_a_browser_counts_them() -> None:
@@ -103,7 +104,7 @@ def test_fields_are_those_of_the_library(name: str) -> None:
 def test_two_bodies_come_with_no_foundation(name: str) -> None:
     text = template(name)
     messages = answers(Bench(Path()), "solve", text)
-    assert kinds(messages) == ["problem", "shape", "picture", "laws", "certificate", "done"]
+    assert kinds(messages) == ["problem", "shape", "picture", "certificate", "done"]
     (boundary,) = one(messages, "shape").head["boundaries"]  # type: ignore[misc]
     assert boundary["pair"]
     solution, picture = hv.solve(parse_problem(text)), one(messages, "picture")
@@ -279,7 +280,7 @@ def test_parts_of_a_mesh_that_are_too_large_are_refused_before_they_are_made() -
 
 
 def test_curves_are_those_of_the_laws() -> None:
-    curves = one(answers(Bench(Path()), "solve", template("survey")), "laws").head["curves"]
+    curves = one(answers(Bench(Path()), "solve", template("survey")), "picture").head["curves"]
     assert isinstance(curves, list)
     normal, friction = curves
     assert normal["jumps"] == [[0.0, 0.0, pytest.approx(0.3)]]
@@ -287,6 +288,51 @@ def test_curves_are_those_of_the_laws() -> None:
     np.testing.assert_allclose(pressure, 0.3 + 2.0 * np.array(r), rtol=1e-9)
     assert friction["jumps"] == [[0.0, pytest.approx(-0.5), pytest.approx(0.5)]]
     assert (normal["side"], normal["name"], friction["name"]) == ("normal", "survey", "tresca")
+
+
+COULOMB = ONE_BOUNDARY.replace("cells = [4, 4]", "cells = [10, 10]").replace(
+    "[contact.bottom]", "[loads]\nbody = [0.6, -1.0]\n[contact.bottom]"
+) % ('{ law = "compliance", stiffness = 20.0 }\nfriction = { law = "coulomb", coefficient = 0.3 }')
+
+
+def beside(curve: dict[str, object]) -> float:
+    """The largest distance of the points of a curve to it, jumps filled in, by the size of the picture."""
+    r, y = (np.array(part) for part in curve["points"])  # type: ignore[attr-defined]
+    most = max(1.1 * float(abs(y).max()), 1e-300)
+    pieces = [np.array(piece) for piece in curve["pieces"]]  # type: ignore[attr-defined]
+    for place, low, high in curve["jumps"]:  # type: ignore[attr-defined]
+        ends = np.clip([-math.inf if low is None else low, math.inf if high is None else high], -most, most)
+        pieces.append(np.array([np.full(400, place), np.linspace(*ends, 400)]))
+    x, t = np.concatenate(pieces, axis=1)
+    size = np.array([float(str(curve["reach"])), most])[:, None]
+    apart = np.array([np.hypot(*((np.array([[a], [b]]) - [x, t]) / size)).min() for a, b in zip(r, y, strict=True)])
+    return float(apart.max())
+
+
+@pytest.mark.parametrize("text", [template("survey"), template("hertz"), COULOMB], ids=["survey", "hertz", "coulomb"])
+def test_contact_points_lie_on_the_law_that_is_drawn(text: str) -> None:
+    """By Coulomb's law each point has a bound of its own: tractions are divided by it."""
+    curves = one(answers(Bench(Path()), "solve", text), "picture").head["curves"]
+    assert isinstance(curves, list)
+    for curve in curves:
+        assert len(curve["points"][0]) > 5
+        assert beside(curve) < 0.02, curve["name"]
+    if text is COULOMB:
+        assert curves[1]["bounded"]
+        assert max(map(abs, curves[1]["points"][1])) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_in_time_each_frame_has_its_law_and_friction_is_that_of_the_rate() -> None:
+    text = COULOMB + "\n[time]\nuntil = 0.2\nstep = 0.02\n"
+    text = text.replace("lame = [4.0, 4.0]", "lame = [4.0, 4.0]\nviscosity = [0.5, 0.5]")
+    messages = answers(Bench(Path()), "solve", text)
+    assert kinds(messages)[-1] == "done", messages[-1].head
+    frames = [m.head for m in messages if m.head["type"] == "picture"]
+    assert len(frames) > 5
+    for head in frames[1:]:
+        _, friction = head["curves"]  # type: ignore[misc]
+        assert friction["by"] == "rate"
+        assert beside(friction) < 0.05, head["time"]
 
 
 def test_the_badge_claims_what_the_certificate_says() -> None:

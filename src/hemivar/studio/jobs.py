@@ -12,13 +12,13 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from hemivar.basics.memory import refined_cells
-from hemivar.basics.types import Array
 from hemivar.branches import Path as EquilibriumPath
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.evolution import Frame, History
+from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.fem import discretize
 from hemivar.files.mesh_table import StatedMesh
 from hemivar.files.problem_file import ProblemFile, parse_problem_file
@@ -215,6 +215,7 @@ class Bench:
             "residual": solution.residual.relative,
             "normal_force": solution.normal_force,
             "friction_force": np.atleast_1d(solution.friction_force).tolist(),
+            "curves": curves_of(problem, solution.local, solution.multiplier),
             **(more or {}),
         }
         return Message(head, arrays)
@@ -235,8 +236,6 @@ class Bench:
             elif isinstance(event, FoundEvent):
                 if not stopped():
                     yield self._picture(request, event.solution)
-                    found = event.solution
-                    yield _laws(request, found.problem, found.local, found.multiplier)
                     for text in event.solution.warnings:
                         yield Message({"type": "notice", "generation": request.generation, "text": text})
             elif isinstance(event, CertificateEvent):
@@ -320,7 +319,7 @@ class Bench:
             "status": f"load factor {found.load_factor[index]:.6g}", "remedy": "", "index": index,
             "stable": bool(found.stable[min(index, len(found.stable) - 1)]), "energy": float(found.energy[index]),
             "normal_force": float(found.normal_force[index]), "friction_force": found.friction_force[index].tolist(),
-            "unknowns": problem.unknowns,
+            "unknowns": problem.unknowns, "curves": curves_of(problem, local, multiplier),
         }  # fmt: skip
         return Message(head, arrays)
 
@@ -330,28 +329,27 @@ class Bench:
         # files are not written from a page
         plan = plan_of(stated.file, every=time.march.until / _FRAMES, max_time=_SECONDS, checkpoint=None)
         work = _Watched(march(evolution_of(stated.file), plan), stopped)
-        problem: DiscreteProblem | None = None
+        discrete: DiscreteEvolution | None = None
         for event in work:
             if isinstance(event, ReadyEvent):
-                problem = event.discrete.problem
-                yield from self._shown(request, problem)
+                discrete = event.discrete
+                yield from self._shown(request, discrete.problem)
             elif isinstance(event, ProgressEvent):
-                assert problem is not None
+                assert discrete is not None
                 taken = event.stepped
                 frames = [frame for _, frame in taken.earlier] + ([] if taken.frame is None else [taken.frame])
                 for frame in frames:
-                    yield self._frame(request, problem, frame)
+                    yield self._frame(request, discrete, frame)
                 if frames:
                     yield _progress(request, taken.done, f"t = {taken.row.time:.4g}")
         found = work.result
-        if found is not None and problem is not None:
-            hardest = max(found.frames, key=lambda frame: float(np.abs(frame.multiplier).max(initial=0.0)))
-            yield _laws(request, problem, hardest.local, hardest.multiplier)
+        if found is not None:
             yield _history(request, found)
             yield _badge(request, badge_in_time(found), list(found.messages))
 
-    def _frame(self, request: Request, problem: DiscreteProblem, frame: Frame) -> Message:
+    def _frame(self, request: Request, discrete: DiscreteEvolution, frame: Frame) -> Message:
         assert self._shape is not None
+        problem = discrete.problem
         states = contact_states(problem.law, frame.local, frame.multiplier)
         arrays = fields_of(self._shape, problem, frame.displacement, frame.local, frame.multiplier, states)
         weights = problem.contact.weights
@@ -359,6 +357,7 @@ class Bench:
             "type": "picture", "generation": request.generation, "shape": self._shape.key, "time": frame.time,
             "converged": True, "status": f"t = {frame.time:.4g}", "remedy": "",
             "unknowns": problem.unknowns, "normal_force": float(weights @ frame.multiplier[:, 0]),
+            "curves": curves_of(problem, frame.local, frame.multiplier, frame.rate, ~discrete.follows_slip),
         }  # fmt: skip
         return Message(head, arrays)
 
@@ -482,11 +481,6 @@ def _controls(stated: _Stated, stopped: Stopped) -> Controls:
 def _badge(request: Request, badge: Badge, lines: list[str]) -> Message:
     head = {"type": "certificate", "generation": request.generation, "lines": lines}
     return Message({**head, "level": badge.level, "title": badge.title, "meaning": badge.meaning})
-
-
-def _laws(request: Request, problem: DiscreteProblem, local: Array, multiplier: Array) -> Message:
-    curves = curves_of(problem, local, multiplier)
-    return Message({"type": "laws", "generation": request.generation, "curves": curves})
 
 
 def _progress(request: Request, done: float | None, words: str) -> Message:

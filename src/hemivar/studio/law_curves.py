@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import ContactLaw, Superpotential
 
@@ -15,24 +15,39 @@ __all__ = ["LawCurve", "curves_of"]
 
 #: Places on each piece of a law.
 _PLACES = 60
+#: Contact points that are drawn on a law.
+_MOST_POINTS = 200
 
 #: What a page draws of one law, as JSON.
 LawCurve = dict[str, object]
 
 
-def curves_of(problem: DiscreteProblem, local: Array, multiplier: Array) -> list[LawCurve]:
-    """The laws of the contact boundaries: traction against penetration, friction against slip.
+def curves_of(
+    problem: DiscreteProblem,
+    local: Array,
+    multiplier: Array,
+    rate: Array | None = None,
+    of_rate: BoolArray | None = None,
+) -> list[LawCurve]:
+    """The laws of the contact boundaries: traction against penetration, friction against slip or its rate.
 
     Each has ``boundary``, ``side`` ("normal" or "friction"), ``name``, ``lines`` (constants in words), ``pieces``
-    (lists of r and traction), ``jumps`` (place, from, to), ``reach`` (largest |r| shown) and ``note``.  A law whose
-    parameters vary is that of the point with the largest pressure, where a friction bound that depends on the state is
-    taken as well.
+    (lists of r and traction), ``jumps`` (place, from, to), ``reach`` (largest |r| shown), ``note``, and ``points``: r
+    and traction of the contact points, which lie on the curve.  ``by`` is "rate" where r is that of the slip.
+
+    A law whose parameters vary is that of the point with the largest pressure, and has the points of the same law.
+    Where the bound of friction varies, or depends on the state, tractions are divided by the bound of their point, and
+    ``bounded`` is true.
 
     Parameters
     ----------
     problem : DiscreteProblem
     local, multiplier : arrays (m, c)
         Of an equilibrium.
+    rate : array (m, c), optional
+        Of penetration and slip, in time.
+    of_rate : bool array (m,), optional
+        Contact points whose friction is a law of the slip rate.
     """
     contact, law = problem.contact, problem.law
     found: list[LawCurve] = []
@@ -43,41 +58,62 @@ def curves_of(problem: DiscreteProblem, local: Array, multiplier: Array) -> list
         if not isinstance(law, ContactLaw):
             found.append(_without_curve(name, law.name))
             continue
-        r, traction = local[index], multiplier[index]
+        traction = multiplier[index]
         chosen = int(np.argmax(np.abs(traction[:, 0])))
-        one = law.frozen(local, multiplier).take(index[[chosen]])
+        own = law.frozen(local, multiplier).take(index)
         where = "" if contact.points is None else f"at x = {_place(contact.points[index[chosen]])}"
-        parts = one.scalar_laws(contact.components)
-        for side, part, column in zip(("normal", "friction"), parts, range(contact.components), strict=False):
-            if side == "friction" and not one.rubs.any():
-                continue
-            named = law.normal.name if side == "normal" else law.friction.name
-            curve = _curve(part, float(np.abs(r[:, column:]).max()))
+        told = {"boundary": name, "note": ""}
+        same = _same(own.normal, chosen)
+        curve = _curve(own.normal.take(np.array([chosen])), local[index, 0], traction[:, 0], same)
+        found.append({**told, "side": "normal", **curve, "name": law.normal.name, "note": "" if same.all() else where})
+        if contact.components > 1 and own.rubs.any():
+            rated = rate is not None and of_rate is not None and bool(of_rate[index].all())
+            r = (rate if rated and rate is not None else local)[index, 1:]
             found.append(
-                {"boundary": name, "side": side, "note": where if _varies(law, side) else "", **curve, "name": named}
+                {
+                    **told,
+                    "side": "friction",
+                    **_friction(own, chosen, r, traction[:, 1:], where),
+                    "name": law.friction.name,
+                    "by": "rate" if rated else "slip",
+                }
             )
     return found
 
 
-def _varies(law: ContactLaw, side: str) -> bool:
-    """Whether the law is another one at other points, as far as its knots tell, or by the state."""
-    if side == "friction" and law.state_dependent:
-        return True
-    knots = (
-        law.normal.knots if side == "normal" else law.tangential.knots if not law.state_dependent else np.zeros((1, 0))
-    )
-    return bool(len(knots) > 1 and np.ptp(np.where(np.isfinite(knots), knots, 0.0), axis=0).max(initial=0.0) > 0.0)
+def _friction(law: ContactLaw, chosen: int, r: Array, traction: Array, where: str) -> LawCurve:
+    """Friction against slip, or its rate; by the bound of each point where this varies."""
+    slip, force = (part[:, 0] if part.shape[1] == 1 else np.linalg.norm(part, axis=1) for part in (r, traction))
+    bound = np.broadcast_to(law.friction.bounds, force.shape)
+    bounded, same = bool(np.ptp(bound) > 0.0), _same(law.friction.profile, chosen)
+    at = np.array([chosen])
+    if bounded:
+        force = np.divide(force, bound, out=np.zeros_like(force), where=bound > 0.0)
+        curve = _curve(law.friction.profile.take(at), slip, force, same & (bound > 0.0))
+        curve["lines"] = list(law.take(at).tangential.describe().lines)
+    else:
+        curve = _curve(law.take(at).tangential, slip, force, same)
+    return {**curve, "note": where if bounded or not same.all() else "", "bounded": bounded}
+
+
+def _same(law: Superpotential, chosen: int) -> BoolArray:
+    """Where the law is that of a chosen point, as far as its knots tell; one entry if it is so everywhere."""
+    knots = np.nan_to_num(law.knots)
+    return np.asarray((knots == knots[min(chosen, len(knots) - 1)]).all(axis=1))
 
 
 def _without_curve(boundary: str, name: str) -> LawCurve:
     note = f"the law {name} couples opening and slip and has no curve of its own"
     return {
         "boundary": boundary, "side": "normal", "name": name, "lines": [], "pieces": [], "jumps": [], "note": note,
-        "reach": 1.0,
+        "reach": 1.0, "points": [[], []],
     }  # fmt: skip
 
 
-def _curve(law: Superpotential, largest: float) -> LawCurve:
+def _curve(law: Superpotential, r: Array, traction: Array, same: BoolArray) -> LawCurve:
+    largest = float(np.abs(r).max())
+    shown = np.flatnonzero(np.broadcast_to(same, r.shape))
+    shown = shown[:: max(1, -(-len(shown) // _MOST_POINTS))]
     told = law.describe()
     knots = [knot for knot in told.knots if math.isfinite(knot)]
     reach = max([1.6 * abs(knot) for knot in knots] + [1.2 * largest]) or 1.0
@@ -92,6 +128,7 @@ def _curve(law: Superpotential, largest: float) -> LawCurve:
     jumps = [[kink.place, kink.left, kink.right] for kink in told.kinks if low <= kink.place <= high]
     return {
         "name": told.name, "lines": list(told.lines), "pieces": pieces, "jumps": jumps, "reach": reach,
+        "points": [r[shown].tolist(), traction[shown].tolist()],
     }  # fmt: skip
 
 

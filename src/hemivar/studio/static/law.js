@@ -39,13 +39,6 @@ export class LawView {
     this.draw();
   }
 
-  /** The contact points of a picture. */
-  setPicture(shape, fields) {
-    this.shape = shape;
-    this.fields = fields;
-    this.draw();
-  }
-
   panel(name) {
     const heading = h("h3");
     const note = h("span", { class: "quiet" });
@@ -64,7 +57,8 @@ export class LawView {
       const lines = curve.pieces.map(([x, y]) => ({ x, y, class: "law" }));
       if (panel.handles.length) lines.splice(0, lines.length, tableLine(panel.handles, curve));
       const finite = [...curve.pieces.flatMap((piece) => piece[1]), ...panel.handles.map((one) => one.y)].map(Math.abs);
-      const marks = this.points(curve);
+      const [place, force] = curve.points;
+      const marks = place.map((x, k) => ({ x, y: force[k], class: "onlaw", size: 2.6 }));
       for (const mark of marks) finite.push(Math.abs(mark.y));
       const most = 1.15 * Math.max(...finite, 1e-300);
       const low = Math.min(0, ...curve.pieces.flatMap((piece) => piece[1]), ...panel.handles.map((one) => one.y), ...marks.map((m) => m.y));
@@ -73,9 +67,10 @@ export class LawView {
         lines.push({ x: [place, place], y, class: y[1] < y[0] ? "law falls" : "law" });
       }
       const reach = panel.handles.reduce((a, one) => Math.max(a, 1.1 * Math.abs(one.x)), curve.reach);
-      const side = curve.side === "normal" ? ["penetration", "pressure"] : ["slip", "traction"];
+      const side = curve.side === "normal" ? ["penetration", "pressure"] : [curve.by === "rate" ? "slip rate" : "slip", curve.bounded ? "traction over its bound" : "traction"];
+      const across = curve.by !== "rate" || !this.units.time ? this.units.length : `${this.units.length}/${this.units.time}`;
       panel.plot.draw({
-        xlabel: withUnit(side[0], this.units.length), ylabel: withUnit(side[1], this.units.stress), lines, marks,
+        xlabel: withUnit(side[0], across), ylabel: curve.bounded ? side[1] : withUnit(side[1], this.units.stress), lines, marks,
         xrange: [-reach, reach], yrange: [low < 0 ? -most : -0.08 * most, most],
       });
       const { layer } = panel.plot;
@@ -83,21 +78,6 @@ export class LawView {
       layer.replaceChildren(...panel.handles.map((one, k) => this.handle(panel, one, k)));
       layer.children[focused]?.focus({ preventScroll: true });
     }
-  }
-
-  /** Where the contact points of the picture stand on the law. */
-  points(curve) {
-    if (!this.fields || !this.shape || !this.fields.local) return [];
-    const boundary = this.shape.boundaries.find((one) => one.name === curve.boundary);
-    if (!boundary) return [];
-    const { local, pressure, friction } = this.fields;
-    const columns = local.columns;
-    const every = Math.max(1, Math.ceil(boundary.index.length / 200));
-    return boundary.index.filter((_, k) => k % every === 0).map((j) => {
-      if (curve.side === "normal") return { x: local[columns * j], y: pressure[j], class: "onlaw", size: 2.6 };
-      const slip = columns === 3 ? Math.hypot(local[3 * j + 1], local[3 * j + 2]) : local[columns * j + 1];
-      return { x: slip, y: columns === 3 ? friction[j] : -friction[j], class: "onlaw", size: 2.6 };
-    });
   }
 
   handle(panel, one, k) {

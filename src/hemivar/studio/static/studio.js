@@ -208,7 +208,7 @@ class Studio {
     if (head.generation < this.generation) return;
     const answers = {
       problem: () => this.told(head), shape: () => this.setShape(head, arrays), picture: () => this.picture(head, arrays),
-      laws: () => this.law.setCurves(head.curves, this.problem.numbers, this.units), certificate: () => this.setBadge(head.level, head.title, head.meaning, head.lines),
+      certificate: () => this.setBadge(head.level, head.title, head.meaning, head.lines),
       notice: () => this.note(head.text), progress: () => this.progress(head.words), error: () => this.failed(head),
       refused: () => this.failed({ ...head, key: null }), solutions: () => this.cards.show(head.words, this.body, (all) => this.common(all)),
       path: () => this.path.set(head, arrays), history: () => this.ended(head, arrays), done: () => this.done(head),
@@ -298,7 +298,7 @@ class Studio {
     this.body.options.colour = this.colour.value;
     this.body.setFields(fields, this.range);
     this.contact.set(this.shape, fields, this.units);
-    this.law.setPicture(this.shape, fields);
+    this.law.setCurves(head.curves, this.problem.numbers, this.units);
     this.paintLegend();
     this.drawnGeneration = head.generation;
     const parts = [head.converged ? head.status : `${head.status}: ${head.remedy}`, `${head.unknowns} unknowns`];
