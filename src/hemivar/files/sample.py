@@ -61,7 +61,7 @@ _SHIPPED = {
     "delamination": ("delamination.toml", "a strip pulled off the ground that it is glued to"),
     "hertz": ("hertz_line.toml", "rigid contact: a steel block on a cylinder (mm, N, MPa)"),
     "two-bodies": ("two_bodies.toml", "a block pressed and dragged over another one (mm, N, MPa)"),
-    "press-fit": ("press_fit.toml", "two rings shrunk onto one another: bodies of revolution, an interference"),
+    "press-fit": ("press_fit.toml", "two rings shrunk onto one another, as bodies of revolution"),
     "cube": ("cube_friction.toml", "three dimensions: a cube with friction"),
     "bounce": ("bounce.toml", "in time: a block falls, bounces and comes to rest (hemivar march)"),
     "membrane": ("membrane_obstacle.toml", "a scalar problem: a membrane pressed onto a hill"),
