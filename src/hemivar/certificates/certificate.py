@@ -133,6 +133,8 @@ class Certificate(ReprMixin):
     exact : DistanceToExact or None
         The distance to the exact solution of the continuous problem, or why it is not known; None if it was not asked
         for.
+    apart : bool
+        Whether many processes made it: they leave out what takes the whole matrix, and what they have no proof of.
     """
 
     equilibrium: float
@@ -159,7 +161,6 @@ class Certificate(ReprMixin):
     left_out: tuple[str, ...] = ()
     free_motion: str = ""
     exact: DistanceToExact | None = None
-    # whether many processes made it: they leave out what takes the whole matrix, and what they have no proof of
     apart: bool = False
 
     @property
