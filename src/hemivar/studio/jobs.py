@@ -156,8 +156,8 @@ class Bench:
         for name in _files_in(data):
             if name not in self._given and not (home / name).resolve().is_relative_to(home):
                 raise ProblemError(
-                    f"problem: '{printable(name)}' lies outside of the folder of the problem; copy it there, for a "
-                    "page reads files of that folder only"
+                    f"problem: '{printable(name)}' lies outside of the folder of the problem, and a page reads "
+                    "files of that folder only; take a copy in it"
                 )
 
     def _told(self, request: Request, stated: _Stated) -> Message:
