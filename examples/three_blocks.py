@@ -46,7 +46,7 @@ history = hv.march(hv.Evolution(problem, inertia=True), 2.2, step=0.02, save=Sav
 print(history.ended, "after", len(history.times) - 1, "steps")
 
 # %%
-# The ledger at the end. Its gap is what is left over: rounding.
+# The energy balance at the end. Its gap is the balance error, which is rounding.
 
 put_in = history["work"] + history["moved"]
 stored = history["elastic"] + history["kinetic"] + history["contact"]

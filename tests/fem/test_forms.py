@@ -265,6 +265,9 @@ SOFT = hv.Contact(hv.Compliance(1.0))
         ({"supports": {"tpo": 0.0}}, {}, "'top'"),
         ({"supports": {"top": {"u^7": 0.0}}}, {}, "no unknowns 'u\\^7'"),
         ({"fixed": [10**6]}, {}, "unknowns 0 to"),
+        ({"fixed": [3, -1]}, {}, "unknown -1"),
+        ({}, {"contact": {"bottom": hv.Contact(hv.Compliance(1.0), belt=(1.0, 0.0))}}, "laws and a gap"),
+        ({}, {"contact": {"bottom": RUBBED}, "trace": lambda u: u[1]}, "has friction"),
         ({}, {"contact": {}}, "contact is empty"),
         ({}, {"contact": {"botom": SOFT}}, "'bottom'"),
         ({}, {"contact": {"bottom": 3}}, "hemivar.Contact"),
@@ -278,6 +281,30 @@ def test_bad_bodies_and_contacts_are_told(body: dict[str, Any], contact: dict[st
     stated: dict[str, Any] = {"basis": SMALL, "form": elastic, "supports": {"top": 0.0}} | body
     with pytest.raises(hv.errors.ProblemError, match=words):
         FormBody(**stated).problem(**({"contact": {"bottom": SOFT}} | contact))
+
+
+def test_lines_of_scikit_fem_are_told() -> None:
+    mesh = skfem.MeshLine().refined(2).with_boundaries({"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 0.99})
+    basis = skfem.Basis(mesh, skfem.ElementLineP1())
+    body = FormBody(basis, skfem.BilinearForm(lambda u, v, w: dot(grad(u), grad(v))), supports={"left": 0.0})
+    with pytest.raises(hv.errors.ProblemError, match="take triangles"):
+        body.problem({"right": SOFT})
+
+
+def test_a_mixed_body_wants_a_symmetric_form_and_its_own_load() -> None:
+    @skfem.BilinearForm
+    def skew(u: Any, p: Any, v: Any, q: Any, w: Any) -> Any:
+        return 2.0 * MU * ddot(sym_grad(u), sym_grad(v)) + div(u) * q - div(v) * p
+
+    basis = taylor_hood(2)
+    held = {"top": {"u^1^1": 0.0, "u^2^1": -0.1}}
+    with pytest.raises(hv.errors.ProblemError, match="not symmetric"):
+        FormBody(basis, skew, supports=held).problem({"bottom": SOFT})
+    body = FormBody(basis, incompressible, supports=held)
+    problem = body.problem({"bottom": SOFT})
+    other = problem.with_(load=problem.load + 1.0)
+    with pytest.raises(hv.errors.ProblemError, match="stated load"):
+        body.full(other, hv.solve(other).unknowns)
 
 
 def test_second_order_tetrahedra_have_no_nodal_weights() -> None:

@@ -236,4 +236,23 @@ def test_materials_that_have_no_axial_symmetry_say_so() -> None:
     problem = hv.ContactProblem(
         hv.rectangle((1.0, 1.0), (2, 2)), steel(), {"bottom": hv.Contact(hv.Signorini())}, {"top": hv.Clamped()}
     )
-    assert "one of revolution" in str(hv.certify(hv.solve(problem), exact=True))
+    found = hv.certify(hv.solve(problem), exact=True)
+    assert "one of revolution" in str(found)
+    assert found.smallness.trace_bound is None  # that of the plane body would be another one
+    with pytest.raises(hv.errors.ProblemError, match="lies on the axis"):
+        hv.discretize(replace(problem, contact={"left": hv.Contact(hv.Signorini())}))
+
+
+def test_a_study_against_a_uniform_stress_has_no_error() -> None:
+    """The pressure of a known field counts the strain around the axis."""
+    c, d, stiffness = (0.3 * 1.7 - 0.5) / E, (2.0 * 0.3 * 0.5 - 1.2) / E, 40.0
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 2.0), (4, 4)),
+        steel(0.3),
+        {"bottom": hv.Contact(hv.Compliance(stiffness))},
+        {},
+        tractions={"right": hv.Pressure(0.5), "top": hv.Pressure(1.2)},
+    )
+    study = hv.study(problem, 1, known=[f"{c!r} * x", f"{d!r} * y - {1.2 / stiffness!r}"])
+    for level in study.levels:
+        assert level.pressure < 1e-10

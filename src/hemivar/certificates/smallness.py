@@ -266,7 +266,8 @@ def _trace_bound(statement: ContactProblem, workspace: Workspace | None) -> floa
     try:
         if statement.kind:
             return scalar_trace_bound(statement)
-        found = lower_bounds(replace(statement, material=_NORM), workspace=workspace)
+        norm = _RING_NORM if statement.material.axisymmetric else _NORM
+        found = lower_bounds(replace(statement, material=norm), workspace=workspace)
     except ProblemError:
         return None
     return float(found.both.lower**-0.5)

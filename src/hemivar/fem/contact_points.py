@@ -98,6 +98,11 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         place = place.ravel()
         parts = facet_shares(mesh, facets, order, problem.material.axisymmetric)
         weights = np.asarray(np.bincount(place, weights=parts.ravel()), dtype=float)
+        if not weights.any():
+            raise ProblemError(
+                f"contact boundary '{name}' lies on the axis of the body of revolution, where nothing can touch it; "
+                "name another boundary"
+            )
         normal = _nodal_normals(problem, name, nodes, place, supports)
         seen = weights > _ZERO * weights.max()  # the corner of a quadratic facet on the axis of a body has none
         nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
@@ -317,7 +322,7 @@ def _parts(problem: ContactProblem, name: str) -> tuple[IntArray, Array]:
         cells, share = problem.areas[name], np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
         return mesh.cells[cells], np.outer(mesh.volumes[cells], share)
     facets = mesh.boundaries[name]
-    return mesh.facet_nodes(facets, order), np.outer(mesh.facet_normals(facets)[1], shares(order, mesh.dim))
+    return mesh.facet_nodes(facets, order), facet_shares(mesh, facets, order, ring=False)
 
 
 def _refuse_shared(boundary: str, own: IntArray, area: _Place, nodes: Array, free: BoolArray) -> None:

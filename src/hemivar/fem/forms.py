@@ -41,6 +41,8 @@ _NODES = {
     ),
     ("tet", 1): ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [1 / 24] * 4),
 }
+#: Words of scikit-fem's reference cells.
+_SHAPES = {"RefLine": "line", "RefTri": "tri", "RefQuad": "quad", "RefTet": "tet", "RefHex": "hex"}
 #: The middle of each reference cell, and its measure.
 _MIDDLE = {
     "line": ([[0.5]], [1.0]),
@@ -97,7 +99,9 @@ class MixedBulk(Quadratic):
 
     @staticmethod
     def of(matrix: sp.csr_array, load: Array, kept: IntArray) -> MixedBulk:
-        """Raises ProblemError: the contact unknowns are not stiff, or the others do not follow from them."""
+        """Raises ProblemError: it is not symmetric, the contact unknowns are not stiff, or the others do not follow."""
+        if np.abs((matrix - matrix.T).data).max(initial=0.0) > _DEPENDENT * np.abs(matrix.data).max(initial=0.0):
+            raise ProblemError("the form of a mixed body is not symmetric; state one that is, [[A, D'], [D, -S]]")
         others = np.setdiff1d(np.arange(matrix.shape[0]), kept)
         inner, coupling = sp.csc_array(matrix[others][:, others]), sp.csr_array(matrix[others][:, kept])
         factor = _factorised(inner)
@@ -174,6 +178,10 @@ class FormBody:
     load: ScikitFem = None
     supports: Mapping[str, Prescription] = field(default_factory=dict)
     fixed: Sequence[int] | IntArray = ()
+    _matrix: sp.csr_array = field(init=False, repr=False)
+    _loads: Array = field(init=False, repr=False)
+    _held: BoolArray = field(init=False, repr=False)
+    _values: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not hasattr(self.basis, "element_dofs") or not hasattr(self.basis, "get_dofs"):
@@ -192,15 +200,14 @@ class FormBody:
             )
         held, values = self._prescribed()
         object.__setattr__(self, "_matrix", sp.csr_array(matrix))
-        object.__setattr__(self, "_load", load)
+        object.__setattr__(self, "_loads", load)
         object.__setattr__(self, "_held", held)
         object.__setattr__(self, "_values", values)
 
     @property
     def free(self) -> IntArray:
         """Numbers of the unknowns that no support holds."""
-        held: BoolArray = self.__dict__["_held"]
-        return np.flatnonzero(~held)
+        return np.flatnonzero(~self._held)
 
     def _prescribed(self) -> tuple[BoolArray, Array]:
         count = int(self.basis.N)
@@ -216,8 +223,9 @@ class FormBody:
                 known = value(self.basis.doflocs[:, numbers]) if callable(value) else value
                 values[numbers] = np.broadcast_to(np.asarray(known, dtype=float), numbers.shape)
         further = np.asarray(self.fixed, dtype=np.int64)
-        if further.size and not (further.min() >= 0 and further.max() < count):
-            raise ProblemError(f"fixed names unknown {further.max()}; the basis has the unknowns 0 to {count - 1}")
+        beyond = further[(further < 0) | (further >= count)]
+        if beyond.size:
+            raise ProblemError(f"fixed names unknown {beyond[0]}; the basis has the unknowns 0 to {count - 1}")
         held[further] = True
         return held, values
 
@@ -229,9 +237,23 @@ class FormBody:
         return np.asarray(known[name], dtype=np.int64)
 
     def full(self, problem: DiscreteProblem, unknowns: Array) -> Array:
-        """All unknowns of the basis (N,) of those of a solution of the problem that :meth:`problem` made."""
-        values: Array = np.array(self.__dict__["_values"])
-        values[self.free] = problem.bulk.extend(unknowns) if isinstance(problem.bulk, MixedBulk) else unknowns
+        """All unknowns of the basis (N,) of those of a solution of the problem that :meth:`problem` made.
+
+        Raises
+        ------
+        ProblemError
+            A mixed body has another load than the stated one.
+        """
+        values, bulk = self._values.copy(), problem.bulk
+        if isinstance(bulk, MixedBulk):
+            stated = bulk.reduced()[0]
+            if np.abs(problem.load - stated).max(initial=0.0) > 1e-9 * np.abs(stated).max(initial=0.0):
+                raise ProblemError(
+                    "the other unknowns of a mixed body are known under its stated load, and this problem has another "
+                    "one; state that load in the form"
+                )
+            unknowns = bulk.extend(unknowns)
+        values[self.free] = unknowns
         return values
 
     def problem(
@@ -262,8 +284,7 @@ class FormBody:
             raise ProblemError("contact is empty; name a boundary or a region that touches a foundation")
         if len({part.rows.shape[0] // len(part.weights) for part in parts}) > 1:
             raise ProblemError("the contacts have different numbers of components; state one problem for each")
-        matrix, load = self.__dict__["_matrix"], self.__dict__["_load"]
-        values, free = self.__dict__["_values"], self.free
+        matrix, load, values, free = self._matrix, self._loads, self._values, self.free
         held = matrix @ values
         rows = sp.csr_array(sp.vstack([part.rows for part in parts]))
         offset = np.concatenate([part.offset for part in parts])
@@ -295,7 +316,8 @@ class FormBody:
     def _touching(self, name: str, contact: Contact, trace: TraceOf | None, at: str | int) -> _Touching:
         if not isinstance(contact, Contact):
             raise ProblemError(f"contact['{name}'] is {described(contact)}; give a hemivar.Contact")
-        if contact.obstacle is not None or contact.against or contact.memory or contact.damping is not None:
+        others = (contact.obstacle, contact.memory, contact.damping)
+        if any(one is not None for one in others) or contact.against or callable(contact.belt) or np.any(contact.belt):
             raise ProblemError(f"contact['{name}']: a body of forms takes laws and a gap; leave the others out")
         mesh = self.basis.mesh
         regions = mesh.subdomains or {}
@@ -303,10 +325,10 @@ class FormBody:
         order = _order_of(self.basis.elem)
         if area:
             where: dict[str, object] = {"elements": regions[name]}
-            shape, kind = _cell_shape(mesh), skfem.CellBasis
+            shape, kind = _shape(mesh.refdom, name), skfem.CellBasis
         else:
             where = {"facets": self._facets(name, "contact")}
-            shape, kind = _facet_shape(mesh), skfem.FacetBasis
+            shape, kind = _shape(mesh.brefdom, name), skfem.FacetBasis
         if at == "nodes" and (shape, order) not in _NODES:
             raise ProblemError(
                 f"contact['{name}']: elements of order {order} have no positive weights at the nodes of a {shape}; "
@@ -326,9 +348,8 @@ class FormBody:
     def _field(self, free: IntArray) -> Field | None:
         """The displacement for pictures and rigid motions: of vector Lagrange elements on simplices."""
         elem, mesh = self.basis.elem, self.basis.mesh
-        inner = getattr(elem, "elem", None)
-        order = {"ElementTriP1": 1, "ElementTetP1": 1}.get(type(inner).__name__)
-        if not isinstance(elem, skfem.ElementVector) or order is None or type(mesh).__name__ not in _SIMPLICES:
+        linear = isinstance(getattr(elem, "elem", None), skfem.ElementTriP1 | skfem.ElementTetP1)
+        if not (isinstance(elem, skfem.ElementVector) and linear and isinstance(mesh, skfem.MeshTri1 | skfem.MeshTet1)):
             return None
         boundaries = {name: mesh.facets[:, facets].T for name, facets in (mesh.boundaries or {}).items()}
         regions = {name: np.asarray(cells) for name, cells in (mesh.subdomains or {}).items()}
@@ -337,11 +358,8 @@ class FormBody:
         place[self.basis.nodal_dofs.T.ravel()] = np.arange(place.size)
         basis = sp.csr_array((np.ones(free.size), (place[free], np.arange(free.size))), shape=(place.size, free.size))
         values = np.empty(place.size)
-        values[place] = self.__dict__["_values"]
-        return Field(own, order, basis, values, mesh.p.shape[0], rigid=False)
-
-
-_SIMPLICES = ("MeshTri1", "MeshTet1")
+        values[place] = self._values
+        return Field(own, 1, basis, values, mesh.p.shape[0], rigid=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,6 +396,10 @@ class _Rows:
         size = self.rows.shape[0] // m
         gap = DataField(contact.gap, f"gap of contact '{name}'").at(self.points)
         if size == 1:
+            if contact.friction.acts:
+                raise ProblemError(
+                    f"contact['{name}'] has friction, and one component touches; state its law as the normal one"
+                )
             sign = -1.0 if contact.side is Side.BELOW else 1.0
             normal = ContactLaw(contact.normal).at(self.points)  # type: ignore[arg-type]
             return _Touching(sp.csr_array(sign * self.rows), self.weights, self.points, gap[:, None], normal, None)
@@ -450,12 +472,14 @@ def _order_of(elem: ScikitFem) -> int:
     return 2 if any(not part.startswith("u_n") for part in inner) else 1
 
 
-def _cell_shape(mesh: ScikitFem) -> str:
-    return {"Tri": "tri", "Qua": "quad", "Tet": "tet", "Hex": "hex"}[type(mesh).__name__[4:7]]
-
-
-def _facet_shape(mesh: ScikitFem) -> str:
-    return {"Tri": "line", "Qua": "line", "Tet": "tri", "Hex": "quad"}[type(mesh).__name__[4:7]]
+def _shape(reference: ScikitFem, name: str) -> str:
+    """The word of a reference cell of scikit-fem."""
+    if (found := _SHAPES.get(reference.__name__)) is None:
+        raise ProblemError(
+            f"contact['{name}']: contact on cells or facets like {reference.__name__} of scikit-fem is not known; take "
+            "triangles, quadrilaterals, tetrahedra or hexahedra"
+        )
+    return found
 
 
 def _refuse_dependent(trace: sp.csr_array) -> None:

@@ -547,6 +547,10 @@ def _pressure(solution: Solution, stated: ContactProblem, known: KnownField) -> 
     slope = known.gradients(points)
     strain = constitutive_law(stated).strain(slope)
     stress = np.einsum("mij,mj->mi", stated.material.stiffness_tensor(points), strain)
+    if stated.material.axisymmetric:
+        around = known.values(points)[:, 0] / np.where(points[:, 0] > 0.0, points[:, 0], np.nan)
+        around = np.where(np.isnan(around), slope[:, 0, 0], around)  # its limit on the axis
+        stress = stress + stated.material.hoop_row(points)[:, :3] * around[:, None]
     stress = stress[:, voigt_index(stated.mesh.dim)]
     return np.asarray(-np.einsum("mi,mij,mj->m", normal, stress, normal))
 
