@@ -187,23 +187,45 @@ def test_poiseuille_flow_with_slip() -> None:
     assert flux.assemble(basis) @ whole == pytest.approx(slip + 0.7 / (12.0 * MU), rel=1e-9)
 
 
-@pytest.mark.parametrize(("grounded", "modulus"), [(True, 3.0), (False, 3.0 + 0.5**2 / 0.4)])
-def test_a_piezoelectric_bar_on_springs(grounded: bool, modulus: float) -> None:
-    """Short circuit c, open circuit c + e^2 / eps; the bar stands on an insulating foundation."""
-    c, e, eps = 3.0, 0.5, 0.4
+def piezoelectric(c: float, e: float, eps: float, back: float | None = None) -> Any:
+    """The form of a bar: the motion and the potential are coupled by e, and by another number the other way."""
 
     @skfem.BilinearForm
     def bar(u: Any, phi: Any, v: Any, psi: Any, w: Any) -> Any:
-        pull = c * dot(grad(u), grad(v))
-        return pull + e * (dot(grad(phi), grad(v)) + dot(grad(psi), grad(u))) - eps * dot(grad(phi), grad(psi))
+        coupled = e * dot(grad(phi), grad(v)) + (e if back is None else back) * dot(grad(psi), grad(u))
+        return c * dot(grad(u), grad(v)) + coupled - eps * dot(grad(phi), grad(psi))
 
+    return bar
+
+
+#: Modulus, piezoelectric constant, permittivity and foundation; without dimension, and PZT-5H in SI units.
+PIEZOELECTRIC = [(3.0, 0.5, 0.4, 2.0), (117e9, 23.3, 1.3e-8, 80e9)]
+
+
+@pytest.mark.parametrize(("c", "e", "eps", "bed"), PIEZOELECTRIC)
+@pytest.mark.parametrize("grounded", [True, False])
+def test_a_piezoelectric_bar_on_springs(grounded: bool, c: float, e: float, eps: float, bed: float) -> None:
+    """Short circuit c, open circuit c + e^2 / eps; the bar stands on an insulating foundation."""
     basis = skfem.Basis(grid(skfem.MeshTri, 3), skfem.ElementTriP1() * skfem.ElementTriP1())
     held: dict[str, Any] = {"top": {"u^1": -0.1, "u^2": 0.0}} | ({"bottom": {"u^2": 0.0}} if grounded else {})
-    body = FormBody(basis, bar, supports=held)
+    body = FormBody(basis, piezoelectric(c, e, eps), supports=held)
     # u is along the axis: penetration of the ground is -u
-    problem = body.problem({"bottom": hv.Contact(hv.Compliance(2.0))}, trace=lambda u, phi: -u)
+    problem = body.problem({"bottom": hv.Contact(hv.Compliance(bed))}, trace=lambda u, phi: -u)
     found = hv.solve(problem)
-    np.testing.assert_allclose(found.multiplier[:, 0], 0.1 * modulus * 2.0 / (modulus + 2.0), rtol=1e-10)
+    modulus = c if grounded else c + e**2 / eps
+    np.testing.assert_allclose(found.multiplier[:, 0], 0.1 * modulus * bed / (modulus + bed), rtol=1e-10)
+    if not grounded:  # no charge anywhere: the potential rises by e/eps times the strain
+        strain = -0.1 * bed / (modulus + bed)
+        potential = body.full(problem, found.unknowns)[basis.get_dofs("bottom").all(["u^2"])]
+        np.testing.assert_allclose(potential, -e / eps * strain, rtol=1e-10)
+
+
+@pytest.mark.parametrize(("c", "e", "eps", "bed"), PIEZOELECTRIC)
+def test_a_coupling_of_one_way_is_told_in_any_units(c: float, e: float, eps: float, bed: float) -> None:
+    basis = skfem.Basis(grid(skfem.MeshTri, 3), skfem.ElementTriP1() * skfem.ElementTriP1())
+    body = FormBody(basis, piezoelectric(c, e, eps, 0.5 * e), supports={"top": 0.0})
+    with pytest.raises(hv.errors.ProblemError, match="not symmetric"):
+        body.problem({"bottom": hv.Contact(hv.Compliance(bed))}, trace=lambda u, phi: -u)
 
 
 def plate(n: int) -> Any:

@@ -55,6 +55,8 @@ _MIDDLE = {
 _SAME, _DEPENDENT = 1e-9, 1e-10
 #: Size of a solution, relative to the load and the matrix, from which the matrix is singular up to rounding.
 _SINGULAR = 1e13
+#: Rounds of scaling rows and columns, of which each takes the square root of what is left.
+_SCALINGS = 8
 #: Right sides solved at a time.
 _COLUMNS = 64
 #: Most rows of a trace whose rank is examined.
@@ -87,20 +89,20 @@ class MixedBulk(Quadratic):
         Rows of the others, columns of the kept ones.
     load : array (n,)
         Of the whole body.
-    factor : scipy.sparse.linalg.SuperLU
-        Of the others, with pivots by size: their matrix is indefinite.
+    factor
+        Solves with the matrix of the others, which is indefinite.
     """
 
     kept: IntArray = field(kw_only=True)
     others: IntArray = field(kw_only=True)
     coupling: sp.csr_array = field(kw_only=True)
     load: Array = field(kw_only=True)
-    factor: spla.SuperLU = field(kw_only=True)
+    factor: _Factor = field(kw_only=True)
 
     @staticmethod
     def of(matrix: sp.csr_array, load: Array, kept: IntArray) -> MixedBulk:
         """Raises ProblemError: it is not symmetric, the contact unknowns are not stiff, or the others do not follow."""
-        if np.abs((matrix - matrix.T).data).max(initial=0.0) > _DEPENDENT * np.abs(matrix.data).max(initial=0.0):
+        if np.abs(_scaled(matrix - matrix.T, _scales(matrix)).data).max(initial=0.0) > _DEPENDENT:
             raise ProblemError("the form of a mixed body is not symmetric; state one that is, [[A, D'], [D, -S]]")
         others = np.setdiff1d(np.arange(matrix.shape[0]), kept)
         inner, coupling = sp.csc_array(matrix[others][:, others]), sp.csr_array(matrix[others][:, kept])
@@ -135,20 +137,51 @@ class MixedBulk(Quadratic):
         return found
 
 
-def _factorised(matrix: sp.csc_array) -> spla.SuperLU:
-    """The factors of a symmetric indefinite matrix, with pivots by size; a singular one is told."""
+@dataclass(frozen=True, eq=False)
+class _Factor:
+    """The factors of ``S A S``, of a symmetric matrix A and a diagonal one S, with pivots by size."""
+
+    scales: Array  # (n,)
+    inner: spla.SuperLU
+
+    def solve(self, right: Array) -> Array:
+        """``A^-1 right``, for (n,) or (n, k)."""
+        scales = self.scales if right.ndim == 1 else self.scales[:, None]
+        return np.asarray(scales * self.inner.solve(scales * right))
+
+
+def _scales(matrix: sp.sparray) -> Array:
+    """Positive numbers (n,) with which ``s_i |a_ij| s_j`` is about 1 at most in each row (Ruiz 2001).
+
+    Unknowns of several units, such as mm and V, then have entries of one size.
+    """
+    found = np.ones(matrix.shape[0])
+    for _ in range(_SCALINGS):
+        largest = abs(_scaled(matrix, found)).max(axis=1).toarray().ravel()
+        found /= np.sqrt(np.where(largest > 0.0, largest, 1.0))
+    return found
+
+
+def _scaled(matrix: sp.sparray, scales: Array) -> sp.csr_array:
+    return sp.csr_array(sp.diags_array(scales) @ matrix @ sp.diags_array(scales))
+
+
+def _factorised(matrix: sp.csc_array) -> _Factor:
+    """The factors of a symmetric indefinite matrix; a singular one is told."""
     singular = ProblemError(
         "the constraints do not determine the body apart from its contact: fix a pressure with fixed=, or add a support"
     )
+    scales = _scales(matrix)
+    scaled = sp.csc_array(_scaled(matrix, scales))
     try:
-        factor = spla.splu(matrix)
+        factor = spla.splu(scaled)
     except RuntimeError:
         raise singular from None
     probe = np.cos(np.arange(matrix.shape[0], dtype=float))
-    size = float(abs(matrix).sum(axis=0).max(initial=0.0)) * float(np.abs(factor.solve(probe)).max(initial=0.0))
+    size = float(abs(scaled).sum(axis=0).max(initial=0.0)) * float(np.abs(factor.solve(probe)).max(initial=0.0))
     if not size < _SINGULAR:
         raise singular
-    return factor
+    return _Factor(scales, factor)
 
 
 @dataclass(frozen=True, eq=False)
