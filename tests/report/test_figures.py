@@ -20,7 +20,18 @@ from hemivar.errors import ProblemError
 from hemivar.fem import discretize, von_mises
 from hemivar.files import read_solution, write_vtu
 from hemivar.gallery import beam, membrane_obstacle, survey, survey_cube
-from hemivar.laws import Adhesive, Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Signorini, Tresca
+from hemivar.laws import (
+    Adhesive,
+    BilinearCohesion,
+    Compliance,
+    ContactLaw,
+    CoulombBound,
+    Friction,
+    MixedMode,
+    PenetrationBound,
+    Signorini,
+    Tresca,
+)
 from hemivar.mechanics import Clamped, Contact, ContactProblem
 from hemivar.mesh import rectangle
 from hemivar.report import Arrows, BodyColour, plot_contact, plot_errors, plot_history, plot_solution, save
@@ -190,6 +201,21 @@ def test_a_force_that_pulls_begins_where_it_acts() -> None:
     places = DeformedBody.of(solution, 1.0).contact_places
     assert np.linalg.norm(quiver.XY - places, axis=1)[pulled] == pytest.approx(0.012 * np.sqrt(2.0))
     assert (quiver.XY[pulled, 1] < places[pulled, 1]).all()  # into the foundation
+
+
+def test_glue_that_is_pressed_is_bonded_and_its_shear_is_no_friction() -> None:
+    glue = MixedMode(BilinearCohesion(stiffness=24.0, strength=2.4, energy=0.6), 1.5, Compliance(100.0))
+    pressed = replace(survey("5.1", 4), contact={"bottom": Contact(glue)})
+    solution = solve(discretize(pressed))
+    assert (solution.pressure > 0.0).any()
+    assert "bonded, compressed" in texts(plot_solution(solution))
+    words = texts(plot_contact(solution))
+    assert "shear on the body" in words
+    assert "bonded, compressed" in words
+    assert "friction" not in words
+    rubbed = texts(plot_contact(solve(discretize(survey("5.1", 4)))))
+    assert "friction on the body" in rubbed
+    assert "bonded" not in rubbed
 
 
 def test_many_cells_are_coloured_instead_of_lined(tmp_path: Path) -> None:

@@ -101,6 +101,11 @@ def test_a_loop_goes_through_the_moments(history: History) -> None:
     assert np.array_equal(ends[:, 0], history["tip.u_y"][1:])
     assert np.array_equal(ends[:, 1], history["normal_force"][1:])
     assert np.array_equal(lines.get_array(), history.times[1:])
+    table = dict(history_columns(history))
+    table["tip.u_x"] = 10.0 * np.arange(len(table["time"]))
+    table["friction_force"] = 3.0 * table["normal_force"]
+    moving = plot_march(table, "loop").axes[0]
+    assert (moving.get_xlabel(), moving.get_ylabel()) == ("displacement x, tip", "friction force")
     other = plot_march(history, "loop", columns=("penetration", "kinetic")).axes[0]
     assert (other.get_xlabel(), other.get_ylabel()) == ("penetration", "kinetic")
 

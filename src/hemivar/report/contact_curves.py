@@ -16,6 +16,7 @@ from hemivar.fem.area_average import over_area
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.laws import ContactLaw
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, with_notes, write_foot
+from hemivar.report.deformed import state_label
 from hemivar.report.drawn_body import flat_axes, flat_map
 from hemivar.report.picture import BELOW, new_figure
 from hemivar.report.scalar_map import area_maps
@@ -112,7 +113,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     slips[~states.closed] = np.nan  # where a body is away from its foundation nothing slips
     quantities: list[tuple[str, Array, str]] = [
         ("pressure", solution.pressure[:, None], RED),
-        ("friction on the body", solution.friction, GREEN),
+        (f"{_shear(problem)} on the body", solution.friction, GREEN),
         ("opening", 0.0 - local[:, :1], BLUE) if solution.debonding else ("penetration", local[:, :1], BLUE),
         ("slip", slips, PURPLE),
     ]
@@ -147,7 +148,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
             panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if len(parts) > 1:
             panels[0, column].set_title(name)
-    handles = [state_mark(kind, kind.label) for kind in states.present]
+    handles = [state_mark(kind, state_label(solution, kind, here)) for kind, here in states.present.items()]
     if bound is not None:
         handles.insert(0, Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
     above = 0.5 + (72.0 * FOOT / STYLE["legend.fontsize"] if with_notes() else 0.0)  # the line at the foot, in letters
@@ -174,6 +175,11 @@ def _curve(
     panel.plot(where, values, color=colour, ls=dash, lw=1.1, label=label, zorder=2)
     for kind, here in states.present.items():
         panel.plot(where[here], values[here], ls="", ms=size, mew=0.5, zorder=3, **MARKERS[kind])
+
+
+def _shear(problem: DiscreteProblem) -> str:
+    """What the traction along the foundation is called: that of a coupled law is not all friction."""
+    return "friction" if isinstance(problem.law, ContactLaw) else "shear"
 
 
 def _rest_bound(problem: DiscreteProblem) -> Array | None:
@@ -218,7 +224,11 @@ def _maps(
         corners = corners[((flat[corners] >= window[0]) & (flat[corners] <= window[1])).all(axis=2).any(axis=1)]
     quantities = [
         (panels[0, 0], solution.pressure, with_unit("pressure", stress_unit)),
-        (panels[0, 1], np.linalg.norm(solution.friction, axis=1), with_unit("friction, magnitude", stress_unit)),
+        (
+            panels[0, 1],
+            np.linalg.norm(solution.friction, axis=1),
+            with_unit(f"{_shear(solution.problem)}, magnitude", stress_unit),
+        ),
         (panels[1, 0], *_depth(solution, unit)),
     ]
     place = np.searchsorted(boundary.used_nodes, corners)
@@ -267,7 +277,9 @@ def _state_map(
     extent = float(np.ptp(places if window is None else window, axis=0).max())
     handles = []
     for kind, here in states.present.items():
-        colour, label = STATE_COLOURS[kind], f"{kind.label} ({np.count_nonzero(here)})"
+        everywhere = np.isin(np.arange(problem.contact_points), boundary.index[here])
+        label = f"{state_label(solution, kind, everywhere)} ({np.count_nonzero(here)})"
+        colour = STATE_COLOURS[kind]
         panel.plot(*places[here].T, "s", color=colour, mec=GREY, mew=0.3, ms=size, zorder=1)
         handles.append(Line2D([], [], marker="s", ls="", color=colour, mec=GREY, mew=0.3, ms=5.0, label=label))
     slip = solution.slip_vectors[boundary.index] @ axes.T

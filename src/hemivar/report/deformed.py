@@ -17,9 +17,9 @@ from hemivar.fem import nodal_average, von_mises
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.style import MANY_CELLS, with_unit
 from hemivar.solvers import Solution
-from hemivar.solvers.contact_states import Kind
+from hemivar.solvers.contact_states import Kind, NormalState, TangentialState
 
-__all__ = ["BodyColour", "DeformedBody", "round_number"]
+__all__ = ["BodyColour", "DeformedBody", "round_number", "state_label"]
 
 
 class BodyColour(StrEnum):
@@ -104,7 +104,7 @@ class DeformedBody:
     def states(self) -> Iterator[tuple[Kind, BoolArray, str]]:
         """Each pair of states that there is, which points are in it, (m,), and what a legend says of it."""
         for kind, here in self.solution.states.present.items():
-            yield kind, here, f"{kind.label} ({np.count_nonzero(here)})"
+            yield kind, here, f"{state_label(self.solution, kind, here)} ({np.count_nonzero(here)})"
 
     def colour(self, given: BodyColour | str | None) -> BodyColour:
         """What colours the body: by itself stress in space and where cells are many, else nothing."""
@@ -124,6 +124,18 @@ class DeformedBody:
         assert self.problem.origin is not None
         stress = von_mises(self.problem.origin, self.solution.displacement)
         return stress if self.mesh.dim == 2 else nodal_average(self.mesh, stress)
+
+
+def state_label(solution: Solution, kind: Kind, here: BoolArray) -> str:
+    """What a legend says of the points ``here`` (m,), which are all in one pair of states.
+
+    Glue that is pressed is bonded all the same, as long as none of these points has broken.
+    """
+    damage = solution.debonding.get("damage")
+    if kind.normal is not NormalState.CONTACT or damage is None or not (damage[here] < 1.0).all():
+        return kind.label
+    free = kind.tangential is TangentialState.FREE
+    return "bonded, compressed" if free else f"bonded, compressed, {kind.tangential.label}"
 
 
 def _visible(problem: DiscreteProblem, mesh: Mesh, displacement: Array) -> float:

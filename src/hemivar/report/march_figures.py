@@ -77,8 +77,8 @@ def plot_march(
 
     ``"ledger"``: stored energies and losses stacked, with the external work as a line, and below the error
     of the balance. ``"forces"``: resultants of pressure and friction, and the measure of contact. ``"loop"``: the
-    second of two columns over the first; by default the normal force over the last component of the first probe, or
-    over the largest penetration. ``"steps"``: lengths of steps, residuals and margins. ``"columns"``: each in a panel.
+    second of two columns over the first; by default the force that changes most over the displacement of a probe that
+    changes most, or over the largest penetration. ``"steps"``: lengths of steps, residuals and margins. ``"columns"``: each in a panel.
     ``"map"``: states and pressure along a plane contact boundary over time, from the frames of a history.
 
     Parameters
@@ -220,11 +220,11 @@ def _loop(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> F
     if columns:
         across, up = columns
     else:
-        probes = [name for name in table if ".u_" in name]
-        first = [name for name in probes if name.rpartition(".u_")[0] == probes[0].rpartition(".u_")[0]]
-        across, up = (first[-1] if first else "penetration"), "normal_force"
-        if not {across, up} <= table.keys():
+        moves = [name for name in table if ".u_" in name] or [name for name in ("penetration",) if name in table]
+        forces = [name for name in ("normal_force", "friction_force") if name in table]
+        if not moves or not forces:
             raise ProblemError("the table holds neither probes nor forces; name two columns for the loop")
+        across, up = (max(names, key=lambda name: _range(table[name])) for names in (moves, forces))
     x, y, time = table[across], table[up], table["time"]
     seen = np.isfinite(x) & np.isfinite(y)
     fig = new_figure((5.2, 3.6), layout="constrained")
@@ -306,6 +306,11 @@ def _columns(table: Mapping[str, Array], columns: Sequence[str], units: Units) -
     panels[-1].set_xlabel(with_unit("time", units.time))
     fig.align_ylabels()
     return fig
+
+
+def _range(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if known.size else 0.0
 
 
 def _near_zero(values: Array) -> bool:
