@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from hemivar.certificates import Certificate, DistanceToExact
 from hemivar.report.picture import current, new_figure
-from hemivar.report.style import BLUE, GREEN, GREY, RED, drawing
+from hemivar.report.style import BLUE, GREEN, GREY, RED, drawing, figure_of
 from hemivar.solvers import Solution, Status
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ __all__ = ["FOOT", "certificate_line", "plot_certificate", "title_of", "with_not
 #: Room for the line below axes, in inches.
 FOOT = 0.22
 _SIZE = 6.5
+#: Mean width of a letter over its height.
+_LETTER = 0.5
 #: The range of relative sizes that is drawn; what is smaller is rounding.
 _LEAST, _MOST = 1e-17, 10.0
 #: Where the line for c ends at the least.
@@ -55,9 +58,14 @@ def write_below(ax: Axes, line: str, points: float = 36.0) -> None:
     if not with_notes():
         return
     ax.annotate(
-        line, (0.0, 0.0), (0.0, -points), xycoords="axes fraction", textcoords="offset points", fontsize=_SIZE,
-        color=GREY, va="top", annotation_clip=False,
+        _wrapped(figure_of(ax), line), (0.0, 0.0), (0.0, -points), xycoords="axes fraction",
+        textcoords="offset points", fontsize=_SIZE, color=GREY, va="top", annotation_clip=False,
     )  # fmt: skip
+
+
+def _wrapped(fig: Figure, line: str) -> str:
+    """In lines that are no longer than the figure."""
+    return "\n".join(wrap(line, int(fig.get_figwidth() * 72.0 / (_LETTER * _SIZE))))
 
 
 def write_foot(fig: Figure, line: str) -> None:
@@ -72,7 +80,8 @@ def write_foot(fig: Figure, line: str) -> None:
     engine, share = fig.get_layout_engine(), FOOT / fig.get_figheight()
     if isinstance(engine, ConstrainedLayoutEngine):
         engine.set(rect=(0.0, share, 1.0, 1.0 - share))
-    fig.text(0.01, 0.25 * share, line, fontsize=_SIZE, color=GREY, va="bottom")
+    low = 0.25 * share + _SIZE / 72.0 / fig.get_figheight()  # further lines hang below the figure, which grows as saved
+    fig.text(0.01, low, _wrapped(fig, line), fontsize=_SIZE, color=GREY, va="top")
 
 
 def plot_certificate(certificate: Certificate, *, title: str | None = None) -> Figure:

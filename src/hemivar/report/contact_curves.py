@@ -222,13 +222,10 @@ def _maps(
     window = _window(solution, boundary, solution.problem.contact.points[boundary.index] @ axes.T)
     if window is not None:
         corners = corners[((flat[corners] >= window[0]) & (flat[corners] <= window[1])).all(axis=2).any(axis=1)]
+    shear = with_unit(f"{_shear(solution.problem)}, magnitude", stress_unit)
     quantities = [
         (panels[0, 0], solution.pressure, with_unit("pressure", stress_unit)),
-        (
-            panels[0, 1],
-            np.linalg.norm(solution.friction, axis=1),
-            with_unit(f"{_shear(solution.problem)}, magnitude", stress_unit),
-        ),
+        (panels[0, 1], np.linalg.norm(solution.friction, axis=1), shear),
         (panels[1, 0], *_depth(solution, unit)),
     ]
     place = np.searchsorted(boundary.used_nodes, corners)

@@ -78,8 +78,9 @@ def plot_march(
     ``"ledger"``: stored energies and losses stacked, with the external work as a line, and below the error
     of the balance. ``"forces"``: resultants of pressure and friction, and the measure of contact. ``"loop"``: the
     second of two columns over the first; by default the force that changes most over the displacement of a probe that
-    changes most, or over the largest penetration. ``"steps"``: lengths of steps, residuals and margins. ``"columns"``: each in a panel.
-    ``"map"``: states and pressure along a plane contact boundary over time, from the frames of a history.
+    changes most, or over the largest penetration. ``"steps"``: lengths of steps, residuals and margins. ``"columns"``:
+    each in a panel. ``"map"``: states and pressure along a plane contact boundary over time, from the frames of a
+    history.
 
     Parameters
     ----------
@@ -220,7 +221,7 @@ def _loop(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> F
     if columns:
         across, up = columns
     else:
-        moves = [name for name in table if ".u_" in name] or [name for name in ("penetration",) if name in table]
+        moves = [name for name in table if ".u_" in name] or [name for name in table if name == "penetration"]
         forces = [name for name in ("normal_force", "friction_force") if name in table]
         if not moves or not forces:
             raise ProblemError("the table holds neither probes nor forces; name two columns for the loop")
