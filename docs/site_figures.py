@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
+from matplotlib.quiver import QuiverKey
+from matplotlib.text import Annotation
+from PIL import Image, ImageOps
 from sphinx_gallery.scrapers import figure_rst, matplotlib_scraper
 
 #: The last one that was drawn: the value of a cell stays until the next cell has one.
@@ -15,14 +20,47 @@ _DRAWN: list[Figure] = []
 
 
 def _scrape(block: tuple[Any, ...], block_vars: dict[str, Any], gallery_conf: dict[str, Any], **kwargs: Any) -> str:
-    found = matplotlib_scraper(block, block_vars, gallery_conf, **kwargs)
+    figures = [plt.figure(number) for number in plt.get_fignums()]
+    found = str(matplotlib_scraper(block, block_vars, gallery_conf, **kwargs))
     last = block_vars["example_globals"].get("___")
-    if not isinstance(last, Figure) or any(last is drawn for drawn in _DRAWN):
-        return str(found)
-    _DRAWN[:] = [last]
-    path = next(block_vars["image_path_iterator"])
-    last.savefig(path, dpi=150, bbox_inches="tight")
-    return str(found) + figure_rst([path], gallery_conf["src_dir"])
+    if isinstance(last, Figure) and not any(last is drawn for drawn in _DRAWN):
+        _DRAWN[:] = [last]
+        figures.append(last)
+        path = next(block_vars["image_path_iterator"])
+        last.savefig(path, dpi=150, bbox_inches="tight")
+        found += figure_rst([path], gallery_conf["src_dir"])
+    folder = Path(gallery_conf["src_dir"], "gallery", "images")
+    for name, figure in zip(dict.fromkeys(re.findall(r"sphx_glr_\w+\.png", found)), figures, strict=True):
+        save_card(figure, folder / name.replace("sphx_glr_", "card_"))
+    return found
+
+
+def save_card(figure: Figure, path: Path) -> None:
+    """A figure as a square picture of its largest axes, without scales, titles and legends; it is spoilt by this."""
+    figure.canvas.draw()
+    panels = [one for one in figure.axes if one.get_label() != "<colorbar>"]
+    axes = max(panels, key=lambda one: one.get_position().width * one.get_position().height)
+    for part in (*figure.texts, *figure.legends, *figure.axes, axes.get_legend()):
+        if part is not None:
+            part.set_visible(part is axes)
+    for key in axes.findobj(QuiverKey):
+        key.remove()  # it is drawn whether visible or not
+    for text in (axes.title, *axes.texts):
+        text.set_visible(isinstance(text, Annotation) and not text.get_text())  # an arrow
+    figure.suptitle("")
+    figure.set_layout_engine("none")
+    body = axes.get_aspect() != "auto"
+    axes.set_axis_off() if body else axes.tick_params(which="both", labelbottom=False, labelleft=False, length=0.0)
+    axes.set(xlabel="", ylabel="")
+    if not body:
+        figure.set_size_inches(4.0, 4.0)
+        axes.set_position((0.04, 0.04, 0.92, 0.92))
+    drawn = BytesIO()
+    figure.savefig(drawn, format="png", dpi=200.0, facecolor="white")
+    picture = Image.open(drawn).convert("RGB")
+    seen = picture.crop(ImageOps.invert(picture).getbbox())
+    square = ImageOps.pad(seen, (460, 460), color="white")
+    ImageOps.expand(square, 10, "white").save(path)
 
 
 #: The gallery: its sections, from the first solution to data of one's own; what is not named here comes last.
@@ -66,7 +104,7 @@ def into_sections(index: Path) -> None:
     middle, after = rest.split(foot, 1)
     cards = {re.findall(r":doc:`/gallery/(\w+)`", card)[0]: card for card in _CARD.findall(middle)}
     for name, card in cards.items():
-        figure = f"images/sphx_glr_{name}_{_SHOWN.get(name, 1):03d}.png"  # as it is, not made small
+        figure = f"images/card_{name}_{_SHOWN.get(name, 1):03d}.png"
         if (index.parent / figure).exists():
             cards[name] = card.replace(f"images/thumb/sphx_glr_{name}_thumb.png", figure)
     sections = {**SECTIONS, "Others": tuple(name for name in cards if name not in _ORDER)}

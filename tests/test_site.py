@@ -14,6 +14,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+from PIL import Image
 
 import hemivar as hv
 
@@ -143,6 +144,15 @@ def test_the_gallery_shows_each_example(name: str) -> None:
     for figure in figures:
         assert (SITE / "_images" / figure).stat().st_size > 5000
     assert "Traceback" not in page
+
+
+def test_cards_of_the_gallery_are_square_pictures() -> None:
+    page = (SITE / "gallery" / "index.html").read_text(encoding="utf-8")
+    cards = dict(re.findall(r'src="\.\./_images/(card_(\w+)_\d{3}\.png)"', page))
+    assert sorted(cards.values()) == sorted(EXAMPLES)
+    for card in cards:
+        with Image.open(SITE / "_images" / card) as picture:
+            assert picture.size == (480, 480)
 
 
 @pytest.mark.parametrize("page", TUTORIALS)
