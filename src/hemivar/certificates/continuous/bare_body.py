@@ -20,7 +20,7 @@ from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.obstacles import Normals, Plane
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["bare_body", "contact_normals", "facet_cover", "has_constant_normals", "held_facets"]
+__all__ = ["bare_body", "contact_normals", "contact_sides", "facet_cover", "has_constant_normals", "held_facets"]
 
 #: Part of a facet by which another one must lie over it.
 _OVER = 1e-6
@@ -51,13 +51,19 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
         material=lower_elasticity(problem.material),
         supports=supports,
         contact={
-            name: Contact(NoContact(), obstacle=contact.obstacle, normals=contact.normals)
+            side: Contact(NoContact(), obstacle=contact.obstacle, normals=contact.normals)
             for name, contact in problem.contact.items()
+            for side in contact_sides(problem, name)
         },
         tractions={},
         body_force=(0.0,) * mesh.dim,
         order=1,
     )
+
+
+def contact_sides(problem: ContactProblem, name: str) -> tuple[str, ...]:
+    """The boundaries of a contact: one on a foundation, two of bodies that touch."""
+    return problem.pair(name) if problem.contact[name].against else (name,)
 
 
 def held_facets(problem: ContactProblem, table: FacetTable) -> Array:

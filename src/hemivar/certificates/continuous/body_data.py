@@ -17,6 +17,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.bare_body import held_facets
 from hemivar.certificates.continuous.facet_table import FacetTable, facet_table, facet_vertices
+from hemivar.certificates.continuous.joined_sides import joined_sides
 from hemivar.certificates.continuous.load_values import LoadValues, load_values
 from hemivar.certificates.continuous.split_element import facet_mass, pulled_back, voigt
 from hemivar.errors import ProblemError
@@ -76,6 +77,8 @@ class BodyData:
     #: Of the cells with their vertices sorted.
     cell_nodes: IntArray  # (M, l)
     facet_nodes: IntArray  # (F, k)
+    #: The same on the other side where two bodies touch; those of ``facet_nodes`` elsewhere.
+    opposite: IntArray  # (F, k)
     #: Of the displacement at the vertices of the cells, between which it is linear.
     strains: Array  # (M, d + 1, d, d)
     #: The linear part of ``C eps`` on each cell, at its vertices; all of it where C is constant on the cell. Of a
@@ -169,6 +172,28 @@ class BodyData:
         """Places (..., k, d) of the nodes of facets."""
         return np.asarray(self._nodes[self.facet_nodes[facets]])
 
+    def jump(self, values: Array, facets: IntArray) -> Array:
+        """What is seen at the nodes of contact facets of a field (nodes, ...): that of the body, (k, l, ...).
+
+        Where two bodies touch it is that of the first less that of the second.
+        """
+        found = values[self.facet_nodes[facets]]
+        cut = self.table.cut[facets]
+        found[cut] -= values[self.opposite[facets[cut]]]
+        return np.asarray(found)
+
+    def at_nodes(self, facets: IntArray, moments: Array) -> Array:
+        """Nodal sums (nodes, d) of moments (k, l, d) on facets; where two bodies touch the opposite ones on the second."""
+        found = np.zeros(self.displacement.shape)
+        np.add.at(found, self.facet_nodes[facets], moments)
+        cut = self.table.cut[facets]
+        np.subtract.at(found, self.opposite[facets[cut]], moments[cut])
+        return found
+
+    def under(self, moments: Array) -> BodyData:
+        """The data without contact, under contact tractions of these moments (F, k, d) as loads."""
+        return replace(self, facet_loads=self.facet_loads + moments, contact=np.full(len(self.contact), -1))
+
     @cached_property
     def _nodes(self) -> Array:
         return self.problem.mesh.nodes(self.order)
@@ -228,12 +253,15 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
     if u.shape != (count, mesh.dim):
         raise ProblemError(f"the displacement has shape {u.shape}; a field of order {order} on this mesh has shape "
                            f"{(count, mesh.dim)}")  # fmt: skip
-    table = facet_table(mesh)
-    facet_nodes = np.asarray(mesh.facet_nodes(table.facets, order))
+    sides = joined_sides(problem)
+    table = facet_table(mesh) if sides is None else facet_table(mesh, *sides)
+    facet_nodes, opposite = (np.asarray(mesh.facet_nodes(facets, order)) for facets in (table.facets, table.others))
     cell_nodes = table.cells
     if order == 2:
         middle = np.empty(table.cells.shape, dtype=np.int64)
-        middle[:, facet_vertices(2, 2)[:, 2] - 3] = facet_nodes[table.cell_facets][:, :, 2]
+        first = table.signs > 0.0
+        midpoints = np.where(first, facet_nodes[table.cell_facets, 2], opposite[table.cell_facets, 2])
+        middle[:, facet_vertices(2, 2)[:, 2] - 3] = midpoints
         cell_nodes = np.hstack([table.cells, middle])
     law = elastic(lower_elasticity(material), mesh.dim)
     tensor, weights = law.on(mesh, 2 * order, vertices=None if order == 1 else table.cells)
@@ -243,7 +271,7 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
     for number, name in enumerate(problem.contact):
         contact[table.numbers(mesh.boundaries[name])] = number
     return BodyData(
-        problem, table, u, cell_nodes, facet_nodes, strains, stresses, tensor, weights, forces,
+        problem, table, u, cell_nodes, facet_nodes, opposite, strains, stresses, tensor, weights, forces,
         *_loads(problem, table, cell_nodes, facet_nodes, count), _unknown(problem, table), contact, stored,
     )  # fmt: skip
 

@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.split_element import facet_mass
 from hemivar.certificates.continuous.varying_gaps import gap_ranges
@@ -327,7 +327,7 @@ def local_traces(data: BodyData, name: str, facets: IntArray, barycentric: Array
     dim = table.dim
     places = np.einsum("fqa,fai->fqi", barycentric, table.mesh.points[table.facets[facets]])
     shapes = shape_values(data.order, barycentric)
-    moved = np.einsum("fqa,fai->fqi", shapes, data.displacement[data.facet_nodes[facets]])
+    moved = np.einsum("fqa,fai->fqi", shapes, data.jump(data.displacement, facets))
     normals = np.broadcast_to(table.normals[facets][:, None], places.shape)
     flat = places.reshape(-1, dim)
     if contact.obstacle is None:
@@ -409,6 +409,10 @@ def _out_of_curved_gaps(data: BodyData) -> Array:
                 normal[corner[worst]] = normals[worst]
             loose = np.abs(np.einsum("nij,nj->ni", held, normal)).max(axis=1) <= _HELD
             moved -= sign * (most * loose)[:, None] * normal
+            cut = part.facets[table.cut[part.facets]]  # what is held there gives way on the other side
+            mine, theirs = table.facets[cut].ravel(), table.others[cut].ravel()
+            stuck = ~loose[mine]
+            moved[theirs[stuck]] += sign * most[mine[stuck], None] * normal[mine[stuck]]
     return moved
 
 
@@ -435,5 +439,14 @@ def admissible_displacement(data: BodyData) -> Array:
             reach = (np.sqrt(np.maximum(sign * (end - value), 0.0)) for value in (first, last))
             excess = np.maximum(sign * beyond - 0.25 * sum(reach) ** 2, 0.0)
             excess[held | ~np.isfinite(excess)] = 0.0
-            moved[data.facet_nodes[facets, 2]] -= (sign * excess)[:, None] * normal
+            back, softer = (sign * excess)[:, None] * normal, _second_is_softer(data, facets)
+            moved[data.facet_nodes[facets[~softer], 2]] -= back[~softer]
+            moved[data.opposite[facets[softer], 2]] += back[softer]
     return moved
+
+
+def _second_is_softer(data: BodyData, facets: IntArray) -> BoolArray:
+    """Where two bodies touch (k,): whether the second one costs less energy to bend."""
+    stiffness = np.broadcast_to(np.einsum("mqvv->m", data.tensors), len(data.table.cells))
+    first, second = stiffness[data.table.owners[facets]].T
+    return np.asarray(data.table.cut[facets] & (second < first))

@@ -26,7 +26,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.bare_body import bare_body
 from hemivar.certificates.continuous.body_data import BodyData
@@ -35,6 +35,7 @@ from hemivar.certificates.continuous.fenchel import FenchelGap, fenchel_gap
 from hemivar.certificates.continuous.oscillation import local_constants
 from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import PatchSmoother
+from hemivar.certificates.continuous.touching_bodies import contact_moments
 from hemivar.certificates.continuous.varying_gaps import gap_ranges
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.coercivity.free_motion import describe
@@ -83,8 +84,9 @@ def not_convex(problem: ContactProblem) -> str:
 def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: tuple[PatchKind, ...]) -> BalancedStress | None:
     """Of a displacement in the domain of the law; None where no tractions that the law allows balance the loads."""
     body = _Body(data)
-    loads = _gathered(data, data.loads) + _at_nodes(data, np.arange(len(data.facet_loads)), data.facet_loads)
-    target = traces.interpolated(unsettled(data).moments)
+    loads = _gathered(data, data.loads) + data.at_nodes(np.arange(len(data.facet_loads)), data.facet_loads)
+    joined = bool(data.table.cut.any())
+    target = traces.interpolated(unsettled(data.under(contact_moments(data)) if joined else data).moments)
     wide = unknown_gaps(traces)
     best: tuple[float, FenchelGap, Array, Array, Array] | None = None
     for weight in _WEIGHTS:
@@ -92,7 +94,7 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: tuple[PatchKi
         gap = _balanced(traces, body, target, b, loads, wide)
         if gap is None:
             continue
-        force = loads - _at_nodes(data, traces.facets, traces.moments(gap.multiplier)) - _gathered(data, data.forces)
+        force = loads - data.at_nodes(traces.facets, traces.moments(gap.multiplier)) - _gathered(data, data.forces)
         w, paid, missed = body.solve(force), gap.normal_gap + gap.tangential_gap, _missed(traces, gap.multiplier)
         cost = float(np.sum(w * force)) + 2.0 * float(paid.sum()) + float(missed @ missed)
         if best is None or cost < best[0]:
@@ -102,8 +104,9 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: tuple[PatchKi
     _, gap, w, paid, missed = best
     moved = data.moved(data.displacement + w)
     pressures = traces.on_facets(-traces.moments(gap.multiplier))
-    left = loads + _at_nodes(data, np.arange(len(pressures)), pressures) - _gathered(moved, moved.forces)
-    stress = replace(admissible_stress(moved, pressures, unsettled(moved)), data=data)
+    left = loads + data.at_nodes(np.arange(len(pressures)), pressures) - _gathered(moved, moved.forces)
+    own = admissible_stress(moved.under(pressures)) if joined else admissible_stress(moved, pressures)
+    stress = replace(own, data=data)
     if sweeps:
         sweeper = PatchSmoother(stress)
         for kind in sweeps:
@@ -127,7 +130,7 @@ def _balanced(
 ) -> FenchelGap | None:
     """The multiplier that is nearest to a target (k, q, d) by a weight and balances loads (nodes, d)."""
     data = traces.data
-    at_nodes = body.motions[data.facet_nodes[traces.facets]]
+    at_nodes = data.jump(body.motions, traces.facets)
     moves = np.einsum("fqa,fqci,fain->fqcn", traces.shapes, traces.frames, at_nodes, optimize=True)
     wanted = np.einsum("nim,ni->m", body.motions, loads)
     size = float(np.abs(body.motions).max(initial=0.0) * np.abs(loads).sum())
@@ -164,10 +167,12 @@ def _missed(traces: ContactTraces, zeta: Array) -> Array:
     projected = traces.forces(data.facet_loads + traces.on_facets(-traces.moments(zeta)))
     square, whole = (sum(traces.square(part)) for part in (zeta - projected, zeta))
     square = np.where(square <= _ROUNDING**2 * whole, 0.0, square)
-    cell = table.owners[traces.facets, 0]
-    local = np.argmax(table.cell_facets[cell] == traces.facets[:, None], axis=1)
     found = np.zeros(len(table.cells))
-    np.add.at(found, cell, constants.facet[cell, local] * np.sqrt(square))
+    for side in (0, 1):
+        seen = np.flatnonzero(table.owners[traces.facets, side] >= 0)
+        cell = table.owners[traces.facets[seen], side]
+        local = np.argmax(table.cell_facets[cell] == traces.facets[seen, None], axis=1)
+        np.add.at(found, cell, constants.facet[cell, local] * np.sqrt(square[seen]))
     return found
 
 
@@ -178,19 +183,12 @@ def _gathered(data: BodyData, cells: Array) -> Array:
     return found
 
 
-def _at_nodes(data: BodyData, facets: IntArray, moments: Array) -> Array:
-    """Nodal sums (nodes, d) of what facets (k,) have at their nodes, (k, l, d)."""
-    found = np.zeros(data.displacement.shape)
-    np.add.at(found, data.facet_nodes[facets], moments)
-    return found
-
-
 class _Body:
     """A body without loads: its motions without deformation, and what balanced forces do to it."""
 
     def __init__(self, data: BodyData) -> None:
         problem = data.problem
-        bare = replace(bare_body(problem, coarsest=False), order=problem.order)
+        bare = replace(bare_body(problem, coarsest=False), contact={}, order=problem.order)
         self._discrete = discretize(bare, check_coercivity=False)
         assert self._discrete.field is not None
         self._field = self._discrete.field

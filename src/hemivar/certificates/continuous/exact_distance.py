@@ -38,11 +38,12 @@ from hemivar.certificates.continuous.contact_traces import (
 from hemivar.certificates.continuous.convex_distance import balanced_stress, not_convex
 from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
 from hemivar.certificates.continuous.hypotheses import fixed_gaps, inexact_data, stated_conditions, unmet_hypotheses
+from hemivar.certificates.continuous.joined_sides import joined_sides
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
 from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
-from hemivar.certificates.continuous.touching_bodies import touch, touching_bodies
+from hemivar.certificates.continuous.touching_bodies import contact_moments, shared_anew, touch, touching_bodies
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.laws import VectorLaw
@@ -52,8 +53,8 @@ __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
 
 #: Why the distance of bodies that touch is no bound.
 _TOUCHING = (
-    "bodies touch one another: the contact tractions of the mesh load each part, and what the law does between contact "
-    "points is not seen"
+    "bodies touch one another and their facets do not coincide: the contact tractions of the mesh load each part, and "
+    "what the law does between contact points is not seen"
 )
 #: Part of c by which what a displacement shows may be larger, by rounding.
 _CONTRADICTED = 1e-6
@@ -214,7 +215,7 @@ def exact_distance(
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     usual = SWEEPS[problem.mesh.dim] if problem.order == 1 else _MORE
     chosen = usual if sweeps is None else sweeps
-    if touch(problem):
+    if touch(problem) and joined_sides(problem) is None:
         return _of_touching_bodies(problem, displacement, chosen, unmet)
     data = body_data(problem, displacement)
     inside = admissible_displacement(data)
@@ -304,10 +305,14 @@ def improved_stress(
 
 def _first_stress(data: BodyData, traces: ContactTraces | None, constants: TraceBounds) -> AdmissibleStress:
     """Before any sweep."""
-    start = unsettled(data)
+    joined = bool(data.table.cut.any())
+    own = contact_moments(data) if joined else np.zeros(0)
+    start = unsettled(data.under(own) if joined else data)
     if traces is None:
         return admissible_stress(data, None, start)
     pressures = traces.on_facets(-traces.moments(_first_multiplier(data, traces, constants, start.moments)))
+    if joined:
+        return replace(admissible_stress(data.under(shared_anew(data, own, pressures))), data=traces.data)
     return replace(admissible_stress(data, pressures, start), data=traces.data)
 
 

@@ -2,6 +2,9 @@
 
 With the nodes of every cell and every facet sorted, vertex a of facet i (opposite to vertex i of a cell) is the a-th of
 the other vertices of the cell, whatever cell one comes from.
+
+Two bodies may touch along facets that coincide, with nodes of their own on either side.  With one number for all nodes
+at a place such a facet is one, has a cell on both sides, and nodes are sorted by these numbers.
 """
 
 from __future__ import annotations
@@ -39,10 +42,14 @@ class FacetTable:
     """Facets and cells."""
 
     mesh: Mesh
-    #: Nodes of the cells, sorted; cells keep their numbers.
+    #: One number for all nodes at a place.
+    places: IntArray  # (N,)
+    #: Nodes of the cells, sorted by their places; cells keep their numbers.
     cells: IntArray  # (M, d + 1)
-    #: Nodes of the facets, sorted.
+    #: Nodes of the facets, sorted alike: those of the first cell.
     facets: IntArray  # (F, d)
+    #: The same of the second cell, which has others where two bodies touch; of the first where there is no second one.
+    others: IntArray  # (F, d)
     #: Facet opposite to each vertex.
     cell_facets: IntArray  # (M, d + 1)
     #: +1 where the cell is the first of the facet, whose outward normal is that of the facet; -1 where it is the
@@ -89,18 +96,23 @@ class FacetTable:
         """Unit normals of the facets, shape (F, d), outward from the first cell."""
         return np.asarray(self.area_normals / self.measures[:, None])
 
-    @property
+    @cached_property
+    def cut(self) -> BoolArray:
+        """Along which facets two bodies touch, shape (F,): both sides have nodes of their own."""
+        return np.asarray((self.facets != self.others).any(axis=1))
+
+    @cached_property
     def interior(self) -> BoolArray:
-        """Which facets have two cells, shape (F,)."""
-        return np.asarray(self.owners[:, 1] >= 0)
+        """Which facets lie inside of one body, shape (F,)."""
+        return np.asarray((self.owners[:, 1] >= 0) & ~self.cut)
 
     @cached_property
     def _keys(self) -> IntArray:
-        return facet_keys(self.facets, self.mesh.number_of_nodes)
+        return facet_keys(self.places[self.facets], self.mesh.number_of_nodes)
 
     def numbers(self, facets: IntArray) -> IntArray:
-        """Numbers (k,) of facets given by their nodes (k, d), in any order."""
-        return np.asarray(np.searchsorted(self._keys, facet_keys(facets, self.mesh.number_of_nodes)))
+        """Numbers (k,) of facets given by their nodes (k, d), in any order and on either side."""
+        return np.asarray(np.searchsorted(self._keys, facet_keys(self.places[facets], self.mesh.number_of_nodes)))
 
     def of_cells(self, moments: Array, cells: slice = slice(None)) -> Array:
         """Moments on the facets of cells, outward, (M, d + 1, l, d), of those on the facets (F, l, d)."""
@@ -129,13 +141,27 @@ def _gradients(jacobian: Array) -> Array:
     return out
 
 
-def facet_table(mesh: Mesh) -> FacetTable:
-    """The facets of a mesh."""
-    dim = mesh.dim
-    cells = np.sort(np.asarray(mesh.cells, dtype=np.int64), axis=1)
+def facet_table(mesh: Mesh, places: IntArray | None = None, second: IntArray | None = None) -> FacetTable:
+    """The facets of a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    places : int array, shape (N,), optional
+        One number for all nodes at a place, where bodies touch along facets that coincide.
+    second : int array, shape (k, d), optional
+        The facets, by their nodes, whose cells are second ones.
+    """
+    dim, count = mesh.dim, mesh.number_of_nodes
+    places = np.arange(count) if places is None else places
+    cells = np.asarray(mesh.cells, dtype=np.int64)
+    cells = np.take_along_axis(cells, np.argsort(places[cells], axis=1), axis=1)
     every = cells[:, facet_vertices(dim)].reshape(-1, dim)
-    keys = facet_keys(every, mesh.number_of_nodes)
-    order = np.argsort(keys, kind="stable")
+    keys = facet_keys(places[every], count)
+    last = np.zeros(len(every), dtype=bool)
+    if second is not None:
+        last = np.isin(facet_keys(every, count), facet_keys(second, count))
+    order = np.lexsort((last, keys)) if last.any() else np.argsort(keys, kind="stable")
     new = np.ones(len(order), dtype=bool)
     new[1:] = keys[order[1:]] != keys[order[:-1]]
     number = np.empty(len(order), dtype=np.int64)
@@ -144,12 +170,17 @@ def facet_table(mesh: Mesh) -> FacetTable:
     signs[order] = np.where(new, 1.0, -1.0)
     owners = np.full((int(new.sum()), 2), -1, dtype=np.int64)
     owners[number[order], np.where(new, 0, 1)] = order // (dim + 1)
+    facets = every[order[new]]
+    others = facets.copy()
+    others[number[order[~new]]] = every[order[~new]]
     corner = mesh.points[cells]
     jacobian = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
     return FacetTable(
         mesh,
+        places,
         cells,
-        every[order[new]],
+        facets,
+        others,
         number.reshape(-1, dim + 1),
         signs.reshape(-1, dim + 1),
         owners,

@@ -58,7 +58,8 @@ class SoftModes:
 
     @cached_property
     def _body(self) -> tuple[DiscreteProblem, EnergyNorm]:
-        body = discretize(bare_body(self.traces.data.problem, coarsest=False), check_coercivity=False)
+        bare = replace(bare_body(self.traces.data.problem, coarsest=False), contact={})
+        body = discretize(bare, check_coercivity=False)
         return body, energy_norm(body)
 
     def softest(self, normal: Array, tangential: Array) -> SoftestMode:
@@ -69,12 +70,17 @@ class SoftModes:
         basis, K = body.field.basis, body.stiffness
         weights = np.broadcast_to(np.column_stack([normal, tangential])[:, None], (*traces.weights.shape, 2))
         blocks = replace(traces, shapes=traces.barycentric).mass(weights)
-        place = table.facets[traces.facets][:, :, None] * dim + np.arange(dim)
-        rows = np.broadcast_to(place[:, :, :, None, None], blocks.shape)
-        columns = np.broadcast_to(place[:, None, None], blocks.shape)
-        size = len(table.mesh.points) * dim
-        M = sp.csr_array(sp.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)))
-        M = sp.csr_array(basis.T @ M @ basis)
+        shape = blocks.shape[0], blocks.shape[1] * dim
+        count, size = int(np.prod(shape)), len(table.mesh.points) * dim
+        seen: sp.csr_array = sp.csr_array((count, size))
+        for nodes, sign in ((table.facets, 1.0), (table.others, -1.0)):
+            place = (nodes[traces.facets][:, :, None] * dim + np.arange(dim)).ravel()
+            there = np.repeat((sign > 0.0) | table.cut[traces.facets], shape[1])
+            seen = seen + sp.csr_array((np.where(there, sign, 0.0), (np.arange(count), place)), shape=(count, size))
+        start = np.arange(shape[0] + 1)
+        of_facets = sp.bsr_array((blocks.reshape(-1, shape[1], shape[1]), start[:-1], start), shape=(count, count))
+        seen = sp.csr_array(seen @ basis)
+        M = sp.csr_array(seen.T @ sp.csr_array(of_facets) @ seen)
         x = np.random.default_rng(0).normal(size=M.shape[0])
         for _ in range(_STEPS):
             x = energy.riesz(M @ x)[0]
@@ -90,7 +96,7 @@ class SoftModes:
         work = float(np.einsum("mai,mai->", data.loads, at))
         work += float(np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
         work -= float(np.einsum("m,mij,mij->", table.volumes, data.stress, strain))
-        work -= float(np.einsum("fai,fai->", traces.moments(zeta), field[table.facets[traces.facets]]))
+        work -= float(np.einsum("fai,fai->", traces.moments(zeta), data.jump(field, traces.facets)))
         return abs(work) + float(data.varying.unknown @ np.linalg.norm(field, axis=1))
 
 

@@ -31,6 +31,11 @@ Goerisch with a lower bound ``q <= 1 / c_{k+1}``:  ``A0 = a(v_i, v_j)``, ``A1 = 
 
 for any theta > 0, as ``<D v_o, w(D P v)> = <D v_o, v_o> M + <D v_o, (1 - P)(w(D P v) - v M)>`` and
 ``|w(D P v) - v M|_a <= |t - C eps(v) M|``.  Error of stresses and of displacements enters squared.
+
+*Of a jump.*  Where two bodies touch the norm is that of ``v_1 - v_2``.  Loads g on it act on both, ``w(g)`` is made of
+what each part b of the mesh does under the loads on its own sides, and with c_b for these alone
+
+    |w(g)|_a^2 = sum of |w_b|_a^2 <= sum of c_b |g_b|^2 <= max of (c_slave + c_master) |g|^2    over the contacts.
 """
 
 from __future__ import annotations
@@ -49,6 +54,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.bare_body import (
     bare_body,
     contact_normals,
+    contact_sides,
     facet_cover,
     has_constant_normals,
     held_facets,
@@ -215,6 +221,37 @@ class TraceFlexibility:
         return np.asarray(values[::-1] + off), np.asarray(vectors[:, ::-1])
 
 
+@dataclass(frozen=True, eq=False)
+class JumpSides:
+    """Which parts of a mesh have which sides of contacts."""
+
+    #: The part of each contact facet of a flexibility.
+    part: IntArray  # (k,)
+    #: Of each contact the parts that have its one side or its two sides.
+    contacts: tuple[tuple[IntArray, ...], ...]
+
+    @property
+    def jumps(self) -> bool:
+        """Whether any contact is one of two sides."""
+        return any(len(sides) > 1 for sides in self.contacts)
+
+    def bound(self, flexibility: TraceFlexibility, normal: Array | float, tangential: Array | float) -> TraceRange:
+        """Bounds of c for weights as those of :meth:`TraceFlexibility.bound`, the same on both sides of a contact."""
+        if not self.jumps:
+            return flexibility.bound(normal, tangential)
+        found = [
+            flexibility.bound(*(np.where(self.part == part, weight, 0.0) for weight in (normal, tangential)))
+            for part in range(int(self.part.max()) + 1)
+        ]
+
+        def total(values: list[float]) -> float:
+            return max(sum(max(values[b] for b in side) for side in sides) for sides in self.contacts)
+
+        upper, simple = total([one.upper for one in found]), total([one.simple for one in found])
+        both = any(len(sides) > 1 and np.intersect1d(*sides).size for sides in self.contacts)
+        return TraceRange(0.0 if both else max(one.lower for one in found), upper, simple, upper)
+
+
 def quadratic_blocks(mesh: Mesh, stiffness: Array) -> Array:
     """Stiffness matrices (M, k, k) of cells with quadratic displacements, all components of each node in turn."""
     gradients, index = barycentric_gradients(mesh), voigt_index(mesh.dim)
@@ -306,6 +343,8 @@ class LowerBounds:
         That mesh.
     flexibility : TraceFlexibility, optional
         The contact boundary of the body, for weights that vary on it.
+    sides : JumpSides, optional
+        Of that mesh: where two bodies touch, the trace is the jump.
     whole : bool
         Whether contact normals vary on facets, so that only the whole trace is known and weights count by the larger
         of both.
@@ -318,6 +357,7 @@ class LowerBounds:
     mesh: Mesh | None = field(default=None, repr=False, compare=False)
     flexibility: TraceFlexibility | None = field(default=None, repr=False, compare=False)
     whole: bool = False
+    sides: JumpSides | None = field(default=None, repr=False, compare=False)
 
     def weighted(self, corners: Array, normal: Array, tangential: Array) -> tuple[float, float]:
         """Upper bounds of the first two eigenvalues of ``int alpha |v|^2`` against ``a(v, v)``, weights by facets.
@@ -333,13 +373,13 @@ class LowerBounds:
         normal, tangential : arrays, shape (k,)
             Weights of the normal and of the tangential part, >= 0.
         """
-        if self.mesh is None or self.flexibility is None:
+        if self.mesh is None or self.flexibility is None or self.sides is None:
             return np.inf, np.inf
         if self.whole:
             normal = tangential = np.maximum(normal, tangential)
         over = facet_cover(self.mesh.points[self.flexibility.facets], corners)
         weights = [np.where(over, alpha, 0.0).max(axis=1, initial=0.0) for alpha in (normal, tangential)]
-        found = self.flexibility.bound(*weights)
+        found = self.sides.bound(self.flexibility, *weights)
         return found.upper, found.second
 
 
@@ -379,41 +419,64 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
             "the body is not held by its supports, so that rigid motions move the contact boundary without energy and "
             "no trace constant exists; add a support"
         )
-    most = _CELLS[bare.mesh.dim] if cells is None else cells
+    sides = tuple(contact_sides(problem, name) for name in problem.contact)
+    pieces = int(_parts(table).max()) + 1 if any(len(side) > 1 for side in sides) else 1
+    most = pieces * _CELLS[bare.mesh.dim] if cells is None else cells
     if workspace is None:
-        return _found(bare, most)
+        return _found(bare, most, sides)
     touching = np.sort(np.concatenate([table.numbers(bare.mesh.boundaries[name]) for name in bare.contact]))
     matrices, _ = constitutive_law(bare).on(bare.mesh, 2)
     kind = np.array([most, not has_constant_normals(bare)])
     normals = contact_normals(bare, table, touching)
-    parts = (bare.mesh.points, bare.mesh.cells, matrices, held, touching, normals, kind)
-    return workspace.once("lower bounds of trace constants", parts, lambda: _found(bare, most))
+    apart = [table.numbers(bare.mesh.boundaries[name]) for side in sides for name in side]
+    sizes = np.array([len(side) for side in sides] + [len(one) for one in apart])
+    parts = (bare.mesh.points, bare.mesh.cells, matrices, held, touching, normals, kind, sizes, np.concatenate(apart))
+    return workspace.once("lower bounds of trace constants", parts, lambda: _found(bare, most, sides))
 
 
-def _found(bare: ContactProblem, cells: int) -> LowerBounds:
+def _found(bare: ContactProblem, cells: int, names: tuple[tuple[str, ...], ...]) -> LowerBounds:
     own = _graded(bare, cells)
-    flexibility = TraceFlexibility(own)
+    flexibility, sides = TraceFlexibility(own), _jump_sides(own, names)
     both, normal, tangential = (
-        _inverse(flexibility.bound(*weights)) for weights in ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
+        _inverse(sides.bound(flexibility, *weights)) for weights in ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
     )
     whole = not has_constant_normals(own)
     if whole:
         normal = tangential = replace(both, upper=math.inf)
-    return LowerBounds(both, normal, tangential, own.mesh.number_of_cells, own.mesh, flexibility, whole)
+    return LowerBounds(both, normal, tangential, own.mesh.number_of_cells, own.mesh, flexibility, whole, sides)
+
+
+def _jump_sides(problem: ContactProblem, names: tuple[tuple[str, ...], ...]) -> JumpSides:
+    """Of contacts by the names of their sides, on the facets of a :class:`TraceFlexibility`."""
+    table, mesh = facet_table(problem.mesh), problem.mesh
+    part = _parts(table)
+    loaded = np.unique(np.concatenate([table.numbers(mesh.boundaries[name]) for name in problem.contact]))
+
+    def of(facets: IntArray) -> IntArray:
+        return np.asarray(part[table.owners[facets, 0]])
+
+    every = tuple(tuple(np.unique(of(table.numbers(mesh.boundaries[name]))) for name in side) for side in names)
+    return JumpSides(of(loaded), every)
+
+
+def _parts(table: FacetTable) -> IntArray:
+    """The number of the connected part of each cell, (M,)."""
+    inner = table.owners[table.interior]
+    graph = sp.coo_array((np.ones(len(inner)), inner.T), shape=2 * (len(table.cells),))
+    return np.asarray(sp.csgraph.connected_components(graph, directed=False)[1])
 
 
 def _inverse(found: TraceRange) -> LowerBound:
     if found.upper == 0.0:
         return LowerBound(math.inf, math.inf, math.inf)  # supports hold this part everywhere
-    return LowerBound(1.0 / found.upper, 1.0 / found.lower, 1.0 / found.simple)
+    return LowerBound(1.0 / found.upper, 1.0 / found.lower if found.lower > 0.0 else math.inf, 1.0 / found.simple)
 
 
 def _is_held(table: FacetTable, held: Array) -> bool:
     """Whether supports resist every rigid motion of every connected part."""
     mesh, dim = table.mesh, table.dim
-    inner = table.owners[table.interior]
-    graph = sp.coo_array((np.ones(len(inner)), inner.T), shape=2 * (len(table.cells),))
-    parts, label = sp.csgraph.connected_components(graph, directed=False)
+    label = _parts(table)
+    parts = int(label.max()) + 1
     x = (mesh.points - mesh.points.mean(axis=0)) / float(np.ptp(mesh.points, axis=0).max())
     spins = []
     for i in range(dim):

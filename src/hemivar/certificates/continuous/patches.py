@@ -165,7 +165,7 @@ def patch_batches(
 def facet_patches(table: FacetTable, kind: PatchKind) -> IntArray:
     """The patches of each facet, shape (F, p)."""
     if kind is PatchKind.VERTEX:
-        return table.facets
+        return table.places[table.facets]
     if kind is PatchKind.FACET or table.dim == 2:
         return np.arange(len(table.facets))[:, None]
     return _edges(table, table.facets, EDGES[2])
@@ -174,7 +174,7 @@ def facet_patches(table: FacetTable, kind: PatchKind) -> IntArray:
 def cell_patches(table: FacetTable, kind: PatchKind) -> IntArray:
     """The patches of each cell, shape (M, q): of vertices in their order, of edges in that of ``EDGES``."""
     if kind is PatchKind.VERTEX:
-        return table.cells
+        return table.places[table.cells]
     if kind is PatchKind.FACET or table.dim == 2:
         return table.cell_facets
     return _edges(table, table.cells, EDGES[3])
@@ -190,11 +190,11 @@ def patch_sides(dim: int, kind: PatchKind) -> IntArray:
 
 
 def _edges(table: FacetTable, simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:
-    """Numbers of edges of the mesh, by places of their ends in simplices."""
+    """Numbers of edges of the mesh, by local ends in simplices; edges at one place have one number."""
     count = table.mesh.number_of_nodes
-    known = np.asarray(table.mesh.edges, dtype=np.int64)
+    known = np.unique(pair_keys(table.places[np.asarray(table.mesh.edges, dtype=np.int64)], count))
     ends = np.stack([simplices[:, pair] for pair in pairs], axis=1)
-    return np.asarray(np.searchsorted(known[:, 0] * count + known[:, 1], pair_keys(ends, count)))
+    return np.asarray(np.searchsorted(known, pair_keys(table.places[ends], count)))
 
 
 def lowering(matrix: Array, slope: Array, change: Array) -> BoolArray:

@@ -129,8 +129,8 @@ class PatchSmoother:
         if kind is not PatchKind.VERTEX or table.dim == 3 or self.data.order == 2:
             return [group(apart, rollers=True), group(some & ~apart)]
         outer = np.zeros(count, dtype=bool)
-        outer[table.facets[~table.interior]] = True
-        size = np.bincount(table.cells.ravel(), minlength=count)
+        outer[table.places[table.facets[~table.interior]]] = True
+        size = np.bincount(patches.ravel(), minlength=count)
         return [
             group(apart, rollers=True, outer=True),
             group(some & outer & ~apart, outer=True),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,7 +28,7 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.supports import stated_supports
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["refuse_touching", "touch", "touching_bodies"]
+__all__ = ["contact_moments", "refuse_touching", "shared_anew", "touch", "touching_bodies"]
 
 
 def touch(problem: ContactProblem) -> bool:
@@ -64,19 +65,52 @@ def touching_bodies(problem: ContactProblem, displacement: Array) -> tuple[BodyD
     float
         Of a law that depends on the solution that with the state of this one; inf if the laws jump down.
     """
-    discrete = discretize(problem, check_coercivity=False)
+    discrete, forces = _contact_forces(problem, displacement)
     data = body_data(replace(problem, contact={}), displacement)
-    assert discrete.field is not None
-    u, contact = discrete.field.restrict(displacement), discrete.contact
-    forces = _contact_forces(discrete, u)
-    loads = data.facet_loads.copy()
-    for boundary, moments in _moments(problem, contact, contact.global_vectors(forces)):
-        table, nodes = data.table, problem.mesh.facet_nodes(problem.mesh.boundaries[boundary], problem.order)
-        number = table.numbers(problem.mesh.boundaries[boundary])
+    law = discrete.law.frozen(
+        discrete.local(_unknowns(discrete, displacement)), forces / discrete.contact.weights[:, None]
+    )
+    return data.under(_on_facets(data, problem, discrete.contact, forces)), _constant(discrete.with_(law=law))
+
+
+def contact_moments(data: BodyData) -> Array:
+    """Moments (F, l, d) of the contact tractions of a displacement, opposite on both sides where two bodies touch.
+
+    The bodies of the data are in equilibrium with them.
+    """
+    discrete, forces = _contact_forces(data.problem, data.displacement)
+    return _on_facets(data, data.problem, discrete.contact, forces)
+
+
+def shared_anew(data: BodyData, moments: Array, wanted: Array) -> Array:
+    """Contact moments (F, l, d) near to wanted ones that leave the same force to each node of each contact.
+
+    What the node lacks of it is shared among the facets of this contact there, in proportion to their size.  So what is
+    opposite on both sides stays so.
+    """
+    out = np.zeros_like(moments)
+    for number in range(len(data.problem.contact)):
+        facets = np.flatnonzero(data.contact == number)
+        nodes, measures = data.facet_nodes[facets], data.table.measures[facets]
+        lack, size = np.zeros(data.displacement.shape), np.zeros(len(data.displacement))
+        np.add.at(lack, nodes, moments[facets] - wanted[facets])
+        np.add.at(size, nodes, measures[:, None])
+        out[facets] = wanted[facets] + (measures[:, None] / size[nodes])[:, :, None] * lack[nodes]
+    return out
+
+
+def _on_facets(data: BodyData, problem: ContactProblem, contact: ContactPoints, forces: Array) -> Array:
+    """Moments (F, l, d) of local forces (m, d) of contact points on the facets of the data.
+
+    Where two bodies touch along one facet of the data, those of its first side are the moments.
+    """
+    found, joined = np.zeros(data.facet_loads.shape), bool(data.table.cut.any())
+    for boundary, moments in _moments(problem, contact, contact.global_vectors(forces), joined):
+        facets = problem.mesh.boundaries[boundary]
+        nodes, number = problem.mesh.facet_nodes(facets, problem.order), data.table.numbers(facets)
         ours, theirs = np.argsort(data.facet_nodes[number], axis=1), np.argsort(nodes, axis=1)
-        np.subtract.at(loads, (number[:, None], ours), np.take_along_axis(moments, theirs[:, :, None], axis=1))
-    law = discrete.law.frozen(discrete.local(u), forces / contact.weights[:, None])
-    return replace(data, facet_loads=loads), _constant(discrete.with_(law=law))
+        np.subtract.at(found, (number[:, None], ours), np.take_along_axis(moments, theirs[:, :, None], axis=1))
+    return found
 
 
 def _constant(discrete: DiscreteProblem) -> float:
@@ -87,24 +121,36 @@ def _constant(discrete: DiscreteProblem) -> float:
     return smallness(discrete, trace_constant=False).constant
 
 
-def _contact_forces(discrete: DiscreteProblem, u: Array) -> Array:
-    """Local forces (m, d) on the foundation, or of one side on the other, that balance unknowns (n,)."""
-    contact = discrete.contact
+def _unknowns(discrete: DiscreteProblem, displacement: Array) -> Array:
+    assert discrete.field is not None
+    return np.asarray(discrete.field.restrict(displacement))
+
+
+def _contact_forces(problem: ContactProblem, displacement: Array) -> tuple[DiscreteProblem, Array]:
+    """Local forces (m, d) on the foundation, or of one side on the other, that balance a displacement (nodes, d)."""
+    discrete = discretize(problem, check_coercivity=False)
+    contact, u = discrete.contact, _unknowns(discrete, displacement)
     rows = np.flatnonzero(np.diff(contact.trace.indptr) > 0)
     seen = sp.csr_array(contact.trace[rows])
     found = np.zeros(contact.trace.shape[0])
     found[rows] = spla.splu(sp.csc_array(seen @ seen.T)).solve(seen @ discrete.out_of_balance(u))
-    return found.reshape(contact.shape)
+    return discrete, found.reshape(contact.shape)
 
 
-def _moments(problem: ContactProblem, contact: ContactPoints, forces: Array) -> Iterator[tuple[str, Array]]:
-    """Moments (f, n, d) of these forces (m, d) on the facets of each boundary that touches."""
+def _moments(
+    problem: ContactProblem, contact: ContactPoints, forces: Array, joined: bool
+) -> Iterator[tuple[str, Array]]:
+    """Moments (f, n, d) of these forces (m, d) on the facets of each boundary that touches.
+
+    Of two boundaries that are ``joined`` those on the one with the contact points.
+    """
     nodes, supports = len(problem.mesh.nodes(problem.order)), stated_supports(problem)
     for number, (name, stated) in enumerate(problem.contact.items()):
         on = np.flatnonzero(contact.boundary == number)
         if stated.against:
             found, _ = pair_projection(problem, name, supports)
-            yield from zip(problem.pair(name), found.moments(_at(nodes, contact, on, forces)[found.nodes]), strict=True)
+            both = zip(problem.pair(name), found.moments(_at(nodes, contact, on, forces)[found.nodes]), strict=True)
+            yield from islice(both, 1 if joined else 2)
             continue
         alone = np.flatnonzero([not problem.contact[contact.names[k]].against for k in contact.boundary])
         density = _at(nodes, contact, alone, forces / contact.weights[:, None])

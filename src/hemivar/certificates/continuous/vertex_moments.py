@@ -190,7 +190,8 @@ def _free_directions(data: BodyData, stars: _Stars) -> Array:
     middle = np.zeros((len(data.displacement) - len(stars.free), dim, dim))
     loose = np.eye(dim) - data.unknown
     loose[table.interior] = np.eye(dim)  # both sides know the moment: their sum has to vanish
-    middle[data.facet_nodes[:, dim] - len(stars.free)] = loose
+    for nodes in (data.opposite, data.facet_nodes):
+        middle[nodes[:, dim] - len(stars.free)] = loose
     return np.concatenate([stars.free, middle])
 
 
