@@ -50,6 +50,8 @@ class Field(PickleMixin):
     rigid : bool
         The energy of a displacement vanishes along rigid motions and no others. False where that is not known, as of a
         stiffness that comes from elsewhere.
+    partial : bool
+        The unknowns say more than the field, such as the slopes of a plate: values give no unknowns back.
     ring : bool
         A displacement of a body of revolution about the second axis, which alone it can follow without strain.
 
@@ -69,6 +71,7 @@ class Field(PickleMixin):
     constants: bool = False
     rigid: bool = True
     ring: bool = False
+    partial: bool = False
 
     def __post_init__(self) -> None:
         expect(self.mesh, Mesh, "the mesh of a field", "hemivar.rectangle, hemivar.box and read_mesh make one")
@@ -91,7 +94,7 @@ class Field(PickleMixin):
         if lift.shape != basis.shape[::-1]:
             raise ProblemError(f"the lift of the field has shape {lift.shape}; it must be {basis.shape[::-1]}")
         probe = np.cos(np.arange(basis.shape[1]) ** 1.1)
-        if np.abs(lift @ (basis @ probe) - probe).max(initial=0.0) > 1e-9:
+        if not self.partial and np.abs(lift @ (basis @ probe) - probe).max(initial=0.0) > 1e-9:
             raise ProblemError(
                 "lift @ basis is not the identity"
                 + (": the columns of the basis are not orthonormal; give a lift" if self.lift is None else "")
@@ -173,6 +176,8 @@ class Field(PickleMixin):
         -------
         array, shape (n,)
         """
+        if self.partial:
+            raise ProblemError(f"the {self.name} does not say all unknowns; give the unknowns themselves")
         field = real_array(values, f"the {self.name}", finite=False)
         if field.shape != (self.number_of_nodes, self.components):
             raise ProblemError(

@@ -18,9 +18,12 @@ __all__ = ["area_average", "over_area"]
 
 def over_area(problem: DiscreteProblem) -> BoolArray:
     """Which contact points belong to a contact over an area, (m,)."""
-    contact, stated = problem.contact, problem.origin
+    contact, stated, field = problem.contact, problem.origin, problem.field
     areas = set(stated.areas) if stated else set()
-    return np.isin(contact.boundary, [k for k, name in enumerate(contact.names) if name in areas])
+    if stated is None and field is not None:
+        areas = set(field.mesh.regions) - set(field.mesh.boundaries)
+    over = np.isin(contact.boundary, [k for k, name in enumerate(contact.names) if name in areas])
+    return np.asarray(over & (contact.node >= 0))
 
 
 def area_average(problem: DiscreteProblem, values: Array) -> Array:

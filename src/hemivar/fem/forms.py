@@ -19,13 +19,13 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.space import Field, Space
+from hemivar.discrete.space import Space
 from hemivar.errors import ProblemError
 from hemivar.fem.contact_points import _frames
+from hemivar.fem.form_field import form_field, nearest_nodes
 from hemivar.laws import ContactLaw, VectorLaw, join_laws
 from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.foundation import Contact, Side
-from hemivar.mesh.mesh import Mesh
 
 __all__ = ["FormBody", "MixedBulk", "of_forms"]
 
@@ -324,7 +324,7 @@ class FormBody:
         offset = offset - np.asarray(rows @ values).reshape(offset.shape)
         inner, force = sp.csr_array(matrix[free][:, free]), load[free] - held[free]
         seen, constant = sp.csr_array(rows[:, free]), 0.5 * float(values @ held) - float(values @ load)
-        bulk, shown = Quadratic(inner) if (inner.diagonal() > 0.0).all() else None, self._field(free)
+        bulk, shown = Quadratic(inner) if (inner.diagonal() > 0.0).all() else None, form_field(self.basis, free, values)
         if bulk is None:
             kept = np.unique(seen.indices).astype(np.int64)
             bulk, shown = MixedBulk.of(inner, force, kept), None
@@ -334,11 +334,13 @@ class FormBody:
         names = tuple(contact)
         joined = join_laws([(part.law, len(part.weights)) for part in parts])
         _refuse_dependent(seen)
+        where = np.concatenate([part.points for part in parts])
         points = ContactPoints(
             seen,
             np.concatenate([part.weights for part in parts]),
-            np.concatenate([part.points for part in parts]),
+            where,
             None if offset.shape[1] == 1 else np.concatenate([part.frames for part in parts]),
+            node=np.full(len(where), -1) if shown is None else nearest_nodes(shown, where),
             boundary=np.repeat(np.arange(len(parts)), [len(part.weights) for part in parts]),
             names=names,
             components=offset.shape[1],
@@ -377,22 +379,6 @@ class FormBody:
         if at == "nodes":
             found = found.merged(_SAME * float(np.ptp(mesh.p, axis=1).max()))
         return found.stated(name, contact, area)
-
-    def _field(self, free: IntArray) -> Field | None:
-        """The displacement for pictures and rigid motions: of vector Lagrange elements on simplices."""
-        elem, mesh = self.basis.elem, self.basis.mesh
-        linear = isinstance(getattr(elem, "elem", None), skfem.ElementTriP1 | skfem.ElementTetP1)
-        if not (isinstance(elem, skfem.ElementVector) and linear and isinstance(mesh, skfem.MeshTri1 | skfem.MeshTet1)):
-            return None
-        boundaries = {name: mesh.facets[:, facets].T for name, facets in (mesh.boundaries or {}).items()}
-        regions = {name: np.asarray(cells) for name, cells in (mesh.subdomains or {}).items()}
-        own = Mesh.oriented(mesh.p.T, mesh.t.T, boundaries, regions)
-        place = np.empty(int(self.basis.N), dtype=np.int64)
-        place[self.basis.nodal_dofs.T.ravel()] = np.arange(place.size)
-        basis = sp.csr_array((np.ones(free.size), (place[free], np.arange(free.size))), shape=(place.size, free.size))
-        values = np.empty(place.size)
-        values[place] = self._values
-        return Field(own, 1, basis, values, mesh.p.shape[0], rigid=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ def near_kernel(field: Field | None) -> Array | None:
 
 def node_slots(field: Field | None, stiffness: sp.csr_array) -> NodeSlots | None:
     """Where the unknowns of a field stand by nodes, coupled nodes near each other; None where there is no mesh."""
-    if field is None:
+    if field is None or field.partial:
         return None
     basis, size = field.own, field.components
     node, component = np.divmod(basis.indices[basis.indptr[:-1]], size)

@@ -178,10 +178,14 @@ def body_fields(
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Point data and cell data of a body; ``summed`` as in :func:`hemivar.fem.nodal_average`."""
     stated = solution.problem.origin
-    point_data: dict[str, Array] = {"displacement": three_components(solution.displacement)}
+    field = solution.problem.field
+    assert field is not None
+    one = field.components == 1  # of a plane, across it
+    point_data: dict[str, Array] = {field.name: solution.displacement[:, 0]} if one else {}
+    point_data["displacement"] = _moved(solution.displacement)
     cell_data: dict[str, Array] = {}
     if isinstance(solution, Snapshot):
-        point_data["velocity"] = three_components(solution.velocity)
+        point_data["velocity"] = _moved(solution.velocity)
         if solution.temperature is not None:
             point_data["temperature"] = solution.temperature
     if stated is not None:
@@ -195,6 +199,11 @@ def body_fields(
         if isinstance(solution, Snapshot) and solution.thermal_stress is not None:
             cell_data["thermal_stress"] = solution.thermal_stress.reshape(len(solution.thermal_stress), -1)
     return point_data, cell_data
+
+
+def _moved(values: Array) -> Array:
+    """Vectors in space: one component is that across the plane."""
+    return np.hstack([np.zeros((len(values), 2)), values]) if values.shape[1] == 1 else three_components(values)
 
 
 def _scalar_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict[str, Array]]:

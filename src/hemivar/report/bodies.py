@@ -88,7 +88,8 @@ def plot_solution(
         colours; or a scalar problem, which has colours of its own, is given some.
     """
     line, title = certificate_line(solution, certificate), title_of(solution, title)
-    if solution.problem.origin and solution.problem.origin.kind:
+    field = solution.problem.field
+    if field is not None and field.components == 1:
         if colour is not None:
             raise ProblemError(f"colour = {str(colour)!r}: a scalar problem is coloured by its unknown; leave it out")
         with drawing():

@@ -11,7 +11,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.area_average import area_average, over_area
 from hemivar.files.boundary import polylines
 from hemivar.mechanics.foundation import Side
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.mesh import Mesh
 from hemivar.report.certificate_line import FOOT, write_below, write_foot
 from hemivar.report.drawn_body import DrawnSurface, flat_axes, flat_map, mark_states
 from hemivar.report.law_figures import law_captions
@@ -44,15 +44,16 @@ def plot_scalar(
     Over an area the part in contact is hatched; on boundaries contact points are marked by state.  In space the surface
     is coloured.
     """
-    stated = solution.problem.origin
-    assert stated is not None
-    if stated.mesh.dim == 3:
-        return _surface(solution, stated, title, unit, line)
+    problem = solution.problem
+    stated, field = problem.origin, problem.field
+    assert field is not None
+    mesh, contact = field.mesh, problem.contact
+    if mesh.dim == 3:
+        return _surface(solution, mesh, field.name if stated is None else stated.unknown, title, unit, line)
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
     from matplotlib.tri import Triangulation
 
-    mesh, contact = stated.mesh, solution.problem.contact
     fig, ax = body_axes(ax, mesh.points, title, unit, head=1.3, foot=FOOT if line else 0.0)
     values = solution.displacement[: mesh.number_of_nodes, 0]
     grid = Triangulation(mesh.points[:, 0], mesh.points[:, 1], mesh.cells)
@@ -61,17 +62,19 @@ def plot_scalar(
     )
     bar = fig.colorbar(colours, ax=ax, location="bottom", shrink=0.8, pad=0.13, aspect=35)
     named = {"membrane": "deflection u", "antiplane": "displacement u across the plane", "heat": "temperature u"}
-    bar.set_label(with_unit(named[str(stated.kind)], "" if stated.thermal else unit))
+    name = field.name if stated is None else named[str(stated.kind)]
+    bar.set_label(with_unit(name, "" if stated is not None and stated.thermal else unit))
     if np.ptp(values) > 1e-12 * np.abs(values).max(initial=0.0):
         ax.tricontour(grid, values, _LEVELS, colors="white", linewidths=0.5, alpha=0.8, linestyles="solid")
     for edge in polylines(mesh.boundary_facets):
         ax.plot(*mesh.points[edge].T, color="black", lw=0.9, zorder=3)
     handles: list[Artist] = []
-    over = over_area(solution.problem)
+    over = over_area(problem)
     touching = over & solution.states.closed
     if touching.any():
         inside = np.zeros(mesh.number_of_nodes)
-        inside[contact.node[touching]] = 1.0
+        nodes = contact.node[touching]
+        inside[nodes[nodes < mesh.number_of_nodes]] = 1.0
         ax.tricontourf(grid, inside, [0.5, 1.5], colors="none", hatches=["////"], zorder=4)
         ax.tricontour(grid, inside, [0.5], colors="black", linewidths=0.9, zorder=4)
     if over.any():
@@ -87,9 +90,9 @@ def plot_scalar(
             mark_states(ax, kind, contact.points[beside[here]], len(beside))
             handles.append(state_mark(kind, f"{kind.label} ({np.count_nonzero(here)})"))
     if legend:
-        sides = {one.side for one in stated.contact.values() if not one.rubs}
+        sides = set() if stated is None else {one.side for one in stated.contact.values() if not one.rubs}
         lines = [note] if note else []
-        lines += law_captions(solution.problem)
+        lines += law_captions(problem)
         lines += ["foundation below"] if sides == {Side.BELOW} else []
         handles += [Line2D([], [], ls="", label=text) for text in lines]
         legend_beside(ax, handles=handles, handlelength=1.6, handleheight=1.2, labelspacing=0.7)
@@ -98,13 +101,12 @@ def plot_scalar(
     return fig
 
 
-def _surface(solution: Solution, stated: ContactProblem, title: str | None, unit: str, line: str) -> Figure:
-    mesh = stated.mesh
+def _surface(solution: Solution, mesh: Mesh, name: str, title: str | None, unit: str, line: str) -> Figure:
     fig = new_figure((6.3, 5.0))
     extent = mesh.points.min(axis=0), mesh.points.max(axis=0)
     drawn = DrawnSurface(fig, (0.02, 0.06, 0.74, 0.82), mesh.boundary_facets, extent, unit, zoom=1.0)
     drawn.move(mesh.points, solution.displacement[: mesh.number_of_nodes, 0])
-    fig.colorbar(drawn.surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(stated.unknown)
+    fig.colorbar(drawn.surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(name)
     if title:
         drawn.ax.set_title(title)
     if line:
