@@ -121,8 +121,8 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "nothing": (lambda a: np.full(a.shape, None), "it holds None"),
     "dates": (lambda a: np.full(a.shape, np.datetime64("2020-01-01")), "datetime64"),
     "spans of time": (lambda a: np.full(a.shape, datetime.timedelta(1)).astype("timedelta64[s]"), "timedelta64"),
-    "ragged": (lambda a: [[1.0], [1.0, 2.0]], "no array of numbers"),
-    "mappings": (lambda a: {"a": 1}, "no array of numbers"),
+    "ragged": (lambda a: [[1.0], [1.0, 2.0]], "not an array of numbers"),
+    "mappings": (lambda a: {"a": 1}, "not an array of numbers"),
 }
 
 

@@ -46,8 +46,11 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: hv.solve(DISCRETE, 1e-6), "the method is 1e-06; pass NonsmoothNewton"),
     (lambda: hv.solve(DISCRETE, None, {"rtol": 1e-6}), r"controls is a dict; pass Controls\(rtol"),
     (lambda: hv.solve(DISCRETE, None, 1e-6), r"controls is 1e-06; pass Controls\(rtol"),
-    (lambda: hv.solve(DISCRETE, None, hv.Controls), r"controls is the class Controls; make one of it: Controls\(...\)"),
-    (lambda: hv.solve(DISCRETE, initial="zero"), "the initial guess is no array of numbers: it is text"),
+    (
+        lambda: hv.solve(DISCRETE, None, hv.Controls),
+        r"controls is the class Controls; create an instance: Controls\(...\)",
+    ),
+    (lambda: hv.solve(DISCRETE, initial="zero"), "the initial guess is not an array of numbers: it is text"),
     (lambda: hv.solve(DISCRETE, initial=SOLUTION.displacement), "the initial guess has shape .*transfer_solution"),
     (
         lambda: hv.solve(DISCRETE, workspace=DISCRETE),
@@ -106,7 +109,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: hv.Contact(hv.Tresca(0.5)), "the normal law must be a superpotential .*, not a Friction"),
     (lambda: hv.Contact(hv.Signorini), "the normal law must be a superpotential .*, not the class Signorini"),
     (lambda: hv.Contact(hv.Signorini(), 0.5), r"must be a Friction such as Tresca\(0.5\), not 0.5"),
-    (lambda: hv.Contact(hv.Signorini(), gap="0.1"), "gap is no array of numbers: it is text"),
+    (lambda: hv.Contact(hv.Signorini(), gap="0.1"), "gap is not an array of numbers: it is text"),
     (lambda: hv.Contact(hv.Signorini(), obstacle=hv.Plane), "obstacle is the class Plane; pass Plane"),
     (lambda: hv.Controls(rtol="1e-9"), "Controls.rtol is '1e-9'; it must be a number >= 0"),
     (lambda: hv.Controls(rtol=None), "Controls.rtol is None; it must be a number >= 0"),
@@ -119,7 +122,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     ),
     (
         lambda: hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton),
-        "FixedPoint.inner is the class NonsmoothNewton; make one of it",
+        "FixedPoint.inner is the class NonsmoothNewton; create an instance",
     ),
     (lambda: hv.solvers.LoadStepping(inner="newton"), "LoadStepping.inner is 'newton'; pass a method"),
     (lambda: hv.solvers.LoadStepping(steps="many"), "LoadStepping.steps is 'many'; give a whole number >= 1"),

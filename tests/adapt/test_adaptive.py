@@ -153,7 +153,7 @@ def test_a_body_without_margin_has_no_bound() -> None:
     [
         ({"rtol": 0.0}, "rtol = 0.0; give a positive number"),
         ({"rtol": -1.0}, "rtol = -1.0; give a positive number"),
-        ({"share": 2.0}, "a number up to 1"),
+        ({"share": 2.0}, "cells, at most 1"),
         ({"share": 0.0}, "share = 0.0; give a positive number"),
         ({"max_time": float("nan")}, "give a positive number"),
         ({"max_memory": 0.0}, "max_memory = 0.0; give a positive number"),
@@ -168,7 +168,7 @@ def test_options_are_checked(options: dict[str, object], message: str) -> None:
 
 
 def test_quadratic_elements_and_other_things_are_refused() -> None:
-    with pytest.raises(ProblemError, match="linear elements in space; take order = 1"):
+    with pytest.raises(ProblemError, match="linear elements only; use order = 1"):
         solve_adaptive(replace(survey_cube("5.1", 2), order=2, contact={}))
     with pytest.raises(ProblemError, match="give a ContactProblem"):
         solve_adaptive(hv.discretize(survey("5.1", 4)))  # type: ignore[arg-type]

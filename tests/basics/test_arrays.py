@@ -27,8 +27,8 @@ def test_norm_of_nothing_and_of_what_is_not_finite() -> None:
         ([1.0, 2.0 + 0.0j], "load is complex"),
         (np.array([1.0, 2j], dtype=object), "load is complex"),
         ([1.0, np.nan], r"load\[1\] = nan"),
-        ([1.0, [2.0, 3.0]], "load is no array of numbers"),
-        (["a", "b"], "load is no array of numbers"),
+        ([1.0, [2.0, 3.0]], "load is not an array of numbers"),
+        (["a", "b"], "load is not an array of numbers"),
         ([[1.0]], "1 axis"),
     ],
 )

@@ -158,7 +158,7 @@ def test_an_estimate_and_none_say_why(problem: Path, capsys: pytest.CaptureFixtu
     code, out, _ = run(capsys, "certify", varying)
     assert code == 0
     assert "exact solution    about " in out
-    assert "an estimate, no bound" in out
+    assert "an estimate, not a bound" in out
     assert "because the gap of contact 'bottom' varies" in out
     code, out, _ = run(capsys, "solve", varying, "--adaptive", "0.3")
     assert code == 0

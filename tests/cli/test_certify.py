@@ -76,7 +76,7 @@ def test_other_meshes_and_broken_files(solved: Path, capsys: pytest.CaptureFixtu
         (wider, "s.vtu", "another mesh"),
         (solved, "bare.json", "no key 'displacement'"),
         (solved, "moved.json", "misses the supports"),
-        (solved, "text.vtu", "no XML that can be read"),
+        (solved, "text.vtu", "not readable XML"),
         (solved, "s.txt", "must end in .json or .vtu"),
         (solved, "missing.json", "no such file"),
     ):

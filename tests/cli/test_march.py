@@ -309,7 +309,7 @@ def test_animate(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["run.pvd", "-o", "a.png"], "films are written as .gif or .mp4"),
         (["run.pvd", "-o", "a.gif", "--until", "2"], "go with a problem file"),
         (["nothing.pvd", "-o", "a.gif"], "no such file"),
-        (["static.toml", "-o", "a.gif"], "it says nothing of time"),
+        (["static.toml", "-o", "a.gif"], "it has no time"),
     ):
         assert main(["animate", *arguments]) == 2
         assert says in capsys.readouterr().err

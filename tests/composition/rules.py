@@ -105,7 +105,7 @@ RULES = (
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, normal=("saw-tooth",), beside=TIMED),
     Rule("snaps in series", _NOT_IN_TIME, normal=("saw-tooth",), beside=("wear", "creep")),
     Rule(
-        "which a problem file cannot say",
+        "which a problem file cannot express",
         "A problem file says laws by name, by a table or by a formula; this one has no name there.",
         ("file",),
         normal=("cohesion", "function", "coupled-function"),

@@ -97,8 +97,8 @@ def test_the_points_of_a_boundary() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"boundary": np.array([0, 2, 1])}, "no places in names"),
-        ({"boundary": np.array([0, -2, 1])}, "no places in names"),
+        ({"boundary": np.array([0, 2, 1])}, "not indices into names"),
+        ({"boundary": np.array([0, -2, 1])}, "not indices into names"),
         ({"boundary": np.array([0, 1])}, r"boundary has shape \(2,\); it needs one entry per contact point, \(3,\)"),
         ({"node": np.zeros((3, 1), dtype=int)}, "node has shape"),
         ({"facet": np.zeros(4, dtype=int)}, "facet has shape"),

@@ -221,7 +221,7 @@ def test_midpoints_know_their_facet() -> None:
 def test_what_contact_points_refuse() -> None:
     contact = corner().contact
     for change, words in (
-        ({"boundary": np.full(contact.count, 2)}, "no places in names"),
+        ({"boundary": np.full(contact.count, 2)}, "not indices into names"),
         ({"node": np.zeros(3)}, "node has shape"),
         ({"weights": -contact.weights}, "every weight must be positive"),
     ):

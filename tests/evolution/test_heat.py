@@ -322,7 +322,7 @@ def _leaning(penetration: Array, pressure: Array) -> Array:
         ('exchange = { law = "compliance"', 'exchange = { law = "complaint"', "'complaint' is not a normal law"),
         ("supports = { right", "supports = { rigth", "no boundary 'rigth'"),
         ('temperature = "0.5*y"', 'temperature = "0.5*t"', "cannot change with time"),
-        ("[time]\nuntil = 0.5\nstep = 0.1\n", "", "heat: flows in time; add a table"),
+        ("[time]\nuntil = 0.5\nstep = 0.1\n", "", "heat: depends on time; add a table"),
     ],
 )
 def test_what_files_refuse(old: str, new: str, words: str) -> None:

@@ -235,7 +235,7 @@ def test_loads_are_the_same_in_whatever_order_they_are_stated() -> None:
     [
         (lambda x: x[:, 0], {}, "body_force: the callable returned shape"),
         (lambda x: np.full(x.shape, np.nan), {}, "body_force: the callable returned .*nan"),
-        (lambda x: "strong", {}, "what the callable returns is no array of numbers"),
+        (lambda x: "strong", {}, "what the callable returns is not an array of numbers"),
         (0.0, {"left": lambda x: x[:1]}, r"tractions\['left'\]"),
         (0.0, {"left": Pressure(lambda x: x)}, r"tractions\['left'\]"),
     ],

@@ -106,7 +106,7 @@ def test_its_bulk_and_what_refuses_it() -> None:
     problem = membrane(ENERGIES[0])
     assert not problem.material.linear
     assert isinstance(discretize(problem).bulk, Potential)
-    with pytest.raises(ProblemError, match="a problem file cannot say"):
+    with pytest.raises(ProblemError, match="a problem file cannot express"):
         hv.write_problem(problem, "nowhere.toml")
 
 

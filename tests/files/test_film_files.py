@@ -97,8 +97,8 @@ def test_lists_that_are_none(files: list[str], times: list[str], says: str, fold
         ({"displacement": np.full((4, 3), np.nan)}, "'displacement' is not a finite number or vector"),
         ({"displacement": np.zeros(4)}, "'displacement' is not a finite number or vector"),
         ({"gap": np.zeros((4, 2))}, "'gap' is not a finite number or vector"),
-        ({"state": np.array([0.5, 1.0, 1.0, 1.0])}, "'state' holds numbers that are no state"),
-        ({"state": np.array([1, -1, -1, -1])}, "no frame of the same body"),
+        ({"state": np.array([0.5, 1.0, 1.0, 1.0])}, "'state' holds numbers that are not a contact state"),
+        ({"state": np.array([1, -1, -1, -1])}, "not a frame of the same body"),
     ],
 )
 def test_frames_hold_what_is_drawn(changed: dict, says: str, folder: Path) -> None:

@@ -213,10 +213,10 @@ def test_parquet_of_no_numbers_is_one_line(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "t.parquet"
     parquet.write_table(pyarrow.table({"time": ["a", "b"], "step": [1, 2]}), path)
-    with pytest.raises(FileError, match="this is no table of a history"):
+    with pytest.raises(FileError, match="this is not the table of a run"):
         read_history_table(path)
     path.write_bytes(path.read_bytes()[:-9])
-    with pytest.raises(FileError, match="this is no table of a history"):
+    with pytest.raises(FileError, match="this is not the table of a run"):
         read_history_table(path)
 
 
@@ -256,11 +256,11 @@ def test_other_names_are_refused(history: History, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "this is no table of a history"),
+        ("", "this is not the table of a run"),
         ("a,b\r\n1,2\r\n", "has columns 'time' and 'step'"),
-        ("time,step\r\n", "this is no table of a history"),
+        ("time,step\r\n", "this is not the table of a run"),
         ("time,step\r\n1\r\n", "row 2 has 1 entries, the head 2"),
-        ("time,step\r\n1,SECRET\r\n", "column 2 holds what is no number"),
+        ("time,step\r\n1,SECRET\r\n", "column 2 holds an entry that is not a number"),
     ],
 )
 def test_tables_that_are_none(text: str, says: str, tmp_path: Path) -> None:
@@ -273,9 +273,9 @@ def test_tables_that_are_none(text: str, says: str, tmp_path: Path) -> None:
 def test_lists_of_frames_that_are_none(history: History, tmp_path: Path) -> None:
     path = tmp_path / "run.pvd"
     for text, says in (
-        ("<VTKFile", "this is no PVD file"),
+        ("<VTKFile", "this is not a PVD file"),
         ("<VTKFile><Collection></Collection></VTKFile>", "has no frame"),
-        ('<VTKFile><DataSet timestep="x" file="a.vtu"/></VTKFile>', "this is no PVD file"),
+        ('<VTKFile><DataSet timestep="x" file="a.vtu"/></VTKFile>', "this is not a PVD file"),
         ('<VTKFile><DataSet timestep="0" file="a.vtu"/></VTKFile>', r"a\.vtu"),
     ):
         path.write_text(text)
@@ -284,17 +284,17 @@ def test_lists_of_frames_that_are_none(history: History, tmp_path: Path) -> None
     with pytest.raises(FileError, match=r"^cannot read PVD file .*nothing\.pvd: no such file"):
         read_film(tmp_path / "nothing.pvd")
     history.write(path)
-    with pytest.raises(FileError, match="name the list of the bodies"):
+    with pytest.raises(FileError, match="pass the .pvd of the body"):
         read_film(tmp_path / "run_contact.pvd")
     other = march(pressed(), 0.1, step=0.1)
     small = replace(other.discrete.evolution.problem, mesh=hv.rectangle((2.0, 1.0), (2, 1)))
     march(Evolution(small, inertia=True), 0.1, step=0.1).write(tmp_path / "small.pvd")
     last = sorted((tmp_path / "run").glob("run_0*[0-9].vtu"))[-1]
     last.write_bytes(sorted((tmp_path / "small").glob("small_0*[0-9].vtu"))[-1].read_bytes())
-    with pytest.raises(FileError, match="no frame of the same body"):
+    with pytest.raises(FileError, match="not a frame of the same body"):
         read_film(path).frame(len(history.frames) - 1)
     (tmp_path / "run" / "run_000000.vtu").write_text("<nothing")
-    with pytest.raises(FileError, match=r"frame .* is no XML that can be read"):
+    with pytest.raises(FileError, match=r"frame .* is not readable XML"):
         read_film(path)
 
 

@@ -111,7 +111,7 @@ def read_back(path: Path) -> ContactProblem:
 def test_functions_cannot_be_written(tmp_path: Path) -> None:
     own = Material.potential(energy, stress, tangent, reach=1.0)
     problem = hv.ContactProblem(hv.rectangle(cells=1), own, supports={"left": hv.Clamped()})
-    with pytest.raises(ProblemError, match="material is a FunctionEnergy, which a problem file cannot say"):
+    with pytest.raises(ProblemError, match="material is a FunctionEnergy, which a problem file cannot express"):
         hv.write_problem(problem, tmp_path / "p.toml")
 
 

@@ -104,7 +104,7 @@ def test_refused_in_one_line(given: dict[str, object], words: str) -> None:
 
 
 def test_functions_are_refused() -> None:
-    with pytest.raises(ProblemError, match=r"part.load is the Python function .*, which a problem file cannot say"):
+    with pytest.raises(ProblemError, match=r"part.load is the Python function .*, which a problem file cannot express"):
         encode(Sample(1.0, load=lambda x: x), "part")
 
 

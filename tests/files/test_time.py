@@ -234,7 +234,7 @@ def test_python_functions_of_time_are_refused(tmp_path: Path) -> None:
     moving = hv.ContactProblem(problem.mesh, problem.material, body_force=lambda x, t: t * x)
     for stated in (moving, moving.at_time(1.0)):
         with pytest.raises(
-            ProblemError, match=r"body_force is the Python function .*, which a problem file cannot say"
+            ProblemError, match=r"body_force is the Python function .*, which a problem file cannot express"
         ):
             write_problem(stated, tmp_path / "p.toml")
 
@@ -411,7 +411,7 @@ BAD: dict[str, tuple[dict[str, str], str]] = {
     "stops text": ({"time": "until = 1\nstops = ['a']"}, "stops: must be"),
     "jump": ({"time": "until = 1\njump = 'high'"}, "jump: 'high' is not known"),
     "time key": ({"time": "untill = 1"}, r"\[time\] untill: unknown key; did you mean 'until'"),
-    "output alone": ({"output": "every = 0.1"}, "output: says what is kept on the way through time; add a table"),
+    "output alone": ({"output": "every = 0.1"}, "output: says what is saved during time integration; add a table"),
     "every zero": ({"time": "until = 1", "output": "every = 0"}, "every: is 0; it must be positive"),
     "fields": (
         {"time": "until = 1", "output": "fields = 'run.png'"},

@@ -121,7 +121,7 @@ def test_every_statement_of_the_gallery_comes_back(name: str, tmp_path: Path) ->
     ids=["spring", "softening", "shear"],
 )
 def test_statements_with_python_functions_are_refused(make: Callable[[], gallery.KnownProblem], tmp_path: Path) -> None:
-    with pytest.raises(ProblemError, match=r"is the Python function .*, which a problem file cannot say"):
+    with pytest.raises(ProblemError, match=r"is the Python function .*, which a problem file cannot express"):
         hv.write_problem(make().problem, tmp_path / "p.toml")
     assert list(tmp_path.iterdir()) == []
 
@@ -337,7 +337,7 @@ def test_a_mesh_of_a_file_is_named_from_where_the_problem_file_lies(tmp_path: Pa
     assert data["mesh"] == {"file": "../meshes/body.msh", "scale": 1e-3, "refine": 1}
     same_discrete(problem, hv.read_problem(tmp_path / "deep" / "p.toml"))
     mesh_file.write_text(msh_text(rectangle((2.0, 1.5), 3)), encoding="utf-8")
-    with pytest.raises(ProblemError, match="mesh would come back otherwise"):
+    with pytest.raises(ProblemError, match="mesh would be read back differently"):
         hv.write_problem(problem, tmp_path / "deep" / "p.toml")
 
 
@@ -428,7 +428,7 @@ def test_settings_of_the_solver(tmp_path: Path) -> None:
             "method is 'newton' with options of its own",
         ),
         ({"method": "nought"}, "method is nought, .* one of newton"),
-        ({"controls": hv.Controls(atol=1.0)}, "controls.atol is 1.0, which a problem file cannot say"),
+        ({"controls": hv.Controls(atol=1.0)}, "controls.atol is 1.0, which a problem file cannot express"),
         ({"controls": hv.Controls(callback=print)}, "controls.callback is the Python function print"),
     ):
         with pytest.raises(ProblemError, match=words):
@@ -455,7 +455,7 @@ def law(r: np.ndarray) -> np.ndarray:
         ),
         (
             {"contact": {"bottom": hv.Contact(hv.laws.PiecewiseQuadratic([0.0], [0.0, 1.0], [0.0]))}},
-            r"contact\['bottom'\]\.normal is a PiecewiseQuadratic, which .* it can say the laws",
+            r"contact\['bottom'\]\.normal is a PiecewiseQuadratic, which .* it can express the laws",
         ),
         (
             {"contact": {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(hv.laws.PenetrationBound(law)))}},
@@ -467,11 +467,11 @@ def law(r: np.ndarray) -> np.ndarray:
                     "bottom": hv.Contact(hv.Signorini(), hv.Tresca(hv.laws.PenetrationBound("s + 1", reach=3.0)))
                 }
             },
-            r"friction\.bound\.reach would come back otherwise",
+            r"friction\.bound\.reach would be read back differently",
         ),
         (
             {"contact": {"bottom": hv.Contact(hv.FormulaLaw("r^2", even=True))}},
-            r"contact\['bottom'\]\.normal\.even would come back otherwise",
+            r"contact\['bottom'\]\.normal\.even would be read back differently",
         ),
         (
             {
@@ -479,11 +479,11 @@ def law(r: np.ndarray) -> np.ndarray:
                     "bottom": hv.Contact(dataclasses.replace(hv.laws.Layered([1.0], [2.0]), slopes=[0.0, 3.0, 0.0]))
                 }
             },
-            r"contact\['bottom'\]\.normal\.slopes would come back otherwise",
+            r"contact\['bottom'\]\.normal\.slopes would be read back differently",
         ),
         (
             {"contact": {"bottom": hv.Contact(hv.Signorini(), gap=Formula("x", minimum=0.5))}},
-            r"contact\['bottom'\]\.gap would come back otherwise",
+            r"contact\['bottom'\]\.gap would be read back differently",
         ),
         (
             {
@@ -496,7 +496,7 @@ def law(r: np.ndarray) -> np.ndarray:
         ({"material": hv.Material.lame(lambda x: x[:, 0] + 1, 2.0)}, r"material\.lam is the Python function"),
         (
             {"material": hv.Material.by_region({"a": hv.Material.by_region({"a": hv.Material.lame(1.0, 1.0)})})},
-            r"material\['a'\] is a ByRegion, which a problem file cannot say",
+            r"material\['a'\] is a ByRegion, which a problem file cannot express",
         ),
         ({"supports": {"left": hv.Fixed(x=lambda x: x[:, 0])}}, r"supports\['left'\]\.x is the Python function"),
         ({"tractions": {"top": hv.Pressure(lambda x: x[:, 0])}}, r"tractions\['top'\] is the Python function"),
@@ -504,7 +504,7 @@ def law(r: np.ndarray) -> np.ndarray:
             {"body_force": (Formula("z"), 0.0) and FormulaArray((Formula("z"), 0.0), (2,))},
             "uses z, but the mesh is plane",
         ),
-        ({"title": "\ud800"}, "is no text of Unicode"),
+        ({"title": "\ud800"}, "is not valid Unicode"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

@@ -201,7 +201,7 @@ def test_piecewise_formulas_and_their_switches() -> None:
         ("piecewise(r)", "character 11: this entry of piecewise has no condition"),
         ("piecewise()", "has no entry"),
         ("piecewise((r, r < 1, 2))", r"an entry of piecewise is \(value, condition\)"),
-        ("piecewise((1, r == 0))", "character 15: this is no condition"),
+        ("piecewise((1, r == 0))", "character 15: this is not a condition"),
         ("piecewise((1, True), (2, r < 0))", "character 22: this entry of piecewise is never reached"),
         ("piecewise((1, True), 2)", "never reached"),
         ("piecewise((1, r < y))", "character 19: 'y' is not known"),

@@ -31,7 +31,7 @@ def test_a_file_is_read(tmp_path: Path) -> None:
         (HEAD.replace(",", ";") + "0,1;0,2\n", "commas between columns, points in numbers"),
         (HEAD + "0,1,0,2\n", "commas between columns, points in numbers"),
         (HEAD + '"0,1","0,2"\n', "commas between columns, points in numbers"),
-        (HEAD + '"' + "x" * 140_000 + "\n", "line 2: this is no line of a table"),
+        (HEAD + '"' + "x" * 140_000 + "\n", "line 2: this is not a line of a table"),
         (HEAD + "0.1\n", "row 1 has 1 entries, the head 2"),
         (HEAD + "0.1,0.2,0.3\n", "row 1 has 3 entries"),
         (HEAD + "0.1,x\n", "'x' in row 1; give a number"),

@@ -124,7 +124,7 @@ def test_reading_tables(tmp_path: Path) -> None:
         ("r,derivative\nr,derivative\n0,1\n", ["line 2", "not two numbers"]),
         ("0,1_000\n1,1\n", ["line 1", "not two numbers"]),
         ("0,1,\n1,1,\n", ["line 1", "3 columns without names"]),
-        ('0,"' + "1" * 200_000 + '"\n', ["line 1", "no line of a table", "131072"]),
+        ('0,"' + "1" * 200_000 + '"\n', ["line 1", "not a line of a table", "131072"]),
         ("0,\0\n", ["line 1", "not two numbers"]),
         ("0,0\n1,nan\n", ["row 2", "finite"]),
         ("0,0\n1,1\n1,2\n1,3\n", ["row 4", "a third time"]),

@@ -139,7 +139,7 @@ CASES = [
     ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,3,1.,0.,0.", "node 2 lies in coordinate system 3; save the mesh in the basic"),
     ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,,one,0.,0.", r"'one' is not a number \(GRID\)"),
     ("bdf", "GRID,2,,1.,0.,0.", "GRID,two,,1.,0.,0.", r"'two' is not a whole number \(number of a GRID\)"),
-    ("bdf", "GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.5", r"a surface in space \(z from 0 to 0.5\)"),
+    ("bdf", "GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.5", r"a surface in 3D \(z from 0 to 0.5\)"),
     ("bdf", "CQUAD4,1,7,1,2,3,4", "CBAR,1,7,1,2", "it holds lines only, and no cells of a body"),
     ("bdf", "BEGIN BULK\n", "BEGIN BULK\n+,1,2\n", "goes on from another one"),
     ("su2", "NDIME= 2", "NDIME= 4", "NDIME is 4; it must be 2 or 3"),
@@ -153,7 +153,7 @@ CASES = [
     ("vol", "1 1 0 0 4 1 2 3 4", "1 1 0 0 5 1 2 3 4", "cells of type of 5 nodes"),
     ("vol", "1 1 0 0 4 1 2 3 4", "1 1 0 0 4 1 2 3", "3 numbers are no rows of 4"),
     ("vol", "points\n4", "points\n40", "points says 40 rows, and the file ends before"),
-    ("vol", "mesh3d\n", "", "it is no mesh of Netgen"),
+    ("vol", "mesh3d\n", "", "it is not a Netgen mesh"),
     ("vtk", "4 0 1 2 3", "4 0 1 2 9", "a cell refers to a node that is not in it"),
     ("vtk", "\n9\n", "\n7\n", "cells of type polygon, which are not read"),
     ("vtk", "\n9\n", "\n5\n", "its cells do not belong to their types"),
@@ -165,7 +165,7 @@ CASES = [
     ("unv", None, "    -1\n  2411\n", "suffix '.unv' stands for no format that is read"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nTrianglesP2\n0\nEnd\n", "cells of type TrianglesP2"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nSpheres\n0\nEnd\n", "format medit .Unknown keyword 'Spheres'"),
-    ("msh", None, "$ a comment of another program\nGRID,1,,0.,0.,0.\n", r"does not begin like a file of Gmsh"),
+    ("msh", None, "$ a comment of another program\nGRID,1,,0.,0.,0.\n", r"does not begin like a Gmsh file"),
     ("msh", None, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n", r"it has no section \$Nodes"),
 ]  # fmt: skip
 
@@ -198,10 +198,10 @@ def test_what_could_not_be_taken_is_said(tmp_path: Path) -> None:
     path.write_text(INP + more + "*SURFACE, NAME=skin\nbody\n")
     assert read_mesh(path).notes == (
         "1 quadrilaterals were split into 4 triangles",
-        "surface 'skin' has a row without the number of a face (S1, S2, ...); it was not taken",
-        "elements MASS are no part of a body; they were not taken",
-        "'all' is a group of all nodes; it was not taken",
-        "'point' is a group between whose nodes there is no facet of the boundary; it was not taken",
+        "surface 'skin' has a row without the number of a face (S1, S2, ...); it was ignored",
+        "elements MASS belong to no body and were ignored",
+        "'all' is a group of all nodes; it was ignored",
+        "'point' is a group between whose nodes there is no facet of the boundary; it was ignored",
     )
     assert {path.suffix for path in FILES.iterdir()} >= {
         ".inp",

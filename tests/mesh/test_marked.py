@@ -52,10 +52,10 @@ def test_conditions(text: str, wanted: object) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("x", "'x' is no condition; compare by < or >"),
-        ("", "'' is no condition"),
-        ("x == 1", r"'x == 1' is no condition; .* abs\(x - 1\) < 1e-6"),
-        ("x > 1 and", "'' is no condition"),
+        ("x", "'x' is not a condition; compare by < or >"),
+        ("", "'' is not a condition"),
+        ("x == 1", r"'x == 1' is not a condition; .* abs\(x - 1\) < 1e-6"),
+        ("x > 1 and", "'' is not a condition"),
         ("x > 1 && y > 2", "'&' does not belong in a formula"),
         ("q > 1", "q"),
         ("x > ", "it is empty"),

@@ -63,7 +63,7 @@ SQUARE = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
     [
         ([[0, 0], [1, 0], [math.nan, 1]], [[0, 1, 2]], {}, {}, r"points\[2, 0\] = nan; every number must be finite"),
         ([[0.0], [1.0]], [[0, 1]], {}, {}, "points has shape"),
-        ("no", [[0, 1, 2]], {}, {}, "points is no array of numbers"),
+        ("no", [[0, 1, 2]], {}, {}, "points is not an array of numbers"),
         (SQUARE, [[0, 1, 7]], {}, {}, "cells refers to number 7"),
         (SQUARE, [[0, 1, -1]], {}, {}, "cells refers to number -1"),
         (SQUARE, [[0.0, 1.0, 2.0]], {}, {}, "whole numbers"),
@@ -197,7 +197,7 @@ def test_read_refuses_other_cells(tmp_path: Path) -> None:
     lifted = np.column_stack([np.array(SQUARE), [0, 0, 0, 1.0]])
     path = tmp_path / "bent.vtu"
     meshio.Mesh(lifted, [("triangle", np.array([[0, 1, 2], [0, 2, 3]]))]).write(path)
-    with pytest.raises(ProblemError, match="surface in space"):
+    with pytest.raises(ProblemError, match="surface in 3D"):
         read_mesh(path)
 
 

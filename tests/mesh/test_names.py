@@ -129,7 +129,7 @@ def test_fields_of_nastran(grid: str, cell: str, tmp_path: Path) -> None:
     assert mesh.volumes.sum() == pytest.approx(0.75)
     assert set(mesh.regions) == {"steel sheet"}
     assert {name: length(mesh, name) for name in mesh.boundaries} == {"8": 1.5}
-    assert mesh.notes == ("elements CELAS1 are no part of a body; they were not taken",)
+    assert mesh.notes == ("elements CELAS1 belong to no body and were ignored",)
 
 
 def test_hexahedra_of_nastran_go_on_over_several_lines(tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ def test_replace_refuses_a_parent_that_no_longer_holds() -> None:
     with pytest.raises(ProblemError, match=r"node 6 is not the midpoint of nodes 0 and 4 of the parent.*0\.01 off"):
         replace(mesh, points=points)
     assert replace(mesh, points=points, parent=None).parent is None
-    with pytest.raises(ProblemError, match="cut through facets or cells"):
+    with pytest.raises(ProblemError, match="cut through its facets or cells"):
         replace(mesh, regions={"soft": np.array([0])})
     with pytest.raises(ProblemError, match=r"parent makes 25 nodes and 32 cells in 2 dimensions.*49 and 72 in 2"):
         replace(rectangle(cells=6), parent=mesh.parent)

@@ -220,7 +220,7 @@ def _table(r: list[float], derivative: list[float], extend: str = "constant", ev
         elif len(r) > 1 and r[1] == 0.0:
             r, derivative = r[1:], derivative[1:]
     if any(b < a for a, b in itertools.pairwise(r)) or not all(map(math.isfinite, [*r, *derivative])):
-        raise SenselessError("table falls or holds what is no number")
+        raise SenselessError("table falls or holds an entry that is not a number")
     knots, pieces = [], []
 
     def line(i: int) -> Callable[[float], float]:

@@ -237,7 +237,7 @@ def _ask_the_oracle(case: Case, folder: Path, outcome: Outcome) -> None:
     elif kind == "path":
         record = json.loads(answer.read_text(encoding="utf-8"))
         numbers = [p[key] for p in record["points"] for key in ("load_factor", "normal_force", "max_penetration")]
-        verdict.demand(all(isinstance(x, float | int) for x in numbers), "the path holds what is no number")
+        verdict.demand(all(isinstance(x, float | int) for x in numbers), "the path holds an entry that is not a number")
     outcome.examined, outcome.left_out = verdict.examined, verdict.left_out
     if verdict.wrong:
         outcome.faults["wrong acceptance"] = "; ".join(verdict.wrong)[:600]

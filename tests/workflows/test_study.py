@@ -213,7 +213,7 @@ def test_the_record_of_other_work_is_refused(problem: hv.ContactProblem, tmp_pat
         ):
             result_of(studying(other, options))
     hv.sweep(lambda _: problem, {"none": [0.0]}, checkpoint=tmp_path / "b.jsonl")
-    with pytest.raises(FileError, match="is no record of a study; name another file, or remove it"):
+    with pytest.raises(FileError, match="is not a record of a study; name another file, or remove it"):
         hv.study(problem, 1, checkpoint=tmp_path / "b.jsonl")
     assert keep.read_bytes() == before
 
@@ -238,7 +238,7 @@ def test_a_line_that_was_changed_is_named(problem: hv.ContactProblem, tmp_path: 
     head, *lines = keep.read_text().splitlines(keepends=True)
     assert old in lines[1]
     keep.write_text(head + lines[0] + lines[1].replace(old, new))
-    with pytest.raises(FileError, match="line 3: this is no mesh of a study, or it was changed since; remove the"):
+    with pytest.raises(FileError, match="line 3: this is not a mesh of a study, or it was changed since; remove the"):
         hv.study(problem, 1, checkpoint=keep)
     swapped = [json.loads(line) | {"number": 1 - number} for number, line in enumerate(lines)]
     keep.write_text(head + "".join(map(checked, swapped)))

@@ -116,7 +116,7 @@ def test_the_record_of_other_work_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="holds another sweep, or the problem has changed"):
         hv.sweep(problem, axes, checkpoint=keep)
     keep.write_text("text\n")
-    with pytest.raises(FileError, match="is no record of a sweep"):
+    with pytest.raises(FileError, match="is not a record of a sweep"):
         hv.sweep(problem, axes, checkpoint=keep)
 
 
@@ -124,7 +124,7 @@ def test_a_line_that_was_changed_is_named(tmp_path: Path) -> None:
     keep = tmp_path / "a.jsonl"
     stopped_after(2, keep)
     keep.write_text(keep.read_text().replace('"margin"', '"mrgin"', 1))
-    with pytest.raises(FileError, match="line 2: this is no point"):
+    with pytest.raises(FileError, match="line 2: this is not a point"):
         hv.sweep(softening_bar, AXES, checkpoint=keep)
 
 
@@ -178,8 +178,8 @@ def test_ranges(text: str, values: tuple[float, ...]) -> None:
         ("a=1:1:5", "two different ends"),
         ("a=0:1:5:log", "positive"),
         ("a=0:1:9999999", "at most"),
-        ("a=0:1", "no TOML"),
-        ("=0:1:5", "no key"),
+        ("a=0:1", "not valid TOML"),
+        ("=0:1:5", "not a key"),
         ("a", "write KEY=VALUE"),
     ],
 )

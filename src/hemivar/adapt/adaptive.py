@@ -343,7 +343,7 @@ def solving_adaptive(
         except MemoryError:
             if not levels:
                 raise
-            ended, refused = AdaptiveEnd.MAX_MEMORY, "it gave out on the next mesh"
+            ended, refused = AdaptiveEnd.MAX_MEMORY, "memory ran out on the next mesh"
             break
     status = levels[-1].solution.status
     note = refused if status is Status.CONVERGED else f"{status.value}: {status.remedy}"
@@ -374,20 +374,24 @@ def _checked(
         if not number(value, name, "give a positive number") > 0.0:
             raise ProblemError(f"{name} = {value}; give a positive number")
     if share > 1.0:
-        raise ProblemError(f"share = {share}; the marked cells hold a part of the whole: give a number up to 1")
+        raise ProblemError(f"share = {share}; give the share of the error in the marked cells, at most 1")
     if problem.order != 1 and problem.mesh.dim != 2:
-        raise ProblemError("distances to the exact solution are bounded for linear elements in space; take order = 1")
+        raise ProblemError(
+            "in 3D the distance to the exact solution is bounded for linear elements only; use order = 1"
+        )
     wanted = goal_named(problem, goal) if isinstance(goal, str) else goal
     if wanted is not None:
         remedy = "name it as in 'contact.bottom.force'"
         wanted = goal_named(problem, expect(wanted, Goal, "a goal", remedy).name)
         if problem.order != 1:
-            raise ProblemError("quantities of interest are bounded for linear elements; take order = 1, or no goal")
+            raise ProblemError(
+                "quantities of interest are bounded for linear elements only; use order = 1, or leave the goal out"
+            )
         refuse_touching(problem)
         if not problem.material.linear:
             raise ProblemError(
-                "quantities of interest are bounded for linear materials; give no goal, and the distance to the exact "
-                "solution is bounded"
+                "quantities of interest are bounded for linear materials only; leave the goal out to bound the "
+                "distance to the exact solution"
             )
     while problem.mesh.number_of_cells < _FEW[problem.mesh.dim]:
         problem = replace(problem, mesh=problem.mesh.refined())

@@ -36,18 +36,17 @@ class AdaptiveEnd(StrEnum):
 
 
 _REMEDIES = {
-    AdaptiveEnd.REACHED: "the error is guaranteed to be at most what was asked for, up to rounding and the rules of "
-    "integration",
-    AdaptiveEnd.ESTIMATED: "the error is estimated to be at most what was asked for, and not guaranteed to be",
-    AdaptiveEnd.MAX_UNKNOWNS: "the limit of unknowns was reached; raise max_unknowns or take a larger rtol",
-    AdaptiveEnd.MAX_TIME: "the next mesh would not be ready in time; raise max_time or take a larger rtol",
-    AdaptiveEnd.MAX_MEMORY: "the memory does not suffice for the next mesh; take a larger rtol",
-    AdaptiveEnd.NO_BOUND: "no distance to the exact solution is known, so that no mesh is better than another by it; "
-    "refine everywhere, see the reasons of the distance",
-    AdaptiveEnd.ALGEBRAIC: "the error of the algebraic solves exceeds the tolerance, and finer meshes do not change "
-    "that; take a larger tolerance, or a smaller rtol of the solves. A body that moves without strain has no relative "
-    "error",
+    AdaptiveEnd.REACHED: "the error is guaranteed to be within the tolerance, up to rounding and quadrature",
+    AdaptiveEnd.ESTIMATED: "the estimated error is within the tolerance; it is not guaranteed",
+    AdaptiveEnd.MAX_UNKNOWNS: "the limit of unknowns was reached; raise max_unknowns or use a larger rtol",
+    AdaptiveEnd.MAX_TIME: "the next mesh would exceed the time limit; raise max_time or use a larger rtol",
+    AdaptiveEnd.MAX_MEMORY: "there is not enough memory for the next mesh; use a larger rtol",
+    AdaptiveEnd.NO_BOUND: "no bound of the distance to the exact solution is known, so the mesh cannot be adapted "
+    "to it; see its reasons, or refine everywhere",
+    AdaptiveEnd.ALGEBRAIC: "the error of the algebraic solves exceeds the tolerance, which finer meshes do not "
+    "change; use a larger tolerance, or a smaller rtol of the solves. A body that moves without strain has no "
+    "relative error",
     AdaptiveEnd.NOT_CONVERGED: "the solve on the last mesh did not converge",
     AdaptiveEnd.STOPPED: "it was stopped on request after this mesh",
-    AdaptiveEnd.INTERRUPTED: "it was interrupted; the meshes that were finished are kept",
+    AdaptiveEnd.INTERRUPTED: "it was interrupted; finished meshes are kept",
 }

@@ -102,7 +102,7 @@ class GoalValue:
         found = []
         for axis, label in enumerate(self.goal.labels):
             name = self.goal.name if len(self.goal.axes) == 1 else f"{self.goal.name}.{label}"
-            kind = "guaranteed" if self.guaranteed else "an estimate, no bound"
+            kind = "guaranteed" if self.guaranteed else "an estimate, not a bound"
             low, high = self.lower[axis], self.upper[axis]
             if math.isfinite(high - low):
                 where = f"between {rounded_down(low, 6)} and {rounded_up(high, 6)} ({kind})"
@@ -163,7 +163,7 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
     expect(constants, TraceBounds, "the constants", "give the TraceBounds of the body")
     discrete, data = solution.problem, distance.stress.data
     if data.problem.order != 1:
-        raise ProblemError("quantities of interest are bounded for linear elements; take order = 1")
+        raise ProblemError("quantities of interest are bounded for linear elements only; use order = 1")
     if discrete.origin is not None:
         refuse_touching(discrete.origin)
     parts = functionals(goal, data, discrete)
@@ -180,7 +180,7 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
             size = math.sqrt(max(float(np.einsum("m,mij,mij->", data.table.volumes, stress, strain)), 0.0))
         elif distance.unseen:
             centre, size = _mean(part, data), math.inf
-            reasons.append(f"rigid motions that contact alone decides change it: {distance.unseen}")
+            reasons.append(f"it changes under rigid motions that only contact restrains: {distance.unseen}")
         else:
             plain = factorise(discrete.stiffness, _NONE) if plain is None else plain
             centre, size = _mean_and_norm(part, data, discrete, plain)

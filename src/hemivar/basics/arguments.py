@@ -59,7 +59,7 @@ def expect(value: object, kind: Any, name: str, remedy: str) -> object:
     if isinstance(value, kind):
         return value
     if isinstance(value, type) and issubclass(value, kind):
-        raise ProblemError(f"{name} is the class {value.__name__}; make one of it: {value.__name__}(...)")
+        raise ProblemError(f"{name} is the class {value.__name__}; create an instance: {value.__name__}(...)")
     raise ProblemError(f"{name} is {described(value)}; {remedy}")
 
 

@@ -51,7 +51,7 @@ def real_array(value: object, name: str, ndim: int | None = None, *, finite: boo
     try:
         array = np.asarray(given, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        raise ProblemError(f"{name} is no array of numbers: {error}") from error
+        raise ProblemError(f"{name} is not an array of numbers: {error}") from error
     if ndim is not None and array.ndim != ndim:
         raise ProblemError(f"{name} has shape {array.shape}; it must have {ndim} {'axis' if ndim == 1 else 'axes'}")
     if finite and not np.isfinite(array).all():
@@ -95,7 +95,7 @@ def real_matrix(value: object, name: str, *, own: bool = False) -> sp.csr_array:
         given = isinstance(sparse, sp.csr_array) and sparse.dtype == np.float64
         matrix = sparse if given else sp.csr_array(sparse).astype(np.float64, copy=False)
     except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name} is no matrix of numbers: {error}") from error
+        raise ProblemError(f"{name} is not a matrix of numbers: {error}") from error
     if own or not matrix.has_canonical_format:
         matrix = matrix.copy()
         matrix.sum_duplicates()
@@ -153,15 +153,15 @@ def _checked(value: object, name: str) -> AnyArray:
     try:
         given = np.asarray(value)
     except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name} is no array of numbers: {error}") from error
+        raise ProblemError(f"{name} is not an array of numbers: {error}") from error
     kind = given.dtype.kind
     entries: list[object] = list(given.ravel()) if kind == "O" else []
     if kind == "c" or any(isinstance(entry, Complex) and not isinstance(entry, Real) for entry in entries):
-        raise ProblemError(f"{name} is complex; give real numbers (take .real if the imaginary part is meant to go)")
+        raise ProblemError(f"{name} is complex; give real numbers (use .real to drop the imaginary part)")
     wrong = [entry for entry in entries if not isinstance(entry, Real) or isinstance(entry, bool)]
     if kind not in "iufO" or wrong or _holds_truth_values(value):
         what = f"is {_KINDS.get(kind, given.dtype.name)}" if kind not in "iufO" else "holds a truth value"
-        raise ProblemError(f"{name} is no array of numbers: it {f'holds {described(wrong[0])}' if wrong else what}")
+        raise ProblemError(f"{name} is not an array of numbers: it {f'holds {described(wrong[0])}' if wrong else what}")
     return given
 
 

@@ -143,6 +143,6 @@ def array_of_text(packed: object) -> AnyArray:
     given: dict[str, object] = _expected(dict, packed)
     shape: list[int] = _expected(list, given["shape"])
     if any(type(length) is not int or length < 0 for length in shape):
-        raise TypeError("a shape is no list of whole numbers")
+        raise TypeError("a shape is not a list of whole numbers")
     numbers = np.frombuffer(base64.b64decode(str(given["data"]), validate=True), dtype="<f8")
     return numbers.astype(float).reshape(shape)

@@ -48,7 +48,7 @@ def csv_rows(text: str, name: str) -> list[list[str]]:
     try:
         return [row for row in reader if row]
     except csv.Error as error:
-        raise FileError(f"{name}, line {reader.line_num}: this is no line of a table: {error}") from None
+        raise FileError(f"{name}, line {reader.line_num}: this is not a line of a table: {error}") from None
 
 
 def cell_read(text: str) -> str:

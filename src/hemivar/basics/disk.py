@@ -156,7 +156,8 @@ def read_bytes(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTE
         raise FileError(f"cannot read {what} {shown(path)}: {_reason(error)}") from error
     if left <= 0:
         raise FileError(
-            f"{what} {shown(path)} grew beyond {most_bytes / 2**20:.0f} MiB while it was read; wait for its end"
+            f"{what} {shown(path)} grew beyond {most_bytes / 2**20:.0f} MiB while it was read; wait until it is "
+            f"complete"
         )
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
@@ -363,7 +364,9 @@ def append_line(path: str | Path, line: str) -> None:
         with os.fdopen(descriptor, "wb", buffering=0) as stream:
             text = f"{line}\n".encode()
             if stream.write(text) != len(text):
-                raise FileError(f"cannot write {shown(path)}: the disk is full; make room, and go on from what is kept")
+                raise FileError(
+                    f"cannot write {shown(path)}: the disk is full; free some space, then continue from what was saved"
+                )
             os.fsync(stream.fileno())
     except (OSError, ValueError) as error:
         if isinstance(error, FileError):

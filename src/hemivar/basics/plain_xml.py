@@ -21,7 +21,7 @@ def parse_xml(data: bytes) -> Element:
     Raises
     ------
     ProblemError
-        It is no XML, it declares a document type (DOCTYPE), or it holds more than 200 000 elements or more than 32 in
+        It is not XML, it declares a document type (DOCTYPE), or it holds more than 200 000 elements or more than 32 in
         one another.
     """
     tree, depth, count = TreeBuilder(), 0, 0
@@ -34,7 +34,8 @@ def parse_xml(data: bytes) -> Element:
         depth, count = depth + 1, count + 1
         if depth > _DEEPEST or count > _MOST_ELEMENTS:
             raise ProblemError(
-                f"it holds more than {_MOST_ELEMENTS} elements, or more than {_DEEPEST} in one another; write it again"
+                f"it contains more than {_MOST_ELEMENTS} elements, or more than {_DEEPEST} in one another; write "
+                f"it again"
             )
         tree.start(tag, attributes)
 
@@ -52,5 +53,5 @@ def parse_xml(data: bytes) -> Element:
     except ProblemError:
         raise
     except (expat.ExpatError, LookupError, ValueError) as error:  # the latter for encodings that are not known
-        raise ProblemError(f"it is no XML that can be read ({shown(error)[:100]}); write it again") from None
+        raise ProblemError(f"it is not readable XML ({shown(error)[:100]}); write it again") from None
     return tree.close()

@@ -69,8 +69,8 @@ def results(function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int
         finished = True
     except BrokenProcessPool as error:
         raise MethodError(
-            "a process ended before its work was done, perhaps for lack of memory; take fewer jobs, and in a "
-            'script ask for them below if __name__ == "__main__":'
+            "a process ended before its work was done, perhaps because memory ran out; use fewer jobs, and in a "
+            'script start them below if __name__ == "__main__":'
         ) from error
     finally:
         pool.shutdown(wait=finished, cancel_futures=True)

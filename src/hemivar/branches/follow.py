@@ -194,7 +194,7 @@ def following(
     low, high = options.load_factor
     if problem.contact_points == 0:
         raise ProblemError(
-            "a path needs contact points; solve once, for without contact the solution is proportional to the load"
+            "a path needs contact points; solve once, because without contact the solution is proportional to the load"
         )
     budget = Budget(options.max_time)
     line = LoadLine(problem, unloaded)
@@ -204,7 +204,7 @@ def following(
     else:
         system = kept.condensed(problem).for_problem(largest)
     if not system.active.any():
-        raise ProblemError("the supports hold every contact point, so that no path starts; free some of them")
+        raise ProblemError("the supports constrain every contact point, so the path has no start; free some of them")
     # A little above the lower end all components are on definite sides of their kinks, which they may not be at rest.
     first = low + _FIRST * (high - low)
     at_start = line.at(first)
@@ -225,7 +225,9 @@ def following(
         except OutOfChartError as left:
             assert isinstance(chain, GraphChart)
             chain = chart_of(system, *left.pair, chain)
-    raise MethodError("friction falls with the slip faster and faster under the growing pressure; take a shorter range")
+    raise MethodError(
+        "the drop of friction with the slip steepens without limit as the pressure grows; use a shorter range"
+    )
 
 
 def _followed(
@@ -307,7 +309,7 @@ def _unperturb(track: Track, follower: Follower) -> None:
 def _assemble(line: LoadLine, follower: Follower, track: Track, perturbed: bool) -> Path:
     chain, system = follower.chain, follower.chain.system
     if not track.stretches:
-        raise ProblemError(f"the path ends where it begins ({track.ended}); give another start or range")
+        raise ProblemError(f"the path ends at its first point ({track.ended}); give another start or range")
     t = track.load_factors
     stable = [stretch.stable for stretch in track.stretches]
     segments = [stretch.segment for stretch in (track.stretches[0], *track.stretches)]

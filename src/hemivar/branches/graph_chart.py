@@ -395,8 +395,8 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart |
     alpha = _least(system.law, r, lam)
     if not np.isfinite(alpha).all():
         raise MethodError(
-            f"law '{system.law.name}' falls at once, so that its load path needs a linear body in the plane and a law "
-            "that splits; give the fall a slope"
+            f"law '{system.law.name}' drops discontinuously, so its load path needs a linear plane body and a "
+            f"separable law; give the drop a slope"
         )
     a = np.maximum((_ABOVE if known is None else _FAR_ABOVE) * alpha, 1.0 / system.compliance)
     return GraphChart(system, a if known is None else np.maximum(a, known.a))

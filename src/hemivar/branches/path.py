@@ -37,7 +37,7 @@ class PathEnd(StrEnum):
     INTERRUPTED = "interrupted"
     NOT_UNIQUE = "the path is not unique beyond this point"
     NOT_CORRECTED = "the corrector did not converge"
-    UNBOUNDED = "the branch goes on for ever at this load"
+    UNBOUNDED = "beyond this load no equilibrium was found"
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class Path(PickleMixin, ReprMixin):
         """All folds if there are few; else those at limit load and first instability, and the large turns of the load.
 
         A front that passes one point of the mesh after the other gives a tooth for each of them: turns by less than a
-        tenth of the span of all fold loads are such teeth.  So is a fold where a single contact point lets go.
+        tenth of the span of all fold loads are such teeth.  So is a fold where a single contact point debonds.
         """
         return self.folds if len(self.folds) <= _FEW else tuple(fold for fold in self.folds if self._matters(fold))
 
@@ -218,11 +218,11 @@ class Path(PickleMixin, ReprMixin):
             return None
         limit = self.limit_load
         too = any(fold.snaps and fold.load_factor == limit for fold in self.folds)
-        words = f"{count} fold{'s' if count > 1 else ''} where a single contact point lets go: their number and loads"
+        words = f"{count} fold{'s' if count > 1 else ''} where a single contact point debonds: their number and loads"
         words += f"{', and the limit load,' if too else ''} depend on the mesh"
         if self.snap_size == 0.0:
-            return f"{words}, however fine, for a law falls at once; give its fall a slope"
-        return f"{words}; with cells of at most about {self.snap_size:.2g} along the boundary no point lets go alone"
+            return f"{words}, however fine, because a law drops discontinuously; give its drop a slope"
+        return f"{words}; with cells of at most about {self.snap_size:.2g} along the boundary no point debonds alone"
 
     @property
     def failure(self) -> str:
@@ -232,7 +232,9 @@ class Path(PickleMixin, ReprMixin):
             same = first is None or abs(first - limit) <= _SAME * abs(limit)
             return f"limit load factor {limit:.4g}" + ("" if same else f" (first instability {first:.4g})")
         own = (
-            "not reached" if self.ended is PathEnd.UPPER_END else "not known, for the path was not followed to its end"
+            "not reached"
+            if self.ended is PathEnd.UPPER_END
+            else "not known, because the path was not followed to its end"
         )
         return f"limit load factor {own}" + ("" if first is None else f" (first instability {first:.4g})")
 

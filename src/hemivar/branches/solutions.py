@@ -318,7 +318,7 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgres
     if limit:
         searched += f"; the body is {limit}"
     if points.continuum:
-        searched += "; there is a continuum of solutions, of which one or some are given"
+        searched += "; there is a continuum of solutions, of which some are listed"
     if undecided:
         searched += f"; rounding does not tell whether {undecided} of them hold other solutions"
     if sampled:

@@ -137,7 +137,7 @@ class DistanceToExact:
                 *made,
                 f"{blank}if {' and '.join(self.conditions)}",
             ]
-        return [f"{label}about {size}: an estimate, no bound", *made, f"{blank}because {self.why}"]
+        return [f"{label}about {size}: an estimate, not a bound", *made, f"{blank}because {self.why}"]
 
     @property
     def parts(self) -> dict[str, float]:

@@ -100,7 +100,9 @@ class ContactPoints(PickleMixin):
                 raise ProblemError(f"{name} has shape {value.shape}; it needs one entry per contact point, ({m},)")
             object.__setattr__(self, name, value)
         if m and not (self.boundary.min() >= -1 and self.boundary.max() < len(self.names)):
-            raise ProblemError("boundary holds numbers that are no places in names; give the name of every boundary")
+            raise ProblemError(
+                "boundary holds numbers that are not indices into names; give the name of every boundary"
+            )
 
     def __repr__(self) -> str:
         on = f" on {', '.join(self.names)}" if self.names else ""

@@ -58,7 +58,7 @@ def numbered_field(mesh: Mesh, numbering: ArrayLike | None, prescribed: ArrayLik
     try:
         numbers = np.asarray(given_numbers)
     except ValueError as error:
-        raise ProblemError(f"numbering is no array ({error}); give integers, shape (N, d)") from None
+        raise ProblemError(f"numbering is not an array ({error}); give integers, shape (N, d)") from None
     orders = {(len(mesh.nodes(order)), mesh.dim): order for order in (2, 1)}
     if numbers.shape not in orders or numbers.dtype.kind not in "iu":
         shapes = " or ".join(str(shape) for shape in sorted(orders))
@@ -157,7 +157,7 @@ def _frames(field: Field, rows: Array, node: IntArray, facets: list[IntArray]) -
     missing = size < _CLOSE
     if (np.abs(size[~missing] - 1.0) > _UNIT).any() or not _orthogonal(rows):
         raise ProblemError(
-            "the rows of the trace are no orthogonal unit vectors at the nodes of the contact points; give frames, "
+            "the rows of the trace are not orthogonal unit vectors at the nodes of the contact points; give frames, "
             "(m, d, d), normal first"
         )
     turned, outward = rows.copy(), _normals(field, node, facets)

@@ -193,7 +193,7 @@ def _wrong(
     if moment.heat is not None and stepper.beside is not None:
         yield from _moment(moment.heat.moment, stepper.beside, "heat.")
         if not (_count(moment.heat.rounds) and math.isfinite(moment.heat.contraction)):
-            yield "the rounds of its heat are no numbers"
+            yield "the iterations of its heat are not numbers"
     if (moment.heat is None) != (stepper.beside is None):
         yield "it has heat where the evolution has none, or none where it has"
     if moment.shown is not None:
@@ -204,7 +204,7 @@ def _wrong(
         yield from _history(moment.history, moment, stepper)
     yield from _array("origin", state.origin, moment.body.displacement.shape)
     if not (stepping.knows(state.pace) and moment.time + state.pace.step > moment.time):
-        yield f"its step, {state.pace.step:g}, is none of this control of steps"
+        yield f"its step, {state.pace.step:g}, does not belong to this step control"
     for name in ("largest", "farthest"):
         if not 0.0 <= getattr(state, name) < math.inf:
             yield f"{name} is {getattr(state, name):g}"
@@ -212,11 +212,11 @@ def _wrong(
         yield f"its bound of the error in time is {state.bound:g}"
     offered, stride = state.frame_place
     if not (_count(offered) and _count(stride) and stride):
-        yield "its counters of frames are no whole numbers"
+        yield "its frame counters are not whole numbers"
     if not all(isinstance(name, str) and math.isfinite(time) for time, name in state.events):
-        yield "its events are no times and names"
+        yield "its events are not times and names"
     if not all(isinstance(message, str) for message in state.messages):
-        yield "its messages are no texts"
+        yield "its messages are not texts"
     yield from _rows(state.rows, stepper, moment, columns)
     yield from _frames(state.frames, {row.time for row in state.rows}, stepper, moment)
 
@@ -282,7 +282,7 @@ def _frames(frames: Sequence[Frame], times: set[float], stepper: TimeStepper, mo
     before, remembered = -math.inf, {name for states in moment.memory.values() for name in states}
     for frame in frames:
         if frame.time not in times or frame.time <= before:
-            yield "the times of its frames are none of its table, or do not increase"
+            yield "the times of its frames are not in its table, or do not increase"
         before = frame.time
         yield from _array("displacement of a frame", frame.displacement, nodes)
         yield from _array("velocity of a frame", frame.velocity, nodes)

@@ -61,7 +61,7 @@ class Change:
             found = found[step]
         if not way or found != 0:
             raise ProblemError(
-                f"--set {printable(self.key)}: this is no key; join the names of tables and key by dots, as in "
+                f"--set {printable(self.key)}: this is not a key; join the names of tables and key by dots, as in "
                 "contact.bottom.normal.q_max=0.5"
             )
         return tuple(way)
@@ -86,7 +86,7 @@ def read_change(text: str) -> Change:
     Raises
     ------
     ProblemError
-        There is no ``=``, the key is none, or the value is no TOML.
+        There is no ``=``, the key is none, or the value is not valid TOML.
     """
     key, equals, written = text.partition("=")
     if not equals:
@@ -96,10 +96,10 @@ def read_change(text: str) -> Change:
     except (tomllib.TOMLDecodeError, RecursionError, ValueError):
         found = {}
     if set(found) != {"value"} or "\n" in written.strip():
-        advice = "texts and formulas stand in quotes"
+        advice = "write texts and formulas in quotes"
         if re.fullmatch(r"\s*[^\s\"'\[\]{}]+\s*", written):
             advice += f""": --set '{printable(key.strip())}="{printable(written.strip())}"'"""
-        raise ProblemError(f"--set {printable(text)}: the value is no TOML; {advice}")
+        raise ProblemError(f"--set {printable(text)}: the value is not valid TOML; {advice}")
     return Change(key.strip(), found["value"])
 
 

@@ -147,7 +147,7 @@ def read_film(path: str | Path) -> Film:
         raise
     except (KeyError, ValueError) as error:
         raise FileError(
-            f"{name}: this is no PVD file ({error}); 'hemivar march FILE --fields run.pvd' writes one"
+            f"{name}: this is not a PVD file ({error}); 'hemivar march FILE --fields run.pvd' writes one"
         ) from None
     if not entries:
         raise FileError(f"{name}: the list has no frame; save some with --every TIME")
@@ -158,7 +158,7 @@ def read_film(path: str | Path) -> Film:
     first = _read_frame(files[0])
     kinds = {kind: d for (d, _), kind in CELL_TYPES.items()}
     if len(first.cells) != 1 or first.cells[0].type not in kinds:
-        raise FileError(f"{name}: its frames are no bodies of triangles or tetrahedra; name the list of the bodies")
+        raise FileError(f"{name}: unsupported cell type; pass the .pvd of the body, not that of the contact surface")
     dim = kinds[first.cells[0].type]
     cells = np.asarray(first.cells[0].data[:, : dim + 1], dtype=np.int64)
     used, numbers = np.unique(cells, return_inverse=True)
@@ -175,7 +175,7 @@ def read_film(path: str | Path) -> Film:
             or "displacement" not in read.point_data
             or not np.array_equal(at, touching)
         ):
-            raise FileError(f"{shown(file.name)}: this is no frame of the same body; write the list again")
+            raise FileError(f"{shown(file.name)}: this is not a frame of the same body; write the list again")
         displacement, velocity, force = (
             _at_nodes(read, file, what, dim) for what in ("displacement", "velocity", "contact_force")
         )
@@ -215,7 +215,7 @@ def _numbers(grid: CellGrid, file: Path, name: str) -> IntArray:
     numbers = _at_nodes(grid, file, name)
     known = {-1, *TangentialState} | (set(NormalState) if name == "state" else set())
     if not np.isin(numbers, sorted(known)).all():
-        raise FileError(f"{shown(file)}: '{name}' holds numbers that are no state of contact; write it again")
+        raise FileError(f"{shown(file)}: '{name}' holds numbers that are not a contact state; write it again")
     return numbers.astype(np.int64)
 
 

@@ -164,7 +164,7 @@ def read_history_table(path: str | Path) -> dict[str, Array]:
         columns = _columns(name, rows)
     if not {"time", "step"} <= columns.keys() or not len(columns["time"]):
         raise FileError(
-            f"{name}: this is no table of a history, which has columns 'time' and 'step' and a row for each step; "
+            f"{name}: this is not the table of a run, which has columns 'time' and 'step' and a row for each step; "
             "write it with 'hemivar march FILE --table run.csv'"
         )
     return columns
@@ -189,7 +189,7 @@ def _from_parquet(path: Path) -> dict[str, Array]:
         raise
     except Exception as error:  # pyarrow raises many kinds
         reason = shown(error)[:200]
-        raise FileError(f"{name}: this is no table of a history ({reason}); write it with --table") from None
+        raise FileError(f"{name}: this is not the table of a run ({reason}); write it with --table") from None
 
 
 def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
@@ -202,7 +202,9 @@ def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
         try:
             columns[_without_unit(cell_read(column))] = np.array([float(row[k]) for row in body])
         except ValueError:  # any file may be named as a table: nothing of it is repeated
-            raise FileError(f"{name}: column {k + 1} holds what is no number; write the table again") from None
+            raise FileError(
+                f"{name}: column {k + 1} holds an entry that is not a number; write the table again"
+            ) from None
     return columns
 
 

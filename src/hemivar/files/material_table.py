@@ -56,7 +56,7 @@ def _material(table: TomlTable, mesh: Mesh) -> Material:
         return _one_material(table, mesh.dim)
     for key in table.data:
         if key != "regions":
-            raise table.error(key, "cannot stand beside regions; state it in every [material.regions.NAME]")
+            raise table.error(key, "cannot be combined with regions; state it in every [material.regions.NAME]")
     regions = table.table("regions", None)
     if not regions.data:
         raise table.error("regions", "is empty; add tables [material.regions.NAME]")

@@ -1,4 +1,4 @@
-"""What a problem file cannot say, in one sentence; and where two statements differ."""
+"""What a problem file cannot express, in one sentence; and where two statements differ."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def not_expressible(
         what = f"the Python function {getattr(value, '__qualname__', type(value).__name__)}"
     else:
         what = described(value)
-    return ProblemError(f"{where} is {what}, which a problem file cannot say; it can say {can}")
+    return ProblemError(f"{where} is {what}, which a problem file cannot express; it can express {can}")
 
 
 def difference(given: object, found: object, where: str = "") -> str | None:

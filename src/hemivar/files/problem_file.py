@@ -242,7 +242,7 @@ def parse_problem_file(
     heat = None
     if "heat" in top:
         if time is None:
-            raise top.error("heat", "flows in time; add a table [time], or remove it")
+            raise top.error("heat", "depends on time; add a table [time], or remove it")
         heat = read_heat(top.table("heat", HEAT_KEYS), problem, _Reader(mesh.dim, folder))
     return ProblemFile(problem, solver, name, levels, time, output, heat, tuple(changes))
 
@@ -320,7 +320,7 @@ def write_problem(
     Raises
     ------
     ProblemError
-        If the problem holds what a problem file cannot say (a Python function, a mesh of one's own without
+        If the problem holds what a problem file cannot express (a Python function, a mesh of one's own without
         ``beside``, an option of a method, ...); one sentence that names it. Nothing is written then.
     FileError
         If a file cannot be written, or a file beside it would take the place of another one.
@@ -367,7 +367,8 @@ def _read_again(stated: ProblemFile, settings: SolverSettings, folder: Path, nam
     )
     if place is not None:
         raise ProblemError(
-            f"{place} would come back otherwise from a problem file, which cannot say it; state it by numbers, "
+            f"{place} would be read back differently from a problem file, which cannot express it; state it by "
+            f"numbers, "
             f"formulas as text, and the laws that 'hemivar laws' lists"
         )
     return text
@@ -452,7 +453,7 @@ def _encoded(data: dict[str, object], settings: SolverSettings) -> str:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise ProblemError("a title, a name or a path of the problem is no text of Unicode; rename it") from None
+        raise ProblemError("a title, a name or a path of the problem is not valid Unicode; rename it") from None
     return text
 
 

@@ -96,7 +96,7 @@ class ResumeLog(Generic[Part]):
                 RecursionError,
             ) as error:
                 raise FileError(
-                    f"{disk.shown(path)}, line {number}: this is no {part} of a {kind}, or it was changed since; "
+                    f"{disk.shown(path)}, line {number}: this is not a {part} of a {kind}, or it was changed since; "
                     "remove the line, or the file"
                 ) from error
         if whole != text:  # the process ended while it wrote the last line
@@ -108,7 +108,7 @@ class ResumeLog(Generic[Part]):
         except (ValueError, TypeError, RecursionError):
             ours = False
         what = f"holds another {self._kind}, or the problem has changed since"
-        what = what if ours else f"is no record of a {self._kind}"
+        what = what if ours else f"is not a record of a {self._kind}"
         raise FileError(f"{disk.shown(self.path)}: the file {what}; name another file, or remove it")
 
     def __iter__(self) -> Iterator[Part]:

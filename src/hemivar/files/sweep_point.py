@@ -76,7 +76,7 @@ class SweepPoint:
         """
         found = decoded(SweepPoint, json.loads(text), [])
         if any(one < 0 for one in found.place):
-            raise ValueError("the place is no list of whole numbers")
+            raise ValueError("the place is not a list of whole numbers")
         if len({len(getattr(found, name)) for name in (*_OF_SOLUTIONS, "kinds")}) > 1:
             raise ValueError("solutions have energies, kinds, penetrations and forces")
         if not all(map(math.isfinite, found.energies)):

@@ -42,7 +42,7 @@ def read_in_time(
     """The tables [time] and [output] of a body that has a density or not, or of a scalar problem of some kind."""
     if "time" not in top:
         if "output" in top:
-            raise top.error("output", "says what is kept on the way through time; add a table [time], or remove it")
+            raise top.error("output", "says what is saved during time integration; add a table [time], or remove it")
         return None, OutputSettings()
     table = top.table("time", KEYS["time"])
     if "until" not in table:

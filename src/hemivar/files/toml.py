@@ -397,4 +397,4 @@ def _value(value: object) -> str:
             return "{ " + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items()) + " }"
         case Sequence():
             return f"[{', '.join(_value(item) for item in value)}]"
-    raise TypeError(f"{value!r} is no value of TOML")  # pragma: no cover
+    raise TypeError(f"{value!r} is not a TOML value")  # pragma: no cover

@@ -52,7 +52,7 @@ class Condition:
         words = _SIGNS.split(text)
         if len(words) < 3 or "==" in text:
             raise ProblemError(
-                f"{self.where}: '{shown(text.strip())}' is no condition; compare by < or >, such as 'x > 39.9', and "
+                f"{self.where}: '{shown(text.strip())}' is not a condition; compare by < or >, such as 'x > 39.9', and "
                 "write abs(x - 1) < 1e-6 for 'equal'"
             )
         return [Formula(word.strip(), self.where) for word in words[::2]], words[1::2]

@@ -160,7 +160,7 @@ class Reader:
                     for side in (left, *others):
                         self.check(side, depth + 1)
                 case other:
-                    raise self.error("this is no condition; write one with < <= > >=, or True", other.col_offset)
+                    raise self.error("this is not a condition; write one with < <= > >=, or True", other.col_offset)
 
     def check_name(self, name: str, column: int) -> None:
         known = [*self.variables, *CONSTANTS]

@@ -189,7 +189,7 @@ class _Reader:
         for one in self.named:
             body.name(one)
         raw = body.put_together()
-        raw.notes.extend(f"elements {name} are no part of a body; they were not taken" for name in sorted(self.others))
+        raw.notes.extend(f"elements {name} belong to no body and were ignored" for name in sorted(self.others))
         return raw
 
 
@@ -278,7 +278,7 @@ class _Body:
             )
             if not re.fullmatch(r"[SP]\d", side):
                 self.notes.append(
-                    f"surface '{one.name}' has a row without the number of a face (S1, S2, ...); it was not taken"
+                    f"surface '{one.name}' has a row without the number of a face (S1, S2, ...); it was ignored"
                 )
                 continue
             for block, numbers in zip(self.blocks, self.numbers, strict=True):

@@ -58,7 +58,7 @@ def read_by_meshio(path: Path) -> RawMesh:
             _add(raw, (KINDS[CODES[found.cells[number].type]].dim, name), places[number], rows)
     raw.at_nodes.update(_node_sets(found))
     raw.notes.extend(
-        f"array '{name}' numbers more than {_MOST_GROUPS} groups; it was not taken"
+        f"array '{name}' numbers more than {_MOST_GROUPS} groups; it was ignored"
         for name, values in found.cell_data.items()
         if _numbers_groups(name, values) and _count(values) > _MOST_GROUPS
     )

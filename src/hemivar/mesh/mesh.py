@@ -99,8 +99,8 @@ class Mesh(PickleMixin):
             parent = parent.named(boundaries, regions, interfaces)
             if parent is None:
                 raise ProblemError(
-                    "parent: the coarser mesh cannot bear these boundaries and regions, which cut through facets or "
-                    "cells of it; give parent = None"
+                    "parent: the coarser mesh cannot have these boundaries and regions, which cut through its "
+                    "facets or cells; give parent = None"
                 )
         self._set(points, cells, boundaries, regions, parent, self.recipe, interfaces, self.reading)
 

@@ -76,7 +76,7 @@ def parse_nastran(text: str) -> RawMesh:
     groups = {(block.kind.dim, group) for block in blocks for group in np.unique(block.groups).tolist()}
     known = {(dim, group): names[group] for dim, group in groups if group in names}
     raw = put_together(np.concatenate(ids), np.concatenate(points), blocks, known, repeated=False)
-    raw.notes.extend(f"elements {card} are no part of a body; they were not taken" for card in sorted(others))
+    raw.notes.extend(f"elements {card} belong to no body and were ignored" for card in sorted(others))
     return raw
 
 

@@ -40,7 +40,7 @@ def parse_netgen(text: str) -> RawMesh:
     dim = int(whole(sections.get("dimension", [["3"]])[0][:1], "dimension")[0])
     points = sections.get("points", [])
     if "mesh3d" not in sections or not points:
-        raise ProblemError("it is no mesh of Netgen (mesh3d, points); mesh the geometry before it is saved")
+        raise ProblemError("it is not a Netgen mesh (mesh3d, points); mesh the geometry before it is saved")
     places = rows_of(floats([word for row in points for word in row[:3]], "points"), 3, "points")
     blocks, names = list[Block](), dict[tuple[int, int], str]()
     for section, rows in sections.items():

@@ -104,7 +104,7 @@ def _raw(path: Path, start: bytes, size: int) -> RawMesh:
     if suffix == ".su2":
         return parse_su2(text())
     if suffix == ".msh" and not start.lstrip().startswith(b"("):
-        raise ProblemError("cannot be read: it does not begin like a file of Gmsh ($MeshFormat)")
+        raise ProblemError("cannot be read: it does not begin like a Gmsh file ($MeshFormat)")
     return read_by_meshio(path)
 
 
@@ -136,7 +136,7 @@ def _flat(raw: RawMesh, dim: int) -> Array:
             bent = np.ptp(height) > 1e-10 * max(np.ptp(own, axis=0).max(), 1e-300)
         if bent:
             raise ProblemError(
-                f"it is a surface in space (z from {height.min():g} to {height.max():g}); a plane mesh must have "
+                f"it is a surface in 3D (z from {height.min():g} to {height.max():g}); a plane mesh must have "
                 f"constant z, a solid one needs tetrahedra or hexahedra"
             )
     return points[:, :dim]
@@ -163,7 +163,7 @@ class _Groups:
             elif of == dim - 1:
                 self._facets(name, number[found.cells[of][own]], lambda one: facet_keys(one, count), ordered, inner)
             else:
-                self.notes.append(f"group '{name}' holds {_ELEMENTS[of]} only; it was not taken")
+                self.notes.append(f"group '{name}' holds {_ELEMENTS[of]} only; it was ignored")
         outer = facets[first[counts == 1]] if found.at_nodes else facets[:0]
         for name, at in found.at_nodes.items():
             self._nodes(name, outer, at[number >= 0])
@@ -176,7 +176,7 @@ class _Groups:
         keys = keys_of(np.where(apart[:, None], 0, facets))
         apart |= ~np.isin(keys, known)
         if apart.all():
-            self.notes.append(f"group '{name}' belongs to no cell of the body; it was not taken")
+            self.notes.append(f"group '{name}' belongs to no cell of the body; it was ignored")
             return
         if apart.any():
             raise ProblemError(
@@ -199,6 +199,6 @@ class _Groups:
             return  # the facets of that name say it better
         if at.all() or not len(chosen):
             why = "of all nodes" if at.all() else "between whose nodes there is no facet of the boundary"
-            self.notes.append(f"'{name}' is a group {why}; it was not taken")
+            self.notes.append(f"'{name}' is a group {why}; it was ignored")
         else:
             self.boundaries[name] = chosen

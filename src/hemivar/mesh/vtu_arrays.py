@@ -164,7 +164,7 @@ class VtuArray:
                 if self.source:
                     values = np.fromstring(self.source, wide, sep=" ")  # type: ignore[call-overload]
         except (DeprecationWarning, ValueError):
-            raise self._wrong("holds what is no number") from None
+            raise self._wrong("holds an entry that is not a number") from None
         if wide.kind != "f" and values.size:
             limits = np.iinfo(self.kind)
             if values.min() < limits.min or values.max() > limits.max:
@@ -221,7 +221,7 @@ def whole(element: Element, name: str, least: int = 0) -> int:
     """A count that an element states."""
     text = (element.get(name) or "").strip()
     if not (text.isascii() and text.isdigit() and len(text) < 16 and int(text) >= least):
-        raise ProblemError(f"its {name} is {short(text)}, which is no count; save it again")
+        raise ProblemError(f"its {name} is {short(text)}, which is not a count; save it again")
     return int(text)
 
 

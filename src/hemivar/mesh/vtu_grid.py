@@ -117,7 +117,7 @@ def _read(data: bytes, budget: int) -> CellGrid:
     text, appended = _appended(data)
     root = parse_xml(text)
     if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
-        raise ProblemError("it is no unstructured grid of VTK (VTKFile, UnstructuredGrid); save it as VTU")
+        raise ProblemError("it is not an unstructured grid of VTK (VTKFile, UnstructuredGrid); save it as VTU")
     if root.get("version", "0.1") not in _VERSIONS:
         raise ProblemError(
             f"it is in version {short(root.get('version'))} of the format; save it in one from 0.1 to 2.3"
@@ -200,7 +200,7 @@ def _appended(data: bytes) -> tuple[bytes, bytes | str]:
     try:
         return data[: found.end()] + data[end:], appended if raw else appended.decode("ascii").strip()
     except UnicodeDecodeError:
-        raise ProblemError("what is appended to it is no base64; save it again") from None
+        raise ProblemError("the data appended to it are not base64; save it again") from None
 
 
 def widths_of(types: IntArray) -> IntArray:

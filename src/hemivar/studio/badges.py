@@ -36,7 +36,7 @@ class Badge(NamedTuple):
 def badge_of(certificate: Certificate) -> Badge:
     """The badge of a certificate: what it claims, and no more."""
     if not certificate.stationary:
-        return Badge("poor", "not a solution", "The residual is above the tolerance: this is no equilibrium.")
+        return Badge("poor", "not a solution", "The residual is above the tolerance: this is not an equilibrium.")
     kind = certificate.kind.value
     if certificate.unique is True:
         error = certificate.error_bound_relative

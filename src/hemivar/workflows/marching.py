@@ -100,8 +100,7 @@ def plan_of(stated: ProblemFile, *, every: float | None = None, **given: Any) ->
     """
     if stated.time is None and not {"until", "step"} <= given.keys():
         raise ProblemError(
-            f"{stated.name}: it says nothing of time; add a table [time] with until and step, or give --until and "
-            "--step"
+            f"{stated.name}: it has no time; add a table [time] with until and step, or give --until and --step"
         )
     plan = March(**given) if stated.time is None else replace(stated.time.march, **given)
     return plan if every is None else replace(plan, save=replace(plan.save, every=every))

@@ -84,7 +84,7 @@ def test_where_there_is_none(solution: hv.Solution, workspace: hv.systems.Worksp
 def test_words_of_an_estimate() -> None:
     found = DistanceToExact(0.1, 0.2, False, ("it is so", "and so"), 0.06, 0.03, 0.01, 0.0, 0.0, 0.25, 1.0)
     lines = found.lines()
-    assert lines[0] == "exact solution    about 0.1 away, relative 20 %: an estimate, no bound"
+    assert lines[0] == "exact solution    about 0.1 away, relative 20 %: an estimate, not a bound"
     assert lines[1].strip() == "made of misfit 12 %, contact 6 %, oscillation 2 %, c = 0.25; in 1 s"
     assert lines[2].strip() == "60 % of it is misfit: refine the mesh, as adaptive refinement does where it is needed"
     assert lines[3].strip() == "because it is so; and so"

@@ -60,8 +60,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "a discrete problem": (lambda: bound(SOLVED.problem), "is a DiscreteProblem; give the ContactProblem that states"),
     "a scalar problem": (lambda: bound(membrane_obstacle().problem), "is a ScalarProblem; .* elastic bodies at rest"),
     "an evolution": (lambda: bound(hv.Evolution(PROBLEM)), "is an Evolution; .* elastic bodies at rest"),
-    "a solution for a displacement": (lambda: bound(u=SOLVED), "the displacement is no array of numbers"),
-    "text for a displacement": (lambda: bound(u="u.csv"), "the displacement is no array of numbers: it is text"),
+    "a solution for a displacement": (lambda: bound(u=SOLVED), "the displacement is not an array of numbers"),
+    "text for a displacement": (lambda: bound(u="u.csv"), "the displacement is not an array of numbers: it is text"),
     "nan in the displacement": (lambda: bound(u=with_entry(np.nan)), r"displacement\[0, 0\] = nan; every number"),
     "inf in the displacement": (lambda: bound(u=with_entry(np.inf)), r"displacement\[0, 0\] = inf; every number"),
     "a complex displacement": (lambda: bound(u=U * 1j), "the displacement is complex; give real numbers"),
@@ -81,7 +81,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "constants of another kind": (lambda: bound(constants=2.5), "constants is 2.5; give those of guaranteed_trace_bou"),
     "constants not yet made": (
         lambda: bound(constants=TraceBounds),
-        "constants is the class TraceBounds; make one of it",
+        "constants is the class TraceBounds; create an instance",
     ),
     "a sweep by its name": (lambda: bound(sweeps=("vertex",)), "a sweep is 'vertex'; choose among"),
     "one sweep, no tuple": (lambda: bound(sweeps=PatchKind.VERTEX), r"sweeps is .*; give a tuple such as"),
@@ -167,7 +167,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "adaptive: nothing marked": (lambda: solve_adaptive(PROBLEM, share=0.0), "share = 0.0; give a positive number"),
     "adaptive: more than all marked": (
         lambda: solve_adaptive(PROBLEM, share=1.5),
-        "share = 1.5; .*give a number up to 1",
+        "share = 1.5; .*cells, at most 1",
     ),
     "adaptive: no time": (lambda: solve_adaptive(PROBLEM, max_time=0.0), "max_time = 0.0; give a positive number"),
 }

@@ -80,7 +80,7 @@ def _cells(path: str | Path, number: int, line: str, separator: str | None) -> l
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     except (csv.Error, StopIteration) as error:
-        raise ProblemError(f"{path}, line {number}: this is no line of a table: {error}") from None
+        raise ProblemError(f"{path}, line {number}: this is not a line of a table: {error}") from None
 
 
 def _named(
