@@ -71,6 +71,71 @@ def test_sliders_stand_where_a_browser_counts_them() -> None:
         assert float(browser[2 * slider["start"] : 2 * slider["end"]].decode("utf-16-le")) == slider["value"]
 
 
+#: Pressed down by its upper edge, and pushed up by its load: glued to a foundation that softens.
+HELD = """
+[mesh]
+rectangle = [1.0, 1.0]
+cells = [4, 4]
+[material]
+lame = [4.0, 4.0]
+[loads]
+body = [0.0, 0.3]
+[supports]
+top = { displacement = [0.0, -0.05] }
+[contact.bottom]
+normal = { law = "compliance", stiffness = 5.0 }
+"""
+
+
+def test_the_energy_over_a_slider_has_the_force_of_the_support_as_its_slope() -> None:
+    """The derivative of the least energy by a prescribed displacement is the reaction (envelope theorem)."""
+    key, low, high = "supports.top.displacement.1", -0.12, 0.0
+    messages = answers(Bench(Path()), "energies", HELD, key=key, low=low, high=high)
+    assert kinds(messages) == ["energies", "done"]
+    found = one(messages, "energies").arrays
+    value, energy = (np.asarray(found[name], dtype=float) for name in ("value", "energy"))
+    np.testing.assert_allclose(value, np.linspace(low, high, 41))
+    slope = (energy[2:] - energy[:-2]) / (value[2:] - value[:-2])
+    for place in (3, 20, 37):
+        solution = hv.solve(parse_problem(HELD.replace("-0.05", repr(float(value[place])))))
+        assert energy[place] == pytest.approx(solution.energy, rel=1e-9)
+        assert slope[place - 1] == pytest.approx(solution.reactions["top"][1], rel=2e-2, abs=1e-3)
+
+
+def test_an_energy_is_asked_for_over_a_number_that_has_one() -> None:
+    bench = Bench(Path())
+    wrong = one(answers(bench, "energies", HELD, key="loads.body.7"), "error").head["message"]
+    assert "'loads.body.7' is no number of the problem; choose one" in str(wrong)
+    rough = HELD + 'friction = { law = "coulomb", coefficient = 0.3 }\n'
+    none = one(answers(bench, "energies", rough, key="loads.body.1", low=-1.0, high=0.0), "error").head["message"]
+    assert "Coulomb friction has no energy" in str(none)
+    stiff = answers(bench, "energies", HELD, key="contact.bottom.normal.stiffness", low=-1.0, high=5.0)
+    energy = one(stiff, "energies").arrays["energy"]
+    assert np.isnan(energy[0])  # no law at this value
+    assert np.isfinite(energy[-1])
+    cells = one(answers(bench, "energies", HELD, key="mesh.cells.0", low=1.0, high=6.0), "energies").arrays["value"]
+    np.testing.assert_array_equal(cells, np.arange(1, 7))
+    assert kinds(list(bench.answer(Request("energies", 7, HELD, key="loads.body.1"), lambda: True))) == ["done"]
+
+
+def test_sliders_have_the_units_of_the_file_and_coulombs_law_its_name() -> None:
+    rough = HELD + 'friction = { law = "coulomb", coefficient = 0.3 }\n[units]\nlength = "mm"\nstress = "MPa"\n'
+    messages = answers(Bench(Path()), "solve", rough)
+    sliders = one(messages, "problem").head["sliders"]
+    assert isinstance(sliders, list)
+    units = {slider["key"]: slider["unit"] for slider in sliders}
+    assert units["material.lame.0"] == "MPa"
+    assert units["supports.top.displacement.1"] == units["mesh.rectangle.0"] == "mm"
+    assert units["loads.body.0"] == units["contact.bottom.friction.coefficient"] == ""
+    tresca = rough.replace('law = "coulomb", coefficient', 'law = "tresca", bound')
+    sliders = one(answers(Bench(Path()), "solve", tresca), "problem").head["sliders"]
+    assert isinstance(sliders, list)
+    assert next(slider["unit"] for slider in sliders if slider["key"].endswith("bound")) == "MPa"
+    curves = one(messages, "picture").head["curves"]
+    assert isinstance(curves, list)
+    assert [curve["name"] for curve in curves] == ["compliance", "coulomb"]
+
+
 @pytest.mark.parametrize("name", ["survey", "softening", "hertz", "cube", "membrane"])
 def test_fields_are_those_of_the_library(name: str) -> None:
     text = template(name)

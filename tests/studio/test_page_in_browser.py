@@ -52,6 +52,20 @@ left = "clamped"
 normal = { law = "pressure-table", penetrations = [-0.05, 0.0, 0.05, 0.1], pressures = [0.0, 0.0, 0.5, 0.8] }
 friction = { law = "slip-table", bound = 0.5, slips = [0.0, 0.05], values = [1.0, 0.5] }
 """
+HELD = """
+title = "a block between its load and a foundation"
+[mesh]
+rectangle = [1.0, 1.0]
+cells = [6, 6]
+[material]
+lame = [4.0, 4.0]
+[loads]
+body = [0.0, -0.15]
+[supports]
+top = { displacement = [0.0, -0.1] }
+[contact.bottom]
+normal = { law = "compliance", stiffness = 5.0 }
+"""
 #: Notes when a picture was drawn, and what the browser complained of.
 WATCH = """
 window.drawn = [];
@@ -324,6 +338,88 @@ def test_all_solutions_stand_side_by_side(open_page: Callable[..., Page], server
     page.locator(".card").nth(2).click()
     assert "saddle" in page.locator(".badge").inner_text()
     assert pixels(page) != before
+
+
+def test_a_slider_plays_until_it_is_stopped(open_page: Callable[..., Page], server: Server) -> None:
+    page = open_page(server.address)
+    text, before = value_of(page), pixels(page)
+    play = page.locator(".slider", has=page.locator('[data-key="loads.body.1"]')).locator("button.play")
+    play.click()
+    drawn = page.evaluate("window.drawn.length")
+    for _ in range(100):
+        page.wait_for_timeout(100)
+        if page.evaluate("window.drawn.length") > drawn + 12:
+            break
+    assert play.inner_text() == "\N{DOUBLE VERTICAL BAR}"
+    page.locator("canvas.body").focus()
+    play.click()
+    ready(page)
+    moved = value_of(page)
+    assert [a for a, b in zip(text.splitlines(), moved.splitlines(), strict=True) if a != b] == ["body = [-0.8, -0.8]"]
+    page.wait_for_timeout(500)
+    assert value_of(page) == moved  # it stands still
+    assert pixels(page) != before
+    page.keyboard.press("Control+z")  # all of it is one step
+    ready(page)
+    assert value_of(page) == text
+
+
+def test_the_energy_over_a_slider_has_a_valley_in_which_the_ball_rolls(
+    open_page: Callable[..., Page], server: Server
+) -> None:
+    page = open_page(server.address, HELD)
+    page.get_by_role("tab", name="Energy").click()
+    page.get_by_label("slider of the energy").select_option("supports.top.displacement.1")
+    page.get_by_role("button", name="Draw the energy").click()
+    page.wait_for_selector(".lower .ball", timeout=30_000)
+    assert page.locator(".lower .valley").count() == 1
+    valley = page.locator(".lower .valley").bounding_box()
+    ball = page.locator(".lower .ball").bounding_box()
+    keep(page, "energy")
+    assert valley is not None
+    assert ball is not None
+    assert abs(ball["x"] - valley["x"]) > 20
+    page.locator(".lower .fill:visible").click(position={"x": 80, "y": 60})  # the slider goes there
+    page.wait_for_timeout(700)
+    ready(page)
+    moved = page.locator(".lower .ball").bounding_box()
+    assert moved is not None
+    assert moved["x"] != ball["x"]
+    page.locator('input[type="range"][data-key="loads.body.1"]').fill("0.5")
+    page.wait_for_timeout(700)
+    assert page.locator(".lower .ball").count() == 0  # another problem
+
+
+def test_a_state_is_kept_as_a_ghost(open_page: Callable[..., Page], server: Server) -> None:
+    page = open_page(server.address)
+    before = pixels(page)
+    page.get_by_role("button", name="Keep as ghost").click()
+    page.locator('input[type="range"][data-key="loads.body.1"]').fill("-1.5")
+    page.wait_for_timeout(500)
+    ready(page)
+    haunted = pixels(page)
+    keep(page, "ghost")
+    page.get_by_role("button", name="Remove ghost").click()
+    assert pixels(page) != haunted
+    page.locator('input[type="range"][data-key="loads.body.1"]').fill("-0.8")
+    page.wait_for_timeout(500)
+    ready(page)
+    assert pixels(page) == before
+
+
+def test_the_contact_of_a_body_in_space_is_a_flat_map(open_page: Callable[..., Page], server: Server) -> None:
+    page = open_page(server.address, template("cube"))
+    page.get_by_role("tab", name="Contact boundary").click()
+    page.wait_for_timeout(300)
+    places = page.locator(".lower svg.plot:visible title").all_inner_texts()
+    texts = page.eval_on_selector_all(".lower svg.plot title", "all => all.map((one) => one.textContent)")
+    assert len(texts) > 20
+    assert all(text.startswith("pressure ") for text in texts), places
+    assert page.eval_on_selector_all(".lower .label", "all => all.slice(0, 2).map((one) => one.textContent)") == [
+        "x",
+        "y",
+    ]
+    keep(page, "map")
 
 
 def test_a_broken_problem_is_mended(open_page: Callable[..., Page], server: Server) -> None:

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hemivar.basics.units import Units
 from hemivar.files.sample import TEMPLATES, template
 from hemivar.files.toml import text_of
 from hemivar.studio.sliders import key_of_message, sliders_of
@@ -100,7 +101,7 @@ def test_numbers_of_random_tables(data: dict[str, object]) -> None:
 
 def test_sliders_stay_in_the_ranges_of_their_laws_and_name_their_parameters() -> None:
     text = template("softening")
-    sliders = {one.key: one for one in sliders_of(tomllib.loads(text), numbers_of(text))}
+    sliders = {one.key: one for one in sliders_of(tomllib.loads(text), numbers_of(text), Units())}
     limit = sliders["contact.bottom.normal.limit"]
     assert 0.0 < limit.low < limit.value < limit.high
     assert "penetration" in limit.meaning
@@ -114,7 +115,7 @@ def test_sliders_stay_in_the_ranges_of_their_laws_and_name_their_parameters() ->
 def test_sliders_of_glue_are_those_of_its_parameters() -> None:
     glue = 'law = "mixed-mode", strength = 30.0, energy = 0.5, stiffness = 1e4, ratio = 1.5'
     text = f"[contact.bottom]\nnormal = {{ {glue} }}\n"
-    sliders = sliders_of(tomllib.loads(text), numbers_of(text))
+    sliders = sliders_of(tomllib.loads(text), numbers_of(text), Units())
     assert sliders[0].meaning == "largest traction in opening (force/area)"
     assert all(one.low >= 0.0 for one in sliders)
 

@@ -24,7 +24,7 @@ from hemivar.files.mesh_table import StatedMesh
 from hemivar.files.problem_file import ProblemFile, parse_problem_file
 from hemivar.files.toml import printable
 from hemivar.mesh import Assembly, Grid, Mesh, MeshRecipe
-from hemivar.solvers import Controls, Solution, Solver, Status, method_named
+from hemivar.solvers import Controls, Solution, Solver, Status, method_named, solve
 from hemivar.solvers.contact_states import contact_states
 from hemivar.studio.badges import Badge, badge_in_time, badge_of
 from hemivar.studio.binary_message import Message
@@ -32,7 +32,7 @@ from hemivar.studio.body_picture import BodyShape, fields_of
 from hemivar.studio.law_curves import curves_of
 from hemivar.studio.requests import Request
 from hemivar.studio.sliders import key_of_message, sliders_of
-from hemivar.studio.toml_numbers import in_utf16, numbers_of
+from hemivar.studio.toml_numbers import in_utf16, numbers_of, replaced
 from hemivar.systems import Workspace
 from hemivar.workflows import (
     CertificateEvent,
@@ -63,7 +63,7 @@ MOST_UNKNOWNS = 200_000
 MOST_CELLS = 400_000
 #: Seconds that a search, a path or an evolution may take.
 _SECONDS = 120.0
-_MOST_POINTS, _MOST_SOLUTIONS, _FRAMES = 1500, 12, 120
+_MOST_POINTS, _MOST_SOLUTIONS, _FRAMES, _VALUES = 1500, 12, 120, 41
 
 #: Whether a newer request is there.
 Stopped = Callable[[], bool]
@@ -114,6 +114,7 @@ class Bench:
         """The messages that answer a request, the picture before the certificate; ends early where it is stopped."""
         work = {
             "solve": self._solve, "solutions": self._solutions, "path": self._follow, "point": self._point,
+            "energies": self._energies,
         }[request.kind]  # fmt: skip
         keys: tuple[str, ...] = ()
         try:
@@ -162,7 +163,7 @@ class Bench:
 
     def _told(self, request: Request, stated: _Stated) -> Message:
         data = tomllib.loads(stated.text)
-        found = sliders_of(data, in_utf16(stated.text, numbers_of(stated.text)))
+        found = sliders_of(data, in_utf16(stated.text, numbers_of(stated.text)), stated.file.units)
         return Message(
             {
                 "type": "problem",
@@ -303,6 +304,35 @@ class Bench:
         found = self._path[1]
         yield from self._shown(request, found.problem)
         yield self._at(request, found, min(request.index, len(found) - 1))
+
+    def _energies(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
+        """The energy of the solution over the values of one number of the text."""
+        stated = _static(stated, "the energy over a slider")
+        number = next((one for one in numbers_of(request.text) if one.key == request.key), None)
+        if number is None:
+            raise ProblemError(f"'{printable(request.key)}' is no number of the problem; choose one with a slider")
+        values = np.linspace(request.low, request.high, _VALUES)
+        if isinstance(number.value, int):
+            values = np.unique(np.round(values))
+        energies = np.full(len(values), np.nan)
+        for place, value in enumerate(values.tolist()):
+            if stopped():
+                return
+            written = replaced(request.text, number, round(value) if isinstance(number.value, int) else value)
+            try:
+                problem = self._discrete(self._read(replace(request, text=written)))
+            except ProblemError:
+                continue  # no problem at this value
+            if problem.law.state_dependent:
+                raise ProblemError("Coulomb friction has no energy; choose Tresca friction to draw one")
+            solution = solve(problem, _method(stated), _controls(stated, stopped), workspace=self.workspace)
+            if solution.status is Status.CONVERGED:
+                energies[place] = solution.energy
+            yield _progress(request, (place + 1) / len(values), f"{place + 1} of {len(values)} values")
+        if not np.isfinite(energies).any():
+            raise ProblemError("no value of this slider has a solution; choose another one")
+        head = {"type": "energies", "generation": request.generation, "key": request.key}
+        yield Message(head, {"value": values, "energy": energies})
 
     def _at(self, request: Request, found: EquilibriumPath, index: int) -> Message:
         """The body at a point of a path."""

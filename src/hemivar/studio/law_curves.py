@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws import ContactLaw, CoulombBound, Friction, Superpotential
 
 __all__ = ["LawCurve", "curves_of"]
 
@@ -74,11 +74,18 @@ def curves_of(
                     **told,
                     "side": "friction",
                     **_friction(own, chosen, r, traction[:, 1:], where),
-                    "name": law.friction.name,
+                    "name": _friction_name(law.friction),
                     "by": "rate" if rated else "slip",
                 }
             )
     return found
+
+
+def _friction_name(friction: Friction) -> str:
+    """Where the bound follows the pressure the law is Coulomb's, and Tresca's only the profile."""
+    if not isinstance(friction.bound, CoulombBound):
+        return friction.name
+    return "coulomb" if friction.name == "tresca" else f"coulomb, {friction.name}"
 
 
 def _friction(law: ContactLaw, chosen: int, r: Array, traction: Array, where: str) -> LawCurve:

@@ -25,8 +25,8 @@ __all__ = ["module_texts", "show", "widget_of"]
 
 #: The modules of the page, each after those that it imports.
 _MODULES = (
-    "vendor/three.core.min.js", "vendor/three.module.min.js", "dom.js", "colours.js", "plot.js", "body.js", "law.js",
-    "charts.js", "sliders.js", "text.js", "export.js", "tabs.js",
+    "vendor/three.core.min.js", "vendor/three.module.min.js", "dom.js", "colours.js", "plot.js", "edges.js", "body.js",
+    "law.js", "charts.js", "sliders.js", "text.js", "export.js", "tabs.js", "certificate.js",
     "address.js", "deformation.js", "studio.js",
 )  # fmt: skip
 

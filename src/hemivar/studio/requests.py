@@ -12,7 +12,7 @@ from hemivar.errors import ProblemError
 __all__ = ["KINDS_OF_REQUEST", "MOST_CHARACTERS", "Request", "read_request", "request_of"]
 
 #: What a page may ask for; "cancel" ends what is at work.
-KINDS_OF_REQUEST = ("solve", "solutions", "path", "point", "cancel")
+KINDS_OF_REQUEST = ("solve", "solutions", "path", "point", "energies", "cancel")
 #: Characters of a message from a page.
 MOST_CHARACTERS = 2**20
 _LARGEST = 2**53
@@ -36,6 +36,10 @@ class Request:
         Point of the load path.
     upper : float
         Load factor up to which the path is followed.
+    key : str
+        The number of the text over which the energy is asked for, by its path joined by dots.
+    low, high : float
+        The range of its values.
     """
 
     kind: str
@@ -44,6 +48,9 @@ class Request:
     shape: str = ""
     index: int = 0
     upper: float = 1.0
+    key: str = ""
+    low: float = 0.0
+    high: float = 1.0
 
 
 def read_request(message: str) -> Request:
@@ -73,17 +80,13 @@ def request_of(data: object) -> Request:
     text = _text(data, "text")
     if len(text) > MOST_CHARACTERS:
         raise ProblemError(f"text has {len(text)} characters; a page sends at most {MOST_CHARACTERS}")
-    upper = data.get("upper", 1.0)
-    if (
-        isinstance(upper, bool)
-        or not isinstance(upper, int | float)
-        or not 0.0 < upper < 1e9
-        or not math.isfinite(upper)
-    ):
-        raise ProblemError("upper must be a load factor greater than 0")
-    return Request(
-        kind, _whole(data, "generation", None), text, _text(data, "shape"), _whole(data, "index", 0), float(upper)
-    )
+    upper, low, high = (_real(data, name, usual) for name, usual in (("upper", 1.0), ("low", 0.0), ("high", 1.0)))
+    if not 0.0 < upper < 1e9:
+        raise ProblemError("upper must be a load factor; give a number greater than 0")
+    if not low < high:
+        raise ProblemError("low must lie below high; give the two ends of a range")
+    generation, index = _whole(data, "generation", None), _whole(data, "index", 0)
+    return Request(kind, generation, text, _text(data, "shape"), index, upper, _text(data, "key"), low, high)
 
 
 def _text(data: Mapping[str, object], name: str) -> str:
@@ -91,6 +94,13 @@ def _text(data: Mapping[str, object], name: str) -> str:
     if not isinstance(value, str):
         raise ProblemError(f"{name} must be a text")
     return value
+
+
+def _real(data: Mapping[str, object], name: str, usual: float) -> float:
+    value = data.get(name, usual)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ProblemError(f"{name} must be a number; give a finite one")
+    return float(value)
 
 
 def _whole(data: Mapping[str, object], name: str, usual: int | None) -> int:

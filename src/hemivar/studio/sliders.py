@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from hemivar.basics.stated import Argument
+from hemivar.basics.units import Units
+from hemivar.laws.parameters import LENGTH, LINE, PRESSURE, RATE
 from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS
 from hemivar.studio.toml_numbers import TextNumber
 
@@ -22,6 +24,17 @@ _CELLS_IN_SPACE = 24
 _POSITIVE = ("young", "rectangle", "box", "scale", "density", "until", "step", "radius")
 _BOUNDED = {"poisson": (0.0, 0.49)}
 _LISTS_SHOWN = 24
+#: What numbers are that no law has, by the key of theirs.
+_KINDS = {
+    **dict.fromkeys(("young", "lame", "traction"), PRESSURE),
+    **dict.fromkeys(("displacement", "rectangle", "box", "shift", "gap", "radius", "centre"), LENGTH),
+    **dict.fromkeys(("until", "step"), "time"),
+}  # fmt: skip
+#: The units of a file that make up what a number is.
+_UNITS = {
+    PRESSURE: ("stress",), RATE: ("stress", "length"), LENGTH: ("length",), LINE: ("force", "length"),
+    "time": ("time",),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -41,6 +54,8 @@ class Slider:
         Whether it is a whole number.
     meaning : str
         What it is, in words; empty if that is not known.
+    unit : str
+        Its unit, by those of the file; empty if that is not known.
     """
 
     key: str
@@ -54,13 +69,14 @@ class Slider:
     step: float
     whole: bool
     meaning: str = ""
+    unit: str = ""
 
     def record(self) -> dict[str, object]:
         """For JSON."""
         return asdict(self)
 
 
-def sliders_of(data: Mapping[str, object], numbers: list[TextNumber]) -> list[Slider]:
+def sliders_of(data: Mapping[str, object], numbers: list[TextNumber], units: Units) -> list[Slider]:
     """The sliders of a file: of its law, loads, material, supports, mesh and time."""
     found = []
     for number in numbers:
@@ -76,9 +92,8 @@ def sliders_of(data: Mapping[str, object], numbers: list[TextNumber]) -> list[Sl
         step = 1.0 if whole else _nice((high - low) / 200.0)
         table, label = _names(number)
         meaning = "" if parameter is None else f"{parameter.said.says} ({parameter.said.unit})"
-        found.append(
-            Slider(number.key, table, label, number.start, number.end, number.value, low, high, step, whole, meaning)
-        )
+        place, unit = (number.start, number.end), _unit(number, parameter, units)
+        found.append(Slider(number.key, table, label, *place, number.value, low, high, step, whole, meaning, unit))
     return found
 
 
@@ -98,6 +113,14 @@ def _names(number: TextNumber) -> tuple[str, str]:
     path = [str(step) for step in number.path]
     depth = 2 if path[0] in ("contact", "area") and len(path) > 2 else 1
     return ".".join(path[:depth]), ".".join(path[depth:])
+
+
+def _unit(number: TextNumber, parameter: Argument | None, units: Units) -> str:
+    """The unit of a number; empty where the file gives none for it."""
+    names = [str(step) for step in number.path if isinstance(step, str)]
+    kind = parameter.said.unit if parameter is not None else next((_KINDS[n] for n in names[1:] if n in _KINDS), "")
+    parts = [getattr(units, name) for name in _UNITS.get(kind, ())]
+    return "/".join(parts) if all(parts) else ""
 
 
 def _parameter(data: Mapping[str, object], number: TextNumber) -> Argument | None:

@@ -3,6 +3,7 @@
 import * as THREE from "./vendor/three.module.min.js";
 import { colourAt, colourMap, stateMark } from "./colours.js";
 import { h, s } from "./dom.js";
+import { edgesOf, sharpEdges } from "./edges.js";
 import { drawnMark } from "./plot.js";
 
 // colours are those of the screen, in WebGL as in CSS and SVG
@@ -94,6 +95,13 @@ export class BodyView {
     this.draw();
   }
 
+  /** Keep the body as it is drawn now as a shadow behind what comes, or let it go. */
+  haunt(kept) {
+    this.shadow = kept && this.fields ? this.fields.displacement : null;
+    if (this.fields) this.update();
+    this.draw();
+  }
+
   setView(view) {
     Object.assign(this.view, view);
     this.draw();
@@ -128,8 +136,11 @@ export class BodyView {
     this.ground = segments();
     this.arrows = segments();
     this.rest = segments();
+    this.ghost = segments();
+    this.shadow = null;
+    this.edges = kind === "space" ? sharpEdges(triangles, points) : lines;
     this.marks = new Map();
-    this.parts.add(this.surface, this.mesh, this.outline, this.ground, this.arrows, this.rest);
+    this.parts.add(this.surface, this.mesh, this.outline, this.ground, this.arrows, this.rest, this.ghost);
     this.rest.geometry.setAttribute("position", new THREE.BufferAttribute(pairs(points, kind === "space" ? [] : lines), 3));
     this.rest.material.opacity = 0.5;
     this.rest.material.transparent = true;
@@ -151,6 +162,8 @@ export class BodyView {
     position.needsUpdate = true;
     this.surface.geometry.computeBoundingSphere();
     if (this.shape.kind !== "plane") this.surface.geometry.computeVertexNormals();
+    const moved = this.shadow ? points.map((x, k) => x + this.options.scale * this.shadow[k]) : null;
+    setSegments(this.ghost, moved ? pairs(moved, this.edges) : []);
     this.paint();
     this.foundation();
     this.points();
@@ -295,6 +308,7 @@ export class BodyView {
     this.mesh.material.color.set(ink);
     this.ground.material.color.set(this.dark() ? 0xb0b4ba : 0x5a5e63);
     this.rest.material.color.set(this.dark() ? 0x9aa0a6 : 0x80868b);
+    this.ghost.material.color.set(this.dark() ? 0xd9a5ff : 0x8e24aa);
     this.arrows.material.color.set(this.dark() ? 0xff8a65 : 0xb3261e);
     this.mesh.visible = this.options.mesh && this.shape.triangles.length < 60000;
     this.parts.visible = Boolean(this.fields);
@@ -353,6 +367,7 @@ export class BodyView {
     };
     line(this.ground, "#5a5e63", 0.8);
     line(this.arrows, "#b3261e", 1);
+    line(this.ghost, "#8e24aa", 0.9);
     line(this.outline, "#202124", 0.9);
     for (const [state, part] of this.marks) {
       if (!part.visible) continue;
@@ -435,23 +450,6 @@ function pairs(points, lines) {
   const out = new Float32Array(3 * lines.length);
   lines.forEach((vertex, k) => out.set(points.subarray(3 * vertex, 3 * vertex + 3), 3 * k));
   return out;
-}
-
-/** Every edge of the triangles once. */
-function edgesOf(triangles) {
-  const seen = new Set();
-  const out = [];
-  for (let k = 0; k < triangles.length; k += 3) {
-    for (let i = 0; i < 3; i += 1) {
-      const a = triangles[k + i];
-      const b = triangles[k + ((i + 1) % 3)];
-      const key = Math.min(a, b) * 4294967296 + Math.max(a, b);
-      if (seen.has(key)) continue;
-      seen.add(key);
-      out.push(a, b);
-    }
-  }
-  return new Uint32Array(out);
 }
 
 const textures = new Map();

@@ -1,8 +1,7 @@
 // The contact boundary, the load path with its cursor, all solutions side by side, and the play bar.
 
-import { stateMark } from "./colours.js";
-import { h, s, shown } from "./dom.js";
-import { withUnit } from "./law.js";
+import { colourMap, cssColour, stateMark } from "./colours.js";
+import { h, s, shown, withUnit } from "./dom.js";
 import { drawnMark, Plot } from "./plot.js";
 
 /** Pressure and friction, or penetration and slip, along a contact boundary, with the states below. */
@@ -32,6 +31,10 @@ export class ContactChart {
       this.plot.draw({ xlabel: "", ylabel: "no contact boundary", lines: [] });
       return;
     }
+    if (this.shape.kind === "space") {
+      this.map(one);
+      return;
+    }
     const { local, pressure, friction, state } = this.fields;
     const c = local.columns;
     const order = one.index.map((j, k) => [one.along[k], j]).sort((a, b) => a[0] - b[0]);
@@ -46,7 +49,7 @@ export class ContactChart {
     const flat = this.shape.kind === "plane";
     const names = ["first", "second"];
     const lines = flat ? series.map(([, y], k) => ({ x, y, class: names[k] })) : [];
-    const marks = flat ? [] : series.flatMap(([, y], k) => y.map((v, i) => ({ x: x[i], y: v, class: `dot ${names[k]}`, size: 2.2 })));
+    const marks = flat ? [] : dots(series, x, names);
     const unit = forces ? this.units.stress : this.units.length;
     this.plot.draw({ xlabel: withUnit(one.axis, this.units.length), ylabel: withUnit(series.map(([n]) => n).join(", "), unit), lines, marks });
     // what each point does, as marks at the upper edge
@@ -56,16 +59,122 @@ export class ContactChart {
       return drawnMark(form, this.plot.toX(place), 7, 3, colour);
     });
     this.plot.layer.replaceChildren(...strip);
+    this.legend.replaceChildren(...series.map(([name], k) => h("span", { class: `key ${names[k]}` }, name)), ...this.counted(one.index));
+  }
+
+  /** How many of the points are in each state. */
+  counted(index) {
     const counts = new Map();
-    for (const [, j] of order) counts.set(state[j], (counts.get(state[j]) || 0) + 1);
-    this.legend.replaceChildren(
-      ...series.map(([name], k) => h("span", { class: `key ${names[k]}` }, name)),
-      ...[...counts].map(([number, count]) => {
-        const label = this.shape.states[number];
-        const { colour, form } = stateMark(label);
-        return h("span", { class: "key" }, s("svg", { width: 12, height: 12 }, drawnMark(form, 6, 6, 4, colour)), `${label} (${count})`);
-      }),
-    );
+    for (const j of index) counts.set(this.fields.state[j], (counts.get(this.fields.state[j]) || 0) + 1);
+    return [...counts].map(([number, count]) => {
+      const label = this.shape.states[number];
+      const { colour, form } = stateMark(label);
+      return h("span", { class: "key" }, s("svg", { width: 12, height: 12 }, drawnMark(form, 6, 6, 4, colour)), `${label} (${count})`);
+    });
+  }
+
+  /** The boundary of a body in 3D as it is seen along its mean normal: a colour for what is drawn, forms for states. */
+  map(one) {
+    const { places, normals, states } = this.shape;
+    const { local, pressure, state } = this.fields;
+    const c = local.columns;
+    const forces = this.what.value === "forces";
+    const values = one.index.map((j) => (forces ? pressure[j] : local[c * j]));
+    const [low, high] = [Math.min(...values), Math.max(...values)];
+    const mean = [0, 1, 2].map((k) => one.index.reduce((sum, j) => sum + normals[3 * j + k], 0));
+    const across = [0, 1, 2].reduce((most, k) => (Math.abs(mean[k]) > Math.abs(mean[most]) ? k : most), 0);
+    const [a, b] = [0, 1, 2].filter((k) => k !== across); // the two axes that the normal is least along
+    const colours = colourMap("cividis");
+    const [x, y] = [a, b].map((k) => one.index.map((j) => places[3 * j + k]));
+    const size = Math.min(Math.max(0.4 * Math.sqrt((this.plot.host.clientHeight ** 2) / one.index.length), 1.5), 6);
+    const marks = one.index.map((j, k) => ({
+      x: x[k], y: y[k], size, form: stateMark(states[state[j]]).form, colour: cssColour(colours, (values[k] - low) / (high - low || 1)),
+      title: `${forces ? "pressure" : "penetration"} ${shown(values[k])}, ${states[state[j]]}`,
+    }));
+    const { length, stress } = this.units;
+    this.plot.draw({ xlabel: withUnit("xyz"[a], length), ylabel: withUnit("xyz"[b], length), marks, even: true });
+    this.plot.layer.replaceChildren();
+    const name = withUnit(forces ? "pressure" : "penetration", forces ? stress : length);
+    const bar = h("canvas", { width: 60, height: 8, class: "scale" });
+    const pen = bar.getContext("2d");
+    for (let k = 0; k < 60; k += 1) {
+      pen.fillStyle = cssColour(colours, k / 59);
+      pen.fillRect(k, 0, 1, 8);
+    }
+    this.legend.replaceChildren(h("span", { class: "key" }, `${name}: ${shown(low, 3)}`, bar, shown(high, 3)), ...this.counted(one.index));
+  }
+}
+
+function dots(series, x, names) {
+  return series.flatMap(([, y], k) => y.map((v, i) => ({ x: x[i], y: v, class: `dot ${names[k]}`, size: 2.2 })));
+}
+
+/** The energy of the solution over a slider's value: valleys are marked, and the state of the page is a ball on it. */
+export class EnergyChart {
+  /** ask(key) asks for the curve, go(key, value) moves the slider. */
+  constructor(host, ask, go) {
+    this.key = h("select", { "aria-label": "slider of the energy", onchange: () => this.forget() });
+    this.words = h("span", { class: "quiet" });
+    const place = h("div", { class: "fill" });
+    host.append(h("div", { class: "bar" }, h("button", { class: "primary", onclick: () => ask(this.key.value) }, "Draw the energy"), h("label", {}, "over ", this.key), this.words), place);
+    this.plot = new Plot(place, "energy over a slider");
+    place.addEventListener("click", (event) => this.curve && go(this.key.value, this.plot.at(event)[0]));
+    this.forget();
+  }
+
+  /** The sliders that there are; the one that was moved last is chosen until there is a curve. */
+  offer(names, last) {
+    const chosen = this.curve || !last ? this.key.value : last;
+    const keys = names.map(([key]) => key).join("\n");
+    if (keys !== this.keys) this.key.replaceChildren(...names.map(([key, name]) => h("option", { value: key }, `${key.split(".")[0]}: ${name}`)));
+    this.keys = keys;
+    if (names.some(([key]) => key === chosen)) this.key.value = chosen;
+    this.draw();
+  }
+
+  /** A curve, and the text without the number over which it is drawn. */
+  set(arrays, rest) {
+    this.curve = arrays;
+    this.rest = rest;
+    const count = this.valleys().length;
+    this.words.textContent = count ? `${count} ${count === 1 ? "valley" : "valleys"}` : "no valley between the ends";
+    this.draw();
+  }
+
+  forget() {
+    this.curve = null;
+    this.words.textContent = "The ball is the state that you see. It rolls as the slider moves.";
+    this.draw();
+  }
+
+  /** The curve stays as long as nothing but its number changes. */
+  keep(rest) {
+    if (this.curve && rest !== this.rest) this.forget();
+  }
+
+  /** Where the state is. */
+  ball(value, energy) {
+    this.state = [value, energy];
+    this.draw();
+  }
+
+  /** Places inside the range that lie below both neighbours. */
+  valleys() {
+    const { energy } = this.curve;
+    return [...energy.keys()].filter((k) => k > 0 && k + 1 < energy.length && energy[k] < energy[k - 1] && energy[k] < energy[k + 1]);
+  }
+
+  draw() {
+    const xlabel = this.key.selectedOptions[0]?.textContent || "slider";
+    if (!this.curve) {
+      this.plot.draw({ xlabel, ylabel: "energy", lines: [], xrange: [0, 1], yrange: [0, 1] });
+      return;
+    }
+    const { value, energy } = this.curve;
+    const marks = this.valleys().map((k) => ({ x: value[k], y: energy[k], form: "ring", size: 6, class: "fold valley", title: `valley at ${shown(value[k])}` }));
+    const [x, y] = this.state || [];
+    if (Number.isFinite(x) && Number.isFinite(y)) marks.push({ x, y, size: 8, class: "cursor ball", title: `energy ${shown(y)}` });
+    this.plot.draw({ xlabel, ylabel: "energy", lines: [{ x: value, y: energy, class: "first" }], marks });
   }
 }
 

@@ -82,3 +82,8 @@ export function download(name, blob) {
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
+
+/** A name with its unit, where one is known. */
+export function withUnit(name, unit) {
+  return unit ? `${name} in ${unit}` : name;
+}

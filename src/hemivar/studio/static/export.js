@@ -1,4 +1,4 @@
-// Pictures of what is shown: PNG as the screen has it, SVG for print, both with title, scale and certificate.
+// Pictures of what is shown, with title, scale and certificate: an SVG, and the same as PNG.
 
 import { colourMap, cssColour, stateMark } from "./colours.js";
 import { h, s, shown } from "./dom.js";
@@ -6,7 +6,7 @@ import { drawnMark } from "./plot.js";
 
 const ROOM = { top: 34, bottom: 62 };
 
-/** The parts that PNG and SVG share: { title, foot, label, range, map, states }. */
+/** The picture with { title, foot, label, range, map, states }. */
 export function svgOf(view, told, width = 900, height = 620) {
   const inner = height - ROOM.top - ROOM.bottom;
   const font = { "font-family": "sans-serif", fill: "#202124" };
@@ -39,33 +39,17 @@ export function svgBlob(view, told) {
   return new Blob([text], { type: "image/svg+xml" });
 }
 
-/** The canvas as it is, with title, scale and certificate written around it. */
-export function pngBlob(view, told) {
-  view.render();
-  const source = view.canvas;
-  const ratio = source.width / source.clientWidth || 1;
-  const canvas = h("canvas", { width: source.width, height: source.height + Math.round((ROOM.top + ROOM.bottom) * ratio) });
-  const pen = canvas.getContext("2d");
-  const dark = view.dark();
-  pen.fillStyle = dark ? "#1f2226" : "#ffffff";
-  pen.fillRect(0, 0, canvas.width, canvas.height);
-  pen.drawImage(source, 0, Math.round(ROOM.top * ratio));
-  pen.scale(ratio, ratio);
-  pen.fillStyle = dark ? "#e8eaed" : "#202124";
-  pen.font = "15px sans-serif";
-  pen.fillText(told.title, 16, 22);
-  const bottom = canvas.height / ratio;
-  const map = colourMap(told.map);
-  pen.font = "11px sans-serif";
-  if (told.range) {
-    pen.fillText(`${shown(told.range[0], 3)}  ${told.label}  ${shown(told.range[1], 3)}`, 16, bottom - 24);
-    for (let k = 0; k < 240; k += 1) {
-      pen.fillStyle = cssColour(map, k / 239);
-      pen.fillRect(16 + k, bottom - 50, 1.5, 10);
-    }
-    pen.fillStyle = dark ? "#e8eaed" : "#202124";
+/** The SVG as a picture of twice its size. */
+export async function pngBlob(view, told) {
+  const picture = new Image();
+  const address = URL.createObjectURL(svgBlob(view, told));
+  try {
+    picture.src = address;
+    await picture.decode();
+  } finally {
+    URL.revokeObjectURL(address);
   }
-  pen.fillText(told.states.join(" · "), 290, bottom - 41);
-  pen.fillText(told.foot, 290, bottom - 24);
+  const canvas = h("canvas", { width: 2 * picture.width, height: 2 * picture.height });
+  canvas.getContext("2d").drawImage(picture, 0, 0, canvas.width, canvas.height);
   return new Promise((done) => canvas.toBlob(done, "image/png"));
 }

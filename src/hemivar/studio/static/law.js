@@ -1,6 +1,6 @@
 // Contact laws as curves, the contact points of the picture on them, and handles where the law is a table of numbers.
 
-import { h, s, shown } from "./dom.js";
+import { h, s, shown, withUnit } from "./dom.js";
 import { Plot } from "./plot.js";
 
 /** Lists of a law that are the points of its curve: [places, values], and what multiplies the values. */
@@ -143,8 +143,4 @@ function tableLine(handles, curve) {
 
 function round(value) {
   return Number(value.toPrecision(5));
-}
-
-export function withUnit(name, unit) {
-  return unit ? `${name} in ${unit}` : name;
 }

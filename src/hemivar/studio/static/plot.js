@@ -17,15 +17,17 @@ export class Plot {
 
   /**
    * Draw { xlabel, ylabel, lines: [{x, y, class}], marks: [{x, y, class, title, form, colour}], bands: [{from, to}],
-   * xrange, yrange }; ranges are those of the data where they are left out.
+   * xrange, yrange, even }; ranges are those of the data where they are left out, with one scale for both axes where it is
+   * even.
    */
   draw(given) {
     this.last = given;
     const width = this.host.clientWidth || 300;
     const height = this.host.clientHeight || 180;
-    const [x0, x1] = range(given, "x", given.xrange);
-    const [y0, y1] = range(given, "y", given.yrange);
     const inner = { w: Math.max(width - MARGIN.left - MARGIN.right, 20), h: Math.max(height - MARGIN.top - MARGIN.bottom, 20) };
+    let [x0, x1] = range(given, "x", given.xrange);
+    let [y0, y1] = range(given, "y", given.yrange);
+    if (given.even) [[x0, x1], [y0, y1]] = even([x0, x1], [y0, y1], inner);
     this.toX = (x) => MARGIN.left + ((x - x0) / (x1 - x0)) * inner.w;
     this.toY = (y) => MARGIN.top + (1 - (y - y0) / (y1 - y0)) * inner.h;
     this.fromX = (px) => x0 + ((px - MARGIN.left) / inner.w) * (x1 - x0);
@@ -91,6 +93,13 @@ export function drawnMark(form, x, y, r, colour = "currentColor") {
     return s("path", { d: `M${x - r} ${y - r}L${x + r} ${y + r}M${x - r} ${y + r}L${x + r} ${y - r}`, stroke: colour, "stroke-width": 1.8 });
   }
   return s("circle", { cx: x, cy: y, r, fill: colour });
+}
+
+/** Ranges in which lengths along both axes look alike. */
+function even([x0, x1], [y0, y1], inner) {
+  const unit = Math.max((x1 - x0) / inner.w, (y1 - y0) / inner.h) / 2;
+  const [x, y] = [(x0 + x1) / 2, (y0 + y1) / 2];
+  return [[x - unit * inner.w, x + unit * inner.w], [y - unit * inner.h, y + unit * inner.h]];
 }
 
 function range(given, axis, wanted) {

@@ -1,10 +1,17 @@
 // A slider and a field for every number of the problem, under the table in which it stands.
 
-import { h, shown } from "./dom.js";
+import { h, shown, withUnit } from "./dom.js";
+
+const [PLAY, PAUSE] = ["\u25b6", "\u23f8"];
+/** Pictures from one end of a slider that plays to the other, and the least time between two of them. */
+const [FRAMES, PAUSE_MS] = [60, 40];
 
 const TITLES = { mesh: "Mesh", material: "Material", loads: "Loads", supports: "Supports", time: "Time", heat: "Heat" };
 const AXES = ["x", "y", "z"];
-const NAMED = { "lame.0": "λ", "lame.1": "μ", young: "Young's modulus", poisson: "Poisson's ratio" };
+const NAMED = {
+  "lame.0": "Lamé's λ", "lame.1": "Lamé's μ", young: "Young's modulus", poisson: "Poisson's ratio", "body.0": "body force x", "body.1": "body force y",
+  "body.2": "body force z", "rectangle.0": "width", "rectangle.1": "height", order: "order of the elements", refine: "refinements",
+};
 
 export class Sliders {
   /** edit(pairs, final) puts numbers into the text. */
@@ -12,6 +19,7 @@ export class Sliders {
     this.host = host;
     this.edit = edit;
     this.rows = new Map();
+    this.last = ""; // the key that was moved last
   }
 
   /** The sliders that sliders.py states; rows of the same numbers stay, with the range that they had. */
@@ -51,14 +59,81 @@ export class Sliders {
     const send = (text, final) => {
       const value = Number(text);
       if (text === "" || !Number.isFinite(value)) return;
+      this.last = one.key;
       this.value(one.key, value);
       this.edit([[one.key, one.whole ? Math.round(value) : value]], final);
     };
-    slide.addEventListener("input", () => send(slide.value, false));
-    slide.addEventListener("change", () => send(slide.value, true));
-    field.addEventListener("change", () => send(field.value, true));
-    const label = h("label", { for: id, title: one.meaning || one.key }, named(one.label));
-    return { root: h("div", { class: "slider" }, label, slide, field, error), slide, field, error, low: range.low, high: range.high, step: range.step };
+    const byHand = (text, final) => {
+      this.stop();
+      send(text, final);
+    };
+    slide.addEventListener("input", () => byHand(slide.value, false));
+    slide.addEventListener("change", () => byHand(slide.value, true));
+    field.addEventListener("change", () => byHand(field.value, true));
+    const name = withUnit(named(one.label), one.unit);
+    const label = h("label", { for: id, title: one.meaning || one.key }, name);
+    const play = h("button", { class: "play", title: "Move this slider to and fro", "aria-label": `play ${name}`, onclick: () => this.play(one.key) }, PLAY);
+    const root = h("div", { class: "slider" }, label, play, slide, field, error);
+    return { root, slide, field, error, play, send, name, whole: one.whole, low: range.low, high: range.high, step: range.step };
+  }
+
+  /** Let a slider move by itself, or stop it. */
+  play(key) {
+    const playing = this.playing && this.playing.key === key;
+    this.stop();
+    if (playing) return;
+    this.playing = { key, way: 1, since: 0 };
+    this.rows.get(key).play.textContent = PAUSE;
+    this.tick();
+  }
+
+  stop() {
+    if (!this.playing) return;
+    const { key, timer } = this.playing;
+    clearTimeout(timer);
+    this.playing = null;
+    const row = this.rows.get(key);
+    if (!row) return;
+    row.play.textContent = PLAY;
+    row.send(row.slide.value, true);
+  }
+
+  /** The next value of the slider that plays: a moment after the picture of the last one is there. */
+  tick() {
+    if (!this.playing) return;
+    const { playing } = this;
+    const row = this.rows.get(playing.key);
+    clearTimeout(playing.timer);
+    if (!row) {
+      this.playing = null;
+      return;
+    }
+    playing.timer = setTimeout(() => {
+      const now = Number(row.slide.value);
+      if (now >= row.high) playing.way = -1;
+      if (now <= row.low) playing.way = 1;
+      const step = (row.high - row.low) / FRAMES;
+      const next = Math.min(Math.max(now + playing.way * (row.whole ? Math.max(1, Math.round(step)) : step), row.low), row.high);
+      row.slide.value = String(next);
+      row.send(String(next), false);
+    }, Math.max(0, playing.since + PAUSE_MS - performance.now()));
+    playing.since = performance.now();
+  }
+
+  /** Whether sliders have a play button: an evolution in time plays by its own bar. */
+  playable(there) {
+    this.host.classList.toggle("timed", !there);
+    if (!there) this.stop();
+  }
+
+  /** Keys and names of the sliders, and the range of one of them. */
+  get names() {
+    return [...this.rows].map(([key, row]) => [key, row.name]);
+  }
+
+  range(key) {
+    const row = this.rows.get(key);
+    return row ? [row.low, row.high] : [0, 1];
   }
 
   /** Show a value; the slider grows where it lies beyond its end. */

@@ -2,12 +2,13 @@
 
 import { addressOf, COLOURS, restore } from "./address.js";
 import { BodyView, colouring, fieldRange } from "./body.js";
-import { ContactChart, PathChart, PlayBar, SolutionCards } from "./charts.js";
+import { CertificatePanel } from "./certificate.js";
+import { ContactChart, EnergyChart, PathChart, PlayBar, SolutionCards } from "./charts.js";
 import { colourMap, cssColour, MAP_NAMES } from "./colours.js";
 import { Deformation } from "./deformation.js";
-import { download, h, shown } from "./dom.js";
+import { download, h, shown, withUnit } from "./dom.js";
 import { pngBlob, svgBlob } from "./export.js";
-import { LawView, withUnit } from "./law.js";
+import { LawView } from "./law.js";
 import { Sliders } from "./sliders.js";
 import { tabs } from "./tabs.js";
 import { ProblemText, Undo, unpackedText } from "./text.js";
@@ -48,12 +49,13 @@ class Studio {
   build() {
     const button = (name, title, run) => h("button", { title, onclick: run }, name);
     this.title = h("h1", {}, "hemivar studio");
-    this.badge = h("button", { class: "badge none", "aria-live": "polite", onclick: () => this.side.show("certificate") }, "…");
+    this.side = tabs("side", { law: "Law", text: "Problem (TOML)", certificate: "Certificate" }, () => this.remember());
+    this.certificate = new CertificatePanel(this.side.panel.certificate, () => this.side.show("certificate"), (sentence) => this.side.mark("certificate", sentence));
     this.lost = h("p", { class: "lost", role: "alert", hidden: true });
     this.examples = h("select", { "aria-label": "examples", onchange: () => this.example() }, h("option", { value: "" }, "Examples …"));
     this.theme = h("select", { "aria-label": "light or dark", onchange: () => this.setTheme(this.theme.value) },
       h("option", { value: "" }, "as the system"), h("option", { value: "light" }, "light"), h("option", { value: "dark" }, "dark"));
-    const head = h("header", {}, this.title, this.badge, h("span", { class: "space" }), this.examples,
+    const head = h("header", {}, this.title, this.certificate.badge, h("span", { class: "space" }), this.examples,
       button("Undo", "Ctrl+Z", () => this.step("back")), button("Redo", "Ctrl+Y", () => this.step("forth")),
       button("PNG", "Save the picture as PNG", () => this.save("png")), button("SVG", "Save the picture as SVG", () => this.save("svg")),
       this.theme);
@@ -64,22 +66,21 @@ class Studio {
     this.body.ondrawn = () => this.drawn();
     this.status = h("p", { class: "status", role: "status" }, "connecting …");
     this.bars = this.toolbar();
-    this.lower = tabs("lower", { contact: "Contact boundary", path: "Load path", solutions: "All solutions", time: "Time" }, () => this.remember());
+    this.lower = tabs("lower", { contact: "Contact boundary", path: "Load path", solutions: "All solutions", energy: "Energy", time: "Time" }, () => this.remember());
     this.contact = new ContactChart(this.lower.panel.contact);
     this.path = new PathChart(this.lower.panel.path, (upper) => this.ask("path", { upper }), (index) => this.ask("point", { index }));
     this.cards = new SolutionCards(this.lower.panel.solutions, () => {
       this.cards.clear();
       this.ask("solutions");
     }, (one) => this.choose(one));
+    this.energy = new EnergyChart(this.lower.panel.energy, (key) => {
+      const [low, high] = this.sliders.range(key);
+      this.ask("energies", { key, low, high });
+    }, (key, value) => this.edit([[key, value]], true));
     this.play = new PlayBar(this.lower.panel.time, (frame) => this.show(frame.head, frame.fields));
     this.lower.enable("time", false);
-    this.side = tabs("side", { law: "Law", text: "Problem (TOML)", certificate: "Certificate" }, () => this.remember());
     this.law = new LawView(this.side.panel.law, (pairs, final) => this.edit(pairs, final));
     this.editor();
-    this.meaning = h("p", {});
-    this.lines = h("pre", {});
-    this.notices = h("ul", { class: "notices" });
-    this.side.panel.certificate.append(this.meaning, this.lines, this.notices);
     const middle = h("main", {}, this.scene, this.bars, this.status, this.lower.root);
     this.root.replaceChildren(head, this.lost, h("div", { class: "columns" }, sliders, middle, this.side.root));
     // a page has these keys everywhere, a widget of a notebook in itself
@@ -94,8 +95,9 @@ class Studio {
     this.mesh = h("input", { type: "checkbox", checked: true, onchange: () => this.rescale() });
     this.legend = h("canvas", { width: 120, height: 10, class: "scale" });
     this.ends = [h("span", {}), h("span", {})];
+    this.ghost = h("button", { title: "Keep this state as an outline, to compare it with others", "aria-pressed": "false", onclick: () => this.haunt() }, "Keep as ghost");
     return h("div", { class: "bar tools" }, this.colour, this.map, this.ends[0], this.legend, this.ends[1], this.deformation.label, this.deformation.auto,
-      h("label", {}, this.mesh, " mesh"), h("button", { title: "0", onclick: () => {
+      h("label", {}, this.mesh, " mesh"), this.ghost, h("button", { title: "0", onclick: () => {
         this.body.reset();
         this.body.draw();
       } }, "Reset view"));
@@ -163,6 +165,7 @@ class Studio {
   changed() {
     this.path.set(null);
     this.cards.clear();
+    this.energy.keep(this.problem.without(this.energy.key.value));
     this.play.clear();
     this.remember();
     this.solve();
@@ -208,12 +211,19 @@ class Studio {
     if (head.generation < this.generation) return;
     const answers = {
       problem: () => this.told(head), shape: () => this.setShape(head, arrays), picture: () => this.picture(head, arrays),
-      certificate: () => this.setBadge(head.level, head.title, head.meaning, head.lines),
-      notice: () => this.note(head.text), progress: () => this.progress(head.words), error: () => this.failed(head),
+      certificate: () => this.certificate.set(head.level, head.title, head.meaning, head.lines),
+      notice: () => this.certificate.note(head.text), progress: () => this.progress(head.words), error: () => this.failed(head),
       refused: () => this.failed({ ...head, key: null }), solutions: () => this.cards.show(head.words, this.body, (all) => this.common(all)),
-      path: () => this.path.set(head, arrays), history: () => this.ended(head, arrays), done: () => this.done(head),
+      path: () => this.path.set(head, arrays), history: () => this.ended(head, arrays), done: () => this.arrived(),
+      energies: () => this.energies(head, arrays),
     };
     answers[head.type]?.();
+  }
+
+  energies(head, arrays) {
+    if (head.key !== this.energy.key.value) return;
+    this.energy.set(arrays, this.problem.without(head.key));
+    if (this.last) this.show(this.last.head, this.last.fields); // with its line below the body
   }
 
   async begin(head) {
@@ -242,13 +252,15 @@ class Studio {
     if (text === this.problem.text) {
       this.problem.know(head.sliders);
       this.sliders.set(head.sliders);
+      this.energy.offer(this.sliders.names, this.sliders.last);
     }
     this.right();
-    this.notices.replaceChildren();
-    this.side.mark("certificate", "");
+    this.certificate.clear();
     this.lower.enable("time", head.timed);
     this.lower.enable("path", !head.timed);
     this.lower.enable("solutions", !head.timed);
+    this.lower.enable("energy", !head.timed);
+    this.sliders.playable(!head.timed);
     if (head.timed && this.lower.shown !== "time" && this.lower.shown !== "contact") this.lower.show("time");
     if (head.timed && !this.timed) this.lower.show("time");
     if (!head.timed && this.lower.shown === "time") this.lower.show("contact");
@@ -258,6 +270,7 @@ class Studio {
 
   setShape(head, arrays) {
     this.shape = { ...head, ...arrays };
+    if (this.body.shadow) this.haunt(); // of another body
     this.body.setShape(this.shape);
     this.fresh = true;
   }
@@ -276,13 +289,24 @@ class Studio {
     this.arrived();
   }
 
-  /** The picture that was asked for is there: ask for the next if something changed meanwhile. */
+  /** The picture that was asked for is there: ask for the next if something changed meanwhile, or a slider plays. */
   arrived() {
     clearTimeout(this.slow);
     this.waiting = false;
-    if (!this.again) return;
+    if (!this.again) {
+      this.sliders.tick();
+      return;
+    }
     this.again = false;
     this.solve();
+  }
+
+  /** Keep the state as a ghost, or let it go. */
+  haunt() {
+    const kept = this.ghost.getAttribute("aria-pressed") !== "true";
+    this.ghost.setAttribute("aria-pressed", String(kept));
+    this.ghost.replaceChildren(kept ? "Remove ghost" : "Keep as ghost");
+    this.body.haunt(kept);
   }
 
   show(head, fields) {
@@ -300,6 +324,7 @@ class Studio {
     this.contact.set(this.shape, fields, this.units);
     this.law.setCurves(head.curves, this.problem.numbers, this.units);
     this.paintLegend();
+    if (head.energy !== undefined && head.index === undefined) this.energy.ball(this.problem.numbers.get(this.energy.key.value), head.energy);
     this.drawnGeneration = head.generation;
     const parts = [head.converged ? head.status : `${head.status}: ${head.remedy}`, `${head.unknowns} unknowns`];
     if (head.normal_force !== undefined) parts.push(`normal force ${shown(head.normal_force)}`);
@@ -307,18 +332,13 @@ class Studio {
     if (head.steps !== undefined) parts.push(`${head.method}, ${head.steps} steps`);
     if (head.stable !== undefined) parts.push(head.stable ? "stable" : "not stable");
     this.status.textContent = parts.join(" · ");
-    if (head.index !== undefined) this.onPath(head);
+    if (head.index !== undefined) this.certificate.onPath(head.stable);
     this.status.classList.toggle("wrong", !head.converged);
-  }
-
-  onPath(head) {
-    const meaning = head.stable ? "From here to the next point of the path equilibria are local minimisers." : "From here to the next point of the path equilibria are no minimisers.";
-    this.setBadge(head.stable ? "fair" : "poor", head.stable ? "stable part of the path" : "unstable part of the path", meaning, []);
   }
 
   choose(one) {
     this.show(one.head, one.fields);
-    this.setBadge("none", `solution: ${one.head.kind}`, "One of the solutions that were found; the certificate is that of the picture before.", []);
+    this.certificate.set("none", `solution: ${one.head.kind}`, "One of the solutions that were found; the certificate is that of the picture before.", []);
   }
 
   /** A run in time is there: its largest displacement sets the factor. */
@@ -335,24 +355,9 @@ class Studio {
     this.rescale();
   }
 
-  setBadge(level, title, meaning, lines) {
-    const sign = { good: "✓ ", fair: "○ ", poor: "! ", none: "" }[level];
-    this.badge.className = `badge ${level}`;
-    this.badge.textContent = sign + title;
-    this.badge.title = meaning;
-    this.meaning.textContent = meaning;
-    this.lines.textContent = lines.join("\n");
-  }
-
-  note(text) {
-    if ([...this.notices.children].some((one) => one.textContent === text)) return;
-    this.notices.append(h("li", {}, text));
-    const count = this.notices.children.length;
-    this.side.mark("certificate", count === 1 ? "1 warning" : `${count} warnings`);
-  }
-
   failed(head) {
-    this.done();
+    this.sliders.stop();
+    this.arrived();
     if (this.waiting) return;
     if (head.of === "point") {
       this.path.set(null);
@@ -363,7 +368,7 @@ class Studio {
     this.wrong.hidden = false;
     this.status.textContent = head.message;
     this.status.classList.add("wrong");
-    if (!head.of || head.of === "solve") this.setBadge("none", "no solution", head.message, []);
+    if (!head.of || head.of === "solve") this.certificate.set("none", "no solution", head.message, []);
     this.area.classList.add("wrong");
     const line = head.key ? this.problem.line(head.key) : -1;
     if (!beside && line >= 0) this.area.scrollTop = Math.max(0, (line - 3) * 18);
@@ -383,13 +388,9 @@ class Studio {
 
   busy(type) {
     clearTimeout(this.slow);
-    const words = { solve: "solving …", path: "following the path …", solutions: "searching …" }[type];
+    const words = { solve: "solving …", path: "following the path …", solutions: "searching …", energies: "solving for the values of the slider …" }[type];
     this.slow = setTimeout(() => this.status.replaceChildren(words), 300);
-    if (type === "solve") this.badge.classList.add("stale");
-  }
-
-  done() {
-    this.arrived();
+    if (type === "solve") this.certificate.age();
   }
 
   drawn() {
@@ -480,7 +481,7 @@ class Studio {
     const named = COLOURS[this.colour.value];
     const unit = { displacement: this.units.length, penetration: this.units.length, stress: this.units.stress }[this.colour.value];
     const states = this.shape.kind === "scalar" || !this.last.fields.state ? [] : [...new Set(this.last.fields.state)].map((k) => this.shape.states[k]);
-    const told = { title: this.title.textContent, foot: `${this.badge.textContent} · ${this.status.textContent}`, label: withUnit(named, unit), range: this.range, map: this.map.value, states };
+    const told = { title: this.title.textContent, foot: `${this.certificate.badge.textContent} · ${this.status.textContent}`, label: withUnit(named, unit), range: this.range, map: this.map.value, states };
     const stem = (this.name || "problem").replace(/\.toml$/, "");
     download(`${stem}.${kind}`, kind === "png" ? await pngBlob(this.body, told) : svgBlob(this.body, told));
   }

@@ -34,6 +34,12 @@ export class ProblemText {
     return true;
   }
 
+  /** The text with another character in the place of one number. */
+  without(key) {
+    const spot = this.spots.get(key);
+    return spot ? `${this.text.slice(0, spot.start)}\u0000${this.text.slice(spot.end)}` : this.text;
+  }
+
   /** The text with half as many cells. */
   coarser() {
     const copy = new ProblemText(this.text);
