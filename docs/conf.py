@@ -168,6 +168,11 @@ def _shown(app: Any, page: str, source: list[str]) -> None:
     """Figures that the build has drawn are shown as drawn, on every page."""
     if os.environ.get("HEMIVAR_GALLERY") is None:
         source[0] = re.sub(r"(\]\(|\{image\} )images/(tutorial|figure)-", r"\1drawn/\2-", source[0])
+        source[0] = re.sub(r"images/card-(\w+)\.png", lambda found: _card(found[1]), source[0])
+
+
+def _card(example: str) -> str:
+    return f"gallery/images/{site_figures.card_of(example)}"
 
 
 def _sections(app: Any) -> None:

@@ -60,7 +60,7 @@ def save_card(figure: Figure, path: Path) -> None:
     picture = Image.open(drawn).convert("RGB")
     seen = picture.crop(ImageOps.invert(picture).getbbox())
     square = ImageOps.pad(seen, (460, 460), color="white")
-    ImageOps.expand(square, 10, "white").save(path)
+    ImageOps.expand(square, 10, "white").quantize(128).save(path)
 
 
 #: The gallery: its sections, from the first solution to data of one's own; what is not named here comes last.
@@ -88,6 +88,11 @@ _OPEN = '.. raw:: html\n\n    <div class="sphx-glr-thumbnails">\n\n'
 _CLOSE = ".. raw:: html\n\n    </div>\n\n"
 
 
+def card_of(example: str) -> str:
+    """The file in the images of the gallery that is the card of an example."""
+    return f"card_{example}_{_SHOWN.get(example, 1):03d}.png"
+
+
 def into_sections(index: Path) -> None:
     """Put the cards of the gallery, which stand one after the other, under headings.
 
@@ -104,7 +109,7 @@ def into_sections(index: Path) -> None:
     middle, after = rest.split(foot, 1)
     cards = {re.findall(r":doc:`/gallery/(\w+)`", card)[0]: card for card in _CARD.findall(middle)}
     for name, card in cards.items():
-        figure = f"images/card_{name}_{_SHOWN.get(name, 1):03d}.png"
+        figure = f"images/{card_of(name)}"
         if (index.parent / figure).exists():
             cards[name] = card.replace(f"images/thumb/sphx_glr_{name}_thumb.png", figure)
     sections = {**SECTIONS, "Others": tuple(name for name in cards if name not in _ORDER)}
