@@ -86,21 +86,66 @@ def test_what_bodies_with_heat_refuse(heat: Any, words: str) -> None:
         Evolution(body(), heat=heat)
 
 
-def test_heat_through_a_joint_of_two_bodies_is_refused_and_the_joint_insulates() -> None:
-    upper, lower = hv.rectangle((1.0, 1.0), (3, 2), origin=(0.0, 1.0)), MESH
-    contact = {"upper:bottom": hv.Contact(hv.Compliance(20.0), against="lower:top")}
-    supports = {"lower:bottom": hv.Clamped(), "upper:top": hv.Clamped()}
-    mesh = hv.Mesh.assembled({"upper": upper, "lower": lower})
-    two = body(mesh=mesh, contact=contact, supports=supports, tractions={})
-    said = "where bodies touch each other, 'upper:bottom' against 'lower:top'"
-    for name in ("upper:bottom", "lower:top"):
-        with pytest.raises(hv.errors.ProblemError, match=said):
-            march(Evolution(two, heat=Heat(1.0, 1.0, contact={name: HeatContact(1.0)})), 0.1, step=0.1)
+def two_blocks(**more: Any) -> hv.ContactProblem:
+    upper = hv.rectangle((1.0, 1.0), (3, 2), origin=(0.0, 1.0))
+    given = {
+        "mesh": hv.Mesh.assembled({"upper": upper, "lower": MESH}),
+        "contact": {"upper:bottom": hv.Contact(hv.Compliance(20.0), hv.Tresca(0.1), against="lower:top")},
+        "supports": {"lower:bottom": hv.Clamped(), "upper:top": hv.Clamped()}, "tractions": {},
+    }  # fmt: skip
+    return body(**given | more)
+
+
+def test_a_joint_without_exchange_insulates() -> None:
     heat = Heat(1.0, 1.0, expansion=0.01, supports={"upper:top": 1.0})
-    warm = march(Evolution(two, heat=heat), 2.0, step=0.1).frames[-1].temperature
+    problem = two_blocks()
+    warm = march(Evolution(problem, heat=heat), 2.0, step=0.1).frames[-1].temperature
     assert warm is not None
-    assert (warm[: len(upper.points)] > 0.5).all()
-    assert np.abs(warm[len(upper.points) :]).max() < 1e-12
+    upper = problem.mesh.points[:, 1] >= 1.0 + 0.1
+    assert (warm[upper] > 0.5).all()
+    assert np.abs(warm[problem.mesh.points[:, 1] < 1.0 - 0.1]).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("contact", "words"),
+    [
+        ({"lower:top": HeatContact(1.0)}, "is the boundary that 'upper:bottom' touches; state the heat of the two as"),
+        ({"upper:bottom": HeatContact(1.0, temperature=3.0)}, "'upper:bottom' touches 'lower:top', whose temperature"),
+        ({"upper:bottom": HeatContact(1.0, temperature=lambda x, t: t)}, "temperature of a foundation"),
+        ({"upper:botom": HeatContact(1.0)}, "did you mean 'upper:bottom'"),
+        ({"upper:left": HeatContact(share=0.5)}, "a share of the heat of friction, but the body has no contact"),
+    ],
+)
+def test_what_heat_of_two_bodies_refuses(contact: Any, words: str) -> None:
+    with pytest.raises(hv.errors.ProblemError, match=words):
+        Evolution(two_blocks(), heat=Heat(1.0, 1.0, contact=contact))
+
+
+def test_temperatures_prescribed_along_both_sides_of_a_joint_are_refused() -> None:
+    upper = hv.rectangle((1.0, 1.0), (1, 2), origin=(0.0, 1.0))
+    narrow = two_blocks(mesh=hv.Mesh.assembled({"upper": upper, "lower": hv.rectangle((1.0, 1.0), (1, 2))}))
+    walls = {f"{part}:{side}": 1.0 for part in ("upper", "lower") for side in ("left", "right")}
+    heat = Heat(1.0, 1.0, supports=walls, contact={"upper:bottom": HeatContact(1.0)})
+    with pytest.raises(hv.errors.ProblemError, match="supports prescribe the values along facets of 'lower:top'"):
+        march(Evolution(narrow, heat=heat), 1.0, step=0.5)
+
+
+def test_a_file_of_two_bodies_with_heat(tmp_path: Path) -> None:
+    """Written, read again, marched, stopped and gone on: the same temperatures."""
+    given = {"upper:bottom": HeatContact(HeatContact.touching(0.5, 2.0), share=0.3)}
+    heat = Heat(2.0, {"upper": 1.0, "lower": 2.0}, expansion=0.05, supports={"upper:top": 4.0}, contact=given)
+    stated = ProblemFile(two_blocks(), time=parse_problem_file(FILE).time, heat=heat)
+    hv.write_problem(stated, tmp_path / "two.toml")
+    again = parse_problem_file((tmp_path / "two.toml").read_text(), tmp_path)
+    assert difference(stated.heat, again.heat) is None
+    one, two = (
+        march(evolution, 0.4, step=0.1) for evolution in (evolution_of(again), Evolution(two_blocks(), heat=heat))
+    )
+    np.testing.assert_allclose(one.frames[-1].temperature, two.frames[-1].temperature, rtol=1e-12)  # type: ignore[arg-type]
+    assert one["heat.friction"].shape == (5,)
+    one.write(tmp_path / "two.pvd")
+    last = sorted(file for file in (tmp_path / "two").iterdir() if "contact" not in file.name)[-1]
+    np.testing.assert_allclose(meshio.read(last).point_data["temperature"], one.frames[-1].temperature)
 
 
 def test_what_goes_with_heat() -> None:

@@ -198,6 +198,12 @@ class DiscreteEvolution(PickleMixin):
         values[self.moved] += x[n:]
         return np.asarray(values).reshape(-1, self.field.components)
 
+    @cached_property
+    def of_all(self) -> Array:
+        """What sums forces (n + k,) over the nodes, (n + k,): 1 for each but where unknowns are jumps."""
+        ones = np.ones((self.field.basis.shape[0], 1))
+        return self.restrict(ones, np.ones(self.moved.size))
+
     def restrict(self, values: Array, prescribed: Array) -> Array:
         """Unknowns and prescribed displacements (n + k,) of nodal values (nodes, d)."""
         rest = values.ravel().copy()

@@ -37,10 +37,15 @@ class DiscreteHeat(PickleMixin):
     #: Contact point of the body at each contact point of the heat. A node that supports hold altogether is none: it has
     #: the nearest one of the boundary if the conductance there asks for it, and else -1.
     partner: IntArray  # (q,)
-    #: Part of the heat of friction that goes into the body, at the contact points of the body.
-    share: Array  # (m,)
-    #: Nodes of the contact points of the body.
-    node: IntArray  # (m,)
+    #: Parts of the heat of friction at the contact points of the body that go into the nodes.
+    entering: sp.csr_array  # (nodes, m)
+
+    @property
+    def fed_back(self) -> bool:
+        """Whether the motion says something to the heat."""
+        heat = self.heat
+        dependent = any(one.depends_on_state for one in heat.contact.values())
+        return dependent or bool(heat.coupling and heat.stresses) or self.entering.nnz > 0
 
     def load(self, temperature: Array) -> Array:
         """Force (n + k,) of nodal temperatures (nodes,)."""
@@ -52,8 +57,7 @@ class DiscreteHeat(PickleMixin):
 
     def rubbed(self, heat: Array) -> Array:
         """Nodal heat (nodes,) of heat that friction makes at the contact points of the body (m,)."""
-        nodes = self.conduction.field.basis.shape[0]
-        return np.asarray(np.bincount(self.node, weights=self.share * heat, minlength=nodes), dtype=float)
+        return np.asarray(self.entering @ heat)
 
     def deformed(self, change: Array) -> Array:
         """Nodal heat (nodes,) that a change (n + k,) of the displacement makes."""
@@ -90,22 +94,58 @@ def coupled_heat(
     matrix = thermal_matrix(stated, heat)
     pull = sp.csr_array(sp.vstack([field.basis.T @ matrix, matrix[moved]]))
     contact, exchanged = problem.contact, conduction.problem.contact
-    place = np.full(field.basis.shape[0] // field.components, -1)
-    place[contact.node] = np.arange(contact.node.size)
-    share = np.zeros(contact.count)
+    return DiscreteHeat(heat, conduction, pull, _partners(heat, contact, exchanged), _entering(stated, heat, contact))
+
+
+def _entering(stated: ContactProblem, heat: Heat, contact: ContactPoints) -> sp.csr_array:
+    """Parts (nodes, m) of the heat of friction at contact points that go into the nodes.
+
+    Both sides of a joint take theirs as they take its traction; at a node that belongs to both sides these cancel,
+    and the others of the point take what is missing.
+    """
+    mesh, order = stated.mesh, stated.order
+    found = sp.csr_array((contact.count, len(mesh.nodes(order))))
     for name, one in heat.contact.items():
-        if name in contact.names:
-            share[contact.on(name)] = one.share
-    return DiscreteHeat(heat, conduction, pull, _partners(heat, contact, exchanged, place), share, contact.node)
+        if name not in contact.names:
+            continue
+        on = np.zeros(contact.count)
+        on[contact.on(name)] = 1.0
+        sides = contact.pairs.get(name, (name,))
+        share = one.share if one.share is not None else 0.5 if len(sides) > 1 else 0.0
+        assert contact.mean is not None
+        rows = sp.csr_array(sp.diags_array(on) @ contact.mean)
+        for side in sides if len(sides) > 1 else ():
+            part = share if side == name else 1.0 - share
+            inside = np.zeros(rows.shape[1])
+            inside[np.unique(mesh.facet_nodes(mesh.boundaries[side], order))] = 1.0
+            found = found + part * _shared_out(sp.csr_array(rows @ sp.diags_array(inside)))
+        if len(sides) == 1:
+            found = found + share * rows
+    found.eliminate_zeros()
+    return sp.csr_array(found.T)
 
 
-def _partners(heat: Heat, contact: ContactPoints, exchanged: ContactPoints, place: IntArray) -> IntArray:
-    """Contact points of the body whose penetration and pressure the conductance is that of, (q,)."""
+def _shared_out(rows: sp.csr_array) -> sp.csr_array:
+    """Rows (m, nodes) times numbers that make each of them sum to one; empty ones stay."""
+    sums = np.asarray(rows.sum(axis=1)).ravel()
+    return sp.csr_array(sp.diags_array(np.where(sums == 0.0, 0.0, 1.0 / np.where(sums == 0.0, 1.0, sums))) @ rows)
+
+
+def _partners(heat: Heat, contact: ContactPoints, exchanged: ContactPoints) -> IntArray:
+    """Contact points of the body whose penetration and pressure the conductance is that of, (q,).
+
+    That at the same node, of the same boundary if there is one; of two bodies none of another boundary.
+    """
+    place = np.full(int(max(contact.node.max(initial=-1), exchanged.node.max(initial=-1))) + 1, -1)
+    place[contact.node] = np.arange(contact.count)
     partner = place[exchanged.node]
     for name, one in heat.contact.items():
         if not (one.depends_on_state and name in contact.names):
             continue
         index, own = exchanged.on(name), contact.on(name)
+        here = np.full(place.size, -1) if name in contact.pairs else place.copy()
+        here[contact.node[own]] = own
+        partner[index] = here[exchanged.node[index]]
         alone = index[partner[index] < 0]
         if alone.size and own.size:
             assert exchanged.points is not None

@@ -129,7 +129,7 @@ class ThermalStepper(TimeStepper):
         reached = before.time + step if end_time is None else end_time
         known = heat.temperature(warm.body.displacement)
         last, ratio, mixing = 0.0, 0.0, Anderson()
-        if heat.heat.fed_back:
+        if heat.fed_back:
             guess = known + step * heat.conduction.full(warm.body.velocity)[:, 0] if before.index else known.copy()
         else:
             guess = heat.temperature(self._flowed(before, None, step, reached).moment.body.displacement)
@@ -224,7 +224,7 @@ class ThermalStepper(TimeStepper):
     def _content(self, moment: TimeState) -> float:
         conduction = self.heat.conduction
         assert conduction.viscosity is not None
-        return float(conduction.viscosity.times(moment.body.displacement).sum())
+        return float(conduction.of_all @ conduction.viscosity.times(moment.body.displacement))
 
     def _booked_heat(self, old: HeatBalance, taken: StepResult, flowed: StepResult, step: float) -> HeatBalance:
         conduction, stage = self.heat.conduction, flowed.stages[0]
@@ -236,17 +236,31 @@ class ThermalStepper(TimeStepper):
         place = stage.displacement(solution.unknowns)
         rate = stage.body_rates(place - flowed.before.body.displacement)[0]
         force = conduction.viscosity.times(rate) + conduction.stiffness.times(place) - stage.load
-        contact = conduction.problem.contact
-        out = float((contact.weights[:, None] * solution.multiplier).sum()) if contact.count else 0.0
+        out, crossing = self._given_off(solution.multiplier)
         return HeatBalance(
             content=self._content(flowed.moment),
             start=old.start,
-            source=old.source + step * float(stage.load.sum()) - given,
-            supports=old.supports + step * float(force[n:].sum()),
+            source=old.source + step * float(conduction.of_all @ stage.load) - given,
+            supports=old.supports + step * (float(force[n:].sum()) - crossing),
             contact=old.contact - step * out,
             friction=old.friction + float(rubbed.sum()),
             deformation=old.deformation + float(deformed.sum()),
         ).closed()
+
+    def _given_off(self, flow: Array) -> tuple[float, float]:
+        """Of a flow (m, c) at contact points: what leaves the bodies, and what joints take to prescribed temperatures.
+
+        What crosses a joint leaves one body and enters the other; the second is what their free nodes lose by it.
+        """
+        conduction = self.heat.conduction
+        contact = conduction.problem.contact
+        if not contact.count:
+            return 0.0, 0.0
+        joint = np.isin(contact.boundary, [contact.names.index(name) for name in contact.pairs])[:, None]
+        out = float((contact.weights[:, None] * np.where(joint, 0.0, flow)).sum())
+        if not conduction.moved.size:
+            return out, 0.0
+        return out, float(conduction.of_all[: conduction.unknowns] @ contact.force(np.where(joint, flow, 0.0)))
 
     def extra_columns(self, moment: TimeState) -> dict[str, float]:
         warm = moment.heat

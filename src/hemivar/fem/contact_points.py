@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -252,51 +253,76 @@ def _tangents(supports: Supports, nodes: IntArray) -> Array:
     return axes
 
 
-def contacts_of_one(problem: ContactProblem, supports: Supports) -> list[BoundaryContact]:
+def contacts_of_one(
+    problem: ContactProblem, supports: Supports, known: Mapping[str, BoundaryContact]
+) -> list[BoundaryContact]:
     """The contact points of each boundary and area: nodes, with the lumped weights of boundary or area.
+
+    Where two bodies touch they are the nodes of the slave, with the jump that the mortar projection gives: the value on
+    the boundary that states the contact less that on the other one.  ``known`` are such points that are known.
 
     A law of the penetration has one local component. If any law is friction, contact points have two: friction acts on
     the second one, laws of the penetration on the first, and the other one is not there.
     """
     nodes = supports.nodes
-    boundaries = [name for name in problem.contact if name not in problem.areas]
+    pairs = [name for name, contact in problem.contact.items() if contact.against]
+    boundaries = [name for name in problem.contact if name not in problem.areas and name not in pairs]
     places = _places(problem, len(nodes), boundaries) + _places(problem, len(nodes), list(problem.areas))
     for first in places[: len(boundaries)]:
         for second in places[len(boundaries) :]:
             _refuse_shared(first.name, first.nodes, second, nodes, supports.count == 0)
-    components = 2 if any(place.contact.rubs for place in places) else 1
-    names = tuple(place.name for place in places)
-    found = []
-    for number, place in enumerate(places):
+    names = (*(place.name for place in places), *pairs)
+    places += [_joint(problem, name, supports.count > 0) for name in pairs if name not in known]
+    components = 2 if any(contact.rubs for contact in problem.contact.values()) else 1
+    found = dict(known)
+    for place in places:
         contact, at, count = place.contact, nodes[place.nodes], len(place.nodes)
         where = f"level of contact '{place.name}'"
         level = DataField(contact.gap, where).at(at)
         _refuse_beyond(level, where, "unit")
-        sign = 1.0 if contact.side is Side.ABOVE else -1.0
+        sign = 1.0 if contact.side is Side.ABOVE and (place.sides is None or place.sides[0] == place.name) else -1.0
         with error_context(f"contact '{place.name}'", contact.normal, contact.friction):
             law = contact.law.at(at)
         column = int(contact.rubs)
-        rows = np.arange(count) * components + column
-        trace = sp.csr_array((np.full(count, sign), (rows, place.nodes)), shape=(count * components, len(nodes)))
-        boundary = np.full(count, number)
-        mean = _selection(place.nodes, len(nodes))
-        points = ContactPoints(trace, place.weights, at, node=place.nodes, boundary=boundary, names=names, mean=mean)
+        mean = _selection(place.nodes, len(nodes)) if place.jump is None else place.jump
+        entries = mean.tocoo()
+        rows = entries.row * components + column
+        trace = sp.csr_array((sign * entries.data, (rows, entries.col)), shape=(count * components, len(nodes)))
+        points = ContactPoints(
+            trace, place.weights, at, node=place.nodes, boundary=np.full(count, names.index(place.name)), names=names,
+            mean=mean,
+            pairs={place.name: place.sides} if place.sides else {},
+        )  # fmt: skip
         offset = np.zeros((count, components))
         offset[:, column] = sign * level
-        found.append(
-            BoundaryContact(points, offset[:, 0], offset[:, 1:], law, np.zeros((count, components), dtype=bool))
-        )
-    return found
+        blocked = np.zeros((count, components), dtype=bool)
+        found[place.name] = BoundaryContact(points, offset[:, 0], offset[:, 1:], law, blocked, place.sides is not None)
+    return [found[name] for name in names]
 
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """The nodes of one contact, with their weights."""
+    """The nodes of one contact, with their weights; of two bodies the slave and the master, and the jump there."""
 
     name: str
     contact: Contact
     nodes: IntArray
     weights: Array
+    sides: tuple[str, str] | None = None
+    jump: sp.csr_array | None = None
+
+
+def _joint(problem: ContactProblem, name: str, held: BoolArray) -> _Place:
+    """The nodes of the slave of two bodies; ``held (nodes,)`` are those whose values supports prescribe."""
+    mesh, sides, title = problem.mesh, problem.pair(name), _called(problem, name)
+    slave, master = (mesh.boundaries[side] for side in sides)
+    if held[slave].all(axis=1).any():
+        raise ProblemError(
+            f"{title}: supports prescribe the values along facets of '{sides[0]}'; prescribe them on a smaller "
+            f"boundary, or give slave = '{sides[1]}' if they do so there alone"
+        )
+    found = mortar(mesh, problem.order, slave, master, held, title)
+    return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump)
 
 
 def _places(problem: ContactProblem, count: int, names: list[str]) -> list[_Place]:

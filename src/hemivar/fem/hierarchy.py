@@ -149,7 +149,8 @@ def _pairs(problem: DiscreteProblem, nodal: sp.csr_array) -> dict[str, BoundaryC
         points = replace(points, trace=trace, weights=weights[node], node=node, mean=mean)
         law = statement.contact[name].law.at(points.points)
         rest = np.zeros(points.count)
-        found[name] = BoundaryContact(points, rest, np.zeros((points.count, field.mesh.dim)), law, blocked, pair=True)
+        still = np.zeros((points.count, points.components - 1 if points.frames is None else field.mesh.dim))
+        found[name] = BoundaryContact(points, rest, still, law, blocked, pair=True)
     return found
 
 

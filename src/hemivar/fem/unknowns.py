@@ -110,11 +110,10 @@ class NodalConditions:
 
 def nodal_conditions(problem: ContactProblem, pairs: Mapping[str, BoundaryContact] | None = None) -> NodalConditions:
     """Supports and contact at the nodes of a problem; ``pairs`` are contact points of two bodies that are known."""
-    supports = stated_supports(problem)
+    supports, known = stated_supports(problem), {} if pairs is None else pairs
     if problem.kind:
-        groups = contacts_of_one(problem, supports)
+        groups = contacts_of_one(problem, supports, known)
     else:
-        known = {} if pairs is None else pairs
         groups = [
             known.get(name) or boundary_contact(problem, name, supports)
             for name in problem.contact

@@ -150,6 +150,12 @@ def ScalarProblem(  # noqa: N802
             f"'{both[0]}' names a boundary with contact and a region with contact, which results could not tell "
             "apart; rename one of them in the mesh"
         )
+    for name, one in contact.items() if isinstance(contact, Mapping) else ():
+        if isinstance(one, Contact) and one.against:
+            raise ProblemError(
+                f"contact '{name}' against '{one.against}': a scalar problem has no bodies that touch; leave against "
+                "out. Heat crosses a joint in an evolution of bodies, Evolution(problem, heat=Heat(...))"
+            )
     return ContactProblem(
         mesh, material, {**contact, **areas} if isinstance(contact, Mapping) else contact, supports,
         body_force=source, tractions=fluxes,  # type: ignore[arg-type]

@@ -445,8 +445,10 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _check_pair(self, name: str, contact: Contact) -> None:
         """Refuse a pair whose boundaries are not two, or that the field or the quadrature does not take."""
         where, other = f"contact '{name}' against '{contact.against}'", contact.against
-        if self.kind:
-            raise ProblemError(f"{where}: a scalar problem has no bodies that touch; leave against out")
+        if self.kind and not self.thermal:
+            raise ProblemError(f"{where}: of scalar problems heat alone crosses from body to body; leave against out")
+        if self.kind and (contact.side is not Side.ABOVE or callable(contact.gap) or contact.gap):
+            raise ProblemError(f"{where}: the law is one of the difference of temperatures; leave level and side out")
         self._check_name(f"{where}:", other, "boundary", "boundaries")
         if contact.slave not in ("", name, other):
             raise ProblemError(f"{where}: slave = '{contact.slave}'; give '{name}' or '{other}'")

@@ -8,7 +8,7 @@ heat flow out of the body  h (th - th_R) - share |lam_tau . r_tau'|             
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -22,6 +22,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws import NoContact, PiecewiseQuadratic, Superpotential
 from hemivar.laws.consistency import check_own
 from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
+from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.gradient_material import Coefficient
 from hemivar.mechanics.instants import law_depends_on_time
 from hemivar.mechanics.material_words import ScalarKind
@@ -36,7 +37,10 @@ Conductance = float | Callable[[Array, Array], object]
 
 @dataclass(frozen=True, eq=False)
 class HeatContact(PickleMixin):
-    """The exchange of heat along one boundary, with a foundation or with the surroundings.
+    """The exchange of heat along one boundary, with a foundation, with another body or with the surroundings.
+
+    Where the contact of the boundary is one against another body, th_R is the temperature of that body on its side:
+    what leaves the one enters the other.
 
     Attributes
     ----------
@@ -45,8 +49,9 @@ class HeatContact(PickleMixin):
         and returns (m,); :meth:`touching` makes one that conducts where there is contact only.
     temperature : float or callable
         th_R of the foundation; a callable gets points (k, d), and the time if it takes two arguments.
-    share : float
-        Part of the heat made by friction that goes into the body, between 0 and 1.
+    share : float or None
+        Part of the heat made by friction that goes into the body, between 0 and 1. By default none of it on a
+        foundation, and half of it where two bodies touch: the other one takes the rest.
     exchange : Superpotential or None
         In place of the conductance a law of ``th - th_R``, maybe not monotone: heat flow out of the body per area.
 
@@ -62,8 +67,13 @@ class HeatContact(PickleMixin):
     temperature: ScalarData = field(
         default=0.0, metadata=stated(Form.QUANTITY, "temperature of the foundation *(f, t)*", timed=True)
     )
-    share: float = field(
-        default=0.0, metadata=stated(Form.NUMBER, "part of the heat made by friction that enters the body")
+    share: float | None = field(
+        default=None,
+        metadata=stated(
+            Form.NUMBER,
+            "part of the heat made by friction that enters the body; another body that it touches takes the rest",
+            left_out="`0.0`; `0.5` where two bodies touch",
+        ),
     )
     exchange: Superpotential | None = field(
         default=None, metadata=stated(Form.OWN, "in place of the conductance, `{ law = ... }`")
@@ -80,12 +90,7 @@ class HeatContact(PickleMixin):
             if not 0.0 <= given < LARGEST:
                 raise ProblemError(f"conductance = {given:g}; it must be a finite number that is not negative")
             object.__setattr__(self, "conductance", given)
-        share = number(self.share, "the share of the heat of friction", "give a number between 0 and 1")
-        if not 0.0 <= share <= 1.0:
-            raise ProblemError(
-                f"share = {share:g}; give the part of the heat of friction that the body takes, between 0 and 1"
-            )
-        object.__setattr__(self, "share", share)
+        self._check_share()
         object.__setattr__(self, "temperature", plain_data(self.temperature, "temperature of a foundation", 1, LARGEST))
         if self.exchange is not None:
             if not isinstance(self.exchange, Superpotential):
@@ -105,6 +110,16 @@ class HeatContact(PickleMixin):
                     "the law of an exchange of heat depends on time, which it cannot; let temperature do"
                 )
             check_own(self.exchange)
+
+    def _check_share(self) -> None:
+        if self.share is None:
+            return
+        share = number(self.share, "the share of the heat of friction", "give a number between 0 and 1")
+        if not 0.0 <= share <= 1.0:
+            raise ProblemError(
+                f"share = {share:g}; give the part of the heat of friction that the body takes, between 0 and 1"
+            )
+        object.__setattr__(self, "share", share)
 
     @staticmethod
     def touching(closed: float, per_pressure: float = 0.0, exponent: float = 1.0) -> ContactConductance:
@@ -294,13 +309,6 @@ class Heat(PickleMixin):
         """Whether temperature makes stress."""
         return self.expansion is not None or self.thermal_stress is not None
 
-    @property
-    def fed_back(self) -> bool:
-        """Whether the motion says something to the heat."""
-        return bool(self.coupling and self.stresses) or any(
-            one.share > 0.0 or one.depends_on_state for one in self.contact.values()
-        )
-
     def conduction(self, problem: ContactProblem) -> ContactProblem:
         """The heat in the body of a problem, without what its motion does to it.
 
@@ -318,15 +326,10 @@ class Heat(PickleMixin):
             if name not in mesh.boundaries:
                 near = suggest(str(name), list(mesh.boundaries), "boundaries")
                 raise ProblemError(f"contact of Heat names boundary '{name}', which the mesh does not have{near}")
-            for pair, contact in problem.contact.items():
-                if contact.against and name in (pair, contact.against):
-                    raise ProblemError(
-                        f"contact['{name}'] of Heat is where bodies touch each other, '{pair}' against "
-                        f"'{contact.against}': no heat is exchanged there yet; leave it out, and the joint insulates"
-                    )
         if problem.quadrature is Quadrature.MIDPOINT:
             raise ProblemError("heat is exchanged at nodes, and this problem has contact at midpoints; take NODAL")
         for name, one in self.contact.items():
+            _check_sides(problem, name, one)
             if name not in problem.contact and (one.share or one.depends_on_state):
                 what = "a share of the heat of friction" if one.share else "a conductance that depends on contact"
                 raise ProblemError(
@@ -338,13 +341,14 @@ class Heat(PickleMixin):
             if value is not None:
                 checked_per_volume(value, name)
                 refuse_unknown(name, value if isinstance(value, Mapping) else {}, list(mesh.regions))
-        exchanged = {name: ScalarContact(one.law, one.temperature) for name, one in self.contact.items()}
+        exchanged = {name: self._exchange(problem, name, one) for name, one in self.contact.items()}
         if isinstance(self.capacity, int | float) and not self.capacity > 0.0:
             raise ProblemError(f"capacity = {self.capacity:g} of Heat; it must be positive")
-        return ScalarProblem(
+        joints = {name: one for name, one in exchanged.items() if one.against}
+        flowing = ScalarProblem(
             mesh,
             self.conductivity,
-            contact=exchanged,
+            contact={name: one for name, one in exchanged.items() if name not in joints},
             supports=self.supports,
             fluxes=self.fluxes,
             source=self.source,
@@ -352,4 +356,36 @@ class Heat(PickleMixin):
             title=problem.title,
             order=problem.order,
             capacity=self.capacity,
+        )
+        return replace(flowing, contact={**flowing.contact, **joints}) if joints else flowing
+
+    def _exchange(self, problem: ContactProblem, name: str, exchange: HeatContact) -> Contact:
+        """What acts on the temperatures along a boundary.
+
+        Of two bodies the contact points are those of their motion, but where temperatures of the slave are prescribed.
+        """
+        found = ScalarContact(exchange.law, exchange.temperature)
+        against = problem.contact[name].against if name in problem.contact else ""
+        if not against:
+            return found
+        mesh, sides = problem.mesh, problem.pair(name)
+        held = np.zeros(mesh.number_of_nodes, dtype=bool)
+        for support in self.supports:
+            held[mesh.boundaries.get(support, [])] = True
+        return replace(found, against=against, slave=sides[int(held[mesh.boundaries[sides[0]]].all(axis=1).any())])
+
+
+def _check_sides(problem: ContactProblem, name: str, exchange: HeatContact) -> None:
+    """Refuse heat of two bodies that is stated on the side that does not state their contact, or with a foundation."""
+    for other, contact in problem.contact.items():
+        if contact.against == name and name not in problem.contact:
+            raise ProblemError(
+                f"contact['{name}'] of Heat is the boundary that '{other}' touches; state the heat of the two as "
+                f"contact['{other}'], where their contact stands"
+            )
+    against = problem.contact[name].against if name in problem.contact else ""
+    if against and (callable(exchange.temperature) or exchange.temperature):
+        raise ProblemError(
+            f"contact['{name}'] of Heat has the temperature of a foundation, and '{name}' touches '{against}', whose "
+            "temperature is computed; leave it out"
         )

@@ -565,6 +565,8 @@ def scalar_distance(problem: ContactProblem, values: Array) -> DistanceToExact:
     refuse_evolution(problem)
     if problem.order != 1:
         raise ProblemError("bounds of scalar problems are for linear elements; take order = 1")
+    if any(contact.against for contact in problem.contact.values()):
+        raise ProblemError("heat that crosses from body to body has no bound of the distance; leave the bound out")
     if problem.areas and problem.mesh.dim == 3:
         raise ProblemError("contact over a region in space has no bound of the distance; leave the bound out")
     check_supports(problem, values)
