@@ -25,7 +25,8 @@ def held_part_removed(problem: ContactProblem, field: Array, order: int) -> Arra
 def imbalance(stress: AdmissibleStress, seed: int, order: int = 2) -> float:
     """``int s : eps(v) - int f0 . v - int f_N . v + <xi, v>`` for a random v of degree 2 (or 1), over the sum of sizes.
 
-    v is continuous, quadratic on every cell, and vanishes where supports hold it. Loads are taken by their moments
+    v is continuous, quadratic on every cell, and vanishes where supports hold it; on contact facets of two bodies it is
+    the jump that counts. Loads are taken by their moments
     for v of degree 1, as constants for degree 2.
     """
     data, table = stress.data, stress.data.table
@@ -35,7 +36,7 @@ def imbalance(stress: AdmissibleStress, seed: int, order: int = 2) -> float:
     field = held_part_removed(data.problem, field, order)
 
     # stresses stand in the order of sorted vertices, fields in that of the mesh
-    rank = np.argsort(np.argsort(mesh.cells, axis=1), axis=1)
+    rank = np.argsort(np.argsort(table.places[mesh.cells], axis=1), axis=1)
     barycentric, weights = quadrature_rule(dim, 2 + data.order)
     work, size = 0.0, 0.0
     gradients = np.take_along_axis(table.gradients, rank[:, :, None], axis=1)
@@ -72,7 +73,9 @@ def imbalance(stress: AdmissibleStress, seed: int, order: int = 2) -> float:
     loose = np.eye(dim) - data.unknown[outer]
     given = np.linalg.solve(mass, data.facet_loads[outer])
     prescribed = np.einsum("fij,faj->fai", loose, np.where((data.contact[outer] >= 0)[:, None, None], traction, given))
-    values = np.einsum("ql,flc->fqc", shape_values(order, point), field[mesh.facet_nodes(facets, order)])
+    across = field[mesh.facet_nodes(table.others[outer], order)] * table.cut[outer, None, None]
+    values = field[mesh.facet_nodes(facets, order)] - across
+    values = np.einsum("ql,flc->fqc", shape_values(order, point), values)
     values = np.einsum("fij,fqj->fqi", loose, values)
     on = np.einsum("qa,fac->fqc", shapes, prescribed)
     local = np.einsum("q,f,fqc,fqc->f", weights, table.measures[outer], on, values)

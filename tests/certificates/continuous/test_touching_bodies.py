@@ -75,7 +75,7 @@ def test_estimates_are_near_to_the_error(law: str, held: str) -> None:
         exact = hv.certify(found, exact=True).exact
         assert exact is not None
         assert not exact.guaranteed
-        assert "bodies touch one another" in exact.reasons[0]
+        assert "facets of bodies that touch do not coincide" in exact.reasons[0]
         assert 1.0 < exact.bound / error_of(found, 3) < 1.7
 
 

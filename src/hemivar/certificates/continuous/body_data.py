@@ -183,7 +183,7 @@ class BodyData:
         return np.asarray(found)
 
     def at_nodes(self, facets: IntArray, moments: Array) -> Array:
-        """Nodal sums (nodes, d) of moments (k, l, d) on facets; where two bodies touch the opposite ones on the second."""
+        """Nodal sums (nodes, d) of moments (k, l, d) on facets; where two bodies touch also the opposite ones."""
         found = np.zeros(self.displacement.shape)
         np.add.at(found, self.facet_nodes[facets], moments)
         cut = self.table.cut[facets]

@@ -133,7 +133,10 @@ def _balanced(
     at_nodes = data.jump(body.motions, traces.facets)
     moves = np.einsum("fqa,fqci,fain->fqcn", traces.shapes, traces.frames, at_nodes, optimize=True)
     wanted = np.einsum("nim,ni->m", body.motions, loads)
-    size = float(np.abs(body.motions).max(initial=0.0) * np.abs(loads).sum())
+    forces = np.abs(loads).sum() + np.einsum(
+        "fq,fqc->", traces.weights, np.abs(target)
+    )  # a body between others has none
+    size = float(np.abs(body.motions).max(initial=0.0) * forces)
     count = moves.shape[-1]
     step = _STEP * max(float(np.abs(traces.local).max()), float(np.abs(target).max()) / weight)
 

@@ -52,9 +52,9 @@ from hemivar.mechanics.statement import ContactProblem
 __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
 
 #: Why the distance of bodies that touch is no bound.
-_TOUCHING = (
-    "bodies touch one another and their facets do not coincide: the contact tractions of the mesh load each part, and "
-    "what the law does between contact points is not seen"
+_APART = (
+    "the facets of bodies that touch do not coincide: the contact tractions of the mesh load each part, and what the "
+    "law does between contact points is not seen"
 )
 #: Part of c by which what a displacement shows may be larger, by rounding.
 _CONTRADICTED = 1e-6
@@ -215,19 +215,35 @@ def exact_distance(
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     usual = SWEEPS[problem.mesh.dim] if problem.order == 1 else _MORE
     chosen = usual if sweeps is None else sweeps
-    if touch(problem) and joined_sides(problem) is None:
-        return _of_touching_bodies(problem, displacement, chosen, unmet)
+    if not touch(problem):
+        return _of_body(problem, displacement, constants, chosen, unmet)
+    if joined_sides(problem) is None:
+        return _of_touching_bodies(problem, displacement, chosen, [*unmet, _APART])
+    found = _of_body(problem, displacement, constants, chosen, unmet)
+    if found.distance < np.inf:
+        return found
+    why = [reason.removeprefix("there is no bound: ") for reason in found.reasons]
+    return _of_touching_bodies(problem, displacement, chosen, why)
+
+
+def _of_body(
+    problem: ContactProblem,
+    displacement: Array,
+    constants: TraceBounds,
+    sweeps: tuple[PatchKind, ...],
+    unmet: list[str],
+) -> ExactDistance:
+    """The bound for bodies on foundations, and for those that touch along facets that coincide."""
     data = body_data(problem, displacement)
     inside = admissible_displacement(data)
     moved = data if np.array_equal(inside, data.displacement) else data.moved(inside)
     traces = contact_traces(moved)
-    usual = SWEEPS[problem.mesh.dim] if problem.order == 1 else _MORE
     known = constants.guaranteed and constants.both > 0.0 and fixed_gaps(problem)
     if traces is not None and not known and not not_convex(problem):
-        found = _without_constants(data, traces, constants, usual if sweeps is None else sweeps, unmet)
+        found = _without_constants(data, traces, constants, sweeps, unmet)
         if found is not None:
             return found
-    stress = improved_stress(data, traces, constants, usual if sweeps is None else sweeps)
+    stress = improved_stress(data, traces, constants, sweeps)
     return _bound(stress, data, traces, constants, unmet)
 
 
@@ -276,7 +292,7 @@ def _of_touching_bodies(
     """An estimate: each part under its own contact tractions, and the c of the mesh."""
     data, c = touching_bodies(problem, displacement)
     constants = TraceBounds(np.inf, np.inf, np.inf, np.inf, True, "")
-    found = _bound(improved_stress(data, None, constants, sweeps), data, None, constants, [*unmet, _TOUCHING])
+    found = _bound(improved_stress(data, None, constants, sweeps), data, None, constants, unmet)
     if c < 1.0:
         return replace(found, distance=found.distance / (1.0 - c), constant=c)
     reason = f"there is no estimate: the foundation softens too much for the bodies (c = {c:.3g} on this mesh)"

@@ -295,7 +295,8 @@ def _above(table: FacetTable, compliance: Array, facets: IntArray) -> Array | No
         return own
     coarse = facet_table(mesh)
     outer = np.flatnonzero(~coarse.interior)
-    whole = outer[_containing(mesh.points[coarse.facets[outer]], table.mesh.points[table.facets[facets]].mean(axis=1))]
+    middles = table.mesh.points[table.facets[facets]].mean(axis=1)
+    whole = outer[_containing(mesh.points[coarse.facets[outer]], coarse.normals[outer], middles, table.normals[facets])]
     chosen, number = np.unique(whole, return_inverse=True)
     before = _prismatic(coarse, compliance, chosen)
     if own is None or before is None:
@@ -305,17 +306,19 @@ def _above(table: FacetTable, compliance: Array, facets: IntArray) -> Array | No
     return np.where(worst <= before, worst, before)[number]
 
 
-def _containing(triangles: Array, points: Array) -> IntArray:
-    """The triangle (m, 3, 3) on which each point (k, 3) lies."""
+def _containing(triangles: Array, normals: Array, points: Array, outward: Array) -> IntArray:
+    """The triangle (m, 3, 3) of outer normal (m, 3) on which each point (k, 3) of outer normal (k, 3) lies.
+
+    Where two bodies touch the triangle of the same body has the same normal.
+    """
     first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     dual = np.linalg.pinv(np.stack([first, second], axis=2))
-    normal = np.cross(first, second)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     offset = points[:, None] - triangles[:, 0]
     inside = np.einsum("mij,kmj->kmi", dual, offset)
     least = np.minimum(inside.min(axis=2), 1.0 - inside.sum(axis=2))
-    away = np.abs(np.einsum("mi,kmi->km", normal, offset)) / np.linalg.norm(first, axis=1)
-    return np.asarray(np.argmax(np.minimum(least, 0.0) - away, axis=1), dtype=np.int64)
+    away = np.abs(np.einsum("mi,kmi->km", normals, offset)) / np.linalg.norm(first, axis=1)
+    turned = 1.0 - outward @ normals.T
+    return np.asarray(np.argmax(np.minimum(least, 0.0) - away - turned, axis=1), dtype=np.int64)
 
 
 def _prismatic(table: FacetTable, compliance: Array, facets: IntArray) -> Array | None:

@@ -194,7 +194,7 @@ class TraceFlexibility:
         pushed = weight[:, None] * linear
         T = pushed.T @ self.flexibility(pushed)
         T = 0.5 * (T + T.T)
-        kappa = float(np.sqrt(self._constants.total()))
+        kappa = float(np.sqrt(self._constants.total(D.max(axis=1) > 0.0)))
         sharp = []
         for k in range(1, min(len(above), len(values) + 1)):
             A2 = _answers(T[:k, :k], P[:k, :k], R[:k, :k], R2[:k, :k], values[:k], kappa)
