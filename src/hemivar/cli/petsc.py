@@ -182,7 +182,7 @@ class PetscEngine(Engine):
         self.limit = self.limit.limited(plan.max_time)
 
         def state(mesh: Mesh) -> Evolution:
-            return replace(evolution, problem=evolution.problem.on(mesh))
+            return replace(evolution, problem=evolution.statement.on(mesh))
 
         ready = prepare_march(self.ranks, tuple(self.meshes), state, plan, self.limit)
         return march(ready.discrete, ready.plan, ready.tools)

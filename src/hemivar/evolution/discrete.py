@@ -25,6 +25,7 @@ from hemivar.evolution.discrete_heat import DiscreteHeat, coupled_heat
 from hemivar.evolution.evolution_problem import Evolution, Mass
 from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
+from hemivar.fem.forms import FormProblem
 from hemivar.fem.hierarchy import family_of
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.laws import SlipMeasure, Superpotential, VectorLaw
@@ -172,7 +173,8 @@ class DiscreteEvolution(PickleMixin):
     @property
     def stores(self) -> bool:
         """Whether it is heat that a capacity stores."""
-        return self.evolution.problem.material.capacity is not None
+        stated = self.evolution.problem
+        return isinstance(stated, ContactProblem) and stated.material.capacity is not None
 
     @property
     def field(self) -> Field:
@@ -221,24 +223,50 @@ class DiscreteEvolution(PickleMixin):
 
     def data_at(self, time: float) -> ExternalData:
         """What acts at a time."""
-        stated = self.evolution.problem
+        stated = self.evolution.statement
         bound = stated.at_time(time)
         force = stated_load(bound)
         load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
         if not stated.time_dependent & {"supports", "gap", "law"}:
-            return ExternalData(load, *self._as_stated, self.problem.law, dampings(bound))
+            return ExternalData(load, *self._as_stated, self.problem.law, dampings(bound.contact))
         conditions = nodal_conditions(bound)
         _, offset, found, _ = conditions.contact()
-        return ExternalData(load, conditions.prescribed[self.moved], offset, found, dampings(bound))
+        return ExternalData(load, conditions.prescribed[self.moved], offset, found, dampings(bound.contact))
 
 
-def dampings(bound: ContactProblem) -> dict[str, Superpotential]:
-    """Laws of the normal rate of a problem at one time, by boundary, where there are some."""
-    return {name: contact.damping for name, contact in bound.contact.items() if contact.damping is not None}
+@dataclass(frozen=True, eq=False)
+class FormEvolution(DiscreteEvolution):
+    """Of a body of forms."""
+
+    #: Unknowns of the basis that supports may move, in the order of :attr:`moved`.
+    dofs: IntArray = field(kw_only=True)  # (k,)
+
+    def data_at(self, time: float) -> ExternalData:
+        """What acts at a time."""
+        stated = self.evolution.problem
+        assert isinstance(stated, FormProblem)
+        force, values, offset, law, contacts = stated.acting(time)
+        load = np.concatenate([force[stated.body.free], force[self.dofs]])
+        return ExternalData(load, values[self.dofs], offset, law, dampings(contacts))
+
+
+def _of_forms(evolution: Evolution, stated: FormProblem) -> DiscreteEvolution:
+    problem = stated.starting(evolution.start)
+    family, dofs = stated.family(problem, evolution.inertia)
+    blocks = _blocks(problem)
+    refuse_unmeasured(stated, problem, blocks, False)
+    return FormEvolution(evolution, problem, family, blocks, dofs=dofs)
+
+
+def dampings(contacts: Mapping[str, Contact]) -> dict[str, Superpotential]:
+    """Laws of the normal rate of contacts at one time, by boundary, where there are some."""
+    return {name: contact.damping for name, contact in contacts.items() if contact.damping is not None}
 
 
 def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
     """Matrices, supports and contact points of an evolution."""
+    if isinstance(evolution.problem, FormProblem):
+        return _of_forms(evolution, evolution.problem)
     stated = evolution.problem.at_time(evolution.start)
     # What stores heat holds a temperature within a step.
     held = not (evolution.inertia or stated.material.capacity is not None)
@@ -246,17 +274,25 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
     family = family_of(problem, evolution.inertia)
     if family.mass is not None and evolution.mass is Mass.REDISTRIBUTED:
         family = replace(family, mass=_redistributed(family.mass, problem, family.moved))
+    blocks = _blocks(problem)
+    refuse_unmeasured(stated, problem, blocks, evolution.heat is not None)
+    return DiscreteEvolution(evolution, problem, family, blocks, heat=_heat(evolution, stated, problem, family.moved))
+
+
+def _blocks(problem: DiscreteProblem) -> tuple[tuple[str, IntArray], ...]:
     contact = problem.contact
     blocks = tuple((name, contact.on(name)) for name in contact.names if contact.on(name).size)
     for name, index in blocks:
         if np.any(np.diff(index) != 1):
             raise ProblemError(f"contact points of boundary '{name}' do not follow one another; renumber them")
-    refuse_unmeasured(stated, problem, blocks, evolution.heat is not None)
-    return DiscreteEvolution(evolution, problem, family, blocks, heat=_heat(evolution, stated, problem, family.moved))
+    return blocks
 
 
 def refuse_unmeasured(
-    stated: ContactProblem, problem: DiscreteProblem, blocks: tuple[tuple[str, IntArray], ...], heated: bool
+    stated: ContactProblem | FormProblem,
+    problem: DiscreteProblem,
+    blocks: tuple[tuple[str, IntArray], ...],
+    heated: bool,
 ) -> None:
     """Refuse friction of which nobody knows whether it follows the slip or its rate, and what goes with one only."""
     for name, index in blocks:

@@ -13,7 +13,9 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
+from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
+from hemivar.fem.forms import FormProblem
 from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
@@ -44,8 +46,9 @@ class Evolution(PickleMixin):
 
     Parameters
     ----------
-    problem : ContactProblem
-        With a density where inertia acts; viscosity and branches of its material act by themselves.
+    problem : ContactProblem or FormProblem
+        With a density where inertia acts; viscosity and branches of its material act by themselves.  Of forms mass and
+        viscosity are those of the body.
     inertia : bool
         Whether the body has mass; otherwise it is always in equilibrium (quasistatic).
     displacement : vector (d,), callable, or array (nodes, d), optional
@@ -66,7 +69,7 @@ class Evolution(PickleMixin):
         not fit the mesh.
     """
 
-    problem: ContactProblem
+    problem: ContactProblem | FormProblem
     inertia: bool = False
     displacement: Any = None
     velocity: Any = None
@@ -76,7 +79,7 @@ class Evolution(PickleMixin):
 
     def __post_init__(self) -> None:
         remedy = "give a ContactProblem or a ScalarProblem; hemivar.read_problem(path) reads one from a file"
-        problem = expect(self.problem, ContactProblem, "the problem of an evolution", remedy)
+        problem = expect(self.problem, ContactProblem | FormProblem, "the problem of an evolution", remedy)
         expect(self.inertia, bool, "inertia", "write True or False")
         start = number(self.start, "the start of an evolution", "give a time")
         if not np.isfinite(start):
@@ -86,12 +89,16 @@ class Evolution(PickleMixin):
             object.__setattr__(self, "mass", Mass(self.mass))
         except ValueError:
             raise ProblemError(f"mass = {self.mass!r}; choose 'consistent' or 'redistributed'") from None
-        if self.heat is not None and problem.components > 1 and not problem.material.linear:
+        if isinstance(problem, FormProblem):
+            self._check_forms(problem)
+        elif self.heat is not None and problem.components > 1 and not problem.material.linear:
             raise ProblemError(
                 "heat is coupled with the motion of linear materials only, and this material is not linear; leave heat "
                 "out, or give Material.lame(...) or the like"
             )
-        if problem.kind:
+        if isinstance(problem, FormProblem):
+            pass
+        elif problem.kind:
             self._check_scalar(problem)
         elif self.inertia and not problem.material.inert:
             raise ProblemError(
@@ -114,7 +121,36 @@ class Evolution(PickleMixin):
     @property
     def linear(self) -> bool:
         """Whether the stress, or the flux, is linear in the strain or gradient."""
-        return self.problem.material.linear
+        return isinstance(self.problem, FormProblem) or self.problem.material.linear
+
+    @property
+    def resists(self) -> bool:
+        """Whether the body has mass, viscosity or a capacity, so that a step is no equilibrium."""
+        problem = self.problem
+        if isinstance(problem, FormProblem):
+            return self.inertia or problem.body.viscosity is not None
+        return self.inertia or problem.material.viscous or problem.material.capacity is not None
+
+    @property
+    def statement(self) -> ContactProblem:
+        """The problem of a body that hemivar assembles.
+
+        Raises
+        ------
+        ProblemError
+            It is one of forms.
+        """
+        if isinstance(self.problem, FormProblem):
+            raise ProblemError("this needs a body that hemivar assembles itself, and it is one of forms")
+        return self.problem
+
+    @cached_property
+    def _at_start(self) -> Field:
+        """The field of a body of forms."""
+        assert isinstance(self.problem, FormProblem)
+        found = self.problem.starting(self.start).field
+        assert found is not None
+        return found
 
     @cached_property
     def conduction(self) -> Evolution | None:
@@ -128,11 +164,11 @@ class Evolution(PickleMixin):
         if self.heat is None:
             return None
         heat = expect(self.heat, Heat, "the heat of an evolution", "give Heat(conductivity, capacity, ...)")
-        if self.problem.kind:
+        if self.statement.kind:
             raise ProblemError(
                 "heat= goes with a body, and this is a scalar problem; for heat alone state ScalarProblem(kind='heat')"
             )
-        return Evolution(heat.conduction(self.problem), displacement=heat.temperature, start=self.start)
+        return Evolution(heat.conduction(self.statement), displacement=heat.temperature, start=self.start)
 
     @property
     def body(self) -> ContactProblem:
@@ -143,12 +179,22 @@ class Evolution(PickleMixin):
         ProblemError
             It is a scalar problem.
         """
-        if self.problem.kind:
+        if self.statement.kind:
             raise ProblemError(
-                f"this is a scalar problem ({self.problem.unknown}), and an evolution of a body is needed; leave "
+                f"this is a scalar problem ({self.statement.unknown}), and an evolution of a body is needed; leave "
                 "the engine out"
             )
-        return self.problem
+        return self.statement
+
+    def _check_forms(self, problem: FormProblem) -> None:
+        if self.inertia and problem.body.mass is None:
+            raise ProblemError(
+                "the evolution has inertia, but the body has no mass; give FormBody(..., mass=form), or take "
+                "inertia=False"
+            )
+        if self.heat is not None or self.mass is Mass.REDISTRIBUTED:
+            what = "heat" if self.heat is not None else "redistributed mass"
+            raise ProblemError(f"{what} needs a body that hemivar assembles itself; leave it out of a body of forms")
 
     def _check_scalar(self, problem: ContactProblem) -> None:
         if self.inertia and problem.thermal:
@@ -180,8 +226,11 @@ class Evolution(PickleMixin):
         name : str
             ``"displacement"`` or ``"velocity"``.
         """
-        value, what, components = getattr(self, name), f"initial {name}", self.problem.components
-        nodes = self.problem.mesh.nodes(self.problem.order)
+        value, what, problem = getattr(self, name), f"initial {name}", self.problem
+        if isinstance(problem, FormProblem):
+            components, nodes = self._at_start.components, self._at_start.nodes
+        else:
+            components, nodes = problem.components, problem.mesh.nodes(problem.order)
         shape = (len(nodes), components)
         if value is None:
             return np.zeros(shape)

@@ -13,6 +13,7 @@ from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
+from hemivar.fem.forms import FormProblem
 from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.laws import SlipMeasure
 from hemivar.solvers import Status
@@ -152,6 +153,8 @@ def longest_without_swing(stepper: TimeStepper, taken: StepResult) -> float:
 def _viscous_everywhere(discrete: DiscreteEvolution) -> bool:
     """Whether every strain rate, of a scalar problem every gradient, is resisted in every quadrature point."""
     stated = discrete.evolution.problem
+    if isinstance(stated, FormProblem):
+        return (discrete.damping_time or 0.0) > 0.0
     mesh, material = stated.mesh, stated.material
     if material.homogeneous_in(True):
         tensor = material.viscosity_tensor(mesh.points[:1], {})

@@ -201,8 +201,7 @@ def _refuse_nonlinear(plan: March) -> None:
 
 def _refuse_path(stated: Evolution, plan: March) -> None:
     """Refuse to follow paths of equilibria where there are none."""
-    problem = stated.problem
-    if problem.material.viscous or problem.material.capacity is not None or stated.inertia:
+    if stated.resists:
         return
     if not plan.scheme.ends_at_equilibrium:
         raise ProblemError(

@@ -20,6 +20,7 @@ from hemivar.evolution.history import Frame
 from hemivar.evolution.state import TimeState
 from hemivar.fem import Deformation, deformation
 from hemivar.fem.elements import barycentric_gradients, shape_values
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers.boundary_result import friction_of
 
@@ -193,7 +194,7 @@ def frame_of(discrete: DiscreteEvolution, state: TimeState) -> Frame:
 def large_deformation(discrete: DiscreteEvolution, frames: Sequence[Frame]) -> tuple[str, ...]:
     """When strain or rotation of the body are first beyond small ones in frames, and how large they become, if so."""
     stated = discrete.evolution.problem
-    if stated is None or stated.kind:
+    if not isinstance(stated, ContactProblem) or stated.kind:
         return ()
     own = [deformation(stated, frame.displacement) for frame in frames]
     largest = discrete.vectors.largest(*(size for one in own for size in (one.strain, one.rotation))).reshape(-1, 2)

@@ -53,6 +53,7 @@ from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
+from hemivar.fem.forms import FormProblem
 from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.laws import Bilateral, NoContact
 from hemivar.linear.definite import positive_pivots
@@ -252,12 +253,12 @@ def _definite(C: sp.csr_array) -> SuperLU | None:
     return factor if positive_pivots(factor) and (factor.U.diagonal()[factor.perm_c] > _FELT * diagonal).all() else None
 
 
-def _fading(stated: ContactProblem) -> float:
+def _fading(stated: ContactProblem | FormProblem) -> float:
     """An a >= 0 with ``K >= a C``: the largest with ``A >= a V``, elasticity and viscosity, at every place of a body.
 
     What varies is looked at in the quadrature points of both matrices.  Of fields of one component none is looked for.
     """
-    if stated is None or stated.kind:
+    if not isinstance(stated, ContactProblem) or stated.kind:
         return 0.0
     mesh, material = stated.mesh, stated.material
     alike = material.homogeneous and material.homogeneous_in(True)

@@ -3,7 +3,7 @@
 from hemivar.fem.discretize import discretize
 from hemivar.fem.error_norms import ErrorNorms, KnownField, error_norms
 from hemivar.fem.fields import gradient, nodal_average, strain, stress, v_norm, von_mises
-from hemivar.fem.forms import FormBody, MixedBulk
+from hemivar.fem.forms import FormBody, FormProblem, MixedBulk
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.small_strain import Deformation, deformation
@@ -13,6 +13,7 @@ __all__ = [
     "Deformation",
     "ErrorNorms",
     "FormBody",
+    "FormProblem",
     "KnownField",
     "LoadLine",
     "MixedBulk",

@@ -19,7 +19,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.space import Field
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["form_field", "nearest_nodes", "numbers_of_components"]
+__all__ = ["form_field", "nearest_nodes", "rows_of"]
 
 #: Corners of a square and of the faces of a cube, one after the other, of numbers that count in binary.
 _SQUARE = np.array([0, 1, 3, 2])
@@ -49,23 +49,35 @@ def form_field(basis: ScikitFem, free: IntArray, values: Array) -> Field | None:
     if isinstance(elem, skfem.ElementTriMorley):
         own = _simplices(mesh)
         return _partial(own, np.asarray(basis.nodal_dofs[0]), free, values)
-    numbers = numbers_of_components(basis)
+    numbers = _components(basis)
     if numbers is None:
         return None
     found = _nodes(basis, numbers[:, 0])
     if found is None:
         return None
     own, order, place = found
-    size = numbers.shape[1]
-    row = np.full(int(basis.N), -1, dtype=np.int64)
-    row[numbers] = place[:, None] * size + np.arange(size)
+    size, row = numbers.shape[1], _rows(numbers, place)
     chosen = sp.csr_array((np.ones(free.size), (row[free], np.arange(free.size))), shape=(row.size, free.size))
     prescribed = np.empty(row.size)
     prescribed[row] = values
     return Field(own, order, chosen, prescribed, size, "displacement" if size > 1 else "u", rigid=False)
 
 
-def numbers_of_components(basis: ScikitFem) -> IntArray | None:
+def rows_of(basis: ScikitFem, field: Field) -> IntArray:
+    """The row of the field that each unknown of the basis is, (N,); of a Lagrange element."""
+    numbers = _components(basis)
+    assert numbers is not None
+    return _rows(numbers, nearest_nodes(field, basis.doflocs[:, numbers[:, 0]].T))
+
+
+def _rows(numbers: IntArray, place: IntArray) -> IntArray:
+    """Of unknowns (nodes, c) at nodes that have these numbers."""
+    row = np.empty(numbers.size, dtype=np.int64)
+    row[numbers] = place[:, None] * numbers.shape[1] + np.arange(numbers.shape[1])
+    return row
+
+
+def _components(basis: ScikitFem) -> IntArray | None:
     """Unknowns (nodes, c) of the components at each node of a Lagrange element; None for others."""
     elem = basis.elem
     inner = elem.elem if isinstance(elem, skfem.ElementVector) else elem

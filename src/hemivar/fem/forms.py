@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,23 +11,28 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 import skfem
 
-from hemivar.basics.arguments import described, suggest
-from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.arguments import described, expect, suggest
+from hemivar.basics.first_use import IMPORTS, cached_property
+from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.units import Units
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
+from hemivar.discrete.operator_family import OperatorFamily
+from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Space
 from hemivar.errors import ProblemError
 from hemivar.fem.contact_points import _frames
-from hemivar.fem.form_field import form_field, nearest_nodes
+from hemivar.fem.form_field import form_field, nearest_nodes, rows_of
 from hemivar.laws import ContactLaw, VectorLaw, join_laws
 from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.foundation import Contact, Side
+from hemivar.mechanics.instants import at_time, depends_on_time
 
-__all__ = ["FormBody", "MixedBulk", "of_forms"]
+__all__ = ["FormBody", "FormProblem", "MixedBulk", "of_forms"]
 
 #: Newton-Cotes rules at the nodes of order 1 and 2: places in the reference cell of scikit-fem, and weights.
 _NODES = {
@@ -199,6 +204,8 @@ class FormBody:
         Of names of boundaries of the mesh of the basis to what is prescribed there.
     fixed : int array, optional
         Further unknowns that are zero, by their numbers.
+    mass, viscosity : skfem.BilinearForm, or matrix (N, N), optional
+        Symmetric; what resists acceleration and velocity in time.
 
     Raises
     ------
@@ -211,7 +218,10 @@ class FormBody:
     load: ScikitFem = None
     supports: Mapping[str, Prescription] = field(default_factory=dict)
     fixed: Sequence[int] | IntArray = ()
+    mass: ScikitFem = None
+    viscosity: ScikitFem = None
     _matrix: sp.csr_array = field(init=False, repr=False)
+    _in_time: Mapping[str, sp.csr_array] = field(init=False, repr=False)
     _loads: Array = field(init=False, repr=False)
     _held: BoolArray = field(init=False, repr=False)
     _values: Array = field(init=False, repr=False)
@@ -219,12 +229,7 @@ class FormBody:
     def __post_init__(self) -> None:
         if not hasattr(self.basis, "element_dofs") or not hasattr(self.basis, "get_dofs"):
             raise ProblemError(f"basis is {described(self.basis)}; give a skfem.Basis(mesh, element)")
-        matrix = self.form.assemble(self.basis) if hasattr(self.form, "assemble") else self.form
         count = int(self.basis.N)
-        if getattr(matrix, "shape", None) != (count, count):
-            raise ProblemError(
-                f"form is {described(self.form)}; give a skfem.BilinearForm, or a matrix of shape ({count}, {count})"
-            )
         load = self.load.assemble(self.basis) if hasattr(self.load, "assemble") else self.load
         load = np.zeros(count) if load is None else np.asarray(load, dtype=float)
         if load.shape != (count,):
@@ -232,7 +237,9 @@ class FormBody:
                 f"load is {described(self.load)}; give a skfem.LinearForm, or an array of shape ({count},)"
             )
         held, values = self._prescribed()
-        object.__setattr__(self, "_matrix", sp.csr_array(matrix))
+        object.__setattr__(self, "_matrix", self._assembled("form"))
+        given = [name for name in ("mass", "viscosity") if getattr(self, name) is not None]
+        object.__setattr__(self, "_in_time", {name: self._assembled(name) for name in given})
         object.__setattr__(self, "_loads", load)
         object.__setattr__(self, "_held", held)
         object.__setattr__(self, "_values", values)
@@ -242,17 +249,27 @@ class FormBody:
         """Numbers of the unknowns that no support holds."""
         return np.flatnonzero(~self._held)
 
-    def _prescribed(self) -> tuple[BoolArray, Array]:
+    def _assembled(self, name: str) -> sp.csr_array:
+        form, count = getattr(self, name), int(self.basis.N)
+        matrix = form.assemble(self.basis) if hasattr(form, "assemble") else form
+        if getattr(matrix, "shape", None) != (count, count):
+            raise ProblemError(
+                f"{name} is {described(form)}; give a skfem.BilinearForm, or a matrix of shape ({count}, {count})"
+            )
+        return sp.csr_array(matrix)
+
+    def _prescribed(self, time: float | None = None) -> tuple[BoolArray, Array]:
         count = int(self.basis.N)
         held, values = np.zeros(count, dtype=bool), np.zeros(count)
-        for name, stated in self.supports.items():
-            dofs = self.basis.get_dofs(self._facets(name, "supports"))
-            parts = stated if isinstance(stated, Mapping) else {"": stated}
+        for name, parts in self.stated():
+            dofs = self.basis.get_dofs(self.facets(name, "supports"))
             for part, value in parts.items():
                 numbers = np.asarray(dofs.all([part]) if part else dofs.all())
                 if not numbers.size:
                     raise ProblemError(f"supports['{name}']: there are no unknowns '{part}' on this boundary")
                 held[numbers] = True
+                if depends_on_time(value):
+                    value = 0.0 if time is None else at_time(value, time)
                 known = value(self.basis.doflocs[:, numbers]) if callable(value) else value
                 values[numbers] = np.broadcast_to(np.asarray(known, dtype=float), numbers.shape)
         further = np.asarray(self.fixed, dtype=np.int64)
@@ -262,7 +279,13 @@ class FormBody:
         held[further] = True
         return held, values
 
-    def _facets(self, name: str, where: str) -> IntArray:
+    def stated(self) -> Iterator[tuple[str, Mapping[str, object]]]:
+        """What supports prescribe, by boundary and by the name of unknowns, empty for all of them."""
+        for name, stated in self.supports.items():
+            yield name, stated if isinstance(stated, Mapping) else {"": stated}
+
+    def facets(self, name: str, where: str) -> IntArray:
+        """Numbers of the facets of a boundary that is named somewhere."""
         known = self.basis.mesh.boundaries or {}
         if name not in known:
             near = suggest(str(name), list(known), "boundaries")
@@ -292,47 +315,120 @@ class FormBody:
     def problem(
         self, contact: Mapping[str, Contact], trace: TraceOf | None = None, at: str | int = "nodes"
     ) -> DiscreteProblem:
-        """The discrete problem with contact on boundaries or regions of the mesh of the basis.
+        """The discrete problem with contact on boundaries or regions: :attr:`FormProblem.discrete` of these."""
+        return FormProblem(self, contact, trace, at).discrete
 
-        Parameters
-        ----------
-        contact : mapping of name to Contact
-            With its laws and its gap; a boundary, or a region for contact over an area.
-        trace : callable, optional
-            Of the fields of a basis function, one argument each (``skfem.DiscreteField``): what touches, a vector or
-            one component.  The first field by default.  One component is the penetration itself; a vector touches
-            along the normal of its boundary.
-        at : str or int
-            ``"nodes"``: contact points are nodes with positive weights; a number: the points of the rule of quadrature
-            of that degree on the boundary or region, whose displacements must be independent of one another.
+
+@dataclass(frozen=True, eq=False)
+class FormProblem(PickleMixin):
+    """A body of forms with its contact on boundaries or regions of the mesh of the basis.
+
+    In time, ``hemivar.Evolution(FormProblem(...), inertia=True)``, supports, gaps and laws may depend on time as
+    functions ``f(x, t)``; supports get places (d, k), as scikit-fem has them.
+
+    Attributes
+    ----------
+    body : FormBody
+    contact : mapping of name to Contact
+        With its laws and its gap, in time with memory and damping; a boundary, or a region for contact over an area.
+    trace : callable, optional
+        Of the fields of a basis function, one argument each (``skfem.DiscreteField``): what touches, a vector or
+        one component.  The first field by default.  One component is the penetration itself; a vector touches
+        along the normal of its boundary.
+    at : str or int
+        ``"nodes"``: contact points are nodes with positive weights; a number: the points of the rule of quadrature
+        of that degree on the boundary or region, whose displacements must be independent of one another.
+    factor : callable, optional
+        What the load is multiplied by at a time.
+    title : str
+    units : Units
+        For labels; no number is converted.
+
+    Raises
+    ------
+    ProblemError
+        Something is of the wrong kind, or a name is unknown.
+    """
+
+    body: FormBody
+    contact: Mapping[str, Contact]
+    trace: TraceOf | None = None
+    at: str | int = "nodes"
+    factor: Callable[[float], float] | None = None
+    title: str = ""
+    units: Units = field(default_factory=Units)
+    _rows: Mapping[str, tuple[_Rows, bool]] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        expect(self.body, FormBody, "the body of a problem of forms", "give a hemivar.fem.FormBody(basis, form)")
+        if self.at != "nodes" and not (isinstance(self.at, int) and self.at >= 0):
+            raise ProblemError(f"at = {self.at!r}; choose 'nodes', or the degree of a rule of quadrature")
+        rows = {name: self._seen(name, one) for name, one in self.contact.items()}
+        if not rows:
+            raise ProblemError("contact is empty; name a boundary or a region that touches a foundation")
+        if len({seen.components for seen, _ in rows.values()}) > 1:
+            raise ProblemError("the contacts have different numbers of components; state one problem for each")
+        object.__setattr__(self, "_rows", rows)
+
+    @cached_property
+    def time_dependent(self) -> frozenset[str]:
+        """What depends on time: of "load", "supports", "gap" and "law"."""
+        prescribed = [one for _, parts in self.body.stated() for one in parts.values()]
+        found = {"load"} if self.factor is not None else set()
+        found |= {"supports"} if any(map(depends_on_time, prescribed)) else set()
+        return frozenset(found.union(*(one.time_dependent for one in self.contact.values())))
+
+    @cached_property
+    def discrete(self) -> DiscreteProblem:
+        """At rest.
 
         Raises
         ------
         ProblemError
+            It depends on time, or the form does not fit the contact.
         """
-        if at != "nodes" and not (isinstance(at, int) and at >= 0):
-            raise ProblemError(f"at = {at!r}; choose 'nodes', or the degree of a rule of quadrature")
-        parts = [self._touching(name, one, trace, at) for name, one in contact.items()]
-        if not parts:
-            raise ProblemError("contact is empty; name a boundary or a region that touches a foundation")
-        if len({part.rows.shape[0] // len(part.weights) for part in parts}) > 1:
-            raise ProblemError("the contacts have different numbers of components; state one problem for each")
-        matrix, load, values, free = self._matrix, self._loads, self._values, self.free
+        for name, one in self.contact.items():
+            if one.memory is not None or one.damping is not None:
+                raise ProblemError(f"contact['{name}'] has memory or damping, which means something in time only")
+        if self.time_dependent:
+            raise ProblemError(f"{', '.join(sorted(self.time_dependent))} depend on time; march it, Evolution(...)")
+        return self._posed(None)
+
+    def starting(self, time: float) -> DiscreteProblem:
+        """The elastic body at a time, for a march.
+
+        Raises
+        ------
+        ProblemError
+            The unknowns are no displacements of nodes.
+        """
+        found = self._posed(time)
+        if found.field is None or found.field.partial:
+            raise ProblemError(
+                "a body in time needs its displacement at nodes; take Lagrange elements of order 1 or 2, without a "
+                "multiplier"
+            )
+        return found
+
+    def _posed(self, time: float | None) -> DiscreteProblem:
+        body, matrix, free = self.body, self.body._matrix, self.body.free
+        values = body._values if time is None else body._prescribed(time)[1]
+        parts, offset = self._touching(time, values)
         held = matrix @ values
+        load = self.force(time)
         rows = sp.csr_array(sp.vstack([part.rows for part in parts]))
-        offset = np.concatenate([part.offset for part in parts])
-        offset = offset - np.asarray(rows @ values).reshape(offset.shape)
         inner, force = sp.csr_array(matrix[free][:, free]), load[free] - held[free]
         seen, constant = sp.csr_array(rows[:, free]), 0.5 * float(values @ held) - float(values @ load)
-        bulk, shown = Quadratic(inner) if (inner.diagonal() > 0.0).all() else None, form_field(self.basis, free, values)
+        bulk, shown = (
+            Quadratic(inner) if (inner.diagonal() > 0.0).all() else None,
+            form_field(body.basis, free, values),
+        )
         if bulk is None:
             kept = np.unique(seen.indices).astype(np.int64)
             bulk, shown = MixedBulk.of(inner, force, kept), None
             force, work = bulk.reduced()
             constant -= 0.5 * work
             seen = sp.csr_array(seen[:, kept])
-        names = tuple(contact)
-        joined = join_laws([(part.law, len(part.weights)) for part in parts])
         _refuse_dependent(seen)
         where = np.concatenate([part.points for part in parts])
         points = ContactPoints(
@@ -342,27 +438,75 @@ class FormBody:
             None if offset.shape[1] == 1 else np.concatenate([part.frames for part in parts]),
             node=np.full(len(where), -1) if shown is None else nearest_nodes(shown, where),
             boundary=np.repeat(np.arange(len(parts)), [len(part.weights) for part in parts]),
-            names=names,
+            names=tuple(self.contact),
             components=offset.shape[1],
         )
         space = None if shown is None else Space((shown,))
-        return DiscreteProblem(Model(bulk, points, space), Loading(force, offset, joined, constant))
+        return DiscreteProblem(Model(bulk, points, space), Loading(force, offset, _joined(parts), constant))
 
-    def _touching(self, name: str, contact: Contact, trace: TraceOf | None, at: str | int) -> _Touching:
+    def force(self, time: float | None) -> Array:
+        """The load at a time, on all unknowns of the basis (N,)."""
+        factor = 1.0 if time is None or self.factor is None else float(self.factor(time))
+        return factor * self.body._loads
+
+    def acting(self, time: float) -> tuple[Array, Array, Array, VectorLaw, dict[str, Contact]]:
+        """The load (N,), what supports prescribe (N,), offsets (m, c), law and contacts at a time."""
+        values = self.body._prescribed(time)[1]
+        parts, offset = self._touching(time, values)
+        return self.force(time), values, offset, _joined(parts), self._contacts(time)
+
+    def family(self, problem: DiscreteProblem, inertia: bool) -> tuple[OperatorFamily, IntArray]:
+        """The matrices in time of :meth:`starting`, and the unknowns of the basis that supports move.
+
+        Raises
+        ------
+        ProblemError
+            A mass or viscosity is not symmetric, or negative.
+        """
+        body = self.body
+        held = body._held
+        moving = held if "supports" in self.time_dependent else held & (body._prescribed(0.0)[1] != 0.0)
+        dofs = np.flatnonzero(moving)
+        stated = {"form": body._matrix, **body._in_time}
+        names = [name for name in stated if inertia or name != "mass"]
+        matrices = _on_one_sparsity([stated[name] for name in names])
+        for name, matrix in zip(names, matrices, strict=True):
+            _refuse_skew(matrix, name)
+            if name != "form" and (matrix.diagonal() < 0.0).any():
+                raise ProblemError(f"the {name} of the body has negative numbers on its diagonal; change its sign")
+        found = {
+            name: Operator(*(sp.csr_array(part) for part in _parts(matrix, body.free, dofs)))
+            for name, matrix in zip(names, matrices, strict=True)
+        }
+        assert problem.field is not None
+        rows = rows_of(body.basis, problem.field)[dofs]
+        return OperatorFamily(problem, found["form"], found.get("viscosity"), found.get("mass"), (), rows), dofs
+
+    def _contacts(self, time: float | None) -> dict[str, Contact]:
+        return {name: one if time is None else one.at_time(time) for name, one in self.contact.items()}
+
+    def _touching(self, time: float | None, values: Array) -> tuple[list[_Touching], Array]:
+        """Contact points of each contact at a time, and their offsets with what supports prescribe (N,)."""
+        contacts = self._contacts(time)
+        parts = [seen.stated(name, contacts[name], area) for name, (seen, area) in self._rows.items()]
+        moved = [np.asarray(part.rows @ values).reshape(part.offset.shape) for part in parts]
+        return parts, np.concatenate([part.offset - own for part, own in zip(parts, moved, strict=True)])
+
+    def _seen(self, name: str, contact: Contact) -> tuple[_Rows, bool]:
         if not isinstance(contact, Contact):
             raise ProblemError(f"contact['{name}'] is {described(contact)}; give a hemivar.Contact")
-        others = (contact.obstacle, contact.memory, contact.damping)
-        if any(one is not None for one in others) or contact.against or callable(contact.belt) or np.any(contact.belt):
+        if contact.obstacle is not None or contact.against or callable(contact.belt) or np.any(contact.belt):
             raise ProblemError(f"contact['{name}']: a body of forms takes laws and a gap; leave the others out")
-        mesh = self.basis.mesh
+        basis, at = self.body.basis, self.at
+        mesh = basis.mesh
         regions = mesh.subdomains or {}
         area = name in regions and name not in (mesh.boundaries or {})
-        order = _order_of(self.basis.elem)
+        order = _order_of(basis.elem)
         if area:
             where: dict[str, object] = {"elements": regions[name]}
             shape, kind = _shape(mesh.refdom, name), skfem.CellBasis
         else:
-            where = {"facets": self._facets(name, "contact")}
+            where = {"facets": self.body.facets(name, "contact")}
             shape, kind = _shape(mesh.brefdom, name), skfem.FacetBasis
         if at == "nodes" and (shape, order) not in _NODES:
             raise ProblemError(
@@ -374,11 +518,36 @@ class FormBody:
         else:
             places, weights = _NODES[shape, order] if at == "nodes" else _MIDDLE[shape]
             where["quadrature"] = np.array(places).T, np.array(weights)
-        local = kind(mesh, self.basis.elem, mapping=self.basis.mapping, **where)
-        found = _rows(local, trace, name)
+        local = kind(mesh, basis.elem, mapping=basis.mapping, **where)
+        found = _rows(local, self.trace, name)
         if at == "nodes":
             found = found.merged(_SAME * float(np.ptp(mesh.p, axis=1).max()))
-        return found.stated(name, contact, area)
+        return found, area
+
+
+def _joined(parts: Sequence[_Touching]) -> VectorLaw:
+    return join_laws([(part.law, len(part.weights)) for part in parts])
+
+
+def _refuse_skew(matrix: sp.csr_array, name: str) -> None:
+    if np.abs((matrix - matrix.T).data).max(initial=0.0) > _DEPENDENT * np.abs(matrix.data).max(initial=0.0):
+        raise ProblemError(f"the {name} of the body is not symmetric; state one that is, a(u, v) = a(v, u)")
+
+
+def _on_one_sparsity(matrices: Sequence[sp.csr_array]) -> list[sp.csr_array]:
+    """The same matrices, each with an entry wherever one of them has one."""
+    parts = [matrix.tocoo() for matrix in matrices]
+    places = tuple(np.concatenate([getattr(part, axis) for part in parts]) for axis in ("row", "col"))
+    found = []
+    for number, part in enumerate(parts):
+        data = np.concatenate([part.data if k == number else np.zeros(one.nnz) for k, one in enumerate(parts)])
+        found.append(sp.csr_array(sp.coo_array((data, places), shape=part.shape)))
+        found[-1].sort_indices()
+    return found
+
+
+def _parts(matrix: sp.csr_array, free: IntArray, moved: IntArray) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+    return matrix[free][:, free], matrix[free][:, moved], matrix[moved][:, moved]
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,6 +558,10 @@ class _Rows:
     weights: Array  # (m,)
     points: Array  # (m, d)
     normals: Array | None  # (m, d)
+
+    @property
+    def components(self) -> int:
+        return int(self.rows.shape[0]) // len(self.weights)
 
     def merged(self, near: float) -> _Rows:
         """Places that coincide are one; weights are added, rows and normals are means by their weights."""

@@ -201,7 +201,7 @@ class EvolutionOnRanks(DiscreteEvolution):
         load = self.frame.reduced(nodes.summed(nodes.along(ranks.agree(forces).reshape(nodes.free.shape))))
         if not stated.time_dependent & {"supports", "gap", "law"}:
             prescribed, loading = self._prescribed(self.body.prescribed), self.problem.loading
-            return ExternalData(load, prescribed, loading.offset, loading.law, dampings(stated))
+            return ExternalData(load, prescribed, loading.offset, loading.law, dampings(stated.contact))
 
         def conditions() -> tuple[Array, VectorLaw, Array]:
             nodal = nodal_conditions(_present(self.state(self.skin).body.at_time(time)))
@@ -211,7 +211,7 @@ class EvolutionOnRanks(DiscreteEvolution):
             return offset, law, nodal.supports.value[: self.body.owned.size]
 
         offset, law, prescribed = ranks.agree(conditions)
-        return ExternalData(load, self._prescribed(prescribed), offset, law, dampings(stated.at_time(time)))
+        return ExternalData(load, self._prescribed(prescribed), offset, law, dampings(stated.at_time(time).contact))
 
     def _prescribed(self, values: Array) -> Array:
         """What supports prescribe (N, d), where they may move their nodes."""
@@ -290,7 +290,7 @@ def discretize_on_ranks(
         index = np.flatnonzero(problem.contact.boundary == number)
         if ranks.total(float(index.size))[0]:
             blocks.append((name, index))
-    ranks.agree(lambda: refuse_unmeasured(evolution.problem.at_time(evolution.start), problem, tuple(blocks), False))
+    ranks.agree(lambda: refuse_unmeasured(evolution.statement.at_time(evolution.start), problem, tuple(blocks), False))
     evolution = replace(evolution, problem=evolution.problem)
     make = _Matrices(body, frame, at_start)
     return EvolutionOnRanks(
