@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws import (
     Adhesive,
@@ -21,6 +22,7 @@ from hemivar.laws import (
     ThresholdCompliance,
 )
 from hemivar.laws.friction import ABSOLUTE_VALUE
+from hemivar.laws.friction.profiles import LogarithmicWeakening
 from hemivar.laws.stacked import stack
 
 NAMED = {
@@ -295,3 +297,24 @@ def test_a_force_on_a_spring_alone_has_its_place(exponent: float, size: float) -
     b = size * np.array([1e-6, 0.02, 0.3, 7.0, 1e4])
     found = law.local_argmin(np.zeros(5), b)
     np.testing.assert_allclose(found, (b / (3.0 * size)) ** (1.0 / exponent), rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_a_curved_piece_is_searched_in_few_rounds(size: float) -> None:
+    """Newton's iteration ends where rounding leaves nothing to find, and does not go back to halves from there."""
+
+    class Counted(LogarithmicWeakening):
+        looks = 0
+
+        def piece_derivative(self, piece: IntArray, r: Array) -> Array:
+            Counted.looks += 1
+            return super().piece_derivative(piece, r)
+
+    law = Counted(0.3)
+    rng, eps = np.random.default_rng(5), np.finfo(float).eps
+    for a, b in rng.lognormal(0.0, 2.0, (100, 2, 50)):
+        stiffness, force = 0.3**-2.0 + 100.0 * a, 1.0 / 0.3 + size * b  # beside it the law is convex, and slips
+        Counted.looks = 0
+        r = law.local_argmin(stiffness, force)
+        assert Counted.looks <= 8
+        assert (np.abs(stiffness * r + 1.0 / (0.3 + r) - force) <= 4.0 * eps * force).all()

@@ -31,6 +31,8 @@ AT_ONCE = 1 << 18
 #: Places on each side of zero at which a minimiser that no piece holds is looked for, and how its part shrinks.
 _PLACES = 600
 _GOLDEN = 0.6180339887498949
+#: What rounding leaves of a force that is the sum of others.
+_NO_FORCE = float(np.finfo(float).eps)
 
 
 def knot_forces(law: Superpotential, a: Array) -> tuple[Array, Array]:
@@ -303,7 +305,8 @@ def stationary_point(
             if not (endless & admissible).any():
                 continue
             at_anchor = np.abs(psi(anchor)) / np.maximum(a, 1e-300)
-            end = anchor + sign * np.maximum(step, np.where(np.isfinite(at_anchor), at_anchor, 0.0))
+            # Twice as far as a law that only pushes back lets it come: the zero itself may be no end.
+            end = anchor + sign * 2.0 * np.maximum(step, np.where(np.isfinite(at_anchor), at_anchor, 0.0))
             end = np.where(end == anchor, anchor + sign * np.maximum(np.abs(anchor), 1e-300) * 1e-15, end)
             for _ in range(200):
                 open_end = endless & admissible & ~(sign * psi(end) > 0.0)
@@ -333,9 +336,11 @@ def stationary_point(
             high = np.where(f > 0.0, r, high)
             slope = a + law.piece_curvature(piece, r)
             newton = r - f / np.where(slope > 0.0, slope, 1.0)
-            inside = (slope > 0.0) & (newton > low) & (newton < high)
+            # A step below rounding leads to r itself, which is an end of the bracket by now.
+            inside = (slope > 0.0) & ((newton == r) | ((newton > low) & (newton < high)))
             new = np.where(f == 0.0, r, np.where(inside, newton, 0.5 * (low + high)))
             done = np.abs(new - r) <= 4e-16 * np.maximum(np.abs(new), np.abs(r))
+            done |= np.abs(f) <= _NO_FORCE * (np.abs(a * r) + np.abs(b))
             r = new
             if np.all(done | ~admissible):
                 break
