@@ -78,4 +78,4 @@ def test_every_result_carries_it(tmp_path: Path, capsys: pytest.CaptureFixture[s
     for command in ("solve", "compare", "certify", "solutions"):
         assert main([command, str(file)]) == 0
         shown = capsys.readouterr().out
-        assert "warning           Poisson's ratio is 0.4999" in shown, command
+        assert shown.count("warning           Poisson's ratio is 0.4999") == 1, command

@@ -269,8 +269,14 @@ def print_not_converged(solution: Solution) -> None:
     )
 
 
-def print_summary(console: Console, solution: Solution, certificate: Certificate | None, units: Units) -> None:
-    """Print what was found."""
+def print_summary(
+    console: Console,
+    solution: Solution,
+    certificate: Certificate | None,
+    units: Units,
+    said: Sequence[str] = (),
+) -> None:
+    """Print what was found, without the warnings that were said before."""
     from hemivar.report.summary import summary_of
     from hemivar.solvers import Status
 
@@ -280,4 +286,4 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     console.print(f"\n{label}", end="")
     console.print(status, style=style, end="")
     console.print(rest, soft_wrap=True)
-    print("\n".join(others))
+    print("\n".join(line for line in others if line.removeprefix("warning").strip() not in said))

@@ -141,7 +141,7 @@ class SolveCommand(OnProblem):
             found = self.place.solved(self, discrete, coarser, view)
             if found.complaint and not found.interrupted:
                 self.writer.failed.append(f"the solution could not be certified: {found.complaint}")
-            print_summary(console(), found.solution, found.certificate, stated.units)
+            print_summary(console(), found.solution, found.certificate, stated.units, discrete.notes)
         except BaseException:  # whatever happens, what was computed is written
             if view.solution is not None:
                 self.write(self._files(found or RunResult(view.solution, None)))
