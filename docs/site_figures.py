@@ -69,12 +69,16 @@ SECTIONS = {
     "Laws": ("own_laws", "weakening_friction", "delamination", "mixed_mode", "broken_foundation"),
     "Several solutions": ("convexity_and_margin", "three_solutions", "trace_constants"),
     "Bodies that touch": ("two_cylinders", "two_spheres", "press_fit", "three_blocks", "wheel_on_rail"),
+    "Bodies of revolution": ("indenters", "sticky_sphere"),
     "In space, and one unknown": ("cube_friction", "membrane_obstacle", "antiplane_friction"),
     "Time": (
         "bounce", "stick_slip", "relaxation", "wear", "delayed_failure", "bar_impact", "thermoviscoelastic",
     ),
     "Exactness": ("exact_distance", "adaptive_mesh"),
     "Verification": ("patch_test", "hertz_obstacle", "curved_contact", "double_cantilever"),
+    "Your own elements": (
+        "rubber_bearing", "slip_flow", "piezoelectric_sensor", "sinking_plate", "glued_bracket",
+    ),
     "Matrices of other codes": ("bar_from_arrays", "own_matrix_from_fem"),
 }  # fmt: skip
 _ORDER = tuple(name for names in SECTIONS.values() for name in names)

@@ -250,6 +250,116 @@ def test_press_fit_is_lame_of_second_order() -> None:
     for errors in found["errors"].values():
         assert errors[-1] < 0.015
         assert (np.log2(errors[:-1] / errors[1:]) > 1.9).all()
+    assert found["around_axis"] == pytest.approx(54.08653846, rel=5e-4)
+
+
+def test_rubber_bearing_is_a_thin_film() -> None:
+    """The film with Tresca's friction, integrated by hand; the free side is felt less in thinner strips."""
+    forces = run("rubber_bearing")["forces"]
+    stuck = 0.12 / (6.0 * 0.01)
+    for width, (force, film) in forces.items():
+        end = 0.5 * width
+        slid = 0.01 * (end**3 - stuck**3) + 0.09 * (end**2 - stuck**2)  # int x (3 mu D x + 3 g/2) dx
+        assert film == pytest.approx(0.04 * stuck**3 + slid, rel=1e-6)
+        assert force == pytest.approx(film, rel={64.0: 0.005, 32.0: 0.005, 16.0: 0.025, 8.0: 0.08}[width])
+
+
+def test_slip_flow_has_the_states_of_its_scalar_equations() -> None:
+    found = run("slip_flow")
+    slips = [one.unknowns.mean() for one in found["states"]]
+    assert slips == pytest.approx([0.8 / 20.8, 0.5, 1.0], abs=1e-10)
+    flows, fluxes = found["flows"], found["fluxes"]
+    assert flows.exhaustive
+    # a wall of stiffness a and offset b on each side: a s + b = G/2 -+ mu (s - other)
+    pairs = set()
+    for a, b in ((20.0, 0.0), (-4.0, 2.4), (0.0, 0.0)):
+        for c, d in ((20.0, 0.0), (-4.0, 2.4), (0.0, 0.0)):
+            matrix = np.array([[a + 0.8, -0.8], [-0.8, c + 0.8]])
+            if abs(np.linalg.det(matrix)) > 1e-9:
+                pair = np.linalg.solve(matrix, [0.8 - b, 0.8 - d])
+                drag = np.maximum(np.minimum(20.0 * pair, 2.4 - 4.0 * pair), 0.0)
+                if np.allclose(drag, [a * pair[0] + b, c * pair[1] + d]):
+                    pairs.add(tuple(pair.round(9)))
+    computed = {tuple(one.penetration[[0, -1]].round(9)) for one in flows}
+    assert len(flows) == len(pairs) == 8
+    assert computed == pairs
+    for flux, exact in fluxes:
+        assert flux == pytest.approx(exact, rel=1e-10)
+    assert min(flux for flux, _ in fluxes) == pytest.approx(0.04 + 1.6 / 9.6, rel=1e-10)
+
+
+def test_piezoelectric_sensor_is_a_spring_of_two_moduli() -> None:
+    found = run("piezoelectric_sensor")
+    for circuit, modulus in (("short", 117e9), ("open", 117e9 + 23.3**2 / 1.302e-8)):
+        pressure, _ = found["found"][circuit]
+        kappa = modulus / 2e-3
+        np.testing.assert_allclose(pressure, 1e-7 * kappa * 8e13 / (kappa + 8e13), rtol=1e-9)
+    strain = 1e-7 * 8e13 / (kappa + 8e13) / 2e-3
+    assert found["signal"] == pytest.approx(strain * 2e-3 * 23.3 / 1.302e-8, rel=1e-9)
+    assert found["potential"].max() > 10.0 * found["potential"][np.abs(found["x"]) > 4.9].max()
+
+
+def clamped_beam(load: float) -> float:
+    """Deflection of the middle of a clamped beam on springs: 1 long, stiffness 0.02, springs 40."""
+    a = 0.5 * (40.0 / 0.08) ** 0.25
+    c, s, ch, sh = math.cos(a), math.sin(a), math.cosh(a), math.sinh(a)
+    return load / 40.0 * (1.0 - 2.0 * (c * sh + s * ch) / (math.sinh(2.0 * a) + math.sin(2.0 * a)))
+
+
+def test_sinking_plate_follows_the_beam() -> None:
+    found = run("sinking_plate")
+    # before the ground gives way the beam is known
+    assert found["beam"](0.5 * 0.01) * clamped_beam(0.5) == pytest.approx(0.5 * 0.01, rel=1e-4)
+    (sunk, stable), *_ = found["path"].at(0.5)
+    assert stable
+    assert sunk[found["middle"], 0] == pytest.approx(clamped_beam(0.25), rel=0.005)
+    exact = np.array([found["top"], found["valley"]])
+    errors = {cells: np.abs(np.array(folds) / exact - 1.0) for cells, folds in found["folds"].items()}
+    assert (errors[32] < (0.005, 0.03)).all()
+    assert (errors[32] < 0.3 * errors[16]).all()
+    assert [stable for _, stable in found["states"]] == [True, False, True]
+    for (local, _), known in zip(found["states"], found["known"], strict=True):
+        assert local[found["middle"], 0] == pytest.approx(known, rel=0.06)
+
+
+def test_glued_bracket_is_a_plane_base_on_springs() -> None:
+    found = run("glued_bracket")
+    assert found["off"] < 0.015
+    tension, shear = 6.0 * 48.0 / (40.0 * 60.0**2), 1.0 / 2400.0
+    assert found["by_hand"] == pytest.approx(0.3 / math.hypot(tension, shear), rel=1e-12)
+    assert found["tears"] == pytest.approx(found["by_hand"], rel=0.01)
+    # statics of the torn bracket: force, shear and moment
+    solution, weights = found["solution"], found["weights"]
+    assert abs(weights @ solution.pressure) < 1e-8 * found["force"]
+    assert found["moment"] == pytest.approx(48.0 * found["force"], rel=1e-8)
+    assert np.linalg.norm(weights @ solution.multiplier[:, 1:]) == pytest.approx(found["force"], rel=1e-8)
+    assert 0.1 < found["broken"] < 0.4
+    assert found["mises"].max() > 10.0
+
+
+def test_indenters_are_those_of_hertz_and_sneddon() -> None:
+    found = run("indenters")
+    assert found["exact"]["sphere"] == pytest.approx(1.5, rel=1e-9)
+    assert found["exact"]["punch"] == pytest.approx(4.395604396, rel=1e-9)
+    assert found["radius"] == pytest.approx(0.3446814956, rel=1e-9)
+    for excess in found["excess"].values():
+        assert np.array(excess[:-1]) / excess[1:] == pytest.approx(2.0, abs=0.06)
+        assert abs(2.0 * excess[-1] - excess[-2]) < 1e-3, "nothing is left in a half space"
+    assert max(found["off"].values()) < 0.004
+    sphere = found["found"]["sphere"]
+    scale = sphere.normal_force / 1.5
+    peak = sphere.pressure[np.argsort(sphere.contact.points[:, 0])[:5]].mean()
+    assert peak == pytest.approx(6.028325694 * scale, rel=0.01)
+
+
+def test_sticky_sphere_lets_go_at_the_force_of_johnson_kendall_and_roberts() -> None:
+    found = run("sticky_sphere")
+    assert found["PULL_OFF"] == pytest.approx(0.3769911184, rel=1e-9)
+    assert 0.0 < found["above"] < 0.03
+    assert found["off"] < 0.04
+    assert found["force"].min() > -0.5026548246 * 0.8  # far from the limit of a long range
+    smallest = np.argmin(found["force"])
+    assert found["radius"][smallest] == pytest.approx(found["AT_REST"] / 4.0 ** (1.0 / 3.0), rel=0.06)
 
 
 def test_three_blocks_close_their_ledger_and_slip_at_coulombs_bound() -> None:
