@@ -14,7 +14,7 @@ from hemivar.cli import options as opt
 from hemivar.cli.command import Command, Done, OnProblem
 from hemivar.cli.options import check_limits, controls_of, method_named, option
 from hemivar.cli.outputs import Files, check_folder, one_line
-from hemivar.cli.printing import SolveView, StageView, console, print_table
+from hemivar.cli.printing import SolveView, StageView, console, print_table, print_unsaid
 from hemivar.cli.terminal import quiet_logging
 from hemivar.errors import ProblemError
 
@@ -77,8 +77,7 @@ class CertifyCommand(OnProblem):
         else:
             print(f"solution          {shown(str(self.solution))}")
             print(f"multiplier        {'recomputed from equilibrium' if multiplier is None else 'read from the file'}")
-        for line in certificate.lines(whole=True):
-            print(line)
+        print_unsaid(certificate.lines(whole=True), discrete.notes)
         if self.exact is None and not exact:
             print("exact solution    its distance is left out because the mesh is large; --exact computes it")
         record = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
@@ -42,6 +42,7 @@ __all__ = [
     "print_summary",
     "print_table",
     "print_title",
+    "print_unsaid",
     "unread",
 ]
 
@@ -286,4 +287,9 @@ def print_summary(
     console.print(f"\n{label}", end="")
     console.print(status, style=style, end="")
     console.print(rest, soft_wrap=True)
-    print("\n".join(line for line in others if line.removeprefix("warning").strip() not in said))
+    print_unsaid(others, said)
+
+
+def print_unsaid(lines: Iterable[str], said: Sequence[str]) -> None:
+    """Print lines without the warnings that were said before."""
+    print("\n".join(line for line in lines if line.removeprefix("warning").strip() not in said))
