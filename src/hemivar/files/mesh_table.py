@@ -147,7 +147,7 @@ def _of_mesh(recipe: MeshRecipe) -> str:
         for key in ("opened", "boundaries", "shift", "turn", "scale")
         if getattr(recipe, key) != getattr(_PLAIN, key)
     ]
-    return given[0] if given else next(iter(recipe.source.parts)) if isinstance(recipe.source, Assembly) else "cells"
+    return given[0] if given else ", ".join(recipe.source.parts) if isinstance(recipe.source, Assembly) else "cells"
 
 
 def _file(table: TomlTable, folder: Path) -> Path:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -178,6 +179,16 @@ def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") 
     return parse_problem_file(text, base_dir, name).problem
 
 
+def _colon_in_quotes(text: str, told: str) -> str:
+    """What to write where the key in the line of a TOML error has a colon outside of quotes; else nothing."""
+    line = re.search(r"at line (\d+)", told)
+    if line is None:
+        return ""
+    key = text.splitlines()[int(line[1]) - 1].partition("=")[0]
+    name = re.search(r"[^][\s.\"']+:[^][\s.\"']+", re.sub(r"\"[^\"]*\"|'[^']*'", "", key))
+    return "" if name is None else f'put the name in quotes, for it has a colon: "{name[0]}"'
+
+
 def parse_problem_file(
     text: str,
     base_dir: str | Path = ".",
@@ -194,7 +205,8 @@ def parse_problem_file(
         data = tomllib.loads(text)
         _refuse_deep(data)
     except tomllib.TOMLDecodeError as error:
-        raise ProblemError(f"{name}: not valid TOML: {error}; correct that line") from None
+        remedy = _colon_in_quotes(text, str(error)) or "correct that line"
+        raise ProblemError(f"{name}: not valid TOML: {error}; {remedy}") from None
     except RecursionError:
         raise ProblemError(f"{name}: brackets or tables are nested too deeply for a problem file; correct it") from None
     except ValueError as error:

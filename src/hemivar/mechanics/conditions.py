@@ -66,6 +66,11 @@ def plain_data(
     """
     if callable(value):
         return value
+    if isinstance(value, str):
+        raise ProblemError(
+            f"{name} is no array of numbers: it is the text '{value}'; give a number, a function of points, or "
+            f"hemivar.formula.Formula('{value}')"
+        )
     array = check_finite(value, name, most)
     if components == 1 and array.ndim:
         raise ProblemError(f"{name} takes one number or a callable, not shape {array.shape}")

@@ -225,7 +225,6 @@ class Contact(CheckedFields, PickleMixin):
             )
         beyond = {
             "an obstacle": self.obstacle is not None,
-            "another boundary": self.against != "",
             "a gap": callable(self.gap) or self.gap != 0.0,
             "damping of the penetration": self.damping is not None,
         }

@@ -367,6 +367,12 @@ class ContactProblem(PickleMixin, ReprMixin):
         elif contact.side is not Side.ABOVE:
             raise ProblemError(f"contact['{name}'] has a side, which is for one component; leave it out")
         elif in_region:
+            if contact.against:
+                own = ", ".join(side for side in self.mesh.boundaries if side.startswith(f"{name}:"))
+                raise ProblemError(
+                    f"contact '{name}': it is an area with against = '{contact.against}', and bodies touch along "
+                    f"boundaries; {f'give one of {own}' if own else 'leave against out'}"
+                )
             with error_context(f"contact '{name}'"):
                 contact.refuse_normals(self.mesh.dim)
         if contact.against:
@@ -439,6 +445,9 @@ class ContactProblem(PickleMixin, ReprMixin):
         if many == "boundaries":
             self._refuse_inside(what, name)
         if name not in known:
+            own = [side for side in known if side.startswith(f"{name}:")] if many == "boundaries" else []
+            if own:
+                raise ProblemError(f"{what} names '{name}', which is no boundary; give one of {', '.join(own)}")
             near = suggest(str(name), known, many)
             raise ProblemError(f"{what} names {one} '{name}', which the mesh does not have{near}")
 
@@ -450,6 +459,10 @@ class ContactProblem(PickleMixin, ReprMixin):
         if self.kind and (contact.side is not Side.ABOVE or callable(contact.gap) or contact.gap):
             raise ProblemError(f"{where}: the law is one of the difference of temperatures; leave level and side out")
         self._check_name(f"{where}:", other, "boundary", "boundaries")
+        if other in self.contact and self.contact[other].against == name != other:
+            raise ProblemError(
+                f"{where}: contact '{other}' states the same two boundaries; state them once, under either name"
+            )
         if contact.slave not in ("", name, other):
             raise ProblemError(f"{where}: slave = '{contact.slave}'; give '{name}' or '{other}'")
         count = self.mesh.number_of_nodes
