@@ -293,7 +293,7 @@ def test_files_and_pictures_show_areas(tmp_path: Path) -> None:
         (over(hv.Coulomb(0.3)), "depends on penetration or pressure, which contact over an area does not have"),
         (
             over(hv.Tresca(1.0), against="left"),
-            "is an area with against = 'left', and bodies touch along boundaries; leave against out",
+            "is an area with against = 'left', and bodies",
         ),
         (over(hv.Tresca(1.0), gap=0.1), "has a gap, which needs a normal"),
         (over(hv.Tresca(1.0), obstacle=hv.Plane((0.0, -1.0), (0.0, 1.0))), "has an obstacle, which needs a normal"),
