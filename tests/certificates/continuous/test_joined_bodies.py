@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.certificates.continuous.admissible_stress import AdmissibleStress
+from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import contact_traces
+from hemivar.certificates.continuous.convex_distance import _missed
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance, improved_stress
+from hemivar.certificates.continuous.facet_constants import _containing
 from hemivar.certificates.continuous.joined_sides import joined_sides
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
 from hemivar.certificates.continuous.patches import PatchKind
+from hemivar.certificates.continuous.touching_bodies import contact_moments
 from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
 from hemivar.mechanics import Geometry
 from hemivar.mesh.mesh import Mesh
@@ -169,7 +172,8 @@ def test_three_bodies_and_a_middle_one_that_floats() -> None:
         supports = {**down, **held} if not held else {**down, "top": hv.Fixed(y=-0.03), **held}
         if "left" in held and isinstance(held["left"], hv.mechanics.Clamped):
             supports = {"bottom": hv.mechanics.Clamped(), "left": hv.mechanics.Clamped()}
-        problem = hv.ContactProblem(mesh, material, pairs, supports, body_force=(0.0, -0.3))
+        weight = (0.0, -0.3) if held else (0.0, 0.0)  # a body between others needs no load of its own
+        problem = hv.ContactProblem(mesh, material, pairs, supports, body_force=weight)
         found = hv.solve(problem)
         exact = hv.certify(found, exact=True).exact
         assert exact is not None
@@ -220,3 +224,73 @@ def test_what_has_no_bound_keeps_its_estimate() -> None:
     assert not exact.guaranteed
     assert "depends on the pressure" in exact.why
     assert 1.0 < exact.bound / error_of(found, 3) < 1.7
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_side_with_the_contact_points_does_not_matter(order: int) -> None:
+    found = [
+        stated(
+            two(
+                opened(hv.rectangle((1.0, 1.0), (4, 4)), 0.5), (100.0, 1.0), contact(0, hv.Signorini(), slave=side),
+                supports={"bottom": hv.mechanics.Clamped(), "top": hv.Prescribed((0.02, -0.03))},
+                body_force=(0.0, -0.1), order=order,
+            )
+        )
+        for side in ("joint0:part0", "joint0:part1")
+    ]  # fmt: skip
+    assert found[0][1].distance == pytest.approx(found[1][1].distance, rel=1e-6)
+    assert found[0][1].distance < 1.6 * error_of(found[0][0], 3 - order)  # the softer body gives way between its nodes
+
+
+def test_what_one_side_cannot_give_way_the_other_one_does() -> None:
+    """A held node of the side with the contact points has none, and the other body penetrates there."""
+    mesh = opened(hv.rectangle((1.0, 1.0), (4, 4)), 0.5)
+    left = mesh.boundaries["left"]
+    above = mesh.points[left].mean(axis=1)[:, 1] > 0.5
+    mesh = mesh.with_boundaries({**mesh.boundaries, "left": left[above], "free": left[~above]})
+    problem = two(
+        mesh, (10.0, 3.0), contact(0, hv.Signorini(), slave="joint0:part0"), body_force=(0.0, 0.5),
+        supports={"bottom": hv.mechanics.Clamped(), "left": hv.mechanics.Clamped()},
+    )  # fmt: skip
+    found, exact = stated(problem)
+    traces = contact_traces(body_data(problem, found.displacement))
+    assert traces is not None
+    assert traces.beyond > 1e-4
+    assert exact.guaranteed, exact.reasons
+    assert exact.parts.correction > 0.0
+    error = error_of(found, 3)
+    assert error < exact.distance < 3.0 * error
+
+
+def test_any_displacement_has_a_stress_where_the_rest_is_a_load() -> None:
+    mesh = shaken(hv.rectangle((1.0, 1.0), (3, 4)), 2)
+    for order in (1, 2):
+        problem = two(opened(mesh, 0.5), (1.0, 3.0), contact(0, hv.Compliance(1.0)), order=order)
+        u = np.random.default_rng(5).normal(size=problem.mesh.nodes(order).shape)
+        data = body_data(problem, u)
+        stress = replace(admissible_stress(data.under(contact_moments(data))), data=data)
+        assert np.abs(stress.tractions.defect).max() > 1e-3
+        assert imbalance(stress, 1, order=1) < 1e-12
+
+
+def test_what_tractions_miss_counts_on_both_sides() -> None:
+    """Of a quadratic multiplier the cells on both sides see what is no polynomial of degree 1, each by its constant."""
+    problem = two(opened(hv.rectangle((1.0, 1.0), (2, 2)), 0.5), (1.0, 100.0), contact(0, hv.Compliance(1.0)))
+    data = body_data(problem, np.zeros(problem.mesh.points.shape))
+    traces = contact_traces(data)
+    assert traces is not None
+    along = traces.barycentric[..., :1] * np.ones(2)
+    missed = _missed(traces, along**2)
+    first, second = data.table.owners[traces.facets].T
+    assert missed[first].min() > 0.0
+    np.testing.assert_allclose(missed[first], 10.0 * missed[second], rtol=1e-10)
+    assert np.count_nonzero(missed) == 2 * len(traces.facets)
+    np.testing.assert_array_equal(_missed(traces, along), 0.0)
+
+
+def test_a_facet_belongs_to_the_body_inside_of_it() -> None:
+    triangle = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+    up = np.array([[0.0, 0.0, 1.0]])
+    both, normals, middle = np.concatenate([triangle, triangle]), np.concatenate([up, -up]), triangle.mean(axis=1)
+    for outward, number in ((up, 0), (-up, 1)):
+        np.testing.assert_array_equal(_containing(both, normals, middle, outward), [number])
