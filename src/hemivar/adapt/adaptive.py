@@ -22,6 +22,7 @@ import numpy as np
 from hemivar.adapt.adaptive_end import AdaptiveEnd
 from hemivar.adapt.goal_values import GoalValue, goal_value
 from hemivar.adapt.goals import Goal, goal_named
+from hemivar.adapt.joined_refinement import refined_alike
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.generators import result_of
@@ -325,7 +326,7 @@ def solving_adaptive(
                 ended = last
                 break
             indicator = _indicator(distance, constants) if levels[-1].estimated(rtol) else levels[-1].indicator
-            mesh = problem.mesh.refined_where(_marked(indicator, share))
+            mesh = refined_alike(problem, _marked(indicator, share))
             grown = mesh.number_of_cells / problem.mesh.number_of_cells
             if time.perf_counter() - began + grown * (now - started) > max_time:
                 ended = AdaptiveEnd.MAX_TIME

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.adapt import solve_adaptive
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import contact_traces
@@ -294,3 +296,18 @@ def test_a_facet_belongs_to_the_body_inside_of_it() -> None:
     both, normals, middle = np.concatenate([triangle, triangle]), np.concatenate([up, -up]), triangle.mean(axis=1)
     for outward, number in ((up, 0), (-up, 1)):
         np.testing.assert_array_equal(_containing(both, normals, middle, outward), [number])
+
+
+@pytest.mark.parametrize("space", [False, True])
+def test_adaptive_meshes_stay_the_same_on_both_sides(space: bool) -> None:
+    mesh = hv.box((1.0, 1.0, 1.0), 2) if space else hv.rectangle((1.0, 1.0), (4, 4))
+    down = (*(0.02,) * (mesh.dim - 1), -0.03)
+    problem = two(
+        opened(mesh, 0.5), (100.0, 1.0), contact(0, hv.Signorini(), hv.Tresca(0.05)),
+        supports={"bottom": hv.mechanics.Clamped(), "top": hv.Prescribed(down)},
+    )  # fmt: skip
+    found = solve_adaptive(problem, rtol=1e-6 if space else 0.08, max_unknowns=400 if space else 2000)
+    sizes = [level.distance.relative for level in found.levels]
+    assert len(sizes) > 2
+    assert all(level.distance.guaranteed for level in found.levels)
+    assert all(after < before for before, after in pairwise(sizes))

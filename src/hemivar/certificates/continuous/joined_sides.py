@@ -49,5 +49,5 @@ def _nodes_at_one_place(mesh: Mesh, slave: IntArray, master: IntArray) -> IntArr
         return None
     seen = np.arange(mesh.number_of_nodes)
     seen[ours] = theirs[nearest]
-    keys = [np.sort(facet_keys(facets, len(seen))) for facets in (seen[slave], master)]
-    return np.column_stack([ours, theirs[nearest]]) if np.array_equal(*keys) else None
+    mine, others = (np.sort(facet_keys(facets, len(seen))) for facets in (seen[slave], master))
+    return np.column_stack([ours, theirs[nearest]]) if np.array_equal(mine, others) else None

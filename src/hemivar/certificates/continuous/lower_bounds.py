@@ -245,10 +245,10 @@ class JumpSides:
         ]
 
         def total(values: list[float]) -> float:
-            return max(sum(max(values[b] for b in side) for side in sides) for sides in self.contacts)
+            return float(max(sum(max(values[b] for b in side) for side in sides) for sides in self.contacts))
 
         upper, simple = total([one.upper for one in found]), total([one.simple for one in found])
-        both = any(len(sides) > 1 and np.intersect1d(*sides).size for sides in self.contacts)
+        both = any(len(sides) > 1 and np.isin(sides[0], sides[1]).any() for sides in self.contacts)
         return TraceRange(0.0 if both else max(one.lower for one in found), upper, simple, upper)
 
 
