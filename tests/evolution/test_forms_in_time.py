@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -227,3 +228,16 @@ def test_bodies_with_multipliers_and_memory_at_rest_are_told() -> None:
         block().problem({"bottom": remembers})
     history = march(Evolution(FormProblem(block(), {"bottom": remembers})), 0.2, step=0.1)
     assert history.ended == "finished"
+
+
+@pytest.mark.parametrize("inertia", [True, False])
+def test_supports_that_move_contact_points(inertia: bool) -> None:
+    """The corner of the foundation is held, and moves along and into it."""
+
+    def moves(x: Array, t: float) -> Array:
+        return np.tile([0.03 * t, -0.05 * t], (len(x), 1))
+
+    body = block(supports={"left": {"u^1": lambda x, t: 0.03 * t, "u^2": lambda x, t: -0.05 * t}})
+    found = march(Evolution(FormProblem(body, {"bottom": RUBS}), inertia), 0.4, step=0.05)
+    stated = replace(own_block(RUBS, (0.0, 0.0)), supports={"left": hv.Prescribed(moves)})
+    alike(found, march(Evolution(stated, inertia), 0.4, step=0.05))

@@ -522,7 +522,10 @@ class FormProblem(PickleMixin):
         found = _rows(local, self.trace, name)
         if at == "nodes":
             found = found.merged(_SAME * float(np.ptp(mesh.p, axis=1).max()))
-        return found, area
+        moving = found.moving(self.body.free)
+        if not moving.any():
+            raise ProblemError(f"contact['{name}']: supports hold all of its points; leave it out")
+        return found.take(moving), area
 
 
 def _joined(parts: Sequence[_Touching]) -> VectorLaw:
@@ -562,6 +565,17 @@ class _Rows:
     @property
     def components(self) -> int:
         return int(self.rows.shape[0]) // len(self.weights)
+
+    def moving(self, free: IntArray) -> BoolArray:
+        """Which points some free unknown displaces, (m,)."""
+        touched = np.diff(sp.csr_array(self.rows[:, free]).indptr) > 0
+        return np.asarray(touched.reshape(-1, self.components).any(axis=1))
+
+    def take(self, chosen: BoolArray) -> _Rows:
+        """Some of the points."""
+        normals = None if self.normals is None else self.normals[chosen]
+        rows = sp.csr_array(self.rows[np.repeat(chosen, self.components)])
+        return _Rows(rows, self.weights[chosen], self.points[chosen], normals)
 
     def merged(self, near: float) -> _Rows:
         """Places that coincide are one; weights are added, rows and normals are means by their weights."""
