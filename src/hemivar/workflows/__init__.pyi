@@ -36,6 +36,8 @@ from .identification import identify as identify
 from .identification import identifying as identifying
 from .law_study import LawStudy as LawStudy
 from .law_study import study_law as study_law
+from .level_study import LevelStudy as LevelStudy
+from .level_study import study_levels as study_levels
 from .marching import ProgressEvent as ProgressEvent
 from .marching import ReadyEvent as ReadyEvent
 from .marching import evolution_of as evolution_of

@@ -296,7 +296,7 @@ def studying(
     if not isinstance(stated, ContactProblem):
         raise ProblemError(
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
-            "whose mesh can be refined"
+            "whose mesh can be refined, or a function of the level to hemivar.workflows.study_levels"
         )
     known = options.known if isinstance(options.known, KnownField) else None
     if known is not None:
