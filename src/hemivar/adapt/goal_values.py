@@ -33,8 +33,9 @@ from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.body_data import BodyData, VaryingLoads
+from hemivar.certificates.continuous.conjugate_sweeps import Sweeps
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
-from hemivar.certificates.continuous.exact_distance import SWEEPS, ExactDistance
+from hemivar.certificates.continuous.exact_distance import ExactDistance
 from hemivar.certificates.continuous.fenchel import exact_gap
 from hemivar.certificates.continuous.sweeps import PatchSmoother
 from hemivar.certificates.continuous.touching_bodies import refuse_touching
@@ -269,10 +270,7 @@ def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:
     if traces is not None:
         own = replace(traces, data=data)
         pressures = own.on_facets(-own.moments(own.interpolated(start.moments)))
-    sweeper = PatchSmoother(admissible_stress(data, pressures, start))
-    for kind in SWEEPS[data.table.dim]:
-        sweeper.sweep(kind)
-    return sweeper.stress
+    return Sweeps.usual(data.table.dim).lower(PatchSmoother(admissible_stress(data, pressures, start)))
 
 
 # ---- second order --------------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.patches import priorities
@@ -33,6 +34,23 @@ class Prices:
     matrices: Array  # (c, n, n)
     #: p.
     offsets: Array  # (c, n)
+
+    def slope(self, moments: Array) -> Array:
+        """``P m + p`` on the facets that have a price, (c, n), in their order, of the moments (F, k, d) of all."""
+        return np.asarray(self.bent(moments) + self.offsets[self.rows[self._facets]])
+
+    def bent(self, moments: Array) -> Array:
+        """``P m`` there."""
+        facets = self._facets
+        return np.einsum("fpq,fq->fp", self.matrices[self.rows[facets]], moments[facets].reshape(len(facets), -1))
+
+    def work(self, moments: Array, slope: Array) -> float:
+        """``m . s`` for slopes s (c, n) there."""
+        return float(np.vdot(moments[self._facets], slope))
+
+    @cached_property
+    def _facets(self) -> IntArray:
+        return np.flatnonzero(self.rows >= 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,10 +30,10 @@ from hemivar.basics.types import Array
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.bare_body import bare_body
 from hemivar.certificates.continuous.body_data import BodyData
+from hemivar.certificates.continuous.conjugate_sweeps import Sweeps
 from hemivar.certificates.continuous.contact_traces import ContactTraces
 from hemivar.certificates.continuous.fenchel import FenchelGap, fenchel_gap
 from hemivar.certificates.continuous.oscillation import local_constants
-from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import PatchSmoother
 from hemivar.certificates.continuous.touching_bodies import contact_moments
 from hemivar.certificates.continuous.varying_gaps import gap_ranges
@@ -81,7 +81,7 @@ def not_convex(problem: ContactProblem) -> str:
     return "" if problem.material.linear else "its material is not linear"
 
 
-def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: tuple[PatchKind, ...]) -> BalancedStress | None:
+def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> BalancedStress | None:
     """Of a displacement in the domain of the law; None where no tractions that the law allows balance the loads."""
     body = _Body(data)
     loads = _gathered(data, data.loads) + data.at_nodes(np.arange(len(data.facet_loads)), data.facet_loads)
@@ -107,11 +107,8 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: tuple[PatchKi
     left = loads + data.at_nodes(np.arange(len(pressures)), pressures) - _gathered(moved, moved.forces)
     own = admissible_stress(moved.under(pressures)) if joined else admissible_stress(moved, pressures)
     stress = replace(own, data=data)
-    if sweeps:
-        sweeper = PatchSmoother(stress)
-        for kind in sweeps:
-            sweeper.sweep(kind)
-        stress = sweeper.stress
+    if sweeps.kinds:
+        stress = sweeps.lower(PatchSmoother(stress))
     algebraic = float(np.sqrt(max(float(np.sum(body.solve(left) * left)), 0.0)))
     return BalancedStress(stress, paid, missed, algebraic, body.motions_in_words)
 

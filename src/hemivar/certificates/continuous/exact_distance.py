@@ -29,6 +29,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.bare_body import has_constant_normals
 from hemivar.certificates.continuous.body_data import BodyData, body_data, exact_loads
+from hemivar.certificates.continuous.conjugate_sweeps import Sweeps
 from hemivar.certificates.continuous.contact_traces import (
     ContactTraces,
     admissible_displacement,
@@ -49,7 +50,7 @@ from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
+__all__ = ["DistanceParts", "ExactDistance", "exact_distance"]
 
 #: Why the distance of bodies that touch is no bound.
 _APART = (
@@ -67,15 +68,10 @@ _FIRST = 0.01
 _DEAREST = 30.0
 #: Least part of that price where the multiplier follows the force.
 _LEAST = 0.05
+#: Contact part of a bound, over the misfit, from which a convex law is looked at without constants of the body, too.
+_POOR = 0.5
 #: Sweeps over the patches at the contact boundary alone that come before, with quadratic elements.
 _NEAR = 2
-#: Sweeps by default, in the plane and in space, with linear elements; with quadratic ones, which cost less in
-#: proportion.
-SWEEPS: dict[int, tuple[PatchKind, ...]] = {
-    2: (PatchKind.VERTEX,),
-    3: (PatchKind.EDGE,),
-}
-_MORE = (PatchKind.VERTEX, PatchKind.VERTEX)
 
 
 @dataclass(frozen=True)
@@ -196,7 +192,8 @@ def exact_distance(
     constants : TraceBounds
         Of the body.
     sweeps : tuple of PatchKind, optional
-        By which the stress is improved; by default :data:`SWEEPS`, with quadratic elements two over vertices.
+        By which the stress is improved. By default one over vertices, in space over edges, with quadratic elements two;
+        where they leave much of the misfit more, by conjugate gradients.
 
     Returns
     -------
@@ -213,8 +210,7 @@ def exact_distance(
     expect(constants, TraceBounds, "constants", "give those of guaranteed_trace_bounds(hemivar.discretize(problem))")
     for kind in () if sweeps is None else expect(sweeps, tuple, "sweeps", "give a tuple such as (PatchKind.VERTEX,)"):
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
-    usual = SWEEPS[problem.mesh.dim] if problem.order == 1 else _MORE
-    chosen = usual if sweeps is None else sweeps
+    chosen = Sweeps.usual(problem.mesh.dim, problem.order) if sweeps is None else Sweeps(sweeps)
     if not touch(problem):
         return _of_body(problem, displacement, constants, chosen, unmet)
     if joined_sides(problem) is None:
@@ -227,11 +223,7 @@ def exact_distance(
 
 
 def _of_body(
-    problem: ContactProblem,
-    displacement: Array,
-    constants: TraceBounds,
-    sweeps: tuple[PatchKind, ...],
-    unmet: list[str],
+    problem: ContactProblem, displacement: Array, constants: TraceBounds, sweeps: Sweeps, unmet: list[str]
 ) -> ExactDistance:
     """The bound for bodies on foundations, and for those that touch along facets that coincide."""
     data = body_data(problem, displacement)
@@ -239,16 +231,21 @@ def _of_body(
     moved = data if np.array_equal(inside, data.displacement) else data.moved(inside)
     traces = contact_traces(moved)
     known = constants.guaranteed and constants.both > 0.0 and fixed_gaps(problem)
-    if traces is not None and not known and not not_convex(problem):
-        found = _without_constants(data, traces, constants, sweeps, unmet)
-        if found is not None:
-            return found
-    stress = improved_stress(data, traces, constants, sweeps)
-    return _bound(stress, data, traces, constants, unmet)
+
+    def by_constants() -> ExactDistance:
+        return _bound(improved_stress(data, traces, constants, sweeps), data, traces, constants, unmet)
+
+    found = by_constants() if known else None
+    poor = found is None or found.parts.contact > _POOR * found.parts.misfit
+    if traces is not None and poor and not not_convex(problem):
+        other = _without_constants(data, traces, constants, sweeps, unmet)
+        if other is not None and (found is None or other.distance < found.distance):
+            return other
+    return by_constants() if found is None else found
 
 
 def _without_constants(
-    data: BodyData, traces: ContactTraces, constants: TraceBounds, sweeps: tuple[PatchKind, ...], unmet: list[str]
+    data: BodyData, traces: ContactTraces, constants: TraceBounds, sweeps: Sweeps, unmet: list[str]
 ) -> ExactDistance | None:
     """The bound for convex laws, without a constant of the body; None where contact does not balance the loads."""
     inside = exact_loads(traces.data)
@@ -287,7 +284,7 @@ def _left_domain(beyond: float) -> str:
 
 
 def _of_touching_bodies(
-    problem: ContactProblem, displacement: Array, sweeps: tuple[PatchKind, ...], unmet: list[str]
+    problem: ContactProblem, displacement: Array, sweeps: Sweeps, unmet: list[str]
 ) -> ExactDistance:
     """An estimate: each part under its own contact tractions, and the c of the mesh."""
     data, c = touching_bodies(problem, displacement)
@@ -300,23 +297,21 @@ def _of_touching_bodies(
 
 
 def improved_stress(
-    data: BodyData, traces: ContactTraces | None, constants: TraceBounds, sweeps: tuple[PatchKind, ...]
+    data: BodyData, traces: ContactTraces | None, constants: TraceBounds, sweeps: Sweeps
 ) -> AdmissibleStress:
     """An admissible stress, its contact tractions near to what the law allows, after sweeps over patches.
 
     It balances the forces of ``data`` and comes near to the stress of the displacement of the traces.
     """
     stress = _first_stress(data, traces, constants)
-    if not sweeps:
+    if not sweeps.kinds:
         return stress
     sweeper = PatchSmoother(stress)
     del stress  # what has been computed of it is large, and of no use any more
     if traces is not None and data.order == 2:
         for _ in range(_NEAR):
             sweeper.sweep(PatchKind.VERTEX, _price(sweeper, traces, constants), only_contact=True)
-    for kind in sweeps:
-        sweeper.sweep(kind, None if traces is None else _price(sweeper, traces, constants))
-    return sweeper.stress
+    return sweeps.lower(sweeper, None if traces is None else lambda: _price(sweeper, traces, constants))
 
 
 def _first_stress(data: BodyData, traces: ContactTraces | None, constants: TraceBounds) -> AdmissibleStress:

@@ -86,15 +86,28 @@ class PatchSmoother:
         return self._moments
 
     @property
+    def slopes(self) -> Array:
+        """Half the derivatives (M, n) of the misfit by the moments on cells, which the next sweep changes."""
+        return self._slope
+
+    def move(self, moments: Array, slopes: Array) -> None:
+        """Go on with other moments and the slopes that belong to them."""
+        self._now, self._moments, self._slope = None, moments, slopes
+
+    @property
     def misfit(self) -> float:
         """``int (s - C eps) : C^-1 (s - C eps)`` over the body, for the mean of C on each cell."""
         stress = self.stress
+        if self.data.stored is None and not self.data.varies:
+            return float(stress.square.sum())
         return float(stress.element.energy_of(stress.difference, self.data.reference_compliance).sum())
 
-    def sweep(self, kind: PatchKind, contact: ContactPenalty | None = None, only_contact: bool = False) -> None:
+    def sweep(
+        self, kind: PatchKind, contact: ContactPenalty | Prices | None = None, only_contact: bool = False
+    ) -> None:
         """Improve all patches of a kind once."""
         self._now = None
-        allowed = self._allowed(contact)
+        allowed = self._allowed(self.prices(contact) if isinstance(contact, ContactPenalty) else contact)
         key = (kind, contact is not None)
         if key not in self._groups:
             self._groups[key] = self._grouped(kind, allowed.free, allowed.partly)
@@ -150,15 +163,15 @@ class PatchSmoother:
             some = batch.take(np.asarray(touching[batch.facets].any(axis=1))) if only_contact else batch
             self._improve_batch(some, allowed)
 
-    def _allowed(self, contact: ContactPenalty | None) -> _Allowed:
+    def _allowed(self, prices: Prices | None) -> _Allowed:
         free = np.asarray(self.data.unknown.any(axis=(1, 2)))
         partly = np.asarray((self.data.unknown != np.eye(self.data.table.dim)).any(axis=(1, 2)))
-        if contact is None:
+        if prices is None:
             return _Allowed(free, partly, None)
         touching = self.data.contact >= 0
-        return _Allowed(free | touching, partly & ~touching, self._prices(contact))
+        return _Allowed(free | touching, partly & ~touching, prices)
 
-    def _prices(self, contact: ContactPenalty) -> Prices:
+    def prices(self, contact: ContactPenalty) -> Prices:
         """What contact tractions cost, for their moments."""
         data, dim = self.data, self.data.table.dim
         facet = contact.facets

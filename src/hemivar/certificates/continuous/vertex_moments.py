@@ -7,9 +7,10 @@ The tractions of an admissible stress are of the degree of the displacement on f
 
 which makes them work like ``s_h = C eps(u_h)`` against every field of that degree on T: forces and moments of the cell
 balance. Equations of different nodes have no moment in common. At a midpoint there is one facet, whose moment is known
-by that. Those of a vertex, for the moments nearest to the mean of ``s_h nu`` from both sides, are a graph Laplacian on
-the cells around it. In a direction in which no facet at the node may take up a force they are solvable because the node
-is in equilibrium.
+by that. Those of a vertex, for the moments nearest to ``s_h nu`` of both sides, are a graph Laplacian on the cells
+around it. How near is measured by what a change m of a moment on F costs in misfit, about ``|C^-1| |T| m^2 / |F|^2`` in
+either cell: else tractions of flat cells, or of soft ones, change where it is dear. In a direction in which no facet at
+the node may take up a force they are solvable because the node is in equilibrium.
 
 P. Ladeveze and D. Leguillon, SIAM J. Numer. Anal. 20 (1983); compared with others in arXiv 1704.06680.
 """
@@ -23,7 +24,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
-from hemivar.certificates.continuous.facet_table import facet_vertices
+from hemivar.certificates.continuous.facet_table import FacetTable, facet_vertices
 from hemivar.errors import ProblemError
 from hemivar.mesh.keys import equal_rows
 
@@ -31,6 +32,8 @@ __all__ = ["Tractions", "UnsettledTractions", "equilibrated", "unsettled"]
 
 #: Part of the largest projection below which no facet at a vertex takes up a force along a direction.
 _FREE = 1e-10
+#: Least ease of a facet at a vertex over the largest one there.
+_APART = 1e-4
 #: Numbers of the matrices solved together, and cells and facets that are looked at together: they fit a cache.
 _ENTRIES, _CELLS = 1 << 19, 1 << 12
 #: Vertices whose cells hang together in the same way for which one matrix is factored.
@@ -63,6 +66,8 @@ class UnsettledTractions:
     missed: Array  # (M, l, d)
     #: Local numbers of the facets in their first and second cells.
     sides: IntArray  # (F, 2)
+    #: By what a unit of potential changes the moments of a facet at its vertices.
+    ease: Array  # (F, d)
     _stars: _Stars
 
     def pressed(self, data: BodyData, pressures: Array) -> UnsettledTractions:
@@ -83,6 +88,7 @@ class UnsettledTractions:
         members = facet_vertices(dim)
         lack = self.lack[:, : dim + 1]
         potential = self._stars.solve(lack.reshape(-1, dim))
+        ease = self.ease[:, :, None]
         moments = self.moments.copy()
         first, second = self.sides.T
         inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
@@ -91,9 +97,9 @@ class UnsettledTractions:
             here = inside[at : at + _CELLS]
             change = np.take(potential, start[here, 0][:, None] + members[first[here]], axis=0)
             change -= np.take(potential, start[here, 1][:, None] + members[second[here]], axis=0)
-            moments[here, :dim] += change
+            moments[here, :dim] += ease[here] * change
         change = potential[start[outer, 0][:, None] + members[first[outer]]]
-        moments[outer, :dim] += np.einsum("fij,faj->fai", data.unknown[outer], change)
+        moments[outer, :dim] += ease[outer] * np.einsum("fij,faj->fai", data.unknown[outer], change)
         if data.order == 2:
             middle = facet_vertices(dim, 2)[first, dim]
             moments[:, dim] += np.einsum("fij,fj->fi", data.unknown, self.lack[table.owners[:, 0], middle])
@@ -104,14 +110,19 @@ def unsettled(data: BodyData) -> UnsettledTractions:
     """Tractions near to those of a displacement."""
     table = data.table
     dim = table.dim
-    stars, sides = _Stars.of(data), _sides(data)
+    sides = _sides(data)
+    dear = _dear(data)[table.owners, sides] * (table.owners >= 0)
+    ease = _eases(table, dear.sum(axis=1))
+    dear /= dear.sum(axis=1, keepdims=True)
+    stars = _Stars.of(data, ease)
     own = data.cell_moments  # of the stress of each cell, outward
     first, second = table.owners.T
     moments = np.ascontiguousarray(own[first, sides[:, 0]])  # else each look at a part copies the whole
     inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
     for start in range(0, len(inside), _CELLS):
         here = inside[start : start + _CELLS]
-        moments[here] = 0.5 * (moments[here] - own[second[here], sides[here, 1]])
+        both = moments[here], -own[second[here], sides[here, 1]]
+        moments[here] = sum(part * one for part, one in zip(dear[here].T[:, :, None, None], both, strict=True))
     given = data.facet_loads[outer]
     moments[outer] = given + np.einsum("fij,faj->fai", data.unknown[outer], moments[outer] - given)
 
@@ -142,7 +153,7 @@ def unsettled(data: BodyData) -> UnsettledTractions:
         total = -np.einsum("nij,nj->ni", free, data.varying.missed)
         total[contact.nodes] = 0.0
         missed = np.take(total, nodes, axis=0) * share
-    return UnsettledTractions(moments, lack, defect, missed, sides, stars)
+    return UnsettledTractions(moments, lack, defect, missed, sides, ease, stars)
 
 
 def equilibrated(data: BodyData, pressures: Array, start: UnsettledTractions | None = None) -> Tractions:
@@ -195,6 +206,24 @@ def _free_directions(data: BodyData, stars: _Stars) -> Array:
     return np.concatenate([stars.free, middle])
 
 
+def _dear(data: BodyData) -> Array:
+    """About what the square of a moment on each facet costs each cell in misfit, (M, d + 1)."""
+    table = data.table
+    size = np.linalg.norm(data.compliance, axis=(1, 2))
+    return np.asarray((size * table.volumes)[:, None] / table.measures[table.cell_facets] ** 2)
+
+
+def _eases(table: FacetTable, dear: Array) -> Array:
+    """By what a unit of potential changes the moments of facets at their vertices, (F, d): at most 1 around each.
+
+    It is not too small beside that, for the balance is as exact as the systems of the vertices are well conditioned.
+    """
+    flat, ease = table.facets.ravel(), np.repeat(1.0 / dear, table.dim)
+    largest = np.zeros(table.mesh.number_of_nodes)
+    np.maximum.at(largest, flat, ease)
+    return np.maximum(ease / largest[flat], _APART).reshape(table.facets.shape)
+
+
 def _sides(data: BodyData) -> IntArray:
     """Local numbers (F, 2) of the facets in their first and second cells."""
     table = data.table
@@ -221,11 +250,13 @@ class _Stars:
     #: Pairs at boundary facets that take up a force, one for each facet, and ``block``, shape (h, d, d), along what.
     held: IntArray  # (h,)
     block: Array  # (h, d, d)
+    #: By what a unit of potential changes the moments between the pairs of ``joined``.
+    ease: Array  # (k,)
     #: Projections on the directions along which no facet at the vertex takes up a force.
     free: Array  # (N, d, d)
 
     @classmethod
-    def of(cls, data: BodyData) -> _Stars:
+    def of(cls, data: BodyData, eases: Array) -> _Stars:
         table = data.table
         dim, corners = table.dim, table.dim + 1
         nodes = table.mesh.number_of_nodes
@@ -242,11 +273,12 @@ class _Stars:
         pair[number, second] = (cell * corners)[:, None] + members[side]
         inside = table.interior
         joined = pair[inside].transpose(0, 2, 1).reshape(-1, 2)
-        joined = joined[np.argsort(vertex[joined[:, 0]], kind="stable")]
+        by_vertex = np.argsort(vertex[joined[:, 0]], kind="stable")
+        joined, ease = joined[by_vertex], eases[inside].ravel()[by_vertex]
         _refuse_pinched(joined, vertex, nodes, table.mesh.points)
         outer = np.flatnonzero(~inside & data.unknown.any(axis=(1, 2)))
         held = pair[outer, 0].ravel()
-        block = np.repeat(data.unknown[outer], dim, axis=0)
+        block = (eases[outer, :, None, None] * data.unknown[outer, None]).reshape(-1, dim, dim)
         taken = np.zeros((nodes, dim, dim))
         np.add.at(taken, vertex[held], block)
         free = np.broadcast_to(np.eye(dim), taken.shape).copy()
@@ -255,7 +287,7 @@ class _Stars:
         loose = (size < _FREE * dim).astype(float)
         free[some] = np.einsum("kin,kn,kjn->kij", axes, loose, axes)
         facets_first = np.concatenate([[0], np.cumsum(np.bincount(vertex[joined[:, 0]], minlength=nodes))])
-        return cls(vertex, place, count, order, first, joined, facets_first, held, block, free)
+        return cls(vertex, place, count, order, first, joined, facets_first, held, block, ease, free)
 
     def solve(self, lack: Array) -> Array:
         """Potentials (pairs, d) whose differences over facets bring each pair what it lacks, shape (pairs, d)."""
@@ -276,15 +308,15 @@ class _Stars:
         dim = self.free.shape[1]
         pairs = self.order[self.first[chosen][:, None] + np.arange(size)]
         at, joined = _ranges(self.facets_first, chosen)
-        joined = self.joined[joined]
+        joined, ease = self.joined[joined], self.ease[joined]
         graph = np.zeros((len(chosen), size, size))
         one, two = self.place[joined[:, 0]], self.place[joined[:, 1]]
-        graph[at, one, two] = graph[at, two, one] = -1.0
+        graph[at, one, two] = graph[at, two, one] = -ease
         diagonal = np.arange(size)
         graph[:, diagonal, diagonal] = -graph.sum(axis=2)
         right = np.take(lack, pairs, axis=0)
         if components == 1:
-            number = _alike(at, one * size + two, len(chosen))
+            number = _alike(at, one * size + two, len(chosen), ease)
             found = np.empty(right.shape)
             for kind in range(int(number.max(initial=-1)) + 1):  # stars that hang together in the same way
                 same = np.flatnonzero(number == kind)
@@ -315,7 +347,7 @@ def _ranges(first: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
     return at, np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count) + first[chosen][at]
 
 
-def _alike(at: IntArray, pairs: IntArray, count: int) -> IntArray:
+def _alike(at: IntArray, pairs: IntArray, count: int, ease: Array) -> IntArray:
     """Numbers (count,) from 0 on, the same for those with the same pairs; -1 for those that have few like them.
 
     ``at`` says in order whose each pair is.
@@ -323,7 +355,9 @@ def _alike(at: IntArray, pairs: IntArray, count: int) -> IntArray:
     many = np.bincount(at, minlength=count)
     if not len(at) or many.min() != many.max():
         return np.full(count, -1)
-    number = equal_rows(pairs.reshape(count, -1))
+    eases = ease.reshape(count, -1)
+    rounded = np.rint(eases / eases.max(axis=1, keepdims=True) * 1e9).astype(np.int64)
+    number = equal_rows(np.concatenate([pairs.reshape(count, -1), rounded], axis=1))
     size = np.bincount(number)
     return np.where(size >= _MANY, np.cumsum(size >= _MANY) - 1, -1)[number]
 
