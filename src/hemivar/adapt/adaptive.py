@@ -47,6 +47,8 @@ __all__ = ["AdaptiveLevel", "AdaptiveSolution", "solve_adaptive", "solving_adapt
 _BYTES = {2: 6e3, 3: 3e4}
 #: Cells of the first mesh that is refined where it is asked to, at least: coarser ones are refined everywhere.
 _FEW = {2: 32, 3: 48}
+#: Part of the distance below which what a solve leaves is rounding.
+_ROUNDING = 1e-9
 #: Ends by a limit.
 _LIMITS = (AdaptiveEnd.MAX_UNKNOWNS, AdaptiveEnd.MAX_TIME, AdaptiveEnd.MAX_MEMORY)
 
@@ -412,7 +414,8 @@ def _ended(level: AdaptiveLevel, rtol: float, told: bool | None, max_unknowns: i
         return AdaptiveEnd.STOPPED
     if not math.isfinite(level.distance.distance) and goal is None:
         return AdaptiveEnd.NO_BOUND
-    if goal is None and level.distance.parts.algebraic > rtol * level.distance.energy_norm:
+    found = level.distance
+    if goal is None and found.parts.algebraic > max(rtol * found.energy_norm, _ROUNDING * found.distance):
         return AdaptiveEnd.ALGEBRAIC
     return AdaptiveEnd.MAX_UNKNOWNS if level.unknowns > max_unknowns else None
 

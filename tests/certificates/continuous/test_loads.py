@@ -80,7 +80,7 @@ def test_a_load_that_no_point_of_the_rule_sees_is_part_of_the_bound(order: int, 
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_what_all_points_of_the_rule_miss_counts_as_a_load_of_the_body(order: int) -> None:
+def test_what_all_points_of_the_rule_miss_is_part_of_the_bound(order: int) -> None:
     """A load of mean 0.6 that vanishes at the Gauss points of every facet; most of the bound is what is missed.
 
     Without contact the error is the energy norm of u, at least ``L(v) / |v|_a`` for every v that is held.
@@ -103,7 +103,7 @@ def test_what_all_points_of_the_rule_miss_counts_as_a_load_of_the_body(order: in
     least = float(np.mean(-(1.0 + y) * (y - at) ** 2 * values)) / size
     assert found.guaranteed
     assert least < found.distance
-    assert found.distance - np.sqrt(found.missed.sum()) < 0.8 * least
+    assert found.distance < 1.5 * least  # as a load of any shape it would count for more
 
 
 def test_what_is_unknown_of_a_load_is_part_of_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,7 +42,8 @@ class Prices:
     def bent(self, moments: Array) -> Array:
         """``P m`` there."""
         facets = self._facets
-        return np.einsum("fpq,fq->fp", self.matrices[self.rows[facets]], moments[facets].reshape(len(facets), -1))
+        near = moments[facets].reshape(len(facets), -1)
+        return np.asarray(np.einsum("fpq,fq->fp", self.matrices[self.rows[facets]], near))
 
     def work(self, moments: Array, slope: Array) -> float:
         """``m . s`` for slopes s (c, n) there."""

@@ -43,7 +43,7 @@ from hemivar.fem.discretize import discretize
 from hemivar.linear.factorisation import Factorisation, factorise
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["BalancedStress", "balanced_stress", "not_convex", "unknown_gaps"]
+__all__ = ["BalancedStress", "BareStiffness", "balanced_stress", "not_convex", "unknown_gaps"]
 
 #: Weights b that are tried, over the stiffness of the body per length.
 _WEIGHTS = (1e-4, 1e-2, 1.0, 30.0)
@@ -83,7 +83,7 @@ def not_convex(problem: ContactProblem) -> str:
 
 def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> BalancedStress | None:
     """Of a displacement in the domain of the law; None where no tractions that the law allows balance the loads."""
-    body = _Body(data)
+    body = BareStiffness(data)
     loads = _gathered(data, data.loads) + data.at_nodes(np.arange(len(data.facet_loads)), data.facet_loads)
     joined = bool(data.table.cut.any())
     target = traces.interpolated(unsettled(data.under(contact_moments(data)) if joined else data).moments)
@@ -123,7 +123,7 @@ def unknown_gaps(traces: ContactTraces) -> Array:
 
 
 def _balanced(
-    traces: ContactTraces, body: _Body, target: Array, weight: float, loads: Array, wide: Array
+    traces: ContactTraces, body: BareStiffness, target: Array, weight: float, loads: Array, wide: Array
 ) -> FenchelGap | None:
     """The multiplier that is nearest to a target (k, q, d) by a weight and balances loads (nodes, d)."""
     data = traces.data
@@ -183,7 +183,7 @@ def _gathered(data: BodyData, cells: Array) -> Array:
     return found
 
 
-class _Body:
+class BareStiffness:
     """A body without loads: its motions without deformation, and what balanced forces do to it."""
 
     def __init__(self, data: BodyData) -> None:

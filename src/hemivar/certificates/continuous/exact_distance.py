@@ -36,7 +36,7 @@ from hemivar.certificates.continuous.contact_traces import (
     beyond_domain,
     contact_traces,
 )
-from hemivar.certificates.continuous.convex_distance import balanced_stress, not_convex
+from hemivar.certificates.continuous.convex_distance import BareStiffness, balanced_stress, not_convex
 from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
 from hemivar.certificates.continuous.hypotheses import fixed_gaps, inexact_data, stated_conditions, unmet_hypotheses
 from hemivar.certificates.continuous.joined_sides import joined_sides
@@ -66,8 +66,12 @@ _POWERS = (-5.0, -2.0, 1.0)
 _FIRST = 0.01
 #: Largest price of contact tractions, over 1 / Lambda.
 _DEAREST = 30.0
+#: Part of the largest traction of the body below which forces on the foundation are rounding.
+_ROUNDING = 1e-12
 #: Least part of that price where the multiplier follows the force.
 _LEAST = 0.05
+#: What the discrete problem misses of loads, over the misfit, from which it is answered by a displacement.
+_MISSED = 0.1
 #: Contact part of a bound, over the misfit, from which a convex law is looked at without constants of the body, too.
 _POOR = 0.5
 #: Sweeps over the patches at the contact boundary alone that come before, with quadratic elements.
@@ -127,7 +131,7 @@ class ExactDistance:
     cells : array, shape (M,)
         ``eta_T^2``, the oscillation included.
     missed : array, shape (M,)
-        Squares of what the discrete problem misses of the loads.
+        Squares of what the discrete problem misses of the loads, as loads of any shape.
     facets : int array, shape (k, d)
         Contact facets by their nodes.
     facet_contact, facet_gap : arrays, shape (k,)
@@ -233,7 +237,12 @@ def _of_body(
     known = constants.guaranteed and constants.both > 0.0 and fixed_gaps(problem)
 
     def by_constants() -> ExactDistance:
-        return _bound(improved_stress(data, traces, constants, sweeps), data, traces, constants, unmet)
+        found = _bound(improved_stress(data, traces, constants, sweeps), data, traces, constants, unmet)
+        if not found.missed.sum() > (_MISSED * found.parts.misfit) ** 2:
+            return found
+        other = _with_exact_loads(data, traces, constants, sweeps, unmet)
+        # cells are marked by what is missed in them all the same
+        return replace(other, missed=found.missed) if other.distance < found.distance else found
 
     found = by_constants() if known else None
     poor = found is None or found.parts.contact > _POOR * found.parts.misfit
@@ -273,6 +282,21 @@ def _without_constants(
     )  # fmt: skip
 
 
+def _with_exact_loads(
+    data: BodyData, traces: ContactTraces | None, constants: TraceBounds, sweeps: Sweeps, unmet: list[str]
+) -> ExactDistance:
+    """The bound by a stress that balances ``u_h + w``, where w answers the loads that the discrete problem misses.
+
+    Nodes are in equilibrium there with the loads that were stated, and in contact nothing changes. The misfit grows by
+    what w does; else such loads would count as any loads of their size do.
+    """
+    w = BareStiffness(data).solve(data.varying.missed)
+    exact = exact_loads(data)
+    seen = None if traces is None else replace(traces, data=exact_loads(traces.data))
+    stress = improved_stress(exact.moved(data.displacement + w), seen, constants, sweeps, exact)
+    return _bound(stress, data, seen, constants, unmet)
+
+
 def _correction(inside: BodyData, data: BodyData) -> float:
     """``|w|_a`` of the w that brings a displacement into the domain of the law."""
     change = inside.displacement - data.displacement
@@ -297,13 +321,20 @@ def _of_touching_bodies(
 
 
 def improved_stress(
-    data: BodyData, traces: ContactTraces | None, constants: TraceBounds, sweeps: Sweeps
+    data: BodyData,
+    traces: ContactTraces | None,
+    constants: TraceBounds,
+    sweeps: Sweeps,
+    wanted: BodyData | None = None,
 ) -> AdmissibleStress:
     """An admissible stress, its contact tractions near to what the law allows, after sweeps over patches.
 
-    It balances the forces of ``data`` and comes near to the stress of the displacement of the traces.
+    It balances the forces of ``data`` and comes near to the stress of the displacement of the traces; without traces to
+    that of ``wanted``.
     """
     stress = _first_stress(data, traces, constants)
+    if traces is None and wanted is not None:
+        stress = replace(stress, data=wanted)
     if not sweeps.kinds:
         return stress
     sweeper = PatchSmoother(stress)
@@ -344,7 +375,7 @@ def _price(sweeper: PatchSmoother, traces: ContactTraces, constants: TraceBounds
     if not 0.0 < constants.both < np.inf:
         return None
     traces = traces.rough
-    forces = traces.forces(sweeper.moments)
+    forces = _without_rounding(traces.forces(sweeper.moments), sweeper)
     eta = float(np.sqrt(sweeper.misfit))
     best = _chosen(traces, sweeper.moments, replace(constants, weighted=None), eta)
 
@@ -357,6 +388,12 @@ def _price(sweeper: PatchSmoother, traces: ContactTraces, constants: TraceBounds
     ratio = min(max(1.0, eta / rho), _DEAREST) if rho > 0.0 else _DEAREST
     price = float(ratio / constants.both)
     return ContactPenalty(traces.facets, traces.moments(wanted), price, mass, sweeper.moments[traces.facets])
+
+
+def _without_rounding(forces: Array, sweeper: PatchSmoother) -> Array:
+    """Forces without those that are rounding: on which side of zero they are would decide which multipliers follow."""
+    tractions = np.abs(sweeper.moments).max(axis=(1, 2)) / sweeper.data.table.measures
+    return np.where(np.abs(forces) <= _ROUNDING * tractions.max(initial=0.0), 0.0, forces)
 
 
 def _multiplier(
