@@ -12,6 +12,7 @@ import hemivar as hv
 from hemivar.adapt import solve_adaptive
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.body_data import body_data
+from hemivar.certificates.continuous.conjugate_sweeps import Sweeps
 from hemivar.certificates.continuous.contact_traces import contact_traces
 from hemivar.certificates.continuous.convex_distance import _missed
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance, improved_stress
@@ -141,7 +142,7 @@ def test_the_stress_works_like_the_loads_and_the_contact_force_on_the_jump(space
     data = body_data(problem, hv.solve(problem).displacement)
     traces, constants = contact_traces(data), guaranteed_trace_bounds(hv.discretize(problem))
     stresses: list[AdmissibleStress] = [
-        improved_stress(data, traces, constants, sweeps)
+        improved_stress(data, traces, constants, Sweeps(sweeps))
         for sweeps in ((), (PatchKind.FACET,), (PatchKind.EDGE, PatchKind.VERTEX))
     ]
     for stress in stresses:
