@@ -316,5 +316,5 @@ def test_a_curved_piece_is_searched_in_few_rounds(size: float) -> None:
         stiffness, force = 0.3**-2.0 + 100.0 * a, 1.0 / 0.3 + size * b  # beside it the law is convex, and slips
         Counted.looks = 0
         r = law.local_argmin(stiffness, force)
-        assert Counted.looks <= 8
+        assert Counted.looks <= 12
         assert (np.abs(stiffness * r + 1.0 / (0.3 + r) - force) <= 4.0 * eps * force).all()

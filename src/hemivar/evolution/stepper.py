@@ -29,6 +29,7 @@ from hemivar.evolution.step_end import SolvedStage, end_of_step, with_products
 from hemivar.evolution.step_laws import StepLaw, stage_law
 from hemivar.evolution.step_operator import StepOperator, StepOperators, body_factors, step_operator
 from hemivar.laws import VectorLaw
+from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Controls, Solution, Solver, Status
 from hemivar.solvers.choice import choose
 from hemivar.solvers.solve import suited
@@ -42,6 +43,8 @@ _ENERGIES, _FORCES = 64.0 * float(np.finfo(float).eps), 1024.0 * float(np.finfo(
 #: Rounds of a law that depends on the solution of its own step, and when it stands.
 _ROUNDS = 60
 _STANDS = 1e-10
+#: How far beyond what was found a guess goes at most, in parts of the way from the last round to this one.
+_AHEAD = 4.0
 #: What is said where they do not settle.
 _UNSETTLED = (
     "what contact points remember and the solution of the step do not settle; near the largest load that the "
@@ -289,6 +292,7 @@ class TimeStepper:
         before = base.local.displacement
         guess, multiplier = discrete.counted(before, before), base.multiplier
         initial: Solution | None = None
+        last: _Round | None = None
         for _ in range(_ROUNDS + discrete.breakable):
             check_time()
             law = stage_law(discrete, at, base, rule, operator.step, guess, multiplier, operator.laws)
@@ -313,7 +317,9 @@ class TimeStepper:
             same = pressed <= _STANDS * level or float(vectors.norms(weighted)[0]) <= left
             if change <= _STANDS * size and same:
                 break
-            guess, multiplier, initial = slid, own, solution
+            found_now = _Round(slid, own, slid - guess, own - multiplier)
+            guess, multiplier = found_now.ahead(last, vectors, size, level)
+            initial, last = solution, found_now
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
         off = solution.residual  # it is told against all that the tolerance was held against
@@ -321,6 +327,35 @@ class TimeStepper:
         told = replace(solution, residual=off)
         reached = stage_state(discrete, stage, solution.unknowns) if found.reached is None else found.reached
         return SolvedStage(stage, told, reached, point, own, found.resistance, found.jumps)
+
+
+@dataclass(frozen=True, eq=False)
+class _Round:
+    """What a stage was found to be under the law of a guess, and by how much the guess missed it."""
+
+    slid: Array  # (m, c)
+    multiplier: Array  # (m, c)
+    change: Array  # (m, c): of what has slid
+    pressed: Array  # (m, c): of the multiplier
+
+    def ahead(self, last: _Round | None, vectors: Vectors, size: float, level: float) -> tuple[Array, Array]:
+        """The next guess: as far beyond what was found as the last two rounds say that the next ones lead.
+
+        (Anderson's method with one round kept.)  Where the guess has not come nearer it is what was found.
+        ``size, level``: what displacements and multipliers are held against.
+        """
+        if last is None or not size > 0.0 or not level > 0.0:
+            return self.slid, self.multiplier
+        now, before = (np.append(one.change / size, one.pressed / level) for one in (self, last))
+        less = before - now
+        along, square, left, was = vectors.total(
+            float(less @ now), float(less @ less), float(now @ now), float(before @ before)
+        ).tolist()
+        share = along / square if left < was and square > 0.0 else 0.0
+        if not 0.0 < share <= _AHEAD:
+            return self.slid, self.multiplier
+        way = self.slid - last.slid, self.multiplier - last.multiplier
+        return self.slid + share * way[0], self.multiplier + share * way[1]
 
 
 def method_of(discrete: DiscreteEvolution) -> Solver | None:
