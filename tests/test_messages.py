@@ -34,9 +34,9 @@ HOME_MADE = {
 _WHAT_TO_DO = re.compile(
     r"\b(give|take|write|name|make|must|leave|remove|save|choose|add|check|use|pass|lower|raise|install|correct|state|put"
     r"|join|fix|keep|refine|start|solve|go|exchange|let|begin|subtract|list|simplify|widen|look|see|measure|move|turn"
-    r"|rename|resolve|separate|swap|divide|fill|narrow|define|draw|run|map|discretize|interpolate|wrap|return|overwrite"
-    r"|change|restrict|split|renumber|animate|wait|condense|set|multiply|sweep|search|wants|needs?|it can be|try|follow"
-    r"|end|stop|compare|build|mesh|wrap|has its own|continue|evaluate|create|resume|frees?|free some|send|say|shorten)\b"
+    r"|rename|resolve|separate|swap|divide|fill|narrow|define|draw|run|map|follow|discretize|interpolate|return|overwrite"
+    r"|change|create|restrict|split|renumber|animate|wait|condense|set|multiply|sweep|search|wants|needs?|it can be|try"
+    r"|resume|end|stop|compare|build|mesh|wrap|has its own|continue|evaluate|frees?|free some|send|say|shorten)\b"
     r"|known|\{\}$|allowed|lists the|parameters: |written as|at \{\} points it has|belongs in|not looked for"
 )
 #: Errors that say why something is not what it should be: another one, which says what to do, is put around them.

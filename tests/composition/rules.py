@@ -57,7 +57,8 @@ class Rule:
 
 
 _NO_PATH = (
-    "Where a law falls at once a load path needs a linear body in the plane, with opening and slip apart and a bound "
+    "Where a law drops discontinuously a load path needs a linear plane body, with separate opening and slip and a "
+    "bound "
     "that does not depend on the solution."
 )
 _NO_BOUND = (
@@ -65,33 +66,35 @@ _NO_BOUND = (
     "supports; adaptive solves are for bodies."
 )
 _NO_BOUND_RESTING = (
-    "The distance to the exact solution is bounded for bodies that contact alone holds where laws are convex, of "
-    "opening and slip apart, and do not depend on the solution."
+    "The distance to the exact solution is bounded for bodies held by contact only where laws are convex, with "
+    "separate opening and slip, and do not depend on the solution."
 )
 _NOT_CONVEX = ("softening", "adhesive", "cohesion", "saw-tooth", "function", *COUPLED)
 _NO_BOUND_OF_LAW = (
-    "The distance to the exact solution is not bounded for Coulomb's law; and for glue whose mode decides there is an "
+    "The distance to the exact solution is not bounded for Coulomb's law; and for glue that depends on the mode "
+    "there is an "
     "estimate only where its tractions change little with the mode."
 )
-_NOT_IN_TIME = "In time a law has no drop."
+_NOT_IN_TIME = "Time integration needs laws without discontinuous drops."
 _BESIDE_COUPLED = (
     "Beside a law of opening and slip together stands the memory of glue alone, no damping and no other one."
 )
-_BOND = "A bond with plastic slip resists slip by itself: no friction, and no other law of the slip, beside it."
+_BOND = "A bond with plastic slip already resists slip: no friction, and no other law of the slip, beside it."
 _RUBBING = "Friction on the damaged share is that of glue which tells its damage, without another one beside it."
 _UNDAMAGED = tuple(normal for normal in NORMALS if normal not in ("adhesive", *COUPLED))
 _SCALAR_LAW = "A scalar body has one component: no pressure beside the slip, and no direction of it."
-_ARRAYS = "A problem made of arrays has no statement and, by default, no mesh."
+_ARRAYS = "A problem made of arrays has no continuous problem and, by default, no mesh."
 
 RULES = (
-    Rule("falls at once", _NO_PATH, ("path",), ("space", "nonlinear"), ("saw-tooth",)),
-    Rule("falls at once", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
+    Rule("drops discontinuously", _NO_PATH, ("path",), ("space", "nonlinear"), ("saw-tooth",)),
+    Rule("drops discontinuously", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), _NOT_CONVEX),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),
     Rule(
         "the foundation softens too much for the bodies",
-        "For bodies that touch each other the distance to the exact solution is estimated where no law falls at once.",
+        "For bodies that touch each other the distance to the exact solution is estimated where no law drops "
+        "discontinuously.",
         _BOUNDS,
         _PAIRS,
         ("saw-tooth",),
@@ -103,30 +106,30 @@ RULES = (
     Rule("is a DiscreteProblem; give a ContactProblem", _ARRAYS, _OF_STATEMENTS, ("arrays",)),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, _MARCHES, normal=("saw-tooth",)),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, normal=("saw-tooth",), beside=TIMED),
-    Rule("snaps in series", _NOT_IN_TIME, normal=("saw-tooth",), beside=("wear", "creep")),
+    Rule("is unstable in series", _NOT_IN_TIME, normal=("saw-tooth",), beside=("wear", "creep")),
     Rule(
         "which a problem file cannot express",
-        "A problem file says laws by name, by a table or by a formula; this one has no name there.",
+        "A problem file gives laws by name, table or formula; this one has no name there.",
         ("file",),
         normal=("cohesion", "function", "coupled-function"),
     ),
     Rule(
         "which means something in time only",
-        "Memory and damping mean something in time only.",
+        "Memory and damping need a problem in time.",
         _AT_REST,
         beside=TIMED,
     ),
     Rule("leave the friction out", _BOND, friction=_RUBS, beside=("bond",)),
     Rule("no damage on which friction could act", _RUBBING, normal=_UNDAMAGED, beside=("rubbing",)),
-    Rule("leave one of both out", _RUBBING, friction=_RUBS, beside=("rubbing",)),
+    Rule("leave one of the two out", _RUBBING, friction=_RUBS, beside=("rubbing",)),
     Rule("needs a normal law with friction beside it", _BOND, normal=COUPLED, beside=("bond",)),
     Rule("friction on the damaged share of", _RUBBING, normal=("mode-dependent",), beside=("rubbing",)),
     Rule("has no effective opening", _RUBBING, normal=COUPLED[2:], beside=("rubbing",)),
     Rule("beyond what its law allows", "A march begins where the law allows.", _MARCHES, ("membrane",), ("bilateral",)),
-    Rule("the body is free to move", "Nothing holds the body.", (), ("resting",), ("none",)),
+    Rule("the body is free to move", "The body is unconstrained.", (), ("resting",), ("none",)),
     Rule(
         "needs a surface, and the mesh is plane",
-        "Orthotropic friction has two directions on a surface: it needs a body in space.",
+        "Orthotropic friction has two directions on a surface: it needs a 3D body.",
         (),
         _PLANE,
         friction=("orthotropic",),

@@ -87,7 +87,7 @@ def test_a_fault_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     listed = Row("path", "nonlinear", "saw-tooth")
     with monkeypatch.context() as patch:
         patch.setattr(rules, "RULES", ())
-        with pytest.raises(AssertionError, match=r"is refused: .* falls at once"):
+        with pytest.raises(AssertionError, match=r"is refused: .* drops discontinuously"):
             check(listed, tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr(rules, "RULES", (rules.Rule("other words", "", ("path",), ("nonlinear",)),))

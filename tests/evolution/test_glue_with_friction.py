@@ -177,7 +177,7 @@ def mode_dependent() -> VectorLaw:
         (lambda: hv.solve(block(GLUE, (Secant(friction=MU),), to_and_fro).at_time(0.0)), "something in time only"),
         (lambda: begun(mode_dependent()), "friction on the damaged share of"),
         (lambda: begun(Compliance(1.0)), "has no damage on which friction could act"),
-        (lambda: begun(Adhesive(24.0, 2.4), hv.Tresca(1.0)), "leave one of both out"),
+        (lambda: begun(Adhesive(24.0, 2.4), hv.Tresca(1.0)), "leave one of the two out"),
         (lambda: begun(GLUE, friction=-0.1), "friction of memory 'secant' is -0.1"),
         (lambda: hv.Contact(GLUE, hv.Coulomb(0.5)).law, r"Secant\(friction="),
     ],

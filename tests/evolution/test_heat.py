@@ -44,7 +44,7 @@ def body(**more: Any) -> hv.ContactProblem:
         (lambda: HeatContact(temperature=np.inf), "temperature of a foundation"),
         (lambda: HeatContact(1.0, exchange=hv.Compliance(1.0)), "conductance and exchange are both given"),
         (lambda: HeatContact(exchange=2.0), "give a law of the difference of temperatures"),  # type: ignore[arg-type]
-        (lambda: HeatContact(exchange=hv.FormulaLaw("-r^4")), "faster and faster"),
+        (lambda: HeatContact(exchange=hv.FormulaLaw("-r^4")), "without a lower bound"),
         (lambda: HeatContact.touching(-1.0), "closed = -1 of a conductance"),
         (lambda: HeatContact.touching(1.0, 1.0, 0.0), "exponent = 0 of a conductance"),
         (lambda: Heat(1.0, 1.0, expansion=1.0, thermal_stress=1.0), "expansion and thermal_stress are both given"),

@@ -284,7 +284,7 @@ def test_lists_of_frames_that_are_none(history: History, tmp_path: Path) -> None
     with pytest.raises(FileError, match=r"^cannot read PVD file .*nothing\.pvd: no such file"):
         read_film(tmp_path / "nothing.pvd")
     history.write(path)
-    with pytest.raises(FileError, match="pass the .pvd of the body"):
+    with pytest.raises(FileError, match=r"pass the \.pvd of the body"):
         read_film(tmp_path / "run_contact.pvd")
     other = march(pressed(), 0.1, step=0.1)
     small = replace(other.discrete.evolution.problem, mesh=hv.rectangle((2.0, 1.0), (2, 1)))

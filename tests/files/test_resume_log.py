@@ -59,7 +59,7 @@ POINTS: dict[str, Callable[[Data], object]] = {
 def test_a_point_that_makes_no_sense_is_refused(tmp_path: Path, name: str) -> None:
     data = json.loads(POINT.line())
     POINTS[name](data)
-    assert "line 2: this is no point" in refused(tmp_path / "a.jsonl", json.dumps(data), SweepPoint.of_line)
+    assert "line 2: this is not a point" in refused(tmp_path / "a.jsonl", json.dumps(data), SweepPoint.of_line)
 
 
 def test_a_point_comes_back() -> None:
@@ -68,7 +68,7 @@ def test_a_point_comes_back() -> None:
 
 def test_brackets_a_million_deep_are_refused(tmp_path: Path) -> None:
     deep = '{"place": ' + "[" * 100_000
-    assert "line 2: this is no point" in refused(tmp_path / "a.jsonl", deep, SweepPoint.of_line)
+    assert "line 2: this is not a point" in refused(tmp_path / "a.jsonl", deep, SweepPoint.of_line)
 
 
 def packed(*numbers: float) -> Data:
@@ -100,7 +100,7 @@ SOLUTIONS: dict[str, Callable[[Data], object]] = {
 def test_a_solution_that_makes_no_sense_is_refused(tmp_path: Path, name: str) -> None:
     data = json.loads(solution_line())
     SOLUTIONS[name](data)
-    assert "line 2: this is no point" in refused(tmp_path / "a.jsonl", json.dumps(data), StoredSolution.of_line)
+    assert "line 2: this is not a point" in refused(tmp_path / "a.jsonl", json.dumps(data), StoredSolution.of_line)
 
 
 def test_a_damaged_byte_is_noticed(tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def test_two_springs_in_a_row_cannot_be_told_apart(starts: int) -> None:
     assert not any(found.identified)
     assert found.value("a") * found.value("b") == pytest.approx(1.0, rel=0.1)
     np.testing.assert_allclose(np.abs(found.directions[1]), np.sqrt(0.5), atol=1e-3)
-    assert any("cannot tell a and b apart" in text for text in found.messages)
+    assert any("cannot distinguish a and b" in text for text in found.messages)
 
 
 def test_a_positive_parameter_has_no_interval_below_zero() -> None:
@@ -156,7 +156,7 @@ def test_a_law_of_another_kind_is_doubted(every: int) -> None:
     curve = BILINEAR.measured(0.01)
     rows = Measurements({"pull": curve.inputs["pull"][::every]}, {FORCE: curve.values[::every, 0]})
     found = hv.workflows.identify(spring.state, rows, ranges, once)
-    assert any("take another law" in text for text in found.messages)
+    assert any("use another law" in text for text in found.messages)
 
 
 @pytest.mark.parametrize(

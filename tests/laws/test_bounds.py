@@ -145,7 +145,7 @@ def test_residual_and_energy_freeze_the_law_at_the_state() -> None:
         (lambda: PenetrationBound(([0.0, 1.0], [0.0])), ["two equal lists"]),
         (lambda: PenetrationBound("1 - s"), ["negative", "penetration"]),
         (lambda: PenetrationBound("8*x"), ["character 3", "'x' is not known"]),
-        (lambda: PenetrationBound(3.0), ["none of a table, a formula"]),
+        (lambda: PenetrationBound(3.0), ["must be a table, a formula"]),
         (lambda: CoulombBound(-0.1).at(None), ["Coulomb", "-0.1"]),
     ],
 )

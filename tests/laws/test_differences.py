@@ -45,7 +45,7 @@ def test_derivatives_of_any_width_are_as_exact_as_they_say(name: str, width: flo
     assert (off <= 2.0 * told).all()
     assert told.max() < 1e-10
     assert law.derivative_accuracy == pytest.approx(law.derivative_error(np.linspace(-10.0, 10.0, 501)).max())
-    assert f"off by about {law.derivative_accuracy:.1e} at most" in str(law.describe())
+    assert f"an error of about {law.derivative_accuracy:.1e} at most" in str(law.describe())
     found = law.knots[0]
     for turn in turns:
         assert np.abs(found - width * turn).min() < 0.1 * width

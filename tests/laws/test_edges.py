@@ -297,7 +297,7 @@ def test_of_a_law_with_several_points_the_first_is_looked_at() -> None:
 
 @pytest.mark.parametrize("bad", [[], [np.nan], [[0.1]], [np.inf], "a", [0.1, None]])
 def test_lists_of_layers_are_finite_numbers(bad: Any) -> None:
-    with pytest.raises(ProblemError, match=r"thicknesses of law 'layered' (must be a list|is no array) of"):
+    with pytest.raises(ProblemError, match=r"thicknesses of law 'layered' (must be a list|is not an array) of"):
         Layered(bad, [1.0])
 
 

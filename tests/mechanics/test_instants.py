@@ -254,7 +254,7 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "bedding": (lambda: problem(bedding=ramp), "bedding depends on time"),
     "obstacle": (
         lambda: Contact(Compliance(1.0), obstacle=SignedDistance(Formula("y + t"))),
-        "signed distance of an obstacle depends on time.*state a gap that depends on t",
+        "signed distance of an obstacle depends on time.*give a gap that depends on t",
     ),
     "shape of a load": (
         lambda: discretize(_traction(lambda x, t: np.ones(7)).at_time(0.5)),
@@ -276,7 +276,10 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: Contact(Compliance(1.0), damping=Tresca(1.0)),  # type: ignore[arg-type]
         "damping is .*; give a law of the rate",
     ),
-    "memory that is none": (lambda: Contact(Compliance(1.0), memory=(3.0,)), "memory holds .*; give what contact"),
+    "memory that is none": (
+        lambda: Contact(Compliance(1.0), memory=(3.0,)),
+        "memory holds .*; give a list of internal variables",
+    ),
     "memory that is a class": (
         lambda: Contact(Compliance(1.0), memory=(Secant,)),  # type: ignore[arg-type]
         "memory holds the class Secant",

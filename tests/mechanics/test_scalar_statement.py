@@ -59,11 +59,11 @@ STOP = hv.ScalarContact(hv.Signorini(), 0.1)
         ({"contact": {"left": hv.Contact(hv.Signorini(), belt=(0.0, 1.0))}}, "a belt, which needs directions"),
         (
             {"area": hv.Contact(hv.Compliance(1.0), memory=(hv.laws.Wear(0.1),))},
-            "contact 'area': the memory 'wear' is of a slip beside the penetration",
+            "contact 'area': the memory 'wear' needs slip and penetration",
         ),
         (
             {"area": hv.Contact(hv.Adhesive(1.0, 0.1, softening=0.1), memory=(hv.laws.Secant(friction=0.2),))},
-            "the memory 'secant' is of a slip",
+            "the memory 'secant' needs slip",
         ),
         (
             {"area": hv.Contact(hv.laws.NoContact(), hv.Tresca(0.1), damping=hv.Compliance(1.0))},
@@ -72,10 +72,10 @@ STOP = hv.ScalarContact(hv.Signorini(), 0.1)
         ({"area": hv.Signorini()}, "area is .*; give ScalarContact"),
         ({"area": {"low": STOP}}, "area names region 'low'"),
         ({"mesh": HALVES, "area": {"low": hv.Signorini()}}, r"contact\['low'\] is .*; wrap the law"),
-        ({"area": STOP, "order": 2}, "whose corner weights vanish; take order=1"),
+        ({"area": STOP, "order": 2}, "whose corner weights vanish; use order = 1"),
         (
             {"contact": {"left": STOP}, "supports": {"left": 0.0}},
-            r"is held by a prescribed deflection \(support 'left', 4 common facets\)",
+            r"is constrained by a prescribed deflection \(support 'left', 4 common facets\)",
         ),
     ],
 )

@@ -307,13 +307,13 @@ def test_what_an_area_of_a_body_refuses(contact: Contact, words: str) -> None:
 
 def test_where_areas_are_refused() -> None:
     problem, _ = sheet()
-    with pytest.raises(hv.errors.ProblemError, match="take order=1"):
+    with pytest.raises(hv.errors.ProblemError, match="use order = 1"):
         replace(problem, order=2)
     with pytest.raises(hv.errors.ProblemError, match="'axisymmetric' has no contact over an area"):
         replace(problem, mesh=hv.rectangle((1.0, 1.0), 2), material=hv.Material.young(1.0, 0.3, plane="axisymmetric"))
     with pytest.raises(hv.errors.ProblemError, match="acts at the nodes; take Quadrature"):
         replace(problem, quadrature=Quadrature.MIDPOINT)
-    with pytest.raises(hv.errors.ProblemError, match="this one lies in space; take a bedding"):
+    with pytest.raises(hv.errors.ProblemError, match="this body is 3D; use a bedding"):
         hv.ContactProblem(hv.box((1.0, 1.0, 1.0), 1), hv.Material.young(1.0, 0.3), {"area": over(hv.Tresca(1.0))})
     with pytest.raises(hv.errors.ProblemError, match="'aera', which the mesh does not have"):
         replace(problem, contact={"aera": over(hv.Tresca(1.0))})

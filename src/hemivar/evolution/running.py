@@ -522,7 +522,7 @@ class TimeLoop:
         others = "sdirk2" if self.discrete.mass is None else "on a rigid obstacle moreau-jean or mass = 'redistributed'"
         return (
             f"the scheme {self.plan.scheme.name} made energy, {made:.3g} where loads, supports and the initial state "
-            f"gave {given:.3g}: this is no motion of the body. Take shorter steps or implicit-euler, or {others}",
+            f"gave {given:.3g}: the motion is not physical. Take shorter steps or implicit-euler, or {others}",
         )
 
     # ---- events ----------------------------------------------------------------------------------------------

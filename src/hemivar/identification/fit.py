@@ -460,20 +460,20 @@ def _with_messages(found: Fit, best: Array, ends: tuple[Array, Array]) -> Fit:
             )
             told.append(f"{name} is not identifiable from this curve: {how}")
         elif min(best[place] - low[place], high[place] - best[place]) <= 1e-6 * (high[place] - low[place]):
-            told.append(f"{name} ended at the end of its range, {found.values[place]:.3g}: widen the range")
+            told.append(f"{name} ended at the limit of its range, {found.values[place]:.3g}: widen the range")
     weak = [row for row, size in zip(found.directions, found.singular_values, strict=True) if size < 1.0 / _KNOWN]
     for row in weak:
         members = [one.key for one, share in zip(found.parameters, row, strict=True) if abs(share) > 0.3]
         if len(members) > 1:
-            told.append(f"the curve cannot tell {' and '.join(members)} apart: another pair fits as well")
+            told.append(f"the curve cannot distinguish {' and '.join(members)}: another pair fits as well")
     measured = found.measurements.values / found.measurements.scales
     varied = float(((measured - measured.mean(axis=0)) ** 2).sum())
     left = found.misfit**2 * measured.size
     if varied > 0.0 and left > (1.0 - _EXPLAINED) * varied:
         told.append(
-            f"the law explains {max(0.0, 1.0 - left / varied):.0%} of how the curve varies: take another law, "
-            "or look at the units and the order of the columns"
+            f"the law explains {max(0.0, 1.0 - left / varied):.0%} of the variation of the curve: use another law, "
+            f"or check the units and the order of the columns"
         )
     if np.isnan(found.certified).any():
-        told.append("a row has several solutions or no certificate: the intervals count the noise alone")
+        told.append("a row has several solutions or no certificate: the intervals include the noise only")
     return replace(found, messages=tuple(told))

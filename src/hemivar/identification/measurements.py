@@ -49,7 +49,7 @@ class Measurements(PickleMixin):
     def __post_init__(self) -> None:
         for kind, columns in (("set", self.inputs), ("measured", self.measured)):
             if not columns:
-                raise ProblemError(f"the measurements have no column of what was {kind}; name one, {_EXAMPLE}")
+                raise ProblemError(f"the measurements have no column of values that were {kind}; name one, {_EXAMPLE}")
         arrays = {}
         for name in ("inputs", "measured"):
             given = {
@@ -71,8 +71,8 @@ class Measurements(PickleMixin):
         for key, values in self.measured.items():
             if self.count > 1 and np.ptp(values) == 0.0:
                 raise ProblemError(
-                    f"column '{key}' is {values[0]:g} in every row, which tells nothing of a law; measure "
-                    "where it changes"
+                    f"column '{key}' is {values[0]:g} in every row, which does not determine a law; measure where "
+                    f"it changes"
                 )
 
     @property

@@ -100,7 +100,7 @@ class ContactLaw(NormalAndFriction):
         if len(laws) == 1:
             return laws[0][0]
         if not laws:
-            raise ProblemError("no contact point is left to put a law on")
+            raise ProblemError("no contact point is left for a law; choose at least one")
         bound: Array | StateBound
         if any(law.state_dependent for law, _ in laws):
             bound = stack_bounds(
@@ -390,8 +390,8 @@ def separable(law: VectorLaw, what: str) -> ContactLaw:
     if isinstance(law, ContactLaw):
         return law
     raise MethodError(
-        f"{law.not_separable}, and {what} is only known for a normal law with radial friction beside it; take such, "
-        "Adhesive(...) and Tresca(...) or the like"
+        f"{law.not_separable}, and {what} needs a normal law with separate radial friction; use a separable law, "
+        f"such as Adhesive with Tresca"
     )
 
 

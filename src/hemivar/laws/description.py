@@ -126,7 +126,9 @@ class LawDescription:
             alpha = f"alpha = {self.alpha:.6g}{sampled}"
         if self.falls_far_out and math.isfinite(self.alpha):
             alpha += "; the derivative falls without bound far out"
-        off = f"derivative by differences, within the reach off by about {self.derivative_accuracy:.1e} at most"
+        off = (
+            f"derivative by differences, within the reach with an error of about {self.derivative_accuracy:.1e} at most"
+        )
         by_differences = (off,) if self.derivative_accuracy > 0.0 else ()
         growth = (
             f"|dj(r)| <= {self.c0:.6g} + {self.c1:.6g} |r|{' (sampled)' if self.growth_sampled else ''}"

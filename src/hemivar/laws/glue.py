@@ -57,6 +57,6 @@ def glue_of(law: VectorLaw) -> Glue:
     if isinstance(law, Glue):
         return law
     raise MethodError(
-        f"law '{law.name}' has no effective opening whose largest value glue could remember; leave the memory "
-        "out, or take MixedMode(...)"
+        f"law '{law.name}' has no effective opening to store as an internal variable; leave the memory out, or use "
+        f"MixedMode(...)"
     )

@@ -98,7 +98,7 @@ class NormalAndFriction(Glue):
         told = self.normal.debonding(-known["opening"])
         if "damage" not in told or np.isnan(told["damage"]).any():
             raise ProblemError(
-                f"law '{self.normal.name}' has no damage on which friction could act; take Adhesive(...) or "
+                f"law '{self.normal.name}' has no damage on which friction could act; use Adhesive(...) or "
                 "MixedMode(...)"
             )
         return told["damage"]

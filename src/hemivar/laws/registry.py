@@ -152,7 +152,7 @@ _NORMAL = (
     _normal(
         "softening",
         Softening,
-        "springs that push up to the penetration limit, then give way gradually and are gone",
+        "springs that push up to the penetration limit, then soften gradually to zero",
         "j'(r) = stiffness r up to limit, then stiffness limit - softening (r - limit) down to 0",
     ),
     _normal(
@@ -177,7 +177,7 @@ _NORMAL = (
     _normal(
         "layered",
         Layered,
-        "layers that yield one after the other, each with its own stiffness, and lose pressure when they are used up",
+        "layers that yield one after the other, each with its own stiffness, and lose pressure at their lower end",
         "j'' = stiffnesses[i] within layer i; j' falls by drops[i] at its lower end",
     ),
     _normal(
@@ -280,8 +280,8 @@ def _mode_dependent(
         unit=LINE,
         example="0.5*(1 - exp(-(min(r, 0)^2 + 4*s^2)/2e-4)) + 5e3*max(r, 0)^2",
     ),
-    reach=parameter("length up to which constants and minimisers are looked for", LENGTH, 0.1),
-    penetration=word("what stops it: the formula, or nothing penetrates", "formula", "rigid"),
+    reach=parameter("length up to which constants and minimisers are computed", LENGTH, 0.1),
+    penetration=word("what resists penetration: the formula, or a rigid foundation", "formula", "rigid"),
 )
 def _coupled_formula(potential: str, reach: float, penetration: str = "formula", where: str = "") -> OwnCoupledLaw:
     return CoupledFormulaLaw(potential, reach=reach, rigid=penetration == "rigid", where=where)
@@ -291,22 +291,21 @@ _COUPLED = (
     _normal(
         "mixed-mode",
         _mixed_mode,
-        "glue that opens and slips through one effective opening and lets go with one fracture energy; stands for "
-        "friction, too",
+        "glue with one effective opening of opening and slip and one fracture energy; includes friction",
         "j(r) = Phi(rho), rho = sqrt(<w>^2 + ratio^2 |s|^2), with the opening w = -r and the slip s",
     ),
     _normal(
         "mode-dependent",
         _mode_dependent,
-        "bilinear glue with one fracture energy for opening and another for shear, by the mode of the solution (no "
-        "potential: solved by fixed point); stands for friction, too",
+        "bilinear glue with separate fracture energies in opening and shear, by the mode of the solution (no "
+        "potential: solved by fixed point); includes friction",
         "J(w, v) = Phi_B(w)(rho(v)), with the mode B of the state w",
     ),
     _normal(
         "coupled-formula",
         _coupled_formula,
-        "any potential of penetration and slip, as a formula of r (negative: opening) and the length s of the slip; "
-        "stands for friction, too",
+        "any potential of penetration and slip, as a formula of r (negative: opening) and the length s of the "
+        "slip; includes friction",
         "j(r, s) = potential",
     ),
 )
@@ -372,7 +371,7 @@ _FRICTION = (
     _friction(
         "orthotropic",
         _orthotropic,
-        "friction of at most bound along an axis of the surface and ratio bound across it, in space",
+        "friction of at most bound along an axis of the surface and ratio bound across it, in 3D",
         "j(s) = bound sqrt(s1^2 + ratio^2 s2^2)",
     ),
     _friction(
@@ -384,7 +383,7 @@ _FRICTION = (
     _friction(
         "logarithmic",
         Logarithmic,
-        "friction bound/(scale + slip), which falls to nothing with the slip",
+        "friction bound/(scale + slip), which falls to zero with the slip",
         "j(s) = bound ln(1 + |s|/scale)",
     ),
     _friction(
@@ -403,13 +402,13 @@ _FRICTION = (
     _friction(
         "table",
         _table_friction,
-        "friction bound times a CSV file with the columns r (slip >= 0) and derivative; the same backwards",
+        "friction bound times a CSV file with the columns r (slip >= 0) and derivative; the same in both directions",
         "j' from a table",
     ),
     _friction(
         "formula",
         _formula_friction,
-        "friction from any potential or its derivative, as a formula of the slip r >= 0; the same backwards",
+        "friction from any potential or its derivative, as a formula of the slip r >= 0; the same in both directions",
         "j(s) = bound potential(|s|)",
     ),
     _friction("none", NoFriction, "no friction", "j(s) = 0"),

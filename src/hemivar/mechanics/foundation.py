@@ -183,8 +183,8 @@ class Contact(CheckedFields, PickleMixin):
             )
         if self.friction.acts and not self.rubs:
             raise ProblemError(
-                f"a scalar contact has the law '{self.normal.name}' and the friction '{self.friction.name}', and its "
-                "one component is a penetration or a slip; give one of the two"
+                f"a scalar contact has the law '{self.normal.name}' and the friction '{self.friction.name}', but a "
+                f"scalar contact has one component; give one of the two"
             )
         if self.obstacle is not None or callable(self.belt) or np.any(self.belt):
             what = "a belt" if self.obstacle is None else "an obstacle"
@@ -200,7 +200,7 @@ class Contact(CheckedFields, PickleMixin):
             rubs = getattr(one, "friction", 0.0)
             if not isinstance(one, _OF_PENETRATION) or callable(rubs) or np.any(rubs):
                 raise ProblemError(
-                    f"the memory '{one.name}' is of a slip beside the penetration, and a scalar contact has no two; "
+                    f"the memory '{one.name}' needs slip and penetration, but a scalar contact has one component; "
                     f"give one of {', '.join(kind.__name__ for kind in _OF_PENETRATION)}, without friction"
                 )
 
@@ -212,7 +212,7 @@ class Contact(CheckedFields, PickleMixin):
         ProblemError
         """
         if dim != 2:
-            raise ProblemError("contact over a region is for plane bodies, and this one lies in space; take a bedding")
+            raise ProblemError("contact over a region is for plane bodies, and this body is 3D; use a bedding")
         if isinstance(self.normal, Superpotential) and not self.rubs:
             raise ProblemError(
                 f"contact over an area has the law '{self.normal.name}' of a penetration and the friction "
@@ -250,14 +250,14 @@ class Contact(CheckedFields, PickleMixin):
         for one in memory:
             if not isinstance(one, Memory):
                 raise ProblemError(
-                    f"memory holds {described(one)}; give what contact points may remember, a list of Secant(), "
+                    f"memory holds {described(one)}; give a list of internal variables, such as Secant(), "
                     "Wear(...) and the like"
                 )
             for part in fields(one):  # type: ignore[arg-type]
                 if law_depends_on_time(getattr(one, part.name)) or depends_on_time(getattr(one, part.name)):
                     raise ProblemError(
-                        f"{part.name} of memory '{one.name}' depends on time, which it cannot; of a foundation that "
-                        "changes with time state the law, the damping or the gap so"
+                        f"{part.name} of memory '{one.name}' depends on time, which it cannot; for a foundation "
+                        f"that changes with time make the law, the damping or the gap depend on it"
                     )
         object.__setattr__(self, "memory", tuple(memory))
 
@@ -276,8 +276,8 @@ class Contact(CheckedFields, PickleMixin):
             raise ProblemError("gap and obstacle are both given; the gap follows from the obstacle: leave one out")
         if isinstance(self.obstacle, SignedDistance) and depends_on_time(self.obstacle.function):
             raise ProblemError(
-                "the signed distance of an obstacle depends on time, which it cannot; for a foundation that moves "
-                "state a gap that depends on t"
+                "the signed distance of an obstacle depends on time, which it cannot; for a moving foundation give "
+                "a gap that depends on t"
             )
         given = Normals.OBSTACLE if self.normals is None else self.normals
         object.__setattr__(self, "normals", one_of(given, "normals", Normals, "Normals.OBSTACLE or Normals.BODY"))

@@ -36,8 +36,8 @@ class Isotropic(MaterialOfConstants):
         super().__post_init__()
         if self.axisymmetric and (self.viscosity is not None or self.branches):
             raise ProblemError(
-                "plane = 'axisymmetric' has no viscosity and no branches that relax; leave them out, or take a quarter "
-                "of the body in space"
+                "plane = 'axisymmetric' has no viscosity and no branches that relax; leave them out, or model a "
+                "quarter of the body in 3D"
             )
 
     @property

@@ -67,7 +67,7 @@ class BoundsBy(StrEnum):
 
 
 #: The metadata of the fields that are these words.
-_ACROSS = "what a plane mesh assumes across the plane"
+_ACROSS = "state across the plane: strain, stress or axisymmetric"
 PLANE = word(_ACROSS, *PlaneState) | kept(one_of, PlaneState)
 PLANE_OF_ENERGY = word(_ACROSS, PlaneState.STRAIN, PlaneState.STRESS)
 MEASURE = word("what is limited: the size of the deviator or of the whole strain", *StrainMeasure) | kept(

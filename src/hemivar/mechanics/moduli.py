@@ -173,7 +173,7 @@ class Moduli(PickleMixin):
         if bad.any():
             raise ProblemError(
                 f"the {self.name} matrix is not positive semidefinite{at(bad)} (lowest eigenvalue "
-                f"{lowest[bad][0]:g}): it would give energy; give one without negative eigenvalues"
+                f"{lowest[bad][0]:g}): it would create energy; give one without negative eigenvalues"
             )
 
 

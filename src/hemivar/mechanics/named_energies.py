@@ -101,7 +101,7 @@ class RambergOsgood(NamedEnergy):
     @property
     def formula(self) -> str:
         return "a bar stretches by sigma/E + offset (sigma/E) (sigma/yield_stress)^(exponent - 1)" + (
-            "; the tangent falls to zero, since linear_from is not given" if self.linear_from is None else ""
+            "; the tangent falls to zero, because linear_from is not given" if self.linear_from is None else ""
         )
 
     def invariants(self, points: Array, p: Array, s: Array) -> Invariants:

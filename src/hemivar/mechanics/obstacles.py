@@ -309,7 +309,7 @@ def obstacle_contact(
         gap = obstacle.along(points, body_normals)
         if not np.isfinite(gap).any():
             raise ProblemError(
-                f"{what}: no outward normal of the body meets the obstacle; turn the obstacle round (its free side is "
+                f"{what}: no outward normal of the body meets the obstacle; reverse the obstacle (its free side is "
                 f"where its distance is positive), move it, or take normals = 'obstacle'"
             )
         return body_normals, gap
@@ -340,7 +340,7 @@ def refuse_inside(obstacle: Obstacle, mesh: Mesh, contact_points: Array, what: s
     what : str
         Which contact it is, for messages.
     """
-    remedy = "turn the obstacle round (inside = true), or move it out of the body"
+    remedy = "reverse the obstacle (inside = true), or move it out of the body"
     depth = -obstacle.distance(mesh.points)
     if depth.min() > 0.0:
         raise ProblemError(f"{what}: the whole body lies inside the obstacle; {remedy}")

@@ -157,8 +157,8 @@ class ContactProblem(PickleMixin, ReprMixin):
         metadata=stated(
             Form.TEXT,
             'where the contact laws act: `"nodal"` at the nodes of the contact boundary, `"midpoint"` at the midpoints '
-            "of its facets (piecewise constant pressure; plane meshes only; a contact boundary held at both ends has "
-            "more midpoints than free nodes and is refused)",
+            "of its facets (piecewise constant pressure; plane meshes only; a contact boundary constrained at both "
+            "ends has more midpoints than free nodes and is rejected)",
             choices=tuple(Quadrature), table="mesh",
         ),
     )  # fmt: skip
@@ -166,8 +166,9 @@ class ContactProblem(PickleMixin, ReprMixin):
         default=0.0,
         metadata=stated(
             Form.QUANTITY,
-            "stiffness per volume of springs all over the body, a force `-bedding u` per volume (Winkler), >= 0 *(f)*; "
-            "such a body needs no support, and a warning says what digits a soft one costs",
+            "stiffness per volume of springs throughout the body, a force `-bedding u` per volume (Winkler), >= 0 "
+            "*(f)*; "
+            "such a body needs no support; a warning says how many digits a soft bedding costs",
             least=0.0, table="loads",
         ) | stated_of_one(Form.QUANTITY, least=0.0, table="loads"),
     )  # fmt: skip
@@ -294,7 +295,7 @@ class ContactProblem(PickleMixin, ReprMixin):
                 f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
             )
         if self.kind not in (None, ScalarKind.HEAT) and self.mesh.dim == 3:
-            raise ProblemError(f"kind = '{self.kind}' needs a plane mesh, and this one lies in space; take a rectangle")
+            raise ProblemError(f"kind = '{self.kind}' needs a plane mesh, and this one is 3D; use a rectangle")
         self.material.check_on(self.mesh.dim, list(self.mesh.regions))
         if self.material.axisymmetric:
             self._check_half_section()
@@ -310,7 +311,7 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _check_half_section(self) -> None:
         """Refuse what is no half of a section of a body of revolution."""
         if self.mesh.dim == 3:
-            raise ProblemError("plane = 'axisymmetric' is for plane meshes, and this one lies in space; leave it out")
+            raise ProblemError("plane = 'axisymmetric' is for plane meshes, and this one is 3D; leave it out")
         radius = self.mesh.points[:, 0]
         if radius.min() < -1e-9 * radius.max():
             raise ProblemError(
@@ -329,12 +330,12 @@ class ContactProblem(PickleMixin, ReprMixin):
             raise ProblemError("plane = 'axisymmetric' has no contact over an area; leave it out")
         if self.order == 2 and (self.areas or (self.kind and self.contact and self.mesh.dim == 3)):
             raise ProblemError(
-                "contact over an area (or on a boundary in space) is not available with elements of order 2, "
-                "whose corner weights vanish; take order=1"
+                "contact over an area (or on a boundary in 3D) is not available with elements of order 2, "
+                "whose corner weights vanish; use order = 1"
             )
         if self.contact and self.order == 2 and self.mesh.dim == 3:
             raise ProblemError(
-                "contact with elements of order 2 in 3D is not available (corner weights vanish); take order=1"
+                "contact with elements of order 2 in 3D is not available (corner weights vanish); use order = 1"
             )
         midpoint = self.quadrature is Quadrature.MIDPOINT
         if self.kind and midpoint:
@@ -468,7 +469,9 @@ class ContactProblem(PickleMixin, ReprMixin):
         count = self.mesh.number_of_nodes
         one, two = (facet_keys(self.mesh.boundaries[side], count) for side in (name, other))
         if np.isin(one, two).any():
-            raise ProblemError(f"{where}: the two share facets, and contact of a boundary with itself is not known")
+            raise ProblemError(
+                f"{where}: the two share facets, and self-contact is not available; name two separate boundaries"
+            )
         if self.quadrature is not Quadrature.NODAL:
             raise ProblemError(f"{where}: quadrature at midpoints is for foundations; take Quadrature.NODAL")
 
@@ -532,7 +535,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             for other, support in self.supports.items():
                 shared = int(np.isin(keys[first], keys[other]).sum())
                 if shared and not isinstance(support, Roller | Fixed):
-                    how = "clamped" if isinstance(support, Clamped) else f"held by a prescribed {self.unknown}"
+                    how = "clamped" if isinstance(support, Clamped) else f"constrained by a prescribed {self.unknown}"
                     raise ProblemError(
                         f"contact boundary '{first}' is {how} (support '{other}', {shared} common facets), so no "
                         "contact can happen there; remove one of the two"

@@ -102,12 +102,12 @@ class HeatContact(PickleMixin):
                 raise ProblemError("conductance and exchange are both given; give one of the two")
             if any(np.isneginf(self.exchange.asymptotic_curvature(sign)).any() for sign in (1.0, -1.0)):
                 raise ProblemError(
-                    f"the exchange '{self.exchange.name}' feeds heat in faster and faster, without "
-                    "end: no conduction balances it; give a law whose slope stays bounded below"
+                    f"the exchange '{self.exchange.name}' has a slope without a lower bound, so no conduction "
+                    f"balances the heat; give a law whose slope is bounded below"
                 )
             if law_depends_on_time(self.exchange):
                 raise ProblemError(
-                    "the law of an exchange of heat depends on time, which it cannot; let temperature do"
+                    "the law of an exchange of heat depends on time, which it cannot; give a temperature that does"
                 )
             check_own(self.exchange)
 
@@ -320,7 +320,7 @@ class Heat(PickleMixin):
         mesh = problem.mesh
         if problem.material.axisymmetric:
             raise ProblemError(
-                "plane = 'axisymmetric' has no heat; leave heat out, or take a quarter of the body in space"
+                "plane = 'axisymmetric' has no heat; leave heat out, or model a quarter of the body in 3D"
             )
         for name in self.contact:
             if name not in mesh.boundaries:

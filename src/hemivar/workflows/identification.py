@@ -136,7 +136,7 @@ def parameters_of_law(problem: str | Path, law: str, contact: str | None = None)
     tables = tomllib.loads(text).get("contact", {})
     names = [contact] if contact is not None else list(tables)
     if len(names) != 1 or names[0] not in tables:
-        raise ProblemError(f"name the contact boundary whose law is looked for: one of {', '.join(tables)}")
+        raise ProblemError(f"name the contact boundary whose law is to be fitted: one of {', '.join(tables)}")
     stated = tables[names[0]].get("normal", {})
     if law not in NORMAL_LAWS:
         raise ProblemError(f"normal law '{law}' is not known; choose one of {', '.join(NORMAL_LAWS)}")

@@ -216,7 +216,7 @@ def test_a_function_of_python_makes_an_estimate() -> None:
     for problem in (block(4, body=push), block(4, top=push), block(4, top=hv.Pressure(lambda x: x[:, 0]))):
         found = bounded(problem)
         assert not found.guaranteed
-        assert "is a function of Python, which is seen at points only" in found.reasons[0]
+        assert "is a function of Python, which is evaluated at points only" in found.reasons[0]
     adapted = hv.adapt.solve_adaptive(block(4, top=push), rtol=0.3)
     assert adapted.ended == "estimated"
     assert not adapted.reached
@@ -226,7 +226,7 @@ def test_a_formula_without_a_bound_makes_an_estimate() -> None:
     found = bounded(block(4, top=vector("0", "log(x)")))
     assert not found.guaranteed
     assert np.isfinite(found.distance)
-    assert found.reasons == ("tractions['top'] has no known bound near some points, and is seen at points only",)
+    assert found.reasons == ("tractions['top'] has no known bound near some points, and is evaluated at points only",)
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -350,7 +350,7 @@ def test_what_resists_at_rest_is_no_more_than_the_law_gives() -> None:
         (lambda: BilinearCohesion(30.0, 0.01, 1e4).at(None).knots, "must exceed the elastic energy"),
         (lambda: ExponentialCohesion(30.0, 0.045, 1e4).at(None).knots, "must exceed the elastic energy"),
         (lambda: TrapezoidalCohesion(30.0, 0.5, 1e4, -1.0).at(None), "at least 0"),
-        (lambda: TrapezoidalCohesion(30.0, 0.5, 1e4, 1.0).at(None).knots, "spends more than the fracture energy"),
+        (lambda: TrapezoidalCohesion(30.0, 0.5, 1e4, 1.0).at(None).knots, "takes more than the fracture energy"),
         (lambda: cohesion_table([0.0, 1.0], [0.0, 0.0]), "at least three"),
         (lambda: cohesion_table([0.0, 1.0, 2.0], [0.0, 1.0]), "3 openings and 2 tractions"),
         (lambda: cohesion_table([0.1, 1.0, 2.0], [0.0, 1.0, 0.0]), "they must increase, from 0"),

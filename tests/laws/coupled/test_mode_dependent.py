@@ -319,11 +319,13 @@ def test_laws_may_vary_over_the_boundary() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: MixedMode(PEEK), "has two fracture energies, and a superpotential that lets go has one"),  # type: ignore[arg-type]
-        (lambda: soft().value(np.zeros((1, 2))), "has no potential: a superpotential that lets go has one fracture"),
+        (lambda: MixedMode(PEEK), "has two fracture energies, and a superpotential that debonds has "
+        "one"),  # type: ignore[arg-type]
+        (lambda: soft().value(np.zeros((1, 2))), "has no potential: a superpotential that debonds has one fracture"),
         (lambda: soft().prox(np.zeros((1, 2)), np.ones((1, 2))), "has no potential"),
         (lambda: soft().downhill(np.ones((1, 2)), np.zeros((1, 2)), np.zeros((1, 2))), "has no potential"),
-        (lambda: ModeDependentGlue(80.0, 100.0, 1e6, "bk"), "the criterion of law 'mode-dependent' is 'bk'"),  # type: ignore[arg-type]
+        (lambda: ModeDependentGlue(80.0, 100.0, 1e6, "bk"), "the criterion of law 'mode-dependent' is "
+        "'bk'"),  # type: ignore[arg-type]
         (lambda: ModeDependentGlue(0.0, 100.0, 1e6, PEEK).at(None), "strength of law 'mode-dependent' is 0"),
         (lambda: ModeDependentGlue(80.0, -1.0, 1e6, PEEK).at(None), "it must be positive"),
         (lambda: ModeDependentGlue(80.0, 100.0, np.nan, PEEK).at(None), "finite number"),

@@ -198,7 +198,7 @@ def test_a_step_as_contact_points_see_it() -> None:
 def test_two_makers_of_the_friction_law_are_refused() -> None:
     rate = EACH["rate and state"]
     for parts in ((SlipSum(), SlipSum()), (rate, rate)):
-        with pytest.raises(ProblemError, match="both make the friction law"):
+        with pytest.raises(ProblemError, match="both define the friction law"):
             MemoryChain(parts)
     with pytest.raises(ProblemError, match=r"such as Secant\(\)"):
         MemoryChain((NoContact(),))  # type: ignore[arg-type]
@@ -253,5 +253,5 @@ def test_limits_that_nobody_reads_are_refused() -> None:
 
 def test_a_law_without_an_effective_opening_has_no_largest_one() -> None:
     law = CoupledFormulaLaw("r^2 + s^2", reach=1.0)
-    with pytest.raises(MethodError, match="has no effective opening whose largest value glue could remember"):
+    with pytest.raises(MethodError, match="has no effective opening to store as an internal variable"):
         Secant().start(law, np.zeros((1, 2)))

@@ -28,8 +28,8 @@ _KNOWN, _INSIDE = 5e-5, 0.02
 _MOST, _ROUNDS, _CHUNK = 1 << 15, 60, 1 << 13
 #: Part of the unknown that a round of cutting may leave as it is.
 _LEFT = 0.1
-_FUNCTION = "is a function of Python, which is seen at points only; a formula would be bounded"
-_UNBOUNDED = "has no known bound near some points, and is seen at points only"
+_FUNCTION = "is a function of Python, which is evaluated at points only; a formula would be bounded"
+_UNBOUNDED = "has no known bound near some points, and is evaluated at points only"
 #: Degree of the rules, by the dimension of the simplex: a polynomial of degree 4 is exact, weights are positive.
 _DEGREE = {1: 5, 2: 4, 3: 5}
 

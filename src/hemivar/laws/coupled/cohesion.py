@@ -80,7 +80,7 @@ class TrapezoidalCohesion(_Cohesion):
         fall = 2.0 * (length - plateau)
         if np.any(fall <= 0.0):
             raise ProblemError(
-                f"law '{self.name}': the plateau {plateau.max():g} spends more than the fracture energy; it must be "
+                f"law '{self.name}': the plateau {plateau.max():g} takes more than the fracture energy; it must be "
                 f"shorter than {np.min(length):g}"
             )
         if not plateau.any():

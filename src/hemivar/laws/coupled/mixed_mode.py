@@ -39,7 +39,7 @@ class MixedMode(Glue):
     The effective opening is ``rho = sqrt(<w>^2 + ratio^2 |s|^2)`` with the opening w = -r_nu and the slip s = r_tau;
     tractions follow ``Phi'(rho)``: ``Phi'/rho w`` along the normal, ``ratio^2 Phi'/rho s`` along the slip. The strength
     in shear is ``ratio`` times that in opening, and work from the bonded to any broken state is the fracture energy
-    ``G_c``, whatever the mode: a superpotential that lets go has one fracture energy.
+    ``G_c``, whatever the mode: a superpotential that debonds has one fracture energy.
 
     alpha is the largest softening rate k of Phi' for the opening and ``ratio^2 k`` for the slip.  It is reversible:
     what has opened closes along the same curve.
@@ -68,7 +68,7 @@ class MixedMode(Glue):
         if isinstance(self.cohesion, FractureCriterion):
             raise ProblemError(
                 f"the cohesion of law '{self.name}' is the criterion '{self.cohesion.name}', which has two fracture "
-                "energies, and a superpotential that lets go has one; take ModeDependentGlue(..., criterion=...)"
+                "energies, and a superpotential that debonds has one; take ModeDependentGlue(..., criterion=...)"
             )
         for what, law in (("cohesion", self.cohesion), ("compression", self.compression)):
             if not isinstance(law, Superpotential):
@@ -127,16 +127,16 @@ class MixedMode(Glue):
             )
         if table.jumps.any() or np.isfinite(table.lower).any() or np.isfinite(table.upper).any():
             raise ProblemError(
-                f"the cohesion '{name}' of law '{self.name}' jumps or ends; let it fall along a line instead, for "
-                "tractions are one curve"
+                f"the cohesion '{name}' of law '{self.name}' jumps or ends; give the drop a slope instead, because "
+                f"tractions must be one curve"
             )
         if (rise < -1e-12 * np.abs(rise).max(axis=1, keepdims=True)).any() or (slopes[:, middle] <= 0.0).any():
             raise ProblemError(
-                f"the cohesion '{name}' of law '{self.name}' pushes apart; its traction must be at least 0"
+                f"the cohesion '{name}' of law '{self.name}' has a negative traction; its traction must be at least 0"
             )
         if rise[:, -1].any() or slopes[:, -1].any():
             raise ProblemError(
-                f"the cohesion '{name}' of law '{self.name}' never lets go; its traction must end at zero"
+                f"the cohesion '{name}' of law '{self.name}' never debonds; its traction must end at zero"
             )
         try:
             pulls = self.compression.derivative(np.array([[-1e-9], [-1.0], [-1e9]]))

@@ -40,7 +40,7 @@ class ModeDependentGlue(Glue):
     which any mode is damaged; below it the mode has no effect. The law in v is :class:`MixedMode` with the fracture
     energy G_c(B) and the first damage of that mode.  A solution is a fixed point, w = v; :class:`FixedPoint` finds it.
 
-    There is no potential of both modes: a superpotential that lets go has one fracture energy.  The work to break
+    There is no potential of both modes: a superpotential that debonds has one fracture energy.  The work to break
     depends on the way.  The shear stiffness is by default that of Turon, Camanho, Costa and Renart (2010),
     ``stiffness (G_Ic/G_IIc) (shear strength / strength)^2``: the damage at a given rho/rho_0 is then the same in all
     modes of Benzeggagh and Kenane's criterion.
@@ -276,7 +276,7 @@ class ModeDependentGlue(Glue):
 
     def _refuse(self) -> NoReturn:
         raise ProblemError(
-            f"law '{self.name}' has no potential: a superpotential that lets go has one fracture energy, "
+            f"law '{self.name}' has no potential: a superpotential that debonds has one fracture energy, "
             "and this one depends on the mode; freeze the mode, frozen(r, lam), or take MixedMode"
         )
 

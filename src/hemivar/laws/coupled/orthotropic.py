@@ -173,8 +173,8 @@ class OrthotropicLaw(NormalAndFriction):
     def value(self, r: Array) -> Array:
         if r.shape[1] != 3:
             raise ProblemError(
-                f"orthotropic friction needs two tangential components, and there are {r.shape[1] - 1}; give a body "
-                "in space"
+                f"orthotropic friction needs two tangential components, and there are {r.shape[1] - 1}; give a "
+                f"body in 3D"
             )
         return self._plain.value(r[:, :1]) + self._size(r[:, 1:])
 

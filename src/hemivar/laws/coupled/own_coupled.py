@@ -98,7 +98,7 @@ class OwnCoupledLaw(VectorLaw):
         """Kinks and constants, in words."""
         normal, tangential = (float(alpha[0]) for alpha in self.weak_convexity)
         how = f"shown by intervals up to r, s = {self.reach:g}" if self._alpha[2] else "sampled"
-        shut = "rigid" if self.rigid else "as the potential says"
+        shut = "rigid" if self.rigid else "as the potential gives"
         kinks = [text for text, there in (("r = 0", self.hooked), ("s = 0", self.resting)) if there]
         return "\n".join(
             (

@@ -103,8 +103,8 @@ def _jump_at_zero(f: PlanePotential, reach: float, size: float) -> bool:
     if (jump < -_JUMP * size).any():
         i = int(np.argmin(jump))
         raise ProblemError(
-            f"the derivative of {f.shown} by r falls by {-jump[i]:.4g} at r = 0, s = {_shown(s[i], reach)}; let it "
-            "fall along a slope instead"
+            f"the derivative of {f.shown} by r falls by {-jump[i]:.4g} at r = 0, s = {_shown(s[i], reach)}; give "
+            f"the drop a slope instead"
         )
     return bool((jump > _JUMP * size).any())
 
@@ -138,7 +138,7 @@ def _check_line(f: PlanePotential, places: Array, reach: float, size: float) -> 
         i = int(np.argmax(jump))
         raise ProblemError(
             f"the derivative of {f.shown} jumps by {jump[i]:.4g} at r = {_shown(first[i, 0], reach)}, s = "
-            f"{_shown(first[i, 1], reach)}; it may jump at r = 0 only: let it change along a slope"
+            f"{_shown(first[i, 1], reach)}; it may jump at r = 0 only: give the change a slope"
         )
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
     at = middle[:, None, :] + half[:, None, :] * _NODES[:, None]

@@ -96,7 +96,7 @@ class ShiftedLaw(LawBeside):
 
     @property
     def not_separable(self) -> str:
-        return "the slip of this law is counted from a slip that it remembers"
+        return "the slip of this law is counted from a stored slip"
 
     def at(self, points: Array | None) -> ShiftedLaw:
         if points is not None and len(self.shift) not in (1, len(points)):

@@ -184,7 +184,7 @@ class PenetrationBound(StateBound):
             first, second = source
         except (TypeError, ValueError):
             raise ProblemError(
-                "a friction bound is none of a table, a formula and a function; give (s, bound), text, or callable"
+                "a friction bound must be a table, a formula or a function; give (s, bound), text, or callable"
             ) from None
         s = real_array(first, "s of the friction bound", finite=False)
         bound = real_array(second, "the friction bound", finite=False)

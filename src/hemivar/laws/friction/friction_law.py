@@ -212,7 +212,7 @@ def _check_one(profile: Superpotential) -> None:
         forward, backward = one.derivative(s), one.derivative(-s)
         inside = (s <= one.domain.upper) & (-s >= one.domain.lower)
     if float(one.domain.upper.ravel()[0]) != -float(one.domain.lower.ravel()[0]):
-        raise ProblemError(f"law '{profile.name}' ends on one side; a friction law must be the same backwards")
+        raise ProblemError(f"law '{profile.name}' ends on one side; a friction law must be even")
     scale = float(np.abs(forward[inside & np.isfinite(forward)]).max(initial=0.0))
     uneven = inside & ~(np.abs(forward + backward) <= 1e-6 * (np.abs(forward) + 1e-3 * scale))
     if uneven.any():
@@ -263,7 +263,7 @@ class OrthotropicFriction(Friction):
         axis = real_array(self.axis, "axis of the orthotropic friction", 1)
         if axis.shape != (3,) or not np.abs(axis).max() > 0.0:
             raise ProblemError(
-                f"axis of the orthotropic friction is {axis.tolist()}; give a direction in space, such as (1, 0, 0)"
+                f"axis of the orthotropic friction is {axis.tolist()}; give a direction in 3D, such as (1, 0, 0)"
             )
         object.__setattr__(self, "axis", tuple(axis.tolist()))
         if not callable(self.ratio):

@@ -39,7 +39,7 @@ class Bonding(Memory):
     """
 
     stiffness: Parameter = field(metadata=parameter("stiffness of the bond", RATE, least=0.0))
-    energy: Parameter = field(metadata=parameter("energy beneath which nothing breaks", LINE, least=0.0))
+    energy: Parameter = field(metadata=parameter("energy below which nothing breaks", LINE, least=0.0))
     viscosity: Parameter = field(metadata=positive("viscosity of the bond", "force/length time"))
     name: ClassVar[str] = "bonding"
     of_state = True
@@ -90,8 +90,8 @@ class PenetrationMemory(Memory):
         > 0.
     """
 
-    stiffness: Parameter = field(metadata=parameter("stiffness of what is remembered", f"{RATE}/time"))
-    time: Parameter = field(metadata=positive("time in which it forgets", "time"))
+    stiffness: Parameter = field(metadata=parameter("stiffness of the Maxwell branch", f"{RATE}/time"))
+    time: Parameter = field(metadata=positive("relaxation time", "time"))
     name: ClassVar[str] = "penetration-memory"
 
     def start(self, law: VectorLaw, r: Array) -> MemoryState:

@@ -72,7 +72,7 @@ class Secant(Memory):
         if isinstance(law, NormalAndFriction) and law.friction.acts:
             raise ProblemError(
                 f"the memory '{self.name}' has friction on the damaged share, and the friction '{law.friction.name}' "
-                "acts on the same boundary; leave one of both out"
+                "acts on the same boundary; leave one of the two out"
             )
         if law.depends_on_whole_state:
             raise ProblemError(

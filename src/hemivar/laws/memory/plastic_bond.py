@@ -117,8 +117,8 @@ class PlasticBond(Memory):
         friction = self.parts_of(law).friction
         if friction.acts:
             raise ProblemError(
-                f"the memory '{self.name}' stands beside the friction '{friction.name}' of the same boundary, and a "
-                "bond resists slip by itself; leave the friction out"
+                f"the memory '{self.name}' is combined with the friction '{friction.name}' of the same boundary, "
+                f"and a bond already resists slip; leave the friction out"
             )
         return kept(bond=np.ones(len(r)), plastic_slip=np.zeros((len(r), r.shape[1] - 1)))
 

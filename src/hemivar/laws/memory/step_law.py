@@ -42,12 +42,11 @@ class MemoryChain(Memory):
         for one in ("of_slip", "takes_friction"):
             names = [part.name for part in parts if getattr(part, one, False)]
             if len(names) > 1:
-                raise ProblemError(f"the memories {' and '.join(names)} both make the friction law; leave one out")
+                raise ProblemError(f"the memories {' and '.join(names)} both define the friction law; leave one out")
         for part in parts[:-1]:
             if part.couples:
                 raise ProblemError(
-                    f"the memory '{part.name}' makes opening and slip act together, and others come after it; put it "
-                    "last"
+                    f"the memory '{part.name}' couples opening and slip, and others follow it; put it last"
                 )
         object.__setattr__(self, "parts", parts)
 

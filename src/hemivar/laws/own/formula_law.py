@@ -336,7 +336,7 @@ def _beyond(third: SmoothFormula, reach: float, sides: Sequence[float]) -> list[
 #: What a problem file says of any formula.
 FORMULA = {
     "kinks": numbers("further places where a derivative jumps", LENGTH),
-    "reach": parameter("length up to which kinks and constants are looked for", LENGTH),
+    "reach": parameter("length up to which kinks and constants are computed", LENGTH),
 }
 
 

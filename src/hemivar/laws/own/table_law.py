@@ -58,7 +58,8 @@ def check_points(
             (
                 x < 0.0,
                 lambda i: (
-                    f"r = {x[i]:g} is negative; a friction law is given for slips r >= 0 and is the same backwards"
+                    f"r = {x[i]:g} is negative; a friction law is given for slips r >= 0 and is the same in both "
+                    f"directions"
                 ),
             ),
             (y < 0.0, lambda i: f"the friction {y[i]:g} is negative; it must be at least 0 to oppose the slip"),
@@ -72,7 +73,7 @@ def check_points(
 
 #: What a problem file says of a table.
 TABLE = stated(Form.FILE, "the CSV file", key="file", unit="path")
-EXTEND = word("how the derivative goes on beyond the table", *Extension)
+EXTEND = word("how the derivative continues beyond the table", *Extension)
 
 
 @known_keywords

@@ -309,12 +309,12 @@ def pushing(law: Superpotential, damping: Superpotential) -> Superpotential:
     for one in (law, damping):
         if not one.convex:
             raise ProblemError(
-                f"law '{one.name}' is not monotone (alpha = {one.weak_convexity.max():.4g}); damping that cannot pull "
-                f"needs a monotone law, take it as damping without that"
+                f"law '{one.name}' is not monotone (alpha = {one.weak_convexity.max():.4g}); damping that cannot "
+                f"pull needs a monotone law; use plain damping"
             )
     if (law.domain.upper <= 0.0).any():
         raise ProblemError(
-            f"law '{law.name}' allows no penetration, so that there is nothing to damp; take springs such as Compliance"
+            f"law '{law.name}' allows no penetration, so there is nothing to damp; use springs such as Compliance"
         )
     base, total = table_of(law) or law, plus(law, damping)
     rows = max(base.knots.shape[0], total.knots.shape[0])

@@ -63,8 +63,8 @@ def envelope(law: Superpotential, compliance: Array | float) -> Superpotential:
         i = int(np.argmax(product))
         c, worst = (float(np.broadcast_to(x, product.shape)[i]) for x in (known, alpha))
         raise ProblemError(
-            f"law '{law.name}' snaps in series with the compliance {c:.4g}: compliance times alpha = "
-            f"{product[i]:.4g} >= 1; keep the compliance below {1.0 / worst:.4g}, by a shorter step or less slip in it"
+            f"law '{law.name}' is unstable in series with the compliance {c:.4g}: compliance times alpha = "
+            f"{product[i]:.4g} >= 1; keep the compliance below {1.0 / worst:.4g}, with a shorter step"
         )
     made = EnvelopeLaw(law, known)
     base = table_of(law)
