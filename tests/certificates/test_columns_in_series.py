@@ -1,4 +1,4 @@
-"""Two columns on one another: their compliances add up, and with them margin, uniqueness and kind are in closed form."""
+"""Two columns on one another: compliances add up, and with them margin, uniqueness and kind have a closed form."""
 
 from __future__ import annotations
 
