@@ -82,6 +82,39 @@ def test_glue_between_meshes_that_do_not_match_carries_a_linear_field() -> None:
     np.testing.assert_allclose(solution.displacement, mesh.points @ strain.T, atol=1e-14)
 
 
+@pytest.mark.parametrize("degrees", [0.0, 30.0])
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("held", [("left",), ("left", "right")])
+@pytest.mark.parametrize(("slave", "exact"), [("u:bottom", True), ("l:top", False)])
+def test_shear_goes_through_where_supports_hold_ends_tangentially(
+    slave: str, exact: bool, held: tuple[str, ...], order: int, degrees: float
+) -> None:
+    """Rollers at the sides hold the ends along the contact: exact where the finer side has the contact points.
+
+    On the coarser one the end has no multiplier for friction, whose part of the shear reaches no node beside the end.
+    """
+    shear, down = 0.02, 0.03
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn = np.array([[c, -s], [s, c]])
+    stress = turn @ np.array([[0.0, 5.0 * shear], [5.0 * shear, -10.0 * down]]) @ turn.T
+
+    def field(x: Array) -> Array:
+        own = x @ turn
+        return np.asarray(np.column_stack([np.zeros(len(x)), shear * own[:, 0] - down * own[:, 1]]) @ turn.T)
+
+    ways = {"left": (-1.0, 0.0), "right": (1.0, 0.0)}
+    pull = {f"{part}:{side}": tuple(stress @ turn @ way) for part in "ul" for side, way in ways.items()}
+    problem = hv.ContactProblem(
+        blocks((6, 2), (4, 2), degrees), hv.Material.young(10.0, 0.0),
+        {"u:bottom": hv.Contact(hv.Signorini(), hv.Tresca(50.0), against="l:top", slave=slave)},
+        {"l:bottom": hv.Prescribed(field)} | {f"{part}:{side}": hv.Roller() for part in "ul" for side in held},
+        tractions=pull | {"u:top": tuple(stress @ turn @ (0.0, 1.0))}, order=order,  # type: ignore[arg-type]
+    )  # fmt: skip
+    solution = hv.solve(problem)
+    off = np.abs(solution.displacement - field(problem.mesh.nodes(order))).max() / shear
+    assert off < (1e-13 if exact else 0.01)
+
+
 @pytest.mark.parametrize("sizes", [PLANE, SPACE], ids=["plane", "space"])
 @pytest.mark.parametrize("slave", ["u:bottom", "l:top"])
 def test_forces_on_the_two_bodies_are_opposite_to_rounding(

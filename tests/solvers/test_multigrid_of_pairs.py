@@ -183,3 +183,14 @@ def test_where_one_body_has_no_coarser_mesh_levels_go_on_without() -> None:
     assert cycles(problem) <= APART * cycles(one_body(80, hv.Contact(hv.Signorini())))
     hierarchy = body_on_levels.ElasticMultigrid.of(hv.discretize(problem))
     assert len(hierarchy.steps) == 1
+
+
+@pytest.mark.parametrize(("upper", "lower"), [(8, 8), (12, 8)])
+@pytest.mark.parametrize("friction", [hv.laws.NoFriction(), hv.Tresca(0.02)], ids=["frictionless", "tresca"])
+def test_quadratic_elements_of_a_pair_take_little_more_than_those_of_one_body(
+    friction: hv.laws.Friction, upper: int, lower: int
+) -> None:
+    """Both by aggregation: there is no hierarchy of quadratic elements."""
+    pair = replace(pressed(blocks(upper, lower), replace(TOUCHING, friction=friction)), order=2)
+    alone = replace(one_body(upper, hv.Contact(hv.Signorini(), friction)), order=2)
+    assert cycles(pair) <= 2.0 * cycles(alone)
