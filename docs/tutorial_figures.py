@@ -24,6 +24,7 @@ PAGES = (
     "glue",
     "bodies",
     "nonlinear",
+    "own-elements",
     "figures",
 )
 _PART = re.compile(

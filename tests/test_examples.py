@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import io
 import json
 import math
 import os
@@ -36,11 +38,12 @@ NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py") if not path.stem.star
 
 @functools.cache
 def run(name: str) -> dict[str, Any]:
-    """What an example has defined when it has run."""
+    """What an example has defined when it has run, and printed."""
     matplotlib.use("Agg")
-    found = runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        found = runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
     plt.close("all")
-    return found
+    return found | {"printed": printed.getvalue()}
 
 
 @dataclass(frozen=True)
@@ -623,6 +626,22 @@ def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     names: dict[str, object] = {}
     for block in re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
         exec(compile(block, str(page), "exec"), names)
+
+
+def test_own_elements_states_what_its_examples_print_and_shows_their_code() -> None:
+    text = (EXAMPLES.parent / "docs" / "own-elements.md").read_text(encoding="utf-8")
+    section = text.split("## Examples with closed forms")[1].split("## ")[0]
+    rows = [line.split("|")[1:-1] for line in section.splitlines() if line.startswith("|")][2:]
+    assert len(rows) >= 8
+    name = ""
+    for example, *_, by_hand, computed in rows:
+        name = (re.findall(r"examples/(\w+)\.py", example) or [name])[0]
+        for figure in (by_hand, computed):
+            assert figure.split()[0] in run(name)["printed"], f"{name} does not print {figure}"
+    code = (EXAMPLES / "slip_flow.py").read_text(encoding="utf-8")
+    block = text.split("DRAG = ")[1].split("slips = ")[0].splitlines()
+    assert len(block) > 10
+    assert all(line in code for line in block)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
