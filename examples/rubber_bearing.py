@@ -2,10 +2,10 @@ r"""
 An incompressible bearing: glued above, rubbing below
 =====================================================
 
-A rubber strip of width b and height h is glued to a plate that comes down by D. Rubber keeps its volume, :math:`\nu =
-1/2`, so that Lame's lambda is infinite: a pressure is computed beside the displacement (P2/P1, plane strain). In a
-thin strip the rubber is squeezed out like a viscous film. With friction of the bound g below, the film sticks
-up to :math:`x_s = g h^2/(6 \mu D)` from the middle and slips beyond, and
+A rubber strip of width b and height h is glued to a plate that comes down by D. Rubber keeps its volume: Poisson's
+ratio is 1/2, and a pressure is computed beside the displacement (P2/P1, plane strain). A thin strip is squeezed out
+like a viscous film. With friction of the bound g below, it sticks up to :math:`x_s = g h^2/(6 \mu D)` from the middle,
+slips beyond, and
 
 .. math:: -p' = 12 \mu D x/h^3 \quad (x < x_s), \qquad -p' = 3 \mu D x/h^3 + 3 g/(2h) \quad (x > x_s).
 """
@@ -18,7 +18,6 @@ from skfem.helpers import ddot, div, sym_grad
 import hemivar as hv
 
 MU, HEIGHT, DOWN, BOUND = 1.0, 1.0, 0.01, 0.12  # MPa, mm, mm, MPa
-
 
 rubber = skfem.BilinearForm(lambda u, p, v, q, w: 2.0 * MU * ddot(sym_grad(u), sym_grad(v)) - div(u) * q - div(v) * p)
 
