@@ -18,11 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.compiled_patches import Prices
-from hemivar.certificates.continuous.patches import PatchKind, cell_patches, facet_patches
+from hemivar.certificates.continuous.facet_table import FacetTable
+from hemivar.certificates.continuous.patches import PatchKind, cell_patches
 from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
 from hemivar.fem.elements import voigt_index
 from hemivar.mesh.keys import EDGES
@@ -44,6 +45,9 @@ _LAST = 0.25
 _MOST, _RENEWED = 24, 4
 #: Cells whose numbers are held at a time.
 _CELLS = 1 << 12
+
+#: The ends of the edges of a cell, as :func:`cell_patches` numbers them.
+_ENDS = {2: ((1, 2), (0, 2), (0, 1)), 3: EDGES[3]}
 
 _Price = Callable[[], ContactPenalty | None]
 
@@ -161,36 +165,48 @@ def unresolved(data: BodyData) -> float:
     Of their ``r(v)^2 / a(v, v)``, with the r of the displacement and v in all directions of a bubble, the sum.
     """
     table, dim = data.table, data.table.dim
-    of_cells = cell_patches(table, PatchKind.EDGE)
-    outer = facet_patches(table, PatchKind.EDGE)[~table.interior]
-    pairs = EDGES[3] if dim == 3 else ((1, 2), (0, 2), (0, 1))  # facet i of a triangle is opposite to vertex i
-    count = int(of_cells.max()) + 1
-    residual, matrix = np.zeros((count, dim)), np.zeros((count, dim, dim))
-    stiffness = np.linalg.inv(data.compliance)
-    index = voigt_index(dim)
+    edges = cell_patches(table, PatchKind.EDGE).T
+    count = int(edges.max()) + 1
+    pairs = [(a, b) for a in range(dim) for b in range(a, dim)]
+    residual, square = np.zeros((dim, count)), np.zeros((len(pairs), count))
+    stiffness, index = np.linalg.inv(data.compliance), voigt_index(dim)
     tensor = stiffness[:, index[:, :, None, None], index]  # C_ikjl
-    gradients, volumes = table.gradients, table.volumes
-    loads = data.loads.sum(axis=1) / ((dim + 1) * (dim + 2))
-    for number, (a, b) in enumerate(pairs):
-        one, two, edge = gradients[:, a], gradients[:, b], of_cells[:, number]
-        push = loads - (volumes / (dim + 1))[:, None] * np.einsum("mij,mj->mi", data.stress, one + two)
-        outward = one + two
-        square = _outer(one, one) + _outer(two, two) + _outer(outward, outward)
-        square *= (volumes / ((dim + 1) * (dim + 2)))[:, None, None]
-        if len(tensor) > 1:
-            square = np.einsum("mikjl,mkl->mij", tensor, square)
-        for at in np.ndindex(dim, dim):
-            matrix[(..., *at)] += np.bincount(edge, square[(..., *at)], count)
+    alike = len(tensor) == 1
+    if not alike:
+        square, pairs = np.zeros((dim * dim, count)), list(np.ndindex(dim, dim))
+        wide = np.ascontiguousarray(tensor.transpose(0, 1, 3, 2, 4)).reshape(len(tensor), dim * dim, dim * dim)
+    gradients = np.ascontiguousarray(table.gradients.transpose(1, 2, 0))  # cells last
+    stress = np.ascontiguousarray(data.stress.transpose(1, 2, 0)) * (table.volumes / (dim + 1))
+    load = data.loads.sum(axis=1).T / ((dim + 1) * (dim + 2))
+    size = table.volumes / ((dim + 1) * (dim + 2))
+    for edge, (one, two) in zip(edges, _ENDS[dim], strict=True):
+        out = gradients[one] + gradients[two]
         for i in range(dim):
-            residual[:, i] += np.bincount(edge, push[:, i], count)
-    if len(tensor) == 1:
-        matrix = np.einsum("ikjl,mkl->mij", tensor[0], matrix)
-    inside = np.ones(count, dtype=bool)
-    inside[outer] = False
-    inside[np.bincount(of_cells.ravel(), minlength=count) == 0] = False
-    found = np.linalg.solve(matrix[inside], residual[inside][:, :, None])[:, :, 0]
-    return float(np.sqrt(max(np.vdot(found, residual[inside]), 0.0)))
+            residual[i] += np.bincount(edge, load[i] - sum(stress[i, j] * out[j] for j in range(dim)), count)
+        three = (gradients[one], gradients[two], out)
+        found = [size * sum(each[i] * each[j] for each in three) for i, j in pairs]
+        if not alike:
+            found = list((wide @ np.stack(found, axis=1)[:, :, None])[:, :, 0].T)
+        for row, each in zip(square, found, strict=True):
+            row += np.bincount(edge, each, count)
+    matrix = np.empty((count, dim, dim))
+    for row, (i, j) in zip(square, pairs, strict=True):
+        matrix[:, i, j] = row
+        if alike:
+            matrix[:, j, i] = row
+    if alike:
+        wide = tensor[0].transpose(0, 2, 1, 3).reshape(dim * dim, dim * dim)
+        matrix = (matrix.reshape(count, -1) @ wide.T).reshape(matrix.shape)
+    inside = _inside(table, edges, count)
+    right = residual.T[inside]
+    found_ = np.linalg.solve(matrix[inside], right[:, :, None])[:, :, 0]
+    return float(np.sqrt(max(np.vdot(found_, right), 0.0)))
 
 
-def _outer(one: Array, two: Array) -> Array:
-    return np.asarray(one[:, :, None] * two[:, None])
+def _inside(table: FacetTable, edges: IntArray, count: int) -> BoolArray:
+    """Which edges, given by those of cells (e, M), are inside of the body."""
+    inside = np.bincount(edges.ravel(), minlength=count) > 0
+    cell, opposite = np.nonzero(~table.interior[table.cell_facets])
+    for edge, ends in zip(edges, _ENDS[table.dim], strict=True):
+        inside[edge[cell[~np.isin(opposite, ends)]]] = False
+    return inside

@@ -16,7 +16,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.mesh.keys import EDGES, facet_keys
+from hemivar.mesh.keys import EDGES, facet_keys, pair_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["FacetTable", "facet_table", "facet_vertices"]
@@ -105,6 +105,18 @@ class FacetTable:
     def interior(self) -> BoolArray:
         """Which facets lie inside of one body, shape (F,)."""
         return np.asarray((self.owners[:, 1] >= 0) & ~self.cut)
+
+    def edge_numbers(self, simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:
+        """Numbers (k, e) of edges, by local ends in simplices (k, l); edges at one place have one number."""
+        count = self.mesh.number_of_nodes
+        known = np.unique(pair_keys(self.places[np.asarray(self.mesh.edges, dtype=np.int64)], count))
+        ends = np.stack([simplices[:, pair] for pair in pairs], axis=1)
+        return np.asarray(np.searchsorted(known, pair_keys(self.places[ends], count)))
+
+    @cached_property
+    def cell_edges(self) -> IntArray:
+        """The edges of the cells by their numbers, in the order of ``EDGES``, shape (M, e)."""
+        return self.edge_numbers(self.cells, EDGES[self.dim])
 
     @cached_property
     def _keys(self) -> IntArray:

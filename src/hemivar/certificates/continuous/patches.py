@@ -22,7 +22,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.facet_table import FacetTable
-from hemivar.mesh.keys import EDGES, pair_keys
+from hemivar.mesh.keys import EDGES
 
 __all__ = [
     "FACET_EDGES",
@@ -168,7 +168,7 @@ def facet_patches(table: FacetTable, kind: PatchKind) -> IntArray:
         return table.places[table.facets]
     if kind is PatchKind.FACET or table.dim == 2:
         return np.arange(len(table.facets))[:, None]
-    return _edges(table, table.facets, EDGES[2])
+    return table.edge_numbers(table.facets, EDGES[2])
 
 
 def cell_patches(table: FacetTable, kind: PatchKind) -> IntArray:
@@ -177,7 +177,7 @@ def cell_patches(table: FacetTable, kind: PatchKind) -> IntArray:
         return table.places[table.cells]
     if kind is PatchKind.FACET or table.dim == 2:
         return table.cell_facets
-    return _edges(table, table.cells, EDGES[3])
+    return table.cell_edges
 
 
 def patch_sides(dim: int, kind: PatchKind) -> IntArray:
@@ -187,14 +187,6 @@ def patch_sides(dim: int, kind: PatchKind) -> IntArray:
         return np.arange(dim + 1)[:, None]
     corners = [(a,) for a in every] if kind is PatchKind.VERTEX else EDGES[3]
     return np.array([[facet for facet in every if facet not in corner] for corner in corners])
-
-
-def _edges(table: FacetTable, simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:
-    """Numbers of edges of the mesh, by local ends in simplices; edges at one place have one number."""
-    count = table.mesh.number_of_nodes
-    known = np.unique(pair_keys(table.places[np.asarray(table.mesh.edges, dtype=np.int64)], count))
-    ends = np.stack([simplices[:, pair] for pair in pairs], axis=1)
-    return np.asarray(np.searchsorted(known, pair_keys(table.places[ends], count)))
 
 
 def lowering(matrix: Array, slope: Array, change: Array) -> BoolArray:
