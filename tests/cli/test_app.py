@@ -408,6 +408,12 @@ BAD_COMMANDS: dict[str, tuple[list[str], list[str]]] = {
     "folder as output": (["solve", "part.toml", "--plot", "results.png"], ["--plot", "this is a folder"]),
     "figure suffix": (["solve", "part.toml", "--plot", "a.gif"], ["--plot a.gif", ".png or .svg or .pdf"]),
     "JSON suffix": (["solve", "part.toml", "--json", "a.txt"], ["--json a.txt", ".json"]),
+    "arrays without JSON": (["solve", "part.toml", "--arrays", "a.npz"], ["--arrays goes with --json"]),
+    "arrays suffix": (["solve", "part.toml", "--json", "a.json", "--arrays", "a.npy"], ["--arrays a.npy", ".npz"]),
+    "arrays elsewhere": (
+        ["solve", "part.toml", "--json", "a.json", "--arrays", "../a.npz"],
+        ["--arrays ../a.npz", "in the folder of --json"],
+    ),
     "VTU suffix": (["solve", "part.toml", "--vtu", "a.vtk"], ["--vtu a.vtk", ".vtu"]),
     "CSV suffix": (["compare", "part.toml", "--csv", "a.xls"], ["--csv a.xls", ".csv"]),
     "odd cells for a warm start": (["solve", "odd.toml", "--warm-start"], ["odd.toml", "--warm-start", "even"]),
@@ -522,6 +528,16 @@ def test_solve_prints_a_summary_and_writes_files(folder: Path, capsys: pytest.Ca
     assert len(record["contact"]["x"]) == 4
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / "c.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_arrays_stand_beside_the_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "part.toml").write_text(BASE)
+    code, out, err = run(capsys, "solve", "part.toml", "--json", "a.json", "--arrays", "a.npz")
+    assert (code, err) == (0, "")
+    assert re.search(r"^written +a\.json, a\.npz$", out, re.MULTILINE)
+    assert "displacement" not in json.loads((folder / "a.json").read_text())
+    code, out, _ = run(capsys, "certify", "part.toml", "--solution", "a.json")
+    assert code == 0
 
 
 def test_quiet_prints_no_steps(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, von_mises
-from hemivar.files import read_json, solution_record, write_csv, write_json, write_vtu
+from hemivar.files import read_json, read_solution, solution_record, write_csv, write_json, write_vtu
 from hemivar.files.boundary import contact_boundaries
 from hemivar.gallery import beam, survey_cube
 from hemivar.laws import Compliance, Signorini
@@ -38,6 +38,48 @@ def test_json_holds_the_solution(plane: Solution, tmp_path: Path) -> None:
     assert sum(
         w for w, s in zip(contact["weight"], contact["normal_state"], strict=True) if s != "open"
     ) == pytest.approx(record["contact_length"])
+
+
+def test_arrays_of_a_large_solution_stand_beside_its_json(plane: Solution, tmp_path: Path) -> None:
+    path, beside = tmp_path / "solution.json", tmp_path / "solution.npz"
+    plane.to_json(path, arrays=beside)
+    told = json.loads(path.read_text())
+    assert told["arrays"] == "solution.npz"
+    assert "displacement" not in told
+    assert "pressure" not in told["contact"]
+    plain = solution_record(plane)
+    with np.load(beside) as arrays:
+        assert np.array_equal(arrays["displacement"], plane.displacement)
+        assert np.array_equal(arrays["contact.pressure"], plane.pressure)
+    record = read_json(path)
+    assert record.keys() == plain.keys() | {"arrays"}
+    assert record["contact"].keys() == plain["contact"].keys()
+    assert all(np.array_equal(one, plain["contact"][key]) for key, one in record["contact"].items())
+    unknowns, multiplier = read_solution(path, plane.problem)
+    np.testing.assert_allclose(unknowns, plane.unknowns, atol=1e-15)
+    assert multiplier is not None
+    assert np.array_equal(multiplier, plane.multiplier)
+
+
+def test_arrays_beside_a_json_that_are_wrong_are_refused(plane: Solution, tmp_path: Path) -> None:
+    path, beside = tmp_path / "solution.json", tmp_path / "solution.npz"
+    with pytest.raises(ProblemError, match="must be in the folder of"):
+        write_json(plane, path, arrays=tmp_path / "other" / "solution.npz")
+    write_json(plane, path, arrays=beside)
+    whole = beside.read_bytes()
+    beside.write_bytes(whole[:-200])
+    with pytest.raises(ProblemError, match="holds no arrays of a result"):
+        read_json(path)
+    number = whole.index(plane.displacement[plane.displacement != 0.0][:1].tobytes())
+    beside.write_bytes(whole[:number] + bytes(8) + whole[number + 8 :])
+    with pytest.raises(ProblemError, match="write"):
+        read_json(path)
+    beside.unlink()
+    with pytest.raises(ProblemError, match=r"solution\.npz"):
+        read_json(path)
+    path.write_text(path.read_text().replace('"solution.npz"', '"../solution.npz"'))
+    with pytest.raises(ProblemError, match="another folder"):
+        read_json(path)
 
 
 def test_the_force_of_the_foundation_balances_the_rest(plane: Solution) -> None:

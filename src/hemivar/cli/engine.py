@@ -119,12 +119,17 @@ class Engine:
             yield lambda: bool(asked)
 
     def write_json(
-        self, solution: Solution, path: Path, certificate: Certificate | None, more: Mapping[str, object] | None
+        self,
+        solution: Solution,
+        path: Path,
+        certificate: Certificate | None,
+        more: Mapping[str, object] | None,
+        arrays: Path | None = None,
     ) -> object:
-        """Write a solution as JSON."""
+        """Write a solution as JSON, its arrays to a file beside it where one is named."""
         from hemivar.files import write_json
 
-        return write_json(solution, path, certificate, more)
+        return write_json(solution, path, certificate, more, arrays)
 
     def write_vtu(self, solution: Solution, path: Path) -> object:
         """Write the fields of a solution."""

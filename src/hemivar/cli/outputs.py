@@ -35,6 +35,7 @@ _FIGURES = (".png", ".svg", ".pdf")
 
 _SUFFIXES = {
     "--json": (".json",),
+    "--arrays": (".npz",),
     "--csv": (".csv",),
     "--latex": (".tex",),
     "--fields": (".pvd",),

@@ -195,7 +195,12 @@ class PetscEngine(Engine):
     # ---- what is written ---------------------------------------------------------------------------------------
 
     def write_json(
-        self, solution: Solution, path: Path, certificate: Certificate | None, more: Mapping[str, object] | None
+        self,
+        solution: Solution,
+        path: Path,
+        certificate: Certificate | None,
+        more: Mapping[str, object] | None,
+        arrays: Path | None = None,
     ) -> object:
         return write_json_on_ranks(solution, path, certificate, more)
 

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypedDict
 
+from hemivar.basics.disk import same_file
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.rounding import rounded_up
 from hemivar.cli import options as opt
@@ -55,6 +56,7 @@ class SolveCommand(OnProblem):
 
     method: opt.MethodName = None
     json: opt.Json = None
+    arrays: Annotated[opt.File, written("Write the arrays of --json to this file and not as text.", "FILE.npz")] = None
     vtu: Annotated[opt.File, written("Write the fields, for ParaView.", "FILE.vtu")] = None
     plot: Annotated[opt.File, written("Draw the deformed body (.png, .svg or .pdf).")] = None
     plot_contact: Annotated[opt.File, written("Draw pressure, friction and slip on the contact boundary.")] = None
@@ -98,7 +100,7 @@ class SolveCommand(OnProblem):
             if self._value(name) is not None:
                 raise ProblemError(f"{name} goes with --adaptive; give both, or leave it out")
         if self.engine == "petsc":
-            self.refuse("scipy", "--method", "--exact", "--load-factor", "--plot", "--plot-contact")
+            self.refuse("scipy", "--method", "--arrays", "--exact", "--load-factor", "--plot", "--plot-contact")
             if self.resume and self.checkpoint is None:
                 raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE")
         else:
@@ -109,6 +111,10 @@ class SolveCommand(OnProblem):
     def check_shared(self) -> None:
         """Refuse what makes no sense, adaptively or not."""
         check_colour(self.colour, {"--plot": self.plot})
+        if self.arrays is not None and self.json is None:
+            raise ProblemError("--arrays goes with --json, which names them; give both, or leave it out")
+        if self.arrays is not None and self.json is not None and not same_file(self.arrays.parent, self.json.parent):
+            raise ProblemError(f"--arrays {self.arrays}: it must be in the folder of --json; name a file there")
         check_load_factors(*(() if self.load_factor is None else (self.load_factor,)))
 
     def _value(self, name: str) -> object:
@@ -156,7 +162,7 @@ class SolveCommand(OnProblem):
         solution, certificate, units = found.solution, found.certificate, self.writer.units
         more = {"units": units} if units else None
         return {
-            "--json": lambda path: self.place.write_json(solution, path, certificate, more),
+            "--json": lambda path: [self.place.write_json(solution, path, certificate, more, self.arrays), self.arrays],
             "--vtu": lambda path: self.place.write_vtu(solution, path),
             **pictures_of(self.session, solution, certificate, self.colour),
         }
@@ -357,10 +363,11 @@ class _AdaptiveCommand(OnProblem):
         from hemivar.report import adaptive_table, plot_adaptive, plot_meshes
 
         adaptive, certificate, title = found.adaptive, found.certificate, self.session.title
+        arrays = self.asked.arrays
         more, cells = {"adaptive": adaptive.record()}, {"indicator": adaptive.levels[-1].indicator}
         return {
             "--csv": adaptive_table(adaptive).write_csv,
-            "--json": lambda path: write_json(adaptive.solution, path, certificate, more),
+            "--json": lambda path: [write_json(adaptive.solution, path, certificate, more, arrays), arrays],
             "--vtu": lambda path: write_vtu(adaptive.solution, path, cells),
             "--plot-error": partial(plot_adaptive, adaptive, title=title, certificate=certificate),
             "--plot-meshes": partial(plot_meshes, adaptive, title=title, certificate=certificate),

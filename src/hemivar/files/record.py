@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib import metadata
@@ -11,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, path_of, read_text, write_text
+from hemivar.basics.disk import make_folder, path_of, read_bytes, read_text, whole_file, write_text
+from hemivar.basics.packed import read_arrays, write_arrays
 from hemivar.basics.types import Array, Record
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
@@ -32,6 +34,8 @@ __all__ = [
 
 #: Bytes of a file with a solution.
 MOST_BYTES = 2**31
+#: How names of arrays of contact points begin.
+_CONTACT = "contact."
 
 
 def solution_record(solution: Solution, certificate: Certificate | None = None) -> Record:
@@ -181,6 +185,7 @@ def write_json(
     path: str | Path,
     certificate: Certificate | None = None,
     more: Mapping[str, object] | None = None,
+    arrays: str | Path | None = None,
 ) -> Path:
     """Write :func:`solution_record`, and ``more`` keys, to a JSON file; returns its path.
 
@@ -193,12 +198,22 @@ def write_json(
         Written beside the solution.
     more : mapping of key to value, optional
         Keys and values, ready for JSON.
+    arrays : str or Path, optional
+        A file ``.npz`` in the same folder for the displacement and the numbers of the contact points, as
+        ``displacement``, ``contact.pressure`` and so on; the JSON then names it under ``arrays`` in their place.
 
     Returns
     -------
     Path
+
+    Raises
+    ------
+    ProblemError
+        The name of a file does not fit.
     """
     path = prepared(path, ".json")
+    if arrays is not None:
+        return _with_arrays(solution, path, certificate, more or {}, prepared(arrays, ".npz"))
     record = solution_record(solution, certificate)
     record |= {key: plain(value) for key, value in ({} if more is None else more).items()}
     # the displacement comes last and on one line, for it is long
@@ -208,8 +223,46 @@ def write_json(
     return path
 
 
+def _with_arrays(
+    solution: Solution, path: Path, certificate: Certificate | None, more: Mapping[str, object], arrays: Path
+) -> Path:
+    """Write the arrays first: a JSON names what is there."""
+    if os.path.realpath(arrays.parent) != os.path.realpath(path.parent):
+        raise ProblemError(f"'{arrays}' must be in the folder of '{path}', which names it")
+    beside = {"displacement": solution.displacement}
+    beside |= {f"{_CONTACT}{key}": one for key, one in _contact_record(solution).items() if _numeric(one)}
+    record = result_record(solution, certificate)
+    record["contact"] = {key: one for key, one in _contact_record(solution).items() if not _numeric(one)}
+    record |= {key: plain(value) for key, value in more.items()} | {"arrays": arrays.name}
+    with whole_file(arrays) as name, name.open("wb") as stream:
+        write_arrays(stream, beside)
+    write_text(path, json.dumps(plain(record), indent=1, allow_nan=False) + "\n")
+    return path
+
+
+def _numeric(value: object) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
+
+
+def _put_back(record: Record, path: Path) -> None:
+    """The arrays that a record names, as its entries."""
+    name = str(record["arrays"])
+    if Path(name).name != name:
+        raise ProblemError(f"result file '{path}' names arrays in another folder, '{name}'; write it again")
+    try:
+        arrays, sound = read_arrays(read_bytes(path.parent / name, "arrays of a result", MOST_BYTES))
+    except ValueError as error:
+        raise ProblemError(f"'{path.parent / name}' holds no arrays of a result ({error}); write it again") from error
+    contact = record.setdefault("contact", {})
+    if not sound or not isinstance(contact, dict):
+        raise ProblemError(f"'{path.parent / name}' or '{path}' was damaged; write both again")
+    for key, one in arrays.items():
+        place, last = (contact, key.removeprefix(_CONTACT)) if key.startswith(_CONTACT) else (record, key)
+        place[last] = one
+
+
 def read_json(path: str | Path) -> Record:
-    """A record written by :func:`write_json`.
+    """A record written by :func:`write_json`; what stands in a file beside it comes as NumPy arrays.
 
     Parameters
     ----------
@@ -233,6 +286,8 @@ def read_json(path: str | Path) -> Record:
         raise ProblemError(f"result file '{path}' is not JSON ({error}); write it with write_json") from error
     if not isinstance(record, dict):
         raise ProblemError(f"result file '{path}' holds no record of a solution; write it with write_json")
+    if "arrays" in record:
+        _put_back(record, path)
     return record
 
 

@@ -329,9 +329,12 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         record: Record = above("Solution.to_dict")(self)
         return record
 
-    def to_json(self, path: str | Path) -> Path:
-        """Write :meth:`to_dict` to a file; returns its path.  :func:`hemivar.files.read_solution` reads it back."""
-        written: Path = above("Solution.to_json")(self, path)
+    def to_json(self, path: str | Path, arrays: str | Path | None = None) -> Path:
+        """Write :meth:`to_dict` to a file; returns its path.  :func:`hemivar.files.read_solution` reads it back.
+
+        ``arrays``: a file ``.npz`` beside it for the arrays, which a large solution has no place for in a text.
+        """
+        written: Path = above("Solution.to_json")(self, path, arrays=arrays)
         return written
 
     def to_vtu(self, path: str | Path) -> Path:
