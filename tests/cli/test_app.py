@@ -299,7 +299,7 @@ BAD_FILES: dict[str, tuple[str, list[str]]] = {
         changed(('left = "clamped"', 'left = "roller"'), ("bound = 0.5", "bound = 0.0"), ("-0.8, -0.8", "0.0, 0.8")),
         ["[supports] the body is free to move", "translation (0, 1)", "add a support"],
     ),
-    "nothing holds it": (
+    "nothing constrains the rigid motion": (
         changed(("[supports]\n", ""), ('left = "clamped"\n', "")),
         ["[supports] the body is free to move", "add a support"],
     ),

@@ -75,7 +75,7 @@ def test_other_meshes_and_broken_files(solved: Path, capsys: pytest.CaptureFixtu
         (wider, "s.json", "another mesh"),
         (wider, "s.vtu", "another mesh"),
         (solved, "bare.json", "no key 'displacement'"),
-        (solved, "moved.json", "misses the supports"),
+        (solved, "moved.json", "violates the supports"),
         (solved, "text.vtu", "not readable XML"),
         (solved, "s.txt", "must end in .json or .vtu"),
         (solved, "missing.json", "no such file"),

@@ -289,5 +289,5 @@ def test_very_many_parts_at_joints_are_refused(largest: int, refused: bool, monk
         assert field is not None
         assert field.free_motions.count == 6
         return
-    with pytest.raises(ProblemError, match=r"4 parts of the body, one of them around x = \(.*, hang together at nodes"):
+    with pytest.raises(ProblemError, match=r"4 parts of the body, one of them around x = \(.*, are connected at nodes"):
         discretize(statement, check_coercivity=False).field.free_motions  # type: ignore[union-attr]  # noqa: B018

@@ -95,7 +95,7 @@ def test_what_the_foundation_would_exert_at_rest_does_not_loosen_the_tolerance()
 
 @pytest.mark.parametrize("size", [1e160, 1e200, 1e300, 1e-160, 1e-300])
 def test_loads_whose_energies_over_or_underflow_are_refused(size: float) -> None:
-    with pytest.raises(ProblemError, match="flow; state the problem in units that fit it"):
+    with pytest.raises(ProblemError, match="flow; use units that suit the problem"):
         spring(size, Signorini())
     spring(1e120 if size > 1.0 else 1e-120, Signorini())
 

@@ -227,7 +227,7 @@ def test_a_film_of_the_frames(folder: Path) -> None:
     [
         (["--fields", "a.xdmf"], "the name must end in .pvd"),
         (["--animation", "a.gif"], "write --fields run.pvd as well"),
-        (["--jump", "global"], "knows no jump = 'global'"),
+        (["--jump", "global"], "does not have jump = 'global'"),
         (["--jump", "globl"], "did you mean 'global'"),
         (["--step", "7"], "longer than the whole"),
         (["--minutes", "1"], "--minutes goes with a checkpoint"),
@@ -252,7 +252,7 @@ def test_heat_is_refused(folder: Path) -> None:
     (folder / "p.toml").write_text(FILES["Kelvin-Voigt"] + "[heat]\nconductivity = 1.0\ncapacity = 1.0\n")
     done = _march(2, "p.toml")
     assert done.returncode == 2
-    assert "p.toml: the engine 'petsc' couples no heat" in done.stderr
+    assert "p.toml: the engine 'petsc' has no heat coupling" in done.stderr
     assert not (folder / "run.csv").exists()
 
 

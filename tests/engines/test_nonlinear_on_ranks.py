@@ -244,7 +244,10 @@ def test_a_checkpoint_of_a_fixed_point(folder: Path, tmp_path: Path) -> None:
 # ---- what is refused ------------------------------------------------------------------------------------------
 
 REFUSED = {
-    "marches linear bodies only": ("march", CASES["weakening friction"] + "[time]\nuntil = 1.0\nstep = 0.5\n"),
+    "integrates linear bodies in time only": (
+        "march",
+        CASES["weakening friction"] + "[time]\nuntil = 1.0\nstep = 0.5\n",
+    ),
     "linear elements only": ("solve", stated(mesh=SQUARE + "order = 2\n")),
 }
 

@@ -55,7 +55,7 @@ def test_a_march_that_finishes_closes_its_balance(scheme: Scheme, ratio: float) 
     else:
         assert ratio < 1e-6
         assert found.ended == "inaccurate"
-        assert "the balance of energy does not close" in found.messages[-1]
+        assert "the energy balance does not close" in found.messages[-1]
         assert "implicit-euler" in found.messages[-1]
 
 

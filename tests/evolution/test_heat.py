@@ -400,7 +400,7 @@ def test_why_rounds_do_not_meet_is_told() -> None:
     """Where the conductance jumps no temperature fits."""
     history = march(chattering(HeatContact.touching(1e3)), 1.0, step=0.5)
     assert history.ended == "not_contracting"
-    assert "motion and heat do not meet in 200 rounds; take shorter steps" in history.messages[-1]
+    assert "motion and heat have not converged after 200 iterations; use shorter steps" in history.messages[-1]
     assert "closed > 0" in history.messages[-1]
 
 

@@ -271,7 +271,7 @@ def test_kinks_of_formulas_are_met_exactly() -> None:
     named = kinked("min(t, 1)", step=0.3, stops=(1.0 + 1e-13,)).times
     assert np.diff(named).min() > 1e-3  # a kink that is a stop already is not met twice
     dense = kinked("abs(sin(4000*t))", 1.0, step=0.5)
-    assert any("kinks in time, which are not met" in message for message in dense.messages)
+    assert any("kinks in time, which are not step ends" in message for message in dense.messages)
     assert len(dense.times) == 3
 
 

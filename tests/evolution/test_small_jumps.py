@@ -220,7 +220,7 @@ def test_viscous_jumps_are_booked_by_schemes_whose_stages_lie_within_the_step(sc
     assert history["jumped"].any()
     assert history.ledger["jumps"] > 0.0
     assert np.abs(history["gap"]).max() < 1e-12
-    assert any("ring after a jump" in message for message in history.messages) == isinstance(
+    assert any("oscillate after a jump" in message for message in history.messages) == isinstance(
         scheme, hv.evolution.Midpoint
     )
 

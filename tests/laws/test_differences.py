@@ -72,7 +72,9 @@ def test_a_residual_that_cannot_be_known_is_not_called_small() -> None:
     assert solution.status is not Status.CONVERGED
     assert solution.residual.relative >= max(0.5 * true, 1e-8)
     (message,) = solution.warnings
-    assert message.startswith("the derivative of a law is found by differences of its potential and may be off by ")
+    assert message.startswith(
+        "the derivative of a law is found by differences of its potential and may have an error of "
+    )
     assert "give the derivative as a function too" in message
     certificate = certify(solution)
     assert not certificate.stationary

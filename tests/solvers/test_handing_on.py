@@ -189,7 +189,7 @@ def test_glue_below_its_strength_holds(glue: dict[str, float], method: str, monk
     found = solve(pulled(0.01, **glue))
     assert -found.normal_force / 4.0 == pytest.approx(0.01 / (10.0 * (1.0 - 0.3**2) / 1000.0 + 1e-6), rel=1e-9)
     lower = solve(pulled(0.01, **glue), NonsmoothNewton())
-    said = [remark for remark in found.remarks if "less energy exists" in remark]
+    said = [remark for remark in found.remarks if "lower energy exists" in remark]
     assert bool(said) is (lower.energy < found.energy - 1e-6 * abs(found.energy))
     assert bool(said) is (glue == {})
 
@@ -213,7 +213,7 @@ def test_springs_that_break_hold_up_to_their_limit() -> None:
     found, anywhere = solve(problem), solve(problem, NonsmoothNewton())
     assert found.penetration[0] == pytest.approx(1.5 / 21.0)
     assert anywhere.energy < found.energy
-    assert "less energy exists" in found.remarks[0]
+    assert "lower energy exists" in found.remarks[0]
 
 
 # ---- remedies: each is carried out on a problem that gets it ------------------------------------------------------

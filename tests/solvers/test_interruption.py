@@ -320,7 +320,7 @@ def test_a_factorisation_that_does_not_fit_is_refused_with_a_way_out(checked: bo
     assert process.returncode == 0, err
     message = out.splitlines()[-1]  # SuperLU prints a line of its own
     assert "--method multigrid" in message
-    assert ("needs about" if checked else "the memory gave out") in message
+    assert ("needs about" if checked else "memory ran out") in message
 
 
 # ---- what there is and what it takes -----------------------------------------------------------------------------

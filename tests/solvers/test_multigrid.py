@@ -424,7 +424,7 @@ def test_what_is_advised_where_linear_elements_lock_is_solved() -> None:
         material = hv.Material.young(1.0, 0.4999 if order == 1 else 0.499)
         return hv.solve(hv.ContactProblem(mesh, material, contact, supports, tractions=tractions, order=order), method)
 
-    assert any("take order = 2" in line for line in solved(1, "multigrid").warnings)
+    assert any("use order = 2" in line for line in solved(1, "multigrid").warnings)
     found, other = solved(2, "multigrid"), solved(2, "newton")
     assert found.status is hv.Status.CONVERGED
     assert found.normal_force == pytest.approx(other.normal_force, rel=1e-6)

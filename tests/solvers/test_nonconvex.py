@@ -266,7 +266,7 @@ def test_options_are_checked() -> None:
         FixedPoint(max_outer=0)
     with pytest.raises(ProblemError, match="steps"):
         LoadStepping(steps=0)
-    with pytest.raises(ProblemError, match="does nothing more"):
+    with pytest.raises(ProblemError, match="has no effect"):
         FixedPoint(FixedPoint())
 
 

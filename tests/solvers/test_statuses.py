@@ -41,13 +41,13 @@ REMEDIES = {
     Status.MAX_STEPS: ("step limit", "Controls.max_steps"),
     Status.MAX_TIME: ("time limit", "Controls.max_time"),
     Status.STALLED: ("no step lowers", "Controls.rtol"),
-    Status.CYCLING: ("active sets repeat", "NonsmoothNewton"),
+    Status.CYCLING: ("active sets cycle", "NonsmoothNewton"),
     Status.NONFINITE: ("no longer finite", "NonsmoothNewton"),
     Status.NOT_CONTRACTING: ("does not contract", "FixedPoint"),
     Status.UNBOUNDED: ("no lower bound", "lower the load"),
     Status.NOT_CARRIED: ("may exceed what the foundation can carry", "hemivar solve --load-factor"),
     Status.INTERRUPTED: ("interrupted", "best iterate"),
-    Status.OUT_OF_MEMORY: ("memory gave out", "multigrid"),
+    Status.OUT_OF_MEMORY: ("memory ran out", "multigrid"),
 }
 
 
@@ -199,10 +199,10 @@ def test_cycle_detection_names_the_cycle(inner: ExactInner) -> None:
 
 def test_energy_without_lower_bound_is_refused() -> None:
     falling = PiecewiseQuadratic([0.0], [-3.0, -3.0], [0.0], name="falling")  # type: ignore[arg-type]
-    with pytest.raises(ProblemError, match="law 'falling' softens without end, by 3"):
+    with pytest.raises(ProblemError, match="law 'falling' softens without bound, by 3"):
         solve(bar(0.4, falling))
     bound = Friction(PenetrationBound("8*s"))
-    with pytest.raises(ProblemError, match="law 'falling' softens without end, by 120"):
+    with pytest.raises(ProblemError, match="law 'falling' softens without bound, by 120"):
         solve(discrete_square(n=4).with_(law=ContactLaw(falling.scaled(40.0), bound)))
     # The body is stiff enough for a slower fall, and held from below where only one side falls.
     slower = PiecewiseQuadratic([0.0], [-0.5, -0.5], [0.0])  # type: ignore[arg-type]

@@ -380,8 +380,8 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
         node = int(off.argmax())
         place = ", ".join(f"{x + 0.0:.6g}" for x in field.nodes[node])
         raise ProblemError(
-            f"the displacement does not fulfil the supports at {np.count_nonzero(misses)} nodes; at node {node}, "
-            f"x = ({place}), it is off by {off[node]:.3g}"
+            f"the displacement violates the supports at {np.count_nonzero(misses)} nodes; at node {node}, "
+            f"x = ({place}), it differs by {off[node]:.3g}"
         )
     return unknowns
 

@@ -83,7 +83,7 @@ class MarchView:
         row, done = event.stepped.row, event.stepped.done
         if event.stepped.unkept and not self._warned:
             self._warned = True
-            self._bar.say(f"the march goes on without its checkpoint, which is tried again: {event.stepped.unkept}")
+            self._bar.say(f"the run continues without its checkpoint and will try again: {event.stepped.unkept}")
         left = _duration(event.left)
         what = f"{row.time:.6g}   length {row.step:.3g}   residual {row.residual:.1e}   left {left}"
         if self._bar.drawn:

@@ -217,7 +217,7 @@ class PetscEngine(Engine):
 
 
 class _Keeper:
-    """Keeps the iterate after every step; the solve goes on where that fails, for a disk may have room again."""
+    """Keeps the iterate after every step; the solve continues where that fails, for a disk may have room again."""
 
     def __init__(self, path: Path, body: BodyOnRanks) -> None:
         self.path, self.body = path, body
@@ -233,7 +233,7 @@ class _Keeper:
                 raise
             self.error = f"--checkpoint: {error}"
             if not self._warned:
-                sys.stderr.write(f"hemivar: warning: {one_line(self.error)}; the solve goes on\n")
+                sys.stderr.write(f"hemivar: warning: {one_line(self.error)}; the solve continues\n")
                 sys.stderr.flush()
             self._warned = True
 

@@ -91,7 +91,7 @@ def free_growth(problem: DiscreteProblem, motions: RigidModes) -> list[Recession
     return growths(problem.field, problem.contact, problem.law, forces, motions)
 
 
-_REMEDY = "add a support or a law that holds it"
+_REMEDY = "add a support or a law that constrains it"
 #: Motions this small, of the largest of all parts, are none.
 _STILL = 1e-6
 
@@ -120,11 +120,12 @@ def refuse(hold: CoercivityResult, motion: str, who: str = "the body", remedy: s
         )
     if hold.verdict is Coercivity.BALANCED:
         raise SupportError(
-            f"{who} is free to move: nothing holds it against the rigid motion {motion} (along it the loads are in "
+            f"{who} is free to move: nothing constrains the rigid motion {motion} (along it the loads are in "
             f"balance with what supports and laws can resist); {remedy}"
         )
     raise SupportError(
-        f"it is undecided whether {who} is free to move, since its laws pull without bound far away; {remedy}, or pass "
+        f"it is undecided whether {who} is free to move, because its laws pull without bound far away; {remedy}, "
+        f"or pass "
         f"check_coercivity=False to discretize"
     )
 
@@ -158,7 +159,7 @@ def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, ho
         hold = replace(hold, growth=hold.growth / size)
     who, remedy = _words(field, motions, group, part, along)
     if problem.contact_points and problem.law.state_dependent:
-        remedy += " (friction that depends on the solution counts only as far as the pressure brings it)"
+        remedy += " (friction that depends on the solution counts only up to what the pressure provides)"
     try:
         refuse(hold, motion, who, remedy)
     except SupportError as error:

@@ -44,15 +44,15 @@ __all__ = [
 ]
 
 #: What is said of bodies that are held at rest only.
-NO_MINIMUM = "held by the foundation up to a limit; the energy has no minimum"
-PERHAPS_NO_MINIMUM = "held by the foundation up to a limit; whether the energy has a minimum is not known"
+NO_MINIMUM = "constrained by the foundation up to a limit load; the energy has no minimum"
+PERHAPS_NO_MINIMUM = "constrained by the foundation up to a limit load; whether the energy has a minimum is not known"
 #: What is said of bodies that only friction holds which the pressure bounds.
 BY_FRICTION = (
-    "held by friction that grows with the pressure: forces within its cone balance the load, but that there is an "
-    "equilibrium is not shown before the solve"
+    "constrained by friction that grows with the pressure: forces within its cone balance the load, but an "
+    "equilibrium is not proved before the solve"
 )
 #: What is said of bodies on which nothing acts, and which contact alone holds.
-IDLE = "no load presses the body onto what would hold it: this state of rest is one of many equilibria"
+IDLE = "no load presses the body onto its foundation: this equilibrium is one of many"
 #: Directions of slip in space along which friction counts that grows with the pressure.
 _DIRECTIONS = 16
 #: Part of the load against which a foundation must hold a body at rest.

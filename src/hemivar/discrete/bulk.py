@@ -199,7 +199,7 @@ class Quadratic(PickleMixin, Sized):
         if load.any() and not _LEAST_WORK < work < 1.0 / _LEAST_WORK:
             raise ProblemError(
                 f"the largest entry of the load is {np.abs(load).max():.3g} with a stiffness of {largest:.3g}: "
-                f"energies of that size {'over' if work > 1.0 else 'under'}flow; state the problem in units that fit it"
+                f"energies of that size {'over' if work > 1.0 else 'under'}flow; use units that suit the problem"
             )
 
 
@@ -217,7 +217,7 @@ def _check_diagonal(diagonal: Array) -> None:
         bad = int(np.flatnonzero(~(diagonal > 0))[0])
         raise ProblemError(
             f"stiffness[{bad}, {bad}] = {diagonal[bad]:g}; a stiffness matrix needs a positive diagonal: "
-            f"remove unknowns that no element carries"
+            f"remove unknowns that belong to no element"
         )
 
 

@@ -238,7 +238,7 @@ def inaccurate_law(problem: DiscreteProblem, displacement: Array, multiplier: Ar
     if not 2.0 * off >= found.total > 0.0 or found.scale == 0.0:
         return None
     return (
-        "the derivative of a law is found by differences of its potential and may be off by "
+        "the derivative of a law is found by differences of its potential and may have an error of "
         f"{off / found.scale:.1e} of the load, which the residual includes: give the derivative as a function too, "
         "or take a larger rtol"
     )

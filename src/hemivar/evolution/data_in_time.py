@@ -41,8 +41,8 @@ def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[
         times, sure = formula.kinks_in_time(start, until)
         if times.size > _MOST:
             doubts.append(
-                f"the formula '{formula.text}' has {times.size} kinks in time, which are not met; name those that "
-                "matter as stops"
+                f"the formula '{formula.text}' has {times.size} kinks in time, which are not step ends; name those "
+                f"that matter as stops"
             )
             continue
         found += times.tolist()

@@ -356,8 +356,8 @@ def apply_impulse(stepper: TimeStepper, state: TimeState, step: float) -> TimeSt
     ).tolist()
     if missed > _MISSED_RATE * max(fast, carried):
         raise ProblemError(
-            f"at t = {state.time:.10g} the impulse of the foundation that holds the body could not be found; take "
-            "implicit-euler, which needs none"
+            f"at t = {state.time:.10g} the impulse of the foundation that constrains the body could not be "
+            f"computed; use implicit-euler, which needs none"
         )
     after = replace(
         state,

@@ -26,8 +26,8 @@ _AT_ONCE = 1e-8
 _NONE = 1e-12
 #: What is said where friction at rest does not hold the body.
 _NO_REST = (
-    "friction that weakens with the slip rate may not bear at rest what acts then, and a body that must slip at once "
-    "has no state of rest; let the load grow from a smaller one, or give the body mass or viscosity"
+    "friction that weakens with the slip rate may not carry the initial load at rest; start from a smaller load "
+    "and increase it, or give the body mass or viscosity"
 )
 #: Part of gaps by which a point that touches may be deep by rounding.
 _TOUCHES = 1e-9

@@ -128,8 +128,8 @@ class Checkpoint:
             ) from None
         if version != _FORMAT:
             raise FileError(
-                f"{shown}: the checkpoint has format {version}, this version reads {_FORMAT}; go on with the version "
-                "that wrote it, or start again without resume"
+                f"{shown}: the checkpoint has format {version}, this version reads {_FORMAT}; continue with the "
+                f"version that wrote it, or start again without resume"
             )
         if not sound:
             raise FileError(

@@ -98,7 +98,7 @@ class March:
         default=SelectionRule.LOCAL,
         metadata=stated(
             Form.TEXT,
-            "what happens where the problem of a step has several solutions and nothing is viscous: "
+            "what happens where a step has several solutions and there is no viscosity: "
             + ", ".join(f'`"{rule}"`' for rule in SelectionRule),
             choices=tuple(SelectionRule),
         ),

@@ -209,8 +209,8 @@ class TimeLoop:
             self.bound.square, self.bound.straight = state.bound, state.straight
             if self.moment.time > self.plan.until:
                 self.beyond = (
-                    f"the checkpoint is at t = {self.moment.time:.10g}, beyond the end at {self.plan.until:.10g}: what "
-                    "it holds is returned; without resume the march ends in time",
+                    f"the checkpoint is at t = {self.moment.time:.10g}, beyond the end at {self.plan.until:.10g}: "
+                    f"its content is returned; to end at the requested time, start without resume",
                 )
         self.levels = self._levels(self.moment, self.rows[-1].margin)
 
@@ -311,8 +311,8 @@ class TimeLoop:
         remedy, usual = taken.remedy, self.step_size.step
         if length < _SHORT * usual:
             remedy = (
-                f"a step of {length:.3g} among others of {usual:.3g} asks for forces that displacements do not tell; "
-                "move the stop, the kink of a load or the end that makes it"
+                f"a step of {length:.3g} among others of {usual:.3g} is too short for the displacements to "
+                f"determine the forces; move the stop or the kink of a load that causes it"
             )
         when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
         self.tell(f"the step {when} could not be solved: {remedy}")
@@ -345,8 +345,9 @@ class TimeLoop:
         ).tolist()
         if self.discrete.evolution.displacement is not None and off > _MOVED * far:
             self.tell(
-                "the initial displacement is not in equilibrium where the body has no mass; the run starts from the "
-                f"nearest equilibrium, {off:.3g} away: leave it out, or give mass or viscosity"
+                "the initial displacement is not in equilibrium where the body has no mass; the run starts from "
+                "the nearest equilibrium,"
+                f" {off:.3g} away: leave it out, or give mass or viscosity"
             )
         return begun(taken.moment)
 
@@ -365,8 +366,8 @@ class TimeLoop:
             self.unsettled = taken
             if taken.status is not Status.INTERRUPTED:
                 self.tell(
-                    f"the equilibrium at t = {moment.time:.10g}, in which a body without mass begins or goes on, could "
-                    f"not be found: {taken.remedy}"
+                    f"the equilibrium at t = {moment.time:.10g}, in which a body without mass starts or continues, "
+                    f"could not be computed: {taken.remedy}"
                 )
             return None
         taken, jumped = self._jumped(taken)
@@ -407,8 +408,8 @@ class TimeLoop:
         healed = healing(self.discrete, taken.before, taken.moment)
         if healed and not self._told(_HEALS):
             self.tell(
-                f"{_HEALS} on contact '{healed}' from t = {taken.before.time:g} on: past its strength it closes along "
-                "the curve of its opening; leave memory = () out"
+                f"{_HEALS} on contact '{healed}' from t = {taken.before.time:g} on: beyond its strength it closes "
+                f"along its opening curve; leave memory = () out"
             )
         self.bound.add(taken)
         self.moment = taken.moment
@@ -429,12 +430,12 @@ class TimeLoop:
         when = taken.moment.time if not taken.jumps else taken.before.time + taken.jumps[0].part * taken.step
         self.tell(
             f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
-            f"and nothing viscous chooses one; jump = '{self.plan.jump}' did"
+            f"and no viscosity selects one; jump = '{self.plan.jump}' did"
         )
         if taken.stages[-1].rule.reach != 1.0:
             self.messages.append(
                 f"the scheme {self.plan.scheme.name} ends a step as far beyond the equilibrium that it finds as it "
-                "was before it: displacements ring after a jump; take implicit-euler or sdirk2"
+                "was before it: displacements oscillate after a jump; use implicit-euler or sdirk2"
             )
 
     def _tell_of_lag(self, taken: StepResult) -> None:
@@ -447,7 +448,7 @@ class TimeLoop:
         if steps > _FEW and lag > _LATE * (self.plan.until - self.start):
             self.tell(
                 f"{_LAGS} what acts on it by up to {lag:.3g}, {steps:.3g} steps, from t = {taken.before.time:g} on. "
-                f"The artificial viscosity makes the step unique, and its dissipation is reported under 'jumps'; "
+                f"The artificial viscosity makes the step unique; its dissipation is reported under 'jumps'; "
                 f"take shorter steps, or jump = 'arc-length'"
             )
 
@@ -598,8 +599,9 @@ def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
     if discrete.mass is not None and discrete.evolution.mass is Mass.REDISTRIBUTED:
         (rule,) = scheme.rules(1.0)
         swing = (
-            "contact nodes without mass are where forces balance within a step: at its end they swing about that "
-            f"place, into an obstacle, too, in each step {rule.reach - 1.0:.3g} times as far; take newmark or "
+            "contact nodes without mass are in equilibrium within a step; at its end they oscillate about it, also "
+            "into an obstacle, in each step"
+            f" {rule.reach - 1.0:.3g} times as far; take newmark or "
             "implicit-euler"
         )
         return (swing,) if points and rule.reach > 1.0 else ()
@@ -608,12 +610,12 @@ def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
         return ()
     if discrete.mass is None:
         return (
-            f"an obstacle is rigid: once the body touches it velocities of the scheme {scheme.name} ring, and so does "
-            "all that is lost by them; take sdirk2 or implicit-euler, or a compliant foundation",
+            f"an obstacle is rigid: once the body touches it velocities of the scheme {scheme.name} oscillate, and "
+            f"so does the dissipation; use sdirk2 or implicit-euler, or a compliant foundation",
         )
     return (
-        f"an obstacle is rigid: where the body hits it the scheme {scheme.name} rings and may gain energy; take "
-        "moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation",
+        f"an obstacle is rigid: where the body hits it the scheme {scheme.name} oscillates and may gain energy; "
+        f"use moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation",
     )
 
 

@@ -347,8 +347,8 @@ class StageSolver:
         if jump is SelectionRule.VISCOUS and not self.resists:
             if slow.contact is not None:
                 raise MethodError(
-                    "jump = 'viscous' takes a viscosity of the body, and the supports alone do not hold this one; take "
-                    "jump = 'local' or 'arc-length'"
+                    "jump = 'viscous' takes a viscosity of the body, and the supports alone do not constrain this "
+                    "one; use jump = 'local' or 'arc-length'"
                 )
             crept = solve(slow.problem, self.solver, controls, initial=start, workspace=self.workspace)
             return StageSolution(crept, slow.resistance)

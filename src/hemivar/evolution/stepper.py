@@ -47,8 +47,8 @@ _STANDS = 1e-10
 _AHEAD = 4.0
 #: What is said where they do not settle.
 _UNSETTLED = (
-    "what contact points remember and the solution of the step do not settle; near the largest load that the "
-    "foundation carries they do in no step: give the body mass or viscosity, or move a support in place of the load"
+    "the internal variables of the contact points and the solution of the step do not converge. Near the limit "
+    "load no step converges: give the body mass or viscosity, or prescribe a displacement instead of the load"
 )
 
 
@@ -233,8 +233,8 @@ class TimeStepper:
             return taken
         off = replace(taken.solutions[-1], status=Status.INACCURATE)
         advice = (
-            f"the balance of energy does not close: {gap:.3g} is left where the residual allows {allowed:.3g}; forces "
-            "cancel that are far larger than those that act, as where a part of the body has next to no mass"
+            f"the energy balance does not close: {gap:.3g} is left where the residual allows {allowed:.3g}; far "
+            f"larger forces cancel each other, for example where a part of the body has almost no mass"
         )
         if self.discrete.mass is not None:
             advice += "; take implicit-euler, or give it a mass like that of the other parts"

@@ -29,7 +29,8 @@ _ROUNDS = 200
 _FALLS = 0.5
 #: What to do where rounds do not meet.
 _UNMET = (
-    f"motion and heat do not meet in {_ROUNDS} rounds; take shorter steps or a larger rtol of Heat; a conductance that "
+    f"motion and heat have not converged after {_ROUNDS} iterations; use shorter steps or a larger rtol of Heat; a "
+    f"conductance that "
     "jumps where contact opens (closed > 0) may leave no solution: let it grow with the pressure or the penetration"
 )
 

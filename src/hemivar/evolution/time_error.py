@@ -93,7 +93,9 @@ class TimeError:
         size = f"{rounded_up(self.bound)} in the norm of the {self.norm}"
         if not self.norm:
             return f"not known: {self.why}"
-        return f"at most {size}: {self.why}" if self.guaranteed else f"about {size}, an estimate: loads bend in a step"
+        if self.guaranteed:
+            return f"at most {size}: {self.why}"
+        return f"about {size}, an estimate: loads are not linear in a step"
 
 
 class TimeBound:
@@ -208,7 +210,7 @@ def bound_in_time(stepper: TimeStepper) -> TimeBound:
     still = moving and all(contact.damping is None for contact in discrete.contacts.values())
     if stated.time_dependent - {"load"}:
         return TimeBound(stepper, "", "supports, gaps or laws change with time")
-    straight = ", for loads that go straight in every step" if stated.time_dependent else ""
+    straight = ", for loads that are linear in every step" if stated.time_dependent else ""
     factor = None if still and not stated.time_dependent else _definite(discrete.viscosity.inner)
     if factor is None and not (still and not stated.time_dependent):
         return TimeBound(stepper, "", "the viscosity does not resist every motion of the body")
@@ -276,7 +278,7 @@ def _uncovered(discrete: DiscreteEvolution, scheme: Scheme) -> str | None:
     if not scheme.supports_time_bound:
         return f"the bounds are proved for implicit Euler, not for {scheme.name}"
     if not discrete.linear:
-        return "no bound is known of a body that is not linear"
+        return "no bound is known for nonlinear materials"
     if discrete.heat is not None:
         return "no bound is known where heat is coupled with motion"
     if discrete.mass is not None:
@@ -286,7 +288,7 @@ def _uncovered(discrete: DiscreteEvolution, scheme: Scheme) -> str | None:
     if discrete.branches:
         return "no bound is known with branches of the material"
     if any(stated.remembers for stated in contact):
-        return "no bound is known where contact points remember"
+        return "no bound is known with internal variables of contact points"
     if discrete.problem.law.state_dependent:
         return "no bound is known where a friction bound depends on the solution"
     return None

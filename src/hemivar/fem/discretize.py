@@ -98,7 +98,7 @@ def discretize(
     """
     given = ManufacturedProblem.of(problem)
     if isinstance(given, DiscreteProblem):
-        raise ProblemError("this problem is discrete already; solve it, or discretize its statement")
+        raise ProblemError("this problem is already discrete; solve it, or discretize its continuous problem")
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
     return _discretize(expect(given, ContactProblem, "what to discretize", remedy), check_coercivity, evolving)
 
@@ -213,7 +213,8 @@ def bedding_warning(share: float, field: Field) -> str | None:
         return None
     lost = min(round(-math.log10(share)), _DIGITS)
     return (
-        f"the bedding is {share:.0e} of the stiffness of the elements: motions that it alone holds lose about {lost} "
+        f"the bedding is {share:.0e} of the stiffness of the elements: motions that only the bedding resists lose "
+        f"about {lost} "
         f"of {_DIGITS} digits; add a support, or state a stiffer bedding"
     )
 
@@ -245,7 +246,7 @@ def friction_warning(where: Array) -> str | None:
     places = ", ".join("(" + ", ".join(f"{x + 0.0:.6g}" for x in point) + ")" for point in where[:_SHOWN])
     more = f" and {len(where) - _SHOWN} more" if len(where) > _SHOWN else ""
     return (
-        f"friction is left out, in one direction at least, at {len(where)} contact point"
+        f"friction is left out, in at least one direction, at {len(where)} contact point"
         f"{'s' if len(where) > 1 else ''}, x = {places}{more}: two contact boundaries meet there at more than 45 "
         "degrees, or a support fixes a direction oblique to the contact normal"
     )

@@ -61,7 +61,7 @@ class Reduction:
         assert problem.field is not None
         self.problem, self.moved, self.free, self.directions, self.jumps = problem, moved, free, directions, jumps
         if problem.unknowns != int(free.sum()):
-            raise ProblemError("the discrete problem is not made of this statement; discretize the statement")
+            raise ProblemError("the discrete problem does not belong to this problem; discretize this one")
 
     def stiffness(self, make: Callable[[], EdgeBlocks]) -> Operator:
         """The operator of the stiffness, which is that of the problem: that at rest of a body that is not linear.

@@ -389,9 +389,13 @@ class FormProblem(PickleMixin):
         """
         for name, one in self.contact.items():
             if one.memory is not None or one.damping is not None:
-                raise ProblemError(f"contact['{name}'] has memory or damping, which means something in time only")
+                raise ProblemError(
+                    f"contact['{name}'] has memory or damping, which means something in time only; leave it out, "
+                    f"or use "
+                    "Evolution(...)"
+                )
         if self.time_dependent:
-            raise ProblemError(f"{', '.join(sorted(self.time_dependent))} depend on time; march it, Evolution(...)")
+            raise ProblemError(f"{', '.join(sorted(self.time_dependent))} depend on time; use Evolution(...)")
         return self._posed(None)
 
     def starting(self, time: float) -> DiscreteProblem:

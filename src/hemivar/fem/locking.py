@@ -47,6 +47,6 @@ def locking_warning(problem: ContactProblem) -> str | None:
     if ratio < LOCKING:
         return None
     return (
-        f"Poisson's ratio is {ratio:.6g}: linear elements lock there and make the body too stiff, which neither "
-        "residual nor certificate sees, for they speak of the discrete problem; take order = 2"
+        f"Poisson's ratio is {ratio:.6g}: linear elements lock there and make the body too stiff. Residual and "
+        f"certificate refer to the discrete problem and do not show it; use order = 2"
     )

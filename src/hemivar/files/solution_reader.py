@@ -81,7 +81,7 @@ def _unknowns(displacement: Array, problem: DiscreteProblem, path: Path) -> Arra
     moved = float(np.abs(field.full(unknowns) - displacement).max(initial=0.0))
     if moved > 1e-6 * float(np.abs(displacement).max(initial=0.0)):
         raise ProblemError(
-            f"result file '{path}': the displacement misses the supports of this problem by {moved:.3g}; "
+            f"result file '{path}': the displacement violates the supports of this problem by {moved:.3g}; "
             f"take the problem file it was computed from"
         )
     return unknowns

@@ -119,7 +119,7 @@ class _Chart:
             return "a r + lam is not p"
         off = self.law.frozen(on.r, on.multiplier).graph_distance(on.r, on.multiplier, 1.0 / self.a)
         i = int(np.argmax(off))
-        return None if off[i] <= 1e-8 * large else f"at p = {self.p[i]}, a = {self.a[i]} it is off by {off[i]:.3g}"
+        return None if off[i] <= 1e-8 * large else f"at p = {self.p[i]}, a = {self.a[i]} it differs by {off[i]:.3g}"
 
     def lipschitz(self) -> str | None:
         """Of parts that do not see one another: in the length a - alpha of each."""
@@ -231,7 +231,7 @@ class Questions:
 
     def _worst(self, off: Array, allowed: float) -> str | None:
         i = int(np.argmax(off))
-        return None if off[i] <= allowed else f"at r = {self.r[i]} it is off by {off[i]:.4g}"
+        return None if off[i] <= allowed else f"at r = {self.r[i]} it differs by {off[i]:.4g}"
 
     def convexity(self) -> str | None:
         alpha = spread(np.stack([np.broadcast_to(a, (_PLACES,)) for a in self.law.weak_convexity], axis=1), self.c)
@@ -332,7 +332,7 @@ class Questions:
         off = np.abs(found - self.law.prox_jacobian(x, tau)).max(axis=(1, 2))
         most = np.abs(found).max(axis=(1, 2))
         wrong = (off > 1e-3 * (1.0 + most)) & (most < 50.0)  # beyond, prox jumps, or is about to
-        return None if wrong.mean() <= 0.05 else f"it is off by {off[wrong].max():.3g}"
+        return None if wrong.mean() <= 0.05 else f"it differs by {off[wrong].max():.3g}"
 
     def nearest(self) -> str | None:
         lam = self.slope * self.random.uniform(-2.0, 2.0, self.r.shape)

@@ -35,5 +35,5 @@ def singular_interior() -> ProblemError:
     """What is wrong where the unknowns that are not kept can move freely."""
     return ProblemError(
         "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "
-        "fix it with a support, or remove cells that hang on nothing"
+        "add a support, or remove unconnected cells"
     )

@@ -53,9 +53,7 @@ def check_memory(unknowns: int, dimension: int, contact: int, many: bool = False
 def shortage(unknowns: int, contact: int, condensed: bool = True) -> MethodError:
     """The error for a problem that ran out of memory all the same; ``condensed`` if it was to be factorised."""
     remedy = _REMEDY if condensed else "take fewer cells, or a machine with more memory"
-    return MethodError(
-        f"the memory gave out for {unknowns} unknowns, {contact} of them on the contact boundary; {remedy}"
-    )
+    return MethodError(f"memory ran out for {unknowns} unknowns, {contact} of them on the contact boundary; {remedy}")
 
 
-_REMEDY = "take the multigrid method (--method multigrid), which factorises nothing of this size, or fewer cells"
+_REMEDY = "take the multigrid method (--method multigrid), which needs no factorisation of this size, or fewer cells"

@@ -109,11 +109,11 @@ class Controls:
                 raise ProblemError(f"Controls.{name} is {getattr(self, name)}; it must be a number >= 0")
         if self.rtol > _COARSEST:
             raise ProblemError(
-                f"Controls.rtol is {self.rtol:g}; it must be at most {_COARSEST:g}, for a residual of that part of the "
-                "load shows nothing"
+                f"Controls.rtol is {self.rtol:g}; it must be at most {_COARSEST:g}, because a larger residual "
+                f"shows nothing"
             )
         if not math.isfinite(self.atol):
-            raise ProblemError("Controls.atol is infinite; it must be a force that counts as nothing")
+            raise ProblemError("Controls.atol is infinite; give a force that is negligible")
         if self.max_steps is not None:
             whole_number(self.max_steps, "Controls.max_steps", 1)
         if self.callback is not None and not callable(self.callback):

@@ -61,7 +61,7 @@ class FixedPoint(Solver):
         if self.max_outer < 1:
             raise ProblemError(f"FixedPoint.max_outer is {self.max_outer}; it must be at least 1")
         if isinstance(self.inner, FixedPoint):
-            raise ProblemError("FixedPoint inside FixedPoint does nothing more; give the method itself as inner")
+            raise ProblemError("FixedPoint inside FixedPoint has no effect; give the method itself as inner")
 
     @property
     def name(self) -> str:  # type: ignore[override]

@@ -22,8 +22,8 @@ __all__ = ["LOWER", "best_of", "others", "took_over"]
 
 #: What is said of a state downhill from rest beside which there is one of less energy.
 LOWER = (
-    "a state with less energy exists, in which more of the foundation has let go; this is the one found downhill from "
-    "rest"
+    "a state with lower energy exists, in which more of the foundation has debonded; this one was found from the "
+    "unloaded state"
 )
 
 #: Part of the way that a fixed point moves where it did not contract.

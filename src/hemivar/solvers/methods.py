@@ -78,7 +78,7 @@ def as_method(method: object) -> Solver | None:
     if isinstance(method, str):
         return method_named(method)
     if isinstance(method, Controls):
-        raise MethodError("the controls are given in the place of the method; pass them by name, controls=...")
+        raise MethodError("the controls are given instead of the method; pass them by name, controls=...")
     if isinstance(method, type) and issubclass(method, Solver):
         raise MethodError(f"the method is the class {method.__name__}; pass one with its options, {method.__name__}()")
     raise MethodError(f"the method is {described(method)}; pass NonsmoothNewton(), 'newton' or the like")

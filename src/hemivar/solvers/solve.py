@@ -478,8 +478,8 @@ def _check_held(system: PosedSystem) -> None:
         return
     if any(decide(growth).verdict is Coercivity.FALLS for growth in system.free_growth()):
         raise ProblemError(
-            "the energy has no lower bound: nothing resists the load along a rigid motion strongly enough; add a "
-            "support, lower the load, or take a law that holds the body"
+            "the energy has no lower bound: nothing resists the load strongly enough along a rigid motion; add a "
+            "support, lower the load, or use a law that constrains the body"
         )
 
 
@@ -511,6 +511,6 @@ def _check_coercive(system: CondensedProblem) -> None:
             worst = int(np.argmin(least.min(axis=1)))
             name = law.name if int(np.argmin(least[worst])) == 0 else law.tangential_name
             raise ProblemError(
-                f"the energy has no lower bound: law '{name}' softens without end, by {-least.min():.3g} per unit of "
+                f"the energy has no lower bound: law '{name}' softens without bound, by {-least.min():.3g} per unit of "
                 "displacement; end the softening, or take a stiffer body"
             )

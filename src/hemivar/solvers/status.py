@@ -38,17 +38,17 @@ _REMEDIES = {
     "tighten its options, or use NonsmoothNewton",
     Status.MAX_STEPS: "the step limit was reached; raise Controls.max_steps or start from a nearby solution",
     Status.MAX_TIME: "the time limit was reached; raise Controls.max_time",
-    Status.STALLED: "no step lowers the energy or the residual any more; take another method, "
-    "`hemivar methods`, or raise Controls.rtol",
-    Status.CYCLING: "the active sets repeat without settling; use NonsmoothNewton, whose energy never rises",
+    Status.STALLED: "no step lowers the energy or the residual any further; use another method (see `hemivar "
+    "methods`) or raise Controls.rtol",
+    Status.CYCLING: "the active sets cycle; use NonsmoothNewton, whose energy never rises",
     Status.NONFINITE: "the iterate is no longer finite; start from another point or use NonsmoothNewton",
     Status.NOT_CONTRACTING: "the outer fixed point does not contract: the bound reacts too strongly to the solution; "
     "take FixedPoint(relaxation=0.5) or smaller",
-    Status.UNBOUNDED: "the energy has no lower bound; the law does not hold the body against its load: lower the load, "
-    "or add a support",
-    Status.NOT_CARRIED: "no equilibrium was found downhill from rest; the load may exceed what the foundation can "
-    "carry: apply a part of it, as `hemivar solve --load-factor` does",
+    Status.UNBOUNDED: "the energy has no lower bound; the law does not carry the load: lower the load, or add a "
+    "support",
+    Status.NOT_CARRIED: "no equilibrium was found from the unloaded state; the load may exceed what the foundation "
+    "can carry: apply a part of it, as `hemivar solve --load-factor` does",
     Status.INTERRUPTED: "the solve was interrupted; the best iterate so far is returned",
-    Status.OUT_OF_MEMORY: "the memory gave out during a step; the best iterate so far is returned. Take the method "
+    Status.OUT_OF_MEMORY: "memory ran out during a step; the best iterate so far is returned. Use the method "
     "multigrid, which needs no dense matrix, or fewer cells",
 }

@@ -274,7 +274,5 @@ def _dependent() -> ProblemError:
 def _positive(matrix: Array) -> Array:
     smallest = np.linalg.eigvalsh(matrix)[0] if matrix.size else 1.0
     if smallest <= 0.0:
-        raise ProblemError(
-            "the body can move without deforming and without any contact point noticing it; add a support"
-        )
+        raise ProblemError("the body has a rigid motion that moves no contact point; add a support")
     return matrix

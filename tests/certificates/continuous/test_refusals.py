@@ -72,11 +72,11 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "one component": (lambda: bound(u=U[:, 0]), rf"the displacement has shape \({NODES},\)"),
     "supports missed": (
         lambda: bound(u=U + 0.01),
-        r"misses what supports prescribe by 0.01 at node 0, x = \(0, 0\); give that of a sol",
+        r"differs from the prescribed one by 0.01 at node 0, x = \(0, 0\); give that of a sol",
     ),
     "prescribed values missed": (
         lambda: bound(changed(supports={"left": hv.Prescribed((0.1, 0.0))})),
-        "misses what supports prescribe by 0.1",
+        "differs from the prescribed one by 0.1",
     ),
     "constants of another kind": (lambda: bound(constants=2.5), "constants is 2.5; give those of guaranteed_trace_bou"),
     "constants not yet made": (

@@ -311,7 +311,7 @@ def test_what_does_not_settle_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(stepper, "_ROUNDS", -14)  # less than one round for each of the bonds
     history = hv.march(hv.Evolution(peeled((0.4, 1.0), 90.0)), 1.0, step=0.05)
     assert history.ended == "not_contracting"
-    assert any("do not settle" in one for one in history.messages)
+    assert any("do not converge" in one for one in history.messages)
 
 
 def test_bonds_stand_beside_other_boundaries_and_in_space() -> None:

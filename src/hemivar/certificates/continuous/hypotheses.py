@@ -191,7 +191,8 @@ def check_supports(problem: ContactProblem, displacement: Array) -> None:
     if off[worst] > _HELD * max(float(np.abs(u).max()), float(np.abs(supports.value).max())):
         place = ", ".join(f"{x:g}" for x in supports.nodes[worst])
         raise ProblemError(
-            f"the displacement misses what supports prescribe by {off[worst]:.3g} at node {worst}, x = ({place}); give "
+            f"the displacement differs from the prescribed one by {off[worst]:.3g} at node {worst}, x = ({place}); "
+            f"give "
             "that of a solution of this problem, on this mesh"
         )
 

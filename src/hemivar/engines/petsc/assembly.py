@@ -116,7 +116,9 @@ def assemble(
     finite = float(np.isfinite(force).all() and np.isfinite(sums).all() and 0.0 < typical < np.inf)
     if ranks.largest(1.0 - finite)[0]:
         raise shared(
-            ProblemError("stiffness or load is not finite, for numbers of the problem are too large; take other units")
+            ProblemError(
+                "stiffness or load is not finite because numbers of the problem are too large; use other units"
+            )
         )
     del blocks
     unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)

@@ -273,7 +273,7 @@ def discretize_on_ranks(
             MethodError("the engine 'petsc' has no redistributed mass; take mass = 'consistent', or leave --engine out")
         )
     if evolution.heat is not None:
-        raise shared(MethodError("the engine 'petsc' couples no heat; leave the heat out, or --engine"))
+        raise shared(MethodError("the engine 'petsc' has no heat coupling; leave the heat out, or --engine"))
 
     def at_start(mesh: Mesh) -> ContactProblem:
         return state(mesh).body.at_time(evolution.start)

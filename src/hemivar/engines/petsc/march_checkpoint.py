@@ -79,7 +79,7 @@ class CheckpointOnRanks(Checkpoint):
             raise FileError(f"{name}: this is not a checkpoint of a run over ranks of this version; name another file")
         if count != self.ranks.size:
             raise FileError(
-                f"{name}: the checkpoint was written on {count} ranks, these are {self.ranks.size}; go on with "
+                f"{name}: the checkpoint was written on {count} ranks, these are {self.ranks.size}; continue with "
                 f"mpirun -n {count}, or start again without resume"
             )
         if not (isinstance(sizes, list) and len(sizes) == count and all(type(size) is int for size in sizes)):

@@ -56,7 +56,8 @@ def prepare_march(
         evolution = state(pieces[-1].mesh)
         if not evolution.body.material.linear:
             raise MethodError(
-                "the engine 'petsc' marches linear bodies only, and this material is not linear; leave --engine out, "
+                "the engine 'petsc' integrates linear bodies in time only, and this material is not linear; leave "
+                "--engine out, "
                 "or solve for one load, hemivar solve --engine petsc"
             )
         refuse_plan(evolution, plan)
@@ -124,12 +125,12 @@ def _refuse(plan: March) -> None:
         )
     if plan.jump not in (SelectionRule.LOCAL, SelectionRule.STOP):
         raise MethodError(
-            f"the engine 'petsc' knows no jump = '{plan.jump}'; take 'local' or 'stop', or leave --engine out"
+            f"the engine 'petsc' does not have jump = '{plan.jump}'; take 'local' or 'stop', or leave --engine out"
         )
 
 
 def _no_bound(advance: TimeStepper) -> TimeBound:
-    return TimeBound(advance, "", "bounds of the error in time are not looked for over ranks")
+    return TimeBound(advance, "", "bounds of the error in time are not computed over ranks")
 
 
 def _identity(advance: TimeStepper, *options: object) -> str:

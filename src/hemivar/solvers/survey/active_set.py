@@ -307,7 +307,7 @@ class PrimalDualActiveSet(Solver):
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
         if problem.contact_points and any(np.isinf(alpha).any() for alpha in problem.law.weak_convexity):
-            return "the law jumps down, so a kink has no place in the order of the sets; use newton"
+            return "the law jumps down, so its kinks cannot be ordered into sets; use newton"
         if not problem.law.splits:
             return f"{problem.law.not_separable}, which the sets do not know; use newton"
         return None
