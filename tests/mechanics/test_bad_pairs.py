@@ -44,7 +44,7 @@ STATED: dict[str, tuple[Callable[[], object], str]] = {
     "a dot": (lambda: two(touching("l.top")), "did you mean 'l:top'"),
     "a blank": (lambda: two(touching("l: top")), "did you mean 'l:top'"),
     "a part that is not there": (lambda: two(touching("m:top")), "names boundary 'm:top', which the mesh does not"),
-    "itself": (lambda: two(touching("u:bottom")), "the two share facets, and contact of a boundary with itself"),
+    "itself": (lambda: two(touching("u:bottom")), "the two share facets, and self-contact is not available; name two"),
     "the other end of its part": (lambda: hv.discretize(two(touching("u:top"))), "no facet of the one faces the other"),
     "the side beside it": (lambda: hv.discretize(two(touching("u:left"))), "no facet of the one faces the other"),
     "a side at a right angle": (lambda: hv.discretize(two(touching("l:left"))), "check names, places and units"),
@@ -233,7 +233,7 @@ def test_what_files_of_pairs_refuse(old: str, new: str, words: str) -> None:
         ("contact.u:botom.normal.stiffness=3", "there is no table 'u:botom' in [contact]; did you mean 'u:bottom'"),
         ("contact.u.normal.stiffness=3", "there is no table 'u' in [contact] (there are: u:bottom)"),
         ("mesh.w.cells=4", "there is no table 'w' in [mesh] (there are: u, l)"),
-        ("contact.u:bottom.against=l:top", "texts and formulas stand in quotes"),
+        ("contact.u:bottom.against=l:top", "write texts and formulas in quotes"),
         ('contact.u:bottom.slave="u"', "slave = 'u'; give 'u:bottom' or 'l:top'"),
     ],
 )
