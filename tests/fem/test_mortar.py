@@ -297,7 +297,7 @@ def test_three_blocks_on_each_other_and_two_on_one() -> None:
     ("change", "words"),
     [
         ({"against": "nowhere"}, "nowhere"),
-        ({"against": "u:bottom"}, "itself"),
+        ({"against": "u:bottom"}, "self-contact"),
         ({"against": 3}, "name of a boundary"),
         ({"against": "l:top", "slave": "u:top"}, "give 'u:bottom' or 'l:top'"),
         ({"slave": "u:bottom"}, "goes with against"),
