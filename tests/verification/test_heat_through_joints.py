@@ -171,6 +171,33 @@ def test_heat_of_friction_goes_into_both(slave: str, share: float | None) -> Non
     assert abs(book.gap) < 1e-12
 
 
+@pytest.mark.parametrize("turn", [0.0, 30.0])
+def test_series_in_space_between_meshes_that_do_not_match(turn: float) -> None:
+    """A cube on a wider one that is 30 degrees turned about x: the flow through the covered part is that of a bar.
+
+    The lower cube conducts so well that it has one temperature.
+    """
+    upper, lower = hv.box((1.0, 1.0, 1.0), (3, 3, 2), origin=(0.5, 0.5, 1.0)), hv.box((2.0, 2.0, 1.0), 2)
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    turned = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    mesh = hv.Mesh.assembled({"upper": upper.moved(turned), "lower": lower.moved(turned)})
+    problem = hv.ContactProblem(
+        mesh, hv.Material.lame(4.0, 3.0), {"upper:bottom": hv.Contact(hv.Signorini(), against="lower:top")},
+        {"upper:top": hv.Clamped(), "lower:bottom": hv.Clamped()},
+    )  # fmt: skip
+    k, h, hot, cold = 2.0, 0.7, 10.0, 4.0
+    heat = Heat(
+        {"upper": k, "lower": 1e9}, 1.0, supports={"upper:top": hot, "lower:bottom": cold},
+        contact={"upper:bottom": HeatContact(h)},
+    )  # fmt: skip
+    history = march(Evolution(problem, heat=heat), 1e4, step=1e3)
+    found = history.frames[-1].temperature
+    assert found is not None
+    q = (hot - cold) / (1.0 / k + 1.0 / h)
+    foot = found[np.unique(mesh.boundaries["upper:bottom"])]
+    np.testing.assert_allclose(foot, hot - q / k, rtol=1e-7)
+
+
 def test_heat_at_held_nodes_crosses_as_any_other() -> None:
     """One end of a joint is held at its temperature: what crosses there comes out of the support, and is booked so."""
     capacity = {"a": 1.0, "b": 3.0}
