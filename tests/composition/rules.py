@@ -93,7 +93,7 @@ RULES = (
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),
     Rule(
         "the foundation softens too much for the bodies",
-        "For bodies that touch each other the distance to the exact solution is estimated where no law drops "
+        "For bodies that touch each other the distance to the exact solution is known where no law drops "
         "discontinuously.",
         _BOUNDS,
         _PAIRS,

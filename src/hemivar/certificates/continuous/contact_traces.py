@@ -408,11 +408,15 @@ def _out_of_curved_gaps(data: BodyData) -> Array:
                 worst = order[excess[order] >= most[corner[order]]]
                 normal[corner[worst]] = normals[worst]
             loose = np.abs(np.einsum("nij,nj->ni", held, normal)).max(axis=1) <= _HELD
-            moved -= sign * (most * loose)[:, None] * normal
-            cut = part.facets[table.cut[part.facets]]  # what is held there gives way on the other side
+            cut = part.facets[table.cut[part.facets]]
             mine, theirs = table.facets[cut].ravel(), table.others[cut].ravel()
-            stuck = ~loose[mine]
-            moved[theirs[stuck]] += sign * most[mine[stuck], None] * normal[mine[stuck]]
+            softer = np.repeat(_second_is_softer(data, cut), table.dim)
+            free = np.abs(np.einsum("nij,nj->ni", held[theirs], normal[mine])).max(axis=1, initial=0.0) <= _HELD
+            gives = free & (softer | ~loose[mine])
+            loose[mine[gives]] = False  # the other body gives way there
+            back = sign * most[:, None] * normal
+            moved -= back * loose[:, None]
+            moved[theirs[gives]] += back[mine[gives]]
     return moved
 
 
