@@ -309,3 +309,32 @@ def test_what_the_coarser_mesh_gives_is_held_against_the_load() -> None:
     better, cycles = levels.solve(load, 0.999 * left)
     assert cycles > 0
     assert np.linalg.norm(load - problem.stiffness @ better) <= 0.999 * left * np.linalg.norm(load)
+
+
+@pytest.mark.parametrize("make", [square, cube])
+@pytest.mark.parametrize("factor", [0.0, 1.0, -1e3])
+def test_the_coarsest_level_is_inverted_as_it_is_after_the_change(
+    make: Make, factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By what its contact unknowns change alone; where that is not positive definite, anew."""
+    problem = make()
+    hierarchy = ElasticMultigrid.of(problem)
+    held, added = held_somewhere(problem)
+    truncated, anew = Truncated(hierarchy.levels, hierarchy.first + len(hierarchy.steps)), []
+    dense = Truncated._dense_root
+    monkeypatch.setattr(Truncated, "_dense_root", lambda self: anew.append(self) or dense(self))
+    truncated.change(held, sp.csr_array(factor * added))
+    truncated.prepare()
+    changed, root = truncated._changed[0], truncated._coarse
+    out = changed.level.contact[changed.held]
+    assert out.size
+    assert bool(anew) == (factor < 0.0)
+    matrix = changed.matrix.toarray()
+    matrix[:, out] = 0.0
+    matrix[out, out] = 1.0
+    assert root is not None
+    if factor < 0.0:
+        assert np.linalg.eigvalsh(matrix)[0] < 0.0
+        assert np.linalg.matrix_rank(root) == len(matrix)
+    else:
+        np.testing.assert_allclose(root @ root.T @ matrix, np.eye(len(matrix)), atol=1e-9)

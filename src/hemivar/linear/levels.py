@@ -209,6 +209,11 @@ class Levels:
         return whole
 
     @cached_property
+    def eliminated(self) -> Eliminated | None:
+        """The coarsest matrix as far as no solve changes it."""
+        return Eliminated.of(self.levels[0])
+
+    @cached_property
     def coarse_change(self) -> CoarseChange:
         """How holding unknowns of the coarsest level that is not algebraic changes the one below."""
         return CoarseChange(self.levels[self.algebraic], self.transfers[self.algebraic - 1].prolongation)
@@ -233,6 +238,31 @@ class Levels:
             [level.contact for level in self.levels],
             self._slots,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Eliminated:
+    """The coarsest matrix with the unknowns that no contact law acts on eliminated: a solve changes the rest only."""
+
+    inner: IntArray  # (i,): these unknowns
+    follows: Array  # (i, c): how they follow the contact unknowns, with the other sign
+    schur: Array  # (c, c): what is left between contact unknowns
+    root: Array  # (n, n): its first i columns times their transpose are the inverse between inner unknowns; zero else
+
+    @staticmethod
+    def of(level: Level) -> Eliminated | None:
+        """None where the inner part is not positive definite."""
+        matrix, n = level.matrix.toarray(), level.matrix.shape[0]
+        inner = np.setdiff1d(np.arange(n), level.contact)
+        upper = _upper_root(matrix[np.ix_(inner, inner)])
+        if upper is None:
+            return None
+        between = matrix[np.ix_(inner, level.contact)]
+        follows = upper @ (upper.T @ between)
+        schur = matrix[np.ix_(level.contact, level.contact)] - between.T @ follows
+        root = np.zeros((n, n))
+        root[inner, : inner.size] = upper
+        return Eliminated(inner, follows, 0.5 * (schur + schur.T), root)
 
 
 class Truncated:
@@ -384,17 +414,39 @@ class Truncated:
 
     def _coarse_root(self) -> Array:
         if self._coarse is None:
-            changed = self._changed[0]
-            free = np.ones(changed.matrix.shape[0])
-            free[changed.level.contact[changed.held]] = 0.0  # their columns are still there, but meet zeros only
-            dense = changed.matrix.toarray()
-            dense *= free
-            dense[np.diag_indices_from(dense)] += 1.0 - free
-            root = _inverse_root(dense)
+            root = self._eliminated_root()
+            self._coarse = self._dense_root() if root is None else root
             if self._compiled is not None:
-                self._compiled.set_root(root)
-            self._coarse = root
+                self._compiled.set_root(self._coarse)
         return self._coarse
+
+    def _eliminated_root(self) -> Array | None:
+        """The root from what only the rows of the contact unknowns change; None where they are not all that changes."""
+        levels, changed = self._levels, self._changed[0]
+        known = None if levels.algebraic or changed.level.contact.size == 0 else levels.eliminated
+        if known is None:
+            return None
+        kept = np.flatnonzero(~changed.held)
+        added = changed.level.coupling.matrix(changed.added).toarray()
+        upper = _upper_root((known.schur + added)[np.ix_(kept, kept)])
+        if upper is None:
+            return None
+        root, place = known.root.copy(order="C"), changed.level.contact[kept]
+        inner = levels.sizes[0] - changed.level.contact.size
+        root[known.inner, inner : inner + kept.size] = -known.follows[:, kept] @ upper
+        root[place, inner : inner + kept.size] = upper
+        out = changed.level.contact[changed.held]
+        root[out, np.arange(inner + kept.size, levels.sizes[0])] = 1.0
+        return root
+
+    def _dense_root(self) -> Array:
+        changed = self._changed[0]
+        free = np.ones(changed.matrix.shape[0])
+        free[changed.level.contact[changed.held]] = 0.0  # their columns are still there, but meet zeros only
+        dense = changed.matrix.toarray()
+        dense *= free
+        dense[np.diag_indices_from(dense)] += 1.0 - free
+        return _inverse_root(dense)
 
 
 @dataclass(frozen=True, eq=False)
@@ -442,17 +494,29 @@ def _placed(matrix: sp.csr_array, place: IntArray, count: int) -> sp.csr_array:
     return sp.csr_array((entries.data, (place[entries.row], place[entries.col])), shape=(count, count))
 
 
-def _inverse_root(matrix: Array) -> Array:
-    """Some ``R`` with ``R R'`` its inverse, or that of its absolute value where it is not positive definite."""
+def _upper_root(matrix: Array) -> Array | None:
+    """Upper triangular ``R`` with ``R R'`` the inverse; None where the matrix is not safely positive definite."""
     diagonal = np.abs(np.diagonal(matrix))
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix * scale  # in one piece of memory: new memory takes as long as the numbers
     scaled *= scale[:, None]
+    if not diagonal.size:
+        return scaled
     upper, failed = la.lapack.dpotrf(scaled.T, lower=0, overwrite_a=1)
-    if not failed and np.diagonal(upper).min(initial=1.0) > np.sqrt(_PIVOT):
-        inverse, _ = la.lapack.dtrtri(upper, lower=0, overwrite_c=1)
-        inverse *= scale[:, None]
-        return np.asarray(inverse)
+    if failed or not np.diagonal(upper).min() > np.sqrt(_PIVOT):
+        return None
+    inverse, _ = la.lapack.dtrtri(upper, lower=0, overwrite_c=1)
+    inverse *= scale[:, None]
+    return np.asarray(inverse)
+
+
+def _inverse_root(matrix: Array) -> Array:
+    """Some ``R`` with ``R R'`` its inverse, or that of its absolute value where it is not positive definite."""
+    upper = _upper_root(matrix)
+    if upper is not None:
+        return upper
+    diagonal = np.abs(np.diagonal(matrix))
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = scale[:, None] * (0.5 * (matrix + matrix.T)) * scale
     values, vectors = la.eigh(scaled, check_finite=False)
     size = np.maximum(np.abs(values), _PIVOT * np.abs(values).max(initial=1.0))
