@@ -21,7 +21,7 @@ from hemivar.certificates.continuous.joined_sides import joined_sides
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
 from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.touching_bodies import contact_moments
-from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
+from hemivar.certificates.continuous.trace_bounds import discrete_trace_bounds, guaranteed_trace_bounds
 from hemivar.mechanics import Geometry
 from hemivar.mesh.mesh import Mesh
 from tests.samples import sampled
@@ -312,3 +312,19 @@ def test_adaptive_meshes_stay_the_same_on_both_sides(space: bool) -> None:
     assert len(sizes) > 2
     assert all(level.distance.guaranteed for level in found.levels)
     assert all(after < before for before, after in pairwise(sizes))
+
+
+def test_constants_of_the_mesh_weigh_the_side_with_the_contact_points() -> None:
+    """Whichever side the contact is named after."""
+    found = []
+    for side in ("joint0:part0", "joint0:part1"):
+        problem = two(
+            opened(hv.rectangle((1.0, 1.0), (4, 4)), 0.5), (2.0, 5.0), contact(0, hv.Compliance(1.0), slave=side)
+        )
+        corners = problem.mesh.points[problem.mesh.boundaries[side]]
+        weights = np.full(len(corners), 0.7)
+        constants = discrete_trace_bounds(hv.discretize(problem))
+        assert constants.weighted is not None
+        found.append(constants.weighted(corners, weights, weights)[0])
+        assert found[-1] == pytest.approx(0.7 / constants.both, rel=1e-6)
+    assert found[0] == pytest.approx(found[1], rel=1e-9)

@@ -484,11 +484,14 @@ def test_the_triangle_below_a_point() -> None:
     """Two in one plane, two parallel to them, and one askew."""
     flat = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
     triangles = np.concatenate([flat, flat + np.array([0.3, -0.2, 0.02]), [[[0, 0, 0], [0, 1, 0], [0.1, 0.2, 1]]]])
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
     rng = np.random.default_rng(4)
     parts = rng.dirichlet(np.ones(3), (20, 5))
     for units in (1e-3, 1.0, 1e3):
         points = units * np.einsum("kma,mai->kmi", parts, triangles)
-        assert _containing(units * triangles, points.reshape(-1, 3)).tolist() == list(range(5)) * 20
+        found = _containing(units * triangles, normals, points.reshape(-1, 3), np.tile(normals, (20, 1)))
+        assert found.tolist() == list(range(5)) * 20
 
 
 def test_cells_below_a_facet_have_finitely_many_shapes() -> None:

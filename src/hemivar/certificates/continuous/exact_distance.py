@@ -39,12 +39,12 @@ from hemivar.certificates.continuous.contact_traces import (
 from hemivar.certificates.continuous.convex_distance import BareStiffness, balanced_stress, not_convex
 from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
 from hemivar.certificates.continuous.hypotheses import fixed_gaps, inexact_data, stated_conditions, unmet_hypotheses
-from hemivar.certificates.continuous.joined_sides import joined_sides
+from hemivar.certificates.continuous.joined_sides import joined_sides, touch
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
 from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
-from hemivar.certificates.continuous.touching_bodies import contact_moments, shared_anew, touch, touching_bodies
+from hemivar.certificates.continuous.touching_bodies import contact_moments, shared_anew, touching_bodies
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.laws import VectorLaw

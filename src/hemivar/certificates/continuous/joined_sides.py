@@ -11,10 +11,15 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["joined_sides"]
+__all__ = ["joined_sides", "touch"]
 
 #: Distance of two nodes at one place that is rounding, of the extent of the mesh.
 _ROUNDED = 1e-12
+
+
+def touch(problem: ContactProblem) -> bool:
+    """Whether there is contact of two bodies."""
+    return any(contact.against for contact in problem.contact.values())
 
 
 def joined_sides(problem: ContactProblem) -> tuple[IntArray, IntArray] | None:

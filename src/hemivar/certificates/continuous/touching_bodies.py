@@ -19,6 +19,7 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData, body_data
+from hemivar.certificates.continuous.joined_sides import touch
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
@@ -28,12 +29,7 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.supports import stated_supports
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["contact_moments", "refuse_touching", "shared_anew", "touch", "touching_bodies"]
-
-
-def touch(problem: ContactProblem) -> bool:
-    """Whether there is contact of two bodies."""
-    return any(contact.against for contact in problem.contact.values())
+__all__ = ["contact_moments", "refuse_touching", "shared_anew", "touching_bodies"]
 
 
 def refuse_touching(problem: ContactProblem) -> None:

@@ -27,9 +27,10 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.bare_body import bare_body, facet_cover, held_facets
+from hemivar.certificates.continuous.bare_body import bare_body, contact_sides, facet_cover, held_facets
 from hemivar.certificates.continuous.facet_constants import equilibrated_blocks, mass_root
 from hemivar.certificates.continuous.facet_table import facet_table
+from hemivar.certificates.continuous.joined_sides import joined_sides, touch
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
 from hemivar.certificates.continuous.oscillation import local_constants
 from hemivar.certificates.continuous.split_element import pulled_back
@@ -128,7 +129,9 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
         mesh = problem.field.mesh
         at = np.zeros((mesh.number_of_nodes, 2))
         assert problem.origin is not None
-        own = np.concatenate([mesh.boundaries[name] for name in problem.origin.contact])
+        own = np.concatenate(
+            [mesh.boundaries[contact_sides(problem.origin, name)[0]] for name in problem.origin.contact]
+        )
         over = facet_cover(mesh.points[own], facets)
         for column, values in enumerate((normal, tangential)):
             largest = np.where(over, values, 0.0).max(axis=1, initial=0.0)
@@ -233,8 +236,8 @@ def body_constants(problem: DiscreteProblem, workspace: Workspace) -> TraceBound
     known = discrete_trace_bounds(problem, workspace)
     if stated is not None and not stated.kind and not stated.contact:
         return replace(known, guaranteed=True)
-    if known.both == 0.0:
-        return known
+    if known.both == 0.0 or (stated is not None and touch(stated) and joined_sides(stated) is None):
+        return known  # there is no bound, whatever they are
     try:
         return guaranteed_trace_bounds(problem, workspace)
     except (ProblemError, np.linalg.LinAlgError, RuntimeError) as error:  # ARPACK raises the last
