@@ -22,6 +22,8 @@ _REMEDIES = {
     "algebraic": "solve more accurately, with a smaller rtol of [solver]",
     "correction": "refine the mesh along the contact boundary, or take linear elements",
 }
+#: What to do where softening makes most of a bound.
+_MARGIN = "take a law that softens less, more supports or a stiffer body"
 
 
 @dataclass(frozen=True)
@@ -163,10 +165,16 @@ class DistanceToExact:
             return ""
         shares, factor = self._shares()
         name = max(shares, key=lambda one: shares[one])
-        words = f"{100.0 * shares[name] / sum(shares.values()):.0f} % of it is {name}: {_REMEDIES[name]}"
-        if factor > _SOFT:
-            words += f"; softening (c) multiplies it by {factor:.2g}, which a finer mesh does not change"
-        return words
+        part = shares[name] / sum(shares.values())
+        words = f"of it is {name}: {_REMEDIES[name]}"
+        if factor <= _SOFT:
+            return f"{100.0 * part:.0f} % {words}"
+        soft = f"softening (c) multiplies it by {factor:.2g}, which a finer mesh does not change"
+        margin = 1.0 - 1.0 / factor
+        if margin > part:
+            rest = f"{100.0 * part:.0f} % of the rest {words.removeprefix('of it ')}"
+            return f"{100.0 * margin:.0f} % of it is margin: {soft}; {_MARGIN}; {rest}"
+        return f"{100.0 * part:.0f} % {words}; {soft}"
 
     def record(self) -> Record:
         """Plain numbers and strings for JSON; numbers that are not finite become null."""
