@@ -58,7 +58,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     ),
     (lambda: hv.certify(DISCRETE), "certify: no displacement is given; give a solution"),
     (lambda: hv.certify(PROBLEM, U), "certify: the problem is a ContactProblem; give hemivar.discretize"),
-    (lambda: hv.certify(SOLUTION, U), "certify: a solution stands for its unknowns"),
+    (lambda: hv.certify(SOLUTION, U), "certify: a solution already contains its unknowns"),
     (lambda: hv.certify(DISCRETE, SOLUTION.displacement[1:]), "the displacement has shape"),
     (lambda: hv.certify(DISCRETE, U, SOLUTION.pressure), "the multiplier has shape"),
     (lambda: hv.certify(DISCRETE, U, tolerance="x"), "the tolerance of a certificate is 'x'; give a real number"),

@@ -100,8 +100,8 @@ def test_what_else_is_refused() -> None:
         ((PROBLEM, np.full(n, np.nan)), "displacement holds nan or infinity"),
         ((PROBLEM, u, lam[1:]), r"multiplier has shape \(3, 2\); this problem needs \(4, 2\)"),
         ((PROBLEM, u, lam + np.inf), "multiplier holds nan or infinity"),
-        ((SOLUTION, u), "a solution stands for its unknowns"),
-        ((SOLUTION, None, lam), "a solution stands for its unknowns"),
+        ((SOLUTION, u), "a solution already contains its unknowns"),
+        ((SOLUTION, None, lam), "a solution already contains its unknowns"),
         (("square", u), "certify: the problem"),
     ):
         with pytest.raises(hv.errors.ProblemError, match=words):

@@ -338,9 +338,9 @@ def test_the_words_of_a_certificate_follow_its_numbers() -> None:
     assert "maximum; there are other solutions" in unsure
     assert "least curvature   -1 (the body alone: 1)" in unsure
     assert "margin            -1 (c = 2)" in unsure
-    assert "no bound, for the margin is not positive" in unsure
+    assert "no bound, because the margin is not positive" in unsure
     late = "\n".join(certify(square(1.5), np.zeros(84), max_time=0.0).lines())
-    assert "no bound, for lack of time" in late
+    assert "no bound, because the time limit was reached" in late
     assert "left out" in late
 
 

@@ -134,7 +134,7 @@ def test_scalar_problems_have_certificates_too() -> None:
     for found in (exactly, nearly):
         assert found.kind is PointKind.UNIQUE_MINIMISER
         assert found.smallness.m_A == pytest.approx(power.least, rel=1e-12)
-        assert "lower bound of its stiffness, as its maker states it" in repr(found)
+        assert "lower bound of its stiffness, as stated by its author" in repr(found)
 
 
 # ---- the kind of a point --------------------------------------------------------------------------------------
@@ -250,7 +250,7 @@ def test_without_a_lower_bound_there_is_neither_margin_nor_distance(law: Superpo
         assert found.error_bound == np.inf
         assert found.unique is None
         assert found.kind is PointKind.LOCAL_MINIMISER
-        assert "no lower bound of the stiffness of the body is known at all strains" in repr(found)
+        assert "the stiffness of the body has no known lower bound at all strains" in repr(found)
 
 
 def test_what_is_proved_for_some_strains_is_claimed_for_these() -> None:

@@ -50,7 +50,7 @@ def test_a_friction_bound_of_the_solution_leaves_no_energy_to_be_least(name: str
     assert "minimiser with the friction bound held fixed" in words
     for claim in ("local minimiser", "saddle", "directionally stationary"):
         assert words.count(claim) == words.count(claim + FIXED)
-    assert "energy is least" not in words
+    assert "local minimum of the energy" not in words
     assert "stable equilibrium" not in words
     energies = [line for line in words.split("\n") if line.startswith("energy ")]
     assert len(energies) == 2
@@ -64,7 +64,7 @@ def test_a_bound_that_is_a_number_has_an_energy() -> None:
     assert solution.certify().kind is PointKind.LOCAL_MINIMISER
     words = said(solution)
     assert FIXED not in words
-    assert "its energy is least nearby" in words
+    assert "a local minimum of the energy" in words
     assert len(hv.find_solutions(solution.problem, starts=2).minima) >= 1
 
 

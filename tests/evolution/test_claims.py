@@ -52,7 +52,7 @@ CASES: dict[str, tuple[hv.Contact, dict[str, Any], str, str]] = {
     "friction of the pressure": (
         hv.Contact(hv.Compliance(2.0), hv.Coulomb(0.3)), {}, "", "depends on the solution",
     ),
-    "memory": (hv.Contact(hv.Compliance(2.0), memory=(hv.laws.ViscousFoundation(1.0),)), {}, "", "remember"),
+    "memory": (hv.Contact(hv.Compliance(2.0), memory=(hv.laws.ViscousFoundation(1.0),)), {}, "", "internal variables"),
     "branches": (
         hv.Contact(hv.Compliance(2.0)), {"branches": [hv.materials.Branch(lame=(0.0, 1.0), time=1.0)]}, "", "branches",
     ),
@@ -179,8 +179,8 @@ def test_a_law_that_falls_at_once_is_refused_in_words() -> None:
         (hv.Contact(hv.Softening(2.0, 0.01, 0.5)), {}, "every step has one solution only"),
         (hv.Contact(hv.Compliance(2.0), hv.Tresca(0.1), memory=(hv.laws.Wear(0.1),)), {}, "only for given wear"),
         (hv.Contact(hv.Compliance(2.0)), {"heat": Heat(1.0, 1.0)}, "only for given heat"),
-        (hv.Contact(SAMPLED), {}, "as far as samples of the law tell"),
-        (hv.Contact(hv.Compliance(2.0), FLAT), {}, "as far as samples of the law tell"),
+        (hv.Contact(SAMPLED), {}, "as far as samples of the law show"),
+        (hv.Contact(hv.Compliance(2.0), FLAT), {}, "as far as samples of the law show"),
         (hv.Contact(hv.Softening(50.0, 0.01, 10.0)), {"viscous": None}, "1 step may have several solutions"),
     ],
     ids=["softening", "wear", "heat", "function", "friction", "steep"],

@@ -169,7 +169,7 @@ def test_what_is_sampled_or_left_out_looks_so(values: dict[str, Any]) -> None:
     late = replace(one, left_out=("margin", "error bound"), margin=-np.inf, error_bound_relative=np.inf)
     figure = report.plot_certificate(late)
     assert bars(figure, 0) == []
-    assert words(figure).count("for lack of time") == 2
+    assert words(figure).count("because the time limit was reached") == 2
     endless = report.plot_certificate(replace(one, margin=-np.inf))
     assert bars(endless, 0)[0][0] > endless.axes[0].get_xlim()[1]
 

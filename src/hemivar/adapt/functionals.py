@@ -166,13 +166,13 @@ def _hindrance(goal: Goal, data: BodyData, axis: int, field: Array) -> str:
         number = list(data.problem.contact).index(goal.boundary)
         here = data.contact[outer] == number
         if np.abs(np.einsum("fij,j->fi", data.unknown[outer], unit)[here]).max(initial=0.0) > _NONE:
-            return f"a support holds contact '{goal.boundary}' along {'xyz'[axis]}, where force of both is one"
+            return f"a support constrains contact '{goal.boundary}' along {'xyz'[axis]}, where force of both is one"
     else:
         own = table.numbers(data.problem.mesh.boundaries[goal.boundary])
         should[np.isin(outer, own)] = unit
     off = np.einsum("fij,faj->fai", data.unknown[outer], field[table.facets[outer]] - should[:, None])
     if np.abs(off).max(initial=0.0) > _NONE:
-        return f"support '{goal.boundary}' meets another one, whose force at their common end nothing bounds"
+        return f"support '{goal.boundary}' meets another one, whose force at their common end has no bound"
     return ""
 
 

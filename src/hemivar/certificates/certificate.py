@@ -345,8 +345,8 @@ def _pair(
     if isinstance(problem, Certifiable):
         if displacement is not None or multiplier is not None:
             raise ProblemError(
-                "certify: a solution stands for its unknowns and multiplier, and these are given as well; leave them "
-                "out, or give the problem, solution.problem, in the place of the solution"
+                "certify: a solution already contains its unknowns and multiplier; leave them out, or give "
+                "solution.problem instead of the solution"
             )
         displacement = problem
         problem = displacement.problem

@@ -132,7 +132,7 @@ class DistanceToExact:
         if self.geometry:
             made.append(f"{blank}the body is {self.geometry}")
         if self.guaranteed:
-            return [f"{label}at most {size}: guaranteed up to rounding and rules of integration", *made]
+            return [f"{label}at most {size}: guaranteed up to rounding and quadrature", *made]
         if self.conditions:
             return [
                 f"{label}at most {size}: conditional, no guarantee",

@@ -173,7 +173,7 @@ class EnergyNorm:
 
     Notes
     -----
-    If K is not shown to be definite (a body that nothing but contact holds), :attr:`definite` is False and nothing else
+    If K is not shown to be definite (a body held by contact only), :attr:`definite` is False and nothing else
     may be asked for but :meth:`norm` and :attr:`indefinite`.  By multigrid dual norms are at most about 1 % too large,
     and :attr:`lowest` is an estimate, made smaller by a factor two or more.
     """

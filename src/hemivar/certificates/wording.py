@@ -71,9 +71,10 @@ def claims(certificate: Certificate) -> list[Claim]:
     if constants.coupling > 0.0:
         parts.append(f"coupling {_text(constants.coupling)}")
     guessed = "" if c.proved else ", an estimate"
-    say("margin", f"{_text(c.margin)}{guessed} ({', '.join(parts)})", c.margin, bounded, doubt)
+    margin = f"{_text(c.margin)}{guessed} ({', '.join(parts)})"
     if c.margin == -math.inf and not c.left_out:
-        say("", _without_margin(constants), whole=bounded)
+        margin = f"uniqueness is not known: {_without_margin(constants)}"
+    say("margin", margin, c.margin, bounded, doubt)
     say("distance", _distance(c), c.error_bound_relative, doubt=doubt)
     found += [] if c.exact is None else [Claim(line[:_LABEL].rstrip(), line[_LABEL:]) for line in c.exact.lines()]
     if c.left_out:
@@ -92,8 +93,8 @@ def _distance(c: Certificate) -> str:
     constants = c.smallness
     if not math.isfinite(c.error_bound):
         late = "margin" in c.left_out or "error bound" in c.left_out
-        why = "the margin is not shown" if c.apart else "lack of time"
-        return f"no bound, for {why if late else 'the margin is not positive'}"
+        why = "the margin is not shown" if c.apart else "the time limit was reached"
+        return f"no bound, because {why if late else 'the margin is not positive'}"
     size = f"{c.error_bound:.2e}, relative {c.error_bound_relative:.1e},"
     if not c.error_bound_sampled:
         return f"at most {size} to the exact discrete solution"
@@ -112,23 +113,23 @@ def _constants(constants: Smallness) -> Iterator[tuple[str, str]]:
         yield "m_A", _text(constants.m_A) + (", at the points of a rule" if constants.m_A_sampled else "")
     if constants.trace_constant is not None:
         above = constants.trace_bound
-        more = "" if above is None else f" on this mesh, of the body at most {above:.6g}"
+        more = "" if above is None else f" on this mesh; for the continuous body at most {above:.6g}"
         yield "trace constant", f"{constants.trace_constant:.6g}{more}"
     if constants.survey_margin is not None:
         holds = {
-            None: "holds on this mesh, of the body it is not known", True: "holds", False: "does not hold"
+            None: "holds on this mesh; for the continuous body it is not known", True: "holds", False: "does not hold"
         }[constants.survey_condition]  # fmt: skip
         if constants.survey_condition is not None and constants.trace_bound is None and softens:
             holds += " on this mesh"
         if constants.m_A_sampled and softens:
-            holds += ", as far as samples of the material tell"
+            holds += ", as far as samples of the material show"
         yield "survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}"
     if constants.within:
-        yield "note", f"constants are those of {constants.within}: what rests on them holds there"
+        yield "note", f"constants are those of {constants.within}: conclusions hold there"
     if constants.alpha_sampled:
-        yield "note", "a law knows its alpha from samples only: margin and distance are estimates"
+        yield "note", "alpha of a law is known from samples only: margin and distance are estimates"
     if constants.m_L_sampled:
-        yield "note", "a friction bound knows its slope from samples only: margin and distance are estimates"
+        yield "note", "the slope of a friction bound is known from samples only: margin and distance are estimates"
 
 
 def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:
@@ -157,16 +158,19 @@ def certificate_brief(certificate: Certificate) -> str:
 def _without_margin(constants: Smallness) -> str:
     """Why there is no margin at all, in words."""
     if max(constants.alpha_normal, constants.alpha_tangential) == math.inf:
-        return "the derivative of a law jumps down, or falls without bound: no stiffness of the body makes up for that"
+        return "a law drops discontinuously or softens without bound"
     if constants.stiffness_by == UNKNOWN:
-        return "no lower bound of the stiffness of the body is known at all strains"
+        return "the stiffness of the body has no known lower bound at all strains"
     if constants.reach_strain < math.inf:
         return "strains may lie outside of the reach of the material"
     if math.isinf(constants.m_L):
         return "the laws have no finite constant here"
     if constants.m_alpha + constants.m_L == 0.0 and not constants.sampled:
-        return "the supports alone do not hold the body; as its laws are convex, solutions differ by rigid motions only"
-    return "the supports alone do not hold the body: what rests on the foundation alone has no margin"
+        return (
+            "the supports alone do not constrain the body; because its laws are convex, solutions differ by rigid "
+            "motions only"
+        )
+    return "the supports alone do not constrain the body"
 
 
 def lower_bound_words(found_by: str) -> str:
@@ -175,7 +179,7 @@ def lower_bound_words(found_by: str) -> str:
         return "not linear: norms are those of its stiffness at rest, and bound nothing"
     how = {
         BoundsBy.SAMPLED.value: "known from samples only: margin and distance are estimates",
-        STATED: "as its maker states it",
+        STATED: "as stated by its author",
     }.get(found_by, f"proved ({found_by})")
     return f"not linear: norms are those of the lower bound of its stiffness, {how}"
 

@@ -32,7 +32,7 @@ __all__ = ["COMMANDS", "app", "main"]
 
 app = typer.Typer(
     name="hemivar",
-    help="Solve contact problems of elastic bodies with foundations given by superpotentials.",
+    help="Solve contact problems of elastic bodies whose contact laws derive from superpotentials.",
     invoke_without_command=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -121,7 +121,7 @@ def _print_version(wanted: bool) -> None:
 
 
 #: Options that there were, and what to use.
-_REMOVED = {"--render": "--render was removed; draw a body in 3D by --plot, or write --vtu for ParaView"}
+_REMOVED = {"--render": "--render was removed; use --plot to draw a body in 3D, or --vtu for ParaView"}
 
 _FIRST = """hemivar {version}: contact problems of elastic bodies, solved and certified.
 
@@ -139,7 +139,7 @@ def _root(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Solve contact problems of elastic bodies with foundations given by superpotentials."""
+    """Solve contact problems of elastic bodies whose contact laws derive from superpotentials."""
     if context.invoked_subcommand is None:
         print(_FIRST.format(version=__version__))
 

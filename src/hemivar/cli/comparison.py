@@ -252,4 +252,4 @@ class SurveyCommand(Command):
         print(f"\nwritten           {f'{shown(report)} and ' if report in result.files else ''}{others} other files")
         print(f"time              {time.perf_counter() - result.started:.3g} s")
         if runs.interrupted:
-            print("interrupted: the report holds what was done until then")
+            print("interrupted: the report contains what was finished by then")

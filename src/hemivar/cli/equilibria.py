@@ -138,9 +138,7 @@ class PathCommand(OnProblem):
     )
     quantity: Annotated[
         str | None,
-        option(
-            "What is drawn over the load: max-penetration, normal-force, ...; by default what changes most.", of="NAME"
-        ),
+        option("Quantity over the load: max-penetration, normal-force, ... (the one that changes most).", of="NAME"),
     ] = None
     json: opt.Json = None
     plot: Annotated[opt.File, written("Draw the path (.png, .svg or .pdf).")] = None
@@ -199,7 +197,9 @@ def _print_path(path: EquilibriumPath) -> None:
     print(f"\n{path.failure}")
     print(f"path              {len(path)} points, {len(path.folds)} folds; {path.ended}")
     if path.perturbed:
-        print("                  several points of the boundary met an event at once: this is one of several branches")
+        print(
+            "                  several contact points changed state at the same load: this is one of several branches"
+        )
     folds, jumps = path.main_folds, path.main_jumps
     for fold in folds[:_SHOWN]:
         print(f"fold              load factor {fold.load_factor:.10g}, point {fold.index}")

@@ -47,7 +47,7 @@ class LawsCommand(Command):
     def check(self) -> None:
         asked = sum(choice is not None for choice in (self.name, self.file, self.formula))
         if not asked and (self.given or self.friction or self.reach is not None or self.plot is not None):
-            raise ProblemError("name a law, or give --file or --formula; 'hemivar laws' alone lists the laws")
+            raise ProblemError("name a law, or give --file or --formula; 'hemivar laws' lists the laws")
         if asked > 1:
             raise ProblemError("give one of NAME, --file and --formula")
         _check_reach(self.reach, "length")
@@ -204,5 +204,5 @@ def _list_materials() -> None:
     for entry in MATERIAL_LAWS.values():
         _print_entry(entry)
     print("\nEvery number but reach is a number or, in quotes, a formula of x and y (and z).  All take density,")
-    print("viscosity and branches as linear materials do, and stand in [material] or [material.regions.NAME].")
+    print("viscosity and branches as linear materials do, and go into [material] or [material.regions.NAME].")
     print("'hemivar materials NAME' shows a material with its bounds, with --plot FILE its graph.")

@@ -33,9 +33,11 @@ __all__ = ["AnimateCommand", "HistoryCommand"]
 class HistoryCommand(Command):
     """List the columns of the table of a march, or draw it."""
 
-    table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="What 'hemivar march' wrote as --table.")]
+    table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="The table written by 'hemivar march --table'.")]
     plot: Annotated[opt.File, written("Draw the table (.png, .svg or .pdf).")] = None
-    kind: Annotated[str | None, option("ledger, forces, loop, steps or columns (ledger).", of="NAME")] = None
+    kind: Annotated[
+        str | None, option("Kind of figure: ledger (energy balance), forces, loop, steps or columns.", of="NAME")
+    ] = None
     columns: Annotated[str | None, option("Columns to draw or to list.", of="A,B,...")] = None
     units: opt.UnitNames = None
 

@@ -187,7 +187,7 @@ class SweepCommand(OnProblem):
     csv: opt.Csv = None
     latex: opt.Latex = None
     plot: Annotated[opt.File, written("Draw margin and number of solutions (.png, .svg or .pdf).")] = None
-    label: Annotated[list[str] | None, option("Name of a parameter in the picture, with its unit.", of="TEXT")] = None
+    label: Annotated[list[str] | None, option("Name of a parameter in the figure, with its unit.", of="TEXT")] = None
     starts: opt.Starts = 40
     max_solutions: opt.MaxSolutions = 100
     seed: opt.Seed = 0

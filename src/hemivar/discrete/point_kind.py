@@ -39,7 +39,7 @@ class PointKind(StrEnum):
     WITHOUT_ENERGY = "equilibrium of a law without an energy"
     """All tractions depend on the state, as on the mode of glue: there is no energy, and no kind of its points."""
     STATIONARY = "stationary"
-    """The residual is below the tolerance; what kind of point it is was not looked at, for lack of time."""
+    """The residual is below the tolerance; what kind of point it is was not looked at within the time limit."""
     NOT_STATIONARY = "not stationary"
     """Equilibrium or the law is not fulfilled to the tolerance."""
 

@@ -204,8 +204,8 @@ class History(PickleMixin, ReprMixin):
         if sampled or any(one.alpha_sampled for one in damped):
             doubt = law.alpha_doubt
             if "reach" in doubt and not law.lipschitz_sampled:
-                return f"every step has one solution only for which alpha of the law holds, which is {doubt}"
-            return "every step has one solution only, as far as samples of the law tell"
+                return f"every step has one solution only if alpha of the law holds, which is {doubt}"
+            return "every step has one solution only, as far as samples of the law show"
         return "every step has one solution only"
 
     @property

@@ -68,7 +68,7 @@ def plain_data(
         return value
     if isinstance(value, str):
         raise ProblemError(
-            f"{name} is no array of numbers: it is the text '{value}'; give a number, a function of points, or "
+            f"{name} is not an array of numbers: it is the text '{value}'; give a number, a function of points, or "
             f"hemivar.formula.Formula('{value}')"
         )
     array = check_finite(value, name, most)

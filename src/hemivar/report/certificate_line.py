@@ -120,7 +120,7 @@ def _margin(ax: Axes, certificate: Certificate) -> None:
     end = max(_SHORT, 1.25 * shown) if math.isfinite(used) else _SHORT
     ax.set_xlim(0.0, end)
     ax.set_ylim(-0.6, 0.6)
-    margin = "not computed, for lack of time" if left_out else f"{certificate.margin:.3g}"
+    margin = "not computed, because the time limit was reached" if left_out else f"{certificate.margin:.3g}"
     said = ("c = 0, " if used == 0.0 else "") + f"margin {margin}{' (sampled)' if sampled and not left_out else ''}"
     right = shown < 0.62 * end or left_out
     ax.annotate(
@@ -138,7 +138,7 @@ def _sizes(ax: Axes, certificate: Certificate) -> None:
     exact = certificate.exact
     bound, sampled = certificate.error_bound_relative, certificate.error_bound_sampled
     late = "error bound" in certificate.left_out or "margin" in certificate.left_out
-    why = "not computed, for lack of time" if late else "no bound: the margin is not positive"
+    why = "not computed, because the time limit was reached" if late else "no bound: the margin is not positive"
     rows: list[tuple[str, float, str, bool, str]] = [
         ("out of equilibrium", certificate.equilibrium_relative, GREY, True, "not known"),
         ("off the law", certificate.inclusion_relative, GREY, True, "not known"),

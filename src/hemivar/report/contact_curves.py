@@ -88,7 +88,7 @@ def plot_contact(
         if over_area(problem).any():
             return area_maps(solution, title, unit, stress_unit, line)
         if problem.origin and problem.origin.kind and problem.origin.mesh.dim == 3:
-            raise ProblemError("contact of one component in space is not drawn along a line; write it with write_vtu")
+            raise ProblemError("contact of one component in 3D is not drawn along a line; write it with write_vtu")
         if contact.components == 3 and problem.field is not None and contact_boundaries(problem):
             return contact_maps(solution, title, unit, stress_unit, line)
         return _contact_lines(solution, title, unit, stress_unit, line)

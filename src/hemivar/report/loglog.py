@@ -499,7 +499,7 @@ def plot_history(solutions: Solution | Sequence[Solution], *, title: str | None 
 
     solutions = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not solutions:
-        raise ProblemError("there is no solution to draw the history of; give at least one")
+        raise ProblemError("there is no solution whose history could be drawn; give at least one")
     with drawing():
         fig = new_figure((6.3, 3.2), layout="constrained")
         left, right = fig.subplots(1, 2, sharex=True)

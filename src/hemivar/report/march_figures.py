@@ -105,7 +105,7 @@ def plot_march(
     with drawing():
         if kind == "map":
             if not isinstance(history, History):
-                raise ProblemError("the map needs frames, which a table has not; march(...).plot('map') draws it")
+                raise ProblemError("the map needs frames, which a table does not have; march(...).plot('map') draws it")
             fig = draw_map(history, boundary, units.time, units.length, units.stress)
         else:
             table = history_columns(history) if isinstance(history, History) else dict(history)
@@ -354,7 +354,7 @@ def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, 
     if found.mesh.dim != 2:
         raise ProblemError("states are drawn along the boundaries of plane bodies; animate a body in 3D")
     if len(history.frames) < 2:
-        raise ProblemError("a map needs two frames at least; march(..., save=Save(every=...)) saves them")
+        raise ProblemError("a map needs at least two frames; march(..., save=Save(every=...)) saves them")
     assert problem.contact.points is not None
     place, label = found.position(problem.contact.points)
     order = np.argsort(place, kind="stable")

@@ -52,13 +52,13 @@ def badge_of(certificate: Certificate) -> Badge:
         return Badge(
             "fair" if certificate.kind is PointKind.BOUND_FIXED_MINIMISER else "poor",
             "an equilibrium",
-            f"{kind[:1].upper()}{kind[1:]}. The law depends on the solution and has no energy: of stability nothing is "
+            f"{kind[:1].upper()}{kind[1:]}. The law depends on the solution and has no energy, so stability is not "
             f"known; {certificate.uniqueness}.",
         )
     if certificate.kind in (PointKind.LOCAL_MINIMISER, PointKind.GLOBAL_MINIMISER):
         others = "Others exist" if certificate.unique is False else "Others may exist"
         return Badge(
-            "fair", kind, f"A stable equilibrium: its energy is least nearby. {others}; search for all solutions."
+            "fair", kind, f"A stable equilibrium: a local minimum of the energy. {others}; search for all solutions."
         )
     return Badge("poor", kind, f"An equilibrium, but not shown to be stable; {certificate.uniqueness}.")
 

@@ -157,8 +157,8 @@ class Bench:
         for name in _files_in(data):
             if name not in self._given and not (home / name).resolve().is_relative_to(home):
                 raise ProblemError(
-                    f"problem: '{printable(name)}' lies outside of the folder of the problem, and a page reads "
-                    "files of that folder only; take a copy in it"
+                    f"problem: '{printable(name)}' lies outside of the folder of the problem, and the page reads "
+                    "files of that folder only; make a copy in it"
                 )
 
     def _told(self, request: Request, stated: _Stated) -> Message:
@@ -300,7 +300,7 @@ class Bench:
 
     def _point(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
         if self._path is None or self._path[0] != stated.text:
-            raise ProblemError("the load path is that of another problem; follow it again")
+            raise ProblemError("the load path belongs to another problem; follow it again")
         found = self._path[1]
         yield from self._shown(request, found.problem)
         yield self._at(request, found, min(request.index, len(found) - 1))

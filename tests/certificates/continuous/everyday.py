@@ -1,4 +1,4 @@
-"""Everyday problems that nothing but contact holds: blocks, rollers, beams on two supports, plates on springs."""
+"""Everyday problems held by contact only: blocks, rollers, beams on two supports, plates on springs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bounds for convex laws that need no constant of the body: of bodies that nothing but contact holds, above all."""
+"""Bounds for convex laws that need no constant of the body: bodies held by contact only, above all."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hemivar.mechanics.conditions import ScalarData, Support
 from tests.certificates.continuous.everyday import everyday
 from tests.samples import sampled
 
-#: What stands for a body that nothing but contact holds, and for one whose constants are not known.
+#: What stands for a body that is constrained by contact only, and for one whose constants are not known.
 UNKNOWN = TraceBounds(0.0, 0.0, 0.0, 0.0, False, "not known")
 
 
@@ -238,7 +238,7 @@ def test_the_words_name_the_motions_that_are_not_seen() -> None:
     [
         (
             hv.Contact(hv.Softening(1e3, 1e-3, 10.0)),
-            "nothing but contact holds the body, and its law is not known to be",
+            "only contact constrains the body, and its law is not known to be",
         ),
         (hv.Contact(hv.Compliance(1e3), hv.Coulomb(0.3)), "friction .* depends|depends on the pressure"),
     ],

@@ -338,7 +338,7 @@ def test_friction_in_an_ellipse() -> None:
         (OrthotropicFriction(CoulombBound(0.3), ratio=2.0), "depends on the pressure"),
         (
             OrthotropicFriction(PenetrationBound(([0.0, 1.0], [0.0, 0.1])), ratio=2.0),
-            "how the friction bound depends on the penetration is seen at the points of a rule",
+            "how the friction bound depends on the penetration is evaluated at quadrature points",
         ),
         (OrthotropicFriction(0.05, ratio=lambda x: 1.0 + x[:, 0]), "varies along the boundary (ratio)"),
     ],

@@ -166,7 +166,7 @@ def test_no_stress_where_cells_meet_at_a_vertex_only() -> None:
 def test_refusals() -> None:
     problem = BODIES["survey"]()
     u = np.zeros(problem.mesh.points.shape)
-    with pytest.raises(ProblemError, match="linear elements in space"):
+    with pytest.raises(ProblemError, match="in 3D admissible stresses are made of linear elements"):
         body_data(replace(BODIES["cube"](), order=2, contact={}), u)
     with pytest.raises(ProblemError, match="a field of order 2"):
         body_data(replace(problem, order=2), u)

@@ -132,7 +132,7 @@ def test_the_error_is_that_of_columns_in_series(law: str, moduli: tuple[float, f
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_stress_works_like_the_loads_and_the_contact_force_on_the_jump(space: bool, order: int) -> None:
     if space and order == 2:
-        pytest.skip("linear elements in space")
+        pytest.skip("linear elements in 3D")
     mesh = hv.box((1.0, 1.0, 1.0), 2) if space else shaken(hv.rectangle((1.0, 1.0), (3, 4)), 3)
     extra = (0.02,) * (mesh.dim - 1)
     problem = two(

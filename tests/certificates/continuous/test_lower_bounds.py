@@ -322,7 +322,7 @@ def _from_below(corners: Array, matrix: Array) -> float:
             held(rectangle((1.0, 1.0), (2, 2)), hv.Material.young(lambda x: 1.0 + x[:, 0], 0.3)),
             "varies inside cells",
         ),
-        (held(rectangle((1.0, 1.0), (2, 2)), supports={}), "held by its supports"),
+        (held(rectangle((1.0, 1.0), (2, 2)), supports={}), "the supports do not constrain the body"),
         (held(rectangle((1.0, 1.0), (101, 101))), "begin with a coarser mesh and refine it"),
     ],
 )

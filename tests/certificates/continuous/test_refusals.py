@@ -132,7 +132,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "no body, arrays alone": (
         lambda: guaranteed_trace_bounds(elastic_bar()),
-        "need the statement of a body; discretize a",
+        "need a continuous problem; discretize a",
     ),
     "constants of a statement": (
         lambda: guaranteed_trace_bounds(PROBLEM),
@@ -147,7 +147,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "held by contact alone": (
         lambda: lower_bounds(changed(supports={})),
-        "not held by its supports, .*; add a support",
+        "the supports do not constrain the body.*; add a support",
     ),
     "a material that varies within cells": (
         lambda: lower_bounds(changed(material=hv.Material.lame(lambda x: 4.0 + x[:, 0], 4.0))),
@@ -191,10 +191,10 @@ LESSENED: dict[str, tuple[Callable[[], Any], str, str]] = {
         "estimate",
         "no bounds of the continuous one",
     ),
-    "nothing but contact holds the body": (
+    "only contact constrains the body": (
         lambda: judged(foundation(hv.Softening(4.0, 0.5, 0.1)), constants=TraceBounds(0.0, 0.0, 0.0, 0.0, True, "")),
         "none",
-        "nothing but contact holds the body, and its law is not known to be convex",
+        "only contact constrains the body, and its law is not known to be convex",
     ),
     "a foundation that softens too much": (
         lambda: judged(foundation(hv.Softening(4.0, 0.02, 50.0)), shift=0.03),
@@ -204,7 +204,7 @@ LESSENED: dict[str, tuple[Callable[[], Any], str, str]] = {
     "constants that are poor": (
         lambda: judged(foundation(hv.Softening(4.0, 0.02, 1.0)), 0.03, TraceBounds(0.25, 0.25, 0.25, 2.0, True, "low")),
         "none",
-        "the constants of the body are poor. They make c = 4, where displacements of the mesh show no more than 0.",
+        "the constants of the body are poor. They give c = 4, where displacements of the mesh show no more than 0.",
     ),
     "friction that weakens too much": (
         lambda: judged(foundation(hv.laws.ThresholdCompliance(0.3, 2.0), hv.SlipWeakening(1.0, 1.0, 0.0, 500.0))),

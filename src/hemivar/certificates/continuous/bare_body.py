@@ -33,7 +33,7 @@ _MOST = {2: 20_000, 3: 2_500}
 def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProblem:
     """Supports at rest, no loads, contact boundaries without a law; the directions of contact stay."""
     if problem.material.axisymmetric:
-        raise ProblemError("lower bounds of trace constants are known for plane bodies and in space; leave them out")
+        raise ProblemError("lower bounds of trace constants are available for plane and 3D bodies only; leave them out")
     mesh = problem.mesh
     while coarsest and mesh.parent is not None:
         mesh = mesh.parent.mesh

@@ -245,7 +245,7 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
             "order = 1"
         )
     if order != 1 and mesh.dim != 2:
-        raise ProblemError("admissible stresses are made of linear elements in space; take order = 1")
+        raise ProblemError("in 3D admissible stresses are made of linear elements; use order = 1")
     if callable(problem.bedding) or problem.bedding:
         raise ProblemError("admissible stresses are made of bodies without bedding; leave the bedding out")
     u = real_array(displacement, "the displacement")

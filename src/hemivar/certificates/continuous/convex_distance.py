@@ -1,6 +1,6 @@
 """A bound of the distance to the exact solution that needs no constant of the body, for convex laws.
 
-Let J be convex and a only positive semidefinite, as of a body that nothing but contact holds. With an admissible stress
+Let J be convex and a only positive semidefinite, as of a body held by contact only. With an admissible stress
 s whose own contact tractions are those of a multiplier zeta (``-s nu`` is its projection on polynomials of each facet),
 
     |u - u_h|_a^2 <= eta |u - u_h|_a + G,        |u - u_h|_a <= (eta + sqrt(eta^2 + 4 G)) / 2,

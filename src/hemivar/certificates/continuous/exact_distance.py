@@ -54,8 +54,8 @@ __all__ = ["DistanceParts", "ExactDistance", "exact_distance"]
 
 #: Why the distance of bodies that touch is no bound.
 _APART = (
-    "the facets of bodies that touch do not coincide: the contact tractions of the mesh load each part, and what the "
-    "law does between contact points is not seen"
+    "the facets of bodies that touch do not coincide: the contact tractions of the mesh load each part, and the "
+    "law between contact points is not included"
 )
 #: Part of c by which what a displacement shows may be larger, by rounding.
 _CONTRADICTED = 1e-6
@@ -272,7 +272,7 @@ def _without_constants(
     gap, correction = float(balanced.gap.sum()), _correction(inside, data)
     value = _value(whole + missed + balanced.algebraic, gap, 0.0)
     if not value < np.inf:
-        reasons.append("there is no bound: loads that are not known exactly move a body that nothing but contact holds")
+        reasons.append("there is no bound: loads that are not known exactly move a body constrained by contact only")
     parts = DistanceParts(eta, 0.0, gap, max(whole - eta, 0.0) + missed, balanced.algebraic, correction)
     proved = not (reasons or conditions)
     return ExactDistance(
@@ -304,7 +304,7 @@ def _correction(inside: BodyData, data: BodyData) -> float:
 
 
 def _left_domain(beyond: float) -> str:
-    return f"the displacement leaves the domain of the law by {beyond:.3g}, which is not accounted for"
+    return f"the displacement leaves the domain of the law by {beyond:.3g}, which the bound does not include"
 
 
 def _of_touching_bodies(
@@ -549,7 +549,7 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
     if traces.stated.lipschitz_sampled:
         found.append(f"how {_what_depends(traces.stated)} is known from samples only")
     elif traces.rule is not None and traces.stated.state_dependent and coupling < np.inf:
-        found.append(f"how {_what_depends(traces.stated)} is seen at the points of a rule of integration only")
+        found.append(f"how {_what_depends(traces.stated)} is evaluated at quadrature points only")
     return found
 
 
@@ -648,9 +648,9 @@ def _cause(choice: _Choice, constants: TraceBounds, traces: ContactTraces | None
     """Why no value of the bound is finite: the law, or the constants of the body."""
     if traces is None or not constants.both > 0.0:
         why = "" if traces is None else not_convex(traces.data.problem)
-        return f"nothing but contact holds the body, and {why or 'no tractions that the law allows balance the loads'}"
+        return f"only contact constrains the body, and {why or 'no tractions that the law allows balance the loads'}"
     if not all(np.isfinite(part).all() for part in choice.alpha):
-        return "the law falls at once, which no body bears (c = inf)"
+        return "the law drops discontinuously, so c is infinite"
     coupling = _coupling(traces, constants)
     if coupling >= 1.0:
         return f"how {_what_depends(traces.stated)} adds {coupling:.3g} to c, which must stay below 1"
@@ -659,7 +659,7 @@ def _cause(choice: _Choice, constants: TraceBounds, traces: ContactTraces | None
     if not shown < 1.0:
         return f"the foundation softens too much for the body: c >= {shown:.3g} by a displacement of the mesh"
     return (
-        f"the constants of the body are poor. They make c = {choice.constant:.3g}, where displacements of the mesh "
+        f"the constants of the body are poor. They give c = {choice.constant:.3g}, where displacements of the mesh "
         f"show no more than {shown:.3g}; state the body on a finer mesh, or one with cells of better shape"
     )
 

@@ -86,7 +86,7 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     refuse_evolution(problem)
     if problem.material.axisymmetric:
         raise ProblemError(
-            "the body is one of revolution: distances to the exact solution are known for plane bodies and in space; "
+            "the body is one of revolution: distances to the exact solution are bounded for plane and 3D bodies; "
             "compare with a finer mesh"
         )
     found: list[str] = []
@@ -111,8 +111,8 @@ def law_doubts(problem: ContactProblem) -> list[str]:
         names = [what for what, value in values if callable(value)]
         if names:
             found.append(
-                f"the law of contact '{name}' varies along the boundary ({', '.join(names)}), where it is seen at the "
-                "points of a rule of integration only"
+                f"the law of contact '{name}' varies along the boundary ({', '.join(names)}), where it is "
+                f"evaluated at quadrature points only"
             )
     if problem.geometry is Geometry.AS_MESHED:
         return found
@@ -139,18 +139,18 @@ def inexact_data(data: BodyData, formulas: bool = False) -> list[str]:
     if not problem.material.bounds_by.proved:
         found.append("the lower bound of the stiffness of the material is sampled")
     if data.varies:
-        found.append("the material varies within cells, where it is seen by a rule of integration")
+        found.append("the material varies within cells, where it is evaluated by a quadrature rule")
     elif not problem.material.uniform:
-        found.append("the material is a function of the place, which is seen at the points of a rule of integration")
+        found.append("the material is a function of the place, which is evaluated at quadrature points")
     held = [getattr(support, part, None) for support in problem.supports.values() for part in ("value", "x", "y", "z")]
     if any(callable(value) for value in held):
         found.append("prescribed displacements are functions, which the mesh interpolates")
     for name, contact in problem.contact.items():
         varies = callable(contact.gap) or not isinstance(contact.obstacle, Plane | None)
         if varies and not (formulas and gap_known(contact)):
-            found.append(f"the gap of contact '{name}' varies, and is seen by a rule of integration")
+            found.append(f"the gap of contact '{name}' varies, and is evaluated by a quadrature rule")
         if callable(contact.belt):
-            found.append(f"the belt of contact '{name}' varies, and is seen by a rule of integration")
+            found.append(f"the belt of contact '{name}' varies, and is evaluated by a quadrature rule")
     return found
 
 

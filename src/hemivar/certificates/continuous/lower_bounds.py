@@ -416,8 +416,8 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
     held = held_facets(bare, table)
     if not _is_held(table, held):
         raise ProblemError(
-            "the body is not held by its supports, so that rigid motions move the contact boundary without energy and "
-            "no trace constant exists; add a support"
+            "the supports do not constrain the body: rigid motions move the contact boundary without energy and no "
+            "trace constant exists; add a support"
         )
     sides = tuple(contact_sides(problem, name) for name in problem.contact)
     pieces = int(_parts(table).max()) + 1 if any(len(side) > 1 for side in sides) else 1

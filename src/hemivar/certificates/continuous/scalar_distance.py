@@ -110,7 +110,7 @@ class _Means:
         graph = sp.coo_array((np.ones(len(inner)), inner.T), shape=2 * (len(self.table.cells),))
         parts, label = sp.csgraph.connected_components(graph, directed=False)
         if len(np.unique(label[self.table.owners[self.held, 0]])) < parts:
-            raise ProblemError("no support holds a part of the body, and contact alone gives no bound; add a support")
+            raise ProblemError("a part of the body has no support, and contact alone gives no bound; add a support")
 
     @property
     def free(self) -> IntArray:
@@ -309,7 +309,9 @@ def _acting(contact: Contact, name: str, u: Array, wanted: Array, corners: Array
         off[some], gap[some] = np.where(cheaper, paid[1], off[some]), np.where(cheaper, paid[2], 0.0)
     doubts, conditions = [], []
     if beyond > _ROUNDING * size:
-        doubts.append(f"the field leaves the domain of the law of '{name}' by {beyond:.3g}, which is not accounted for")
+        doubts.append(
+            f"the field leaves the domain of the law of '{name}' by {beyond:.3g}, which the bound does not include"
+        )
     reach, what = stated.alpha_reach[column], "slip" if column else "penetration"
     if alpha.any() and reach == 0.0:
         doubts.append(f"a constant of the law is {stated.alpha_doubt}")
@@ -385,7 +387,7 @@ class _Distance:
 
     def _varying(self) -> list[str]:
         """What of the statement is seen by rules of integration, or interpolated."""
-        problem, seen = self.problem, "is a function, which is seen by a rule of integration"
+        problem, seen = self.problem, "is a function, which is evaluated by a quadrature rule"
         named: dict[str, object] = {"source": problem.body_force, "bedding": problem.bedding}
         named |= {f"flux on '{name}'": value for name, value in problem.tractions.items()}
         found = [f"the {what} {seen}" for what, value in named.items() if callable(value)]
@@ -515,7 +517,7 @@ class _Distance:
             bound = (whole + math.sqrt(whole**2 + 4.0 * (1.0 - c) * G)) / (2.0 * (1.0 - c))
         reasons = list(self.sums.reasons)
         if not math.isfinite(bound):
-            falls = "the law falls at once, which no body bears (c = inf)"
+            falls = "the law drops discontinuously, so c is infinite"
             soft = f"the foundation softens too much for the body: c is known to be at most {c:.3g} only"
             reasons.append(f"there is no bound: {falls if math.isinf(c) else soft}")
         conditions = () if reasons else tuple(self.sums.conditions)
@@ -568,7 +570,7 @@ def scalar_distance(problem: ContactProblem, values: Array) -> DistanceToExact:
     if any(contact.against for contact in problem.contact.values()):
         raise ProblemError("heat that crosses from body to body has no bound of the distance; leave the bound out")
     if problem.areas and problem.mesh.dim == 3:
-        raise ProblemError("contact over a region in space has no bound of the distance; leave the bound out")
+        raise ProblemError("contact over a region in 3D has no bound of the distance; leave the bound out")
     check_supports(problem, values)
     found = _Distance(problem, values).found()
     object.__setattr__(found, "seconds", time.perf_counter() - began)

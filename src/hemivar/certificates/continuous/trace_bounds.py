@@ -61,7 +61,7 @@ class TraceBounds:
     """Lower bounds of Lambda."""
 
     #: On the contact boundary: with ``v``, with ``v_nu`` and with ``v_tau`` alone; stiffness per area. inf where there
-    #: is no contact; 0 where nothing but contact holds the body.
+    #: is no contact; 0 where contact only constrains the body.
     both: float
     normal: float
     tangential: float
@@ -153,7 +153,7 @@ def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | Non
     kept = Workspace.given(workspace)
     origin = problem.origin
     if origin is None or origin.kind:
-        raise ProblemError("lower bounds of trace constants need the statement of a body; discretize a ContactProblem")
+        raise ProblemError("lower bounds of trace constants need a continuous problem; discretize a ContactProblem")
     found = lower_bounds(origin, workspace=kept)
     body = body_bound(origin, kept)
     lowest = (found.both.lower, found.normal.lower, found.tangential.lower)

@@ -70,7 +70,7 @@ class ProximalBundle(Solver):
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
         if problem.contact_points and any((alpha > 0.0).any() for alpha in problem.law.weak_convexity):
-            return "the law is not convex, and cutting planes of a nonconvex law are no lower bounds; use newton"
+            return "the law is not convex, and cutting planes of a nonconvex law are not lower bounds; use newton"
         if not problem.law.splits:
             return f"{problem.law.not_separable}, which the model does not know; use newton"
         return None
