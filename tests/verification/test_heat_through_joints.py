@@ -47,9 +47,10 @@ def contents(problem: hv.ContactProblem, history: History, capacity: dict[str, f
 
 
 def steady(mesh: hv.Mesh, source: Any) -> hv.ContactProblem:
-    """Heat at rest in two bars whose far ends are held at 1 and 0 degrees, with a source."""
+    """Heat at rest in two bars whose far ends are held at 1 and 0 degrees, with a source and a warm air above."""
     held = {"a:left": 1.0, "b:right": 0.0}
-    heat = Heat({"a": 2.0, "b": 3.0}, 1.0, supports=held, source=source, contact={"a:right": HeatContact(0.7)})
+    outside = {"a:right": HeatContact(0.7), "b:top": HeatContact(0.2, temperature=3.0)}
+    heat = Heat({"a": 2.0, "b": 3.0}, 1.0, supports=held, source=source, contact=outside)
     return heat.conduction(bars(mesh=mesh))
 
 
@@ -220,12 +221,50 @@ def test_heat_at_held_nodes_crosses_as_any_other() -> None:
         assert book.contact == 0.0
 
 
+def test_many_held_nodes_along_an_edge_that_face_one_facet() -> None:
+    """They see the same two nodes of the other body: none of them is a contact point, and no heat is lost."""
+    mesh = hv.Mesh.assembled(
+        {"upper": hv.box((1.0, 1.0, 1.0), (3, 3, 2), origin=(0.0, 0.0, 1.0)), "lower": hv.box((1.0, 1.0, 1.0), 1)}
+    )
+    problem = hv.ContactProblem(
+        mesh, hv.Material.lame(4.0, 3.0), {"upper:bottom": hv.Contact(hv.Signorini(), against="lower:top")},
+        {"upper:top": hv.Clamped(), "lower:bottom": hv.Clamped()},
+    )  # fmt: skip
+    given = {"upper:bottom": HeatContact(2.0)}
+    history = march(Evolution(problem, heat=Heat(1.0, 1.0, supports={"upper:left": 5.0}, contact=given)), 0.4, step=0.2)
+    found = contents(problem, history, {"upper": 1.0, "lower": 1.0})
+    assert found[-1, 1] > 0.1
+    supplied = history["heat.supports"]
+    np.testing.assert_allclose(supplied, found.sum(axis=1) - found[0].sum(), atol=1e-12)
+
+
 def test_multigrid_takes_heat_through_a_joint() -> None:
     """The steps of heat on refined meshes are those of factors."""
     problem = steady(bars().mesh.refined().refined(), lambda x: x[:, 1])
     one, two = (hv.solve(problem, solver) for solver in (None, hv.solvers.NonsmoothMultigrid()))
     assert two.status is hv.Status.CONVERGED
     np.testing.assert_allclose(one.displacement, two.displacement, rtol=1e-8)
+
+
+def test_warm_air_beside_a_joint_reaches_its_corner() -> None:
+    """Nodes of both belong to the air, and those beside them carry the joint; one cell across has none beside.
+
+    Heat that the supports take falls into place with the mesh size.
+    """
+
+    def taken(cells: int) -> float:
+        parts = {
+            "a": hv.rectangle((1.0, 0.5), (2 * cells, cells)),
+            "b": hv.rectangle((2.0, 0.5), (2 * cells, max(2 * cells // 3, 1)), origin=(1.25, 0.0)),
+        }
+        problem = steady(hv.Mesh.assembled(parts), 0.0)
+        solution = hv.solve(problem)
+        assert solution.status is hv.Status.CONVERGED
+        return float(sum(solution.reactions[name][0] for name in ("a:left", "b:right")))
+
+    found = [taken(cells) for cells in (1, 2, 4, 8, 16)]
+    off = np.abs(np.array(found[:-1]) - found[-1])
+    assert (off[1:] < 0.6 * off[:-1]).all()
 
 
 @pytest.mark.slow

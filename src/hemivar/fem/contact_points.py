@@ -272,7 +272,10 @@ def contacts_of_one(
         for second in places[len(boundaries) :]:
             _refuse_shared(first.name, first.nodes, second, nodes, supports.count == 0)
     names = (*(place.name for place in places), *pairs)
-    places += [_joint(problem, name, supports.count > 0) for name in pairs if name not in known]
+    taken = np.zeros(len(nodes), dtype=bool)
+    for place in places:
+        taken[place.nodes] = True
+    places += [_joint(problem, name, supports.count > 0, taken) for name in pairs if name not in known]
     components = 2 if any(contact.rubs for contact in problem.contact.values()) else 1
     found = dict(known)
     for place in places:
@@ -312,8 +315,12 @@ class _Place:
     jump: sp.csr_array | None = None
 
 
-def _joint(problem: ContactProblem, name: str, held: BoolArray) -> _Place:
-    """The nodes of the slave of two bodies; ``held (nodes,)`` are those whose values supports prescribe."""
+def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray) -> _Place:
+    """The nodes of the slave of two bodies.
+
+    ``held (nodes,)`` are those whose values supports prescribe, ``taken (nodes,)`` those of contact with foundations:
+    both leave the joint to the nodes beside them, where there are some.
+    """
     mesh, sides, title = problem.mesh, problem.pair(name), _called(problem, name)
     slave, master = (mesh.boundaries[side] for side in sides)
     if held[slave].all(axis=1).any():
@@ -321,7 +328,9 @@ def _joint(problem: ContactProblem, name: str, held: BoolArray) -> _Place:
             f"{title}: supports prescribe the values along facets of '{sides[0]}'; prescribe them on a smaller "
             f"boundary, or give slave = '{sides[1]}' if they do so there alone"
         )
-    found = mortar(mesh, problem.order, slave, master, held, title)
+    without, alone = held | taken, slave[(held | taken)[slave].all(axis=1)]
+    without[alone] = held[alone]
+    found = mortar(mesh, problem.order, slave, master, without, title)
     return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump)
 
 
