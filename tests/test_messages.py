@@ -29,6 +29,17 @@ HOME_MADE = {
     r"\bgoes on from there\b": "continue",
     r"\bstands in it\b": "occurs",
     r", for (it|they|the) ": "because",
+    r"(?<!there) is no (?!longer\b)": "is not a",
+    r"\bare no (?!longer\b)(?<!there are no )": "are not",
+    r"\bin space\b": "in 3D",
+    r"\bfor ever\b": "without bound",
+    r"\b(a|the) march\b": "run, time integration",
+    r"\brules? of integration\b": "quadrature",
+    r"\blets go\b": "debonds",
+    r"\bgave out\b": "ran out",
+    r"\bfor lack of\b": "because",
+    r"\bstatement\b": "problem",
+    r"\btake such\b": "use a",
 }
 #: Words by which an error says what to do.
 _WHAT_TO_DO = re.compile(

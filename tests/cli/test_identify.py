@@ -110,4 +110,4 @@ def test_bad_options(options: list[str], says: str, folder: Path, capsys: pytest
 def test_a_material_is_no_input(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "m.csv").write_text("material.lame.0,support.top.force.y\n40,0.1\n50,0.2\n60,0.3\n70,0.4\n80,0.5\n")
     assert main(["identify", "glue.toml", "--data", "m.csv", "--law", "adhesive"]) == 2
-    assert "column 'material.lame.0' is no load and no support of glue.toml" in capsys.readouterr().err
+    assert "column 'material.lame.0' is neither a load nor a support of glue.toml" in capsys.readouterr().err

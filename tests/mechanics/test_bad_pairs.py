@@ -37,7 +37,10 @@ def far(part: hv.Mesh) -> hv.ContactProblem:
 
 STATED: dict[str, tuple[Callable[[], object], str]] = {
     # what it touches
-    "a part": (lambda: two(touching("l")), "'l', which is no boundary; give one of l:left, l:right, l:bottom, l:top"),
+    "a part": (
+        lambda: two(touching("l")),
+        "'l', which is not a boundary; give one of l:left, l:right, l:bottom, l:top",
+    ),
     "a typo": (lambda: two(touching("l:tpo")), "did you mean 'l:top'"),
     "without its part": (lambda: two(touching("top")), "names boundary 'top', which the mesh does not have"),
     "another case": (lambda: two(touching("L:top")), "names boundary 'L:top', which the mesh does not have"),

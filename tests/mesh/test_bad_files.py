@@ -110,7 +110,7 @@ def test_the_files_are_good_as_they_stand(suffix: str, tmp_path: Path) -> None:
 
 
 CASES = [
-    ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 3", r"\*ELEMENT of type CPE4: 4 numbers are no rows of 5"),
+    ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 3", r"\*ELEMENT of type CPE4: 4 numbers are not rows of 5"),
     ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 3, 9", "refers to node 9, which is not in the file"),
     ("inp", "1, 1, 2, 3, 4", "1, 1, 2, x, 4", r"'x' is not a whole number \(\*ELEMENT\)"),
     ("inp", "1, 1, 2, 3, 4", "1, 1, 3, 2, 4", "quad 1 of the file, at .* crosses itself or has no area"),
@@ -145,13 +145,13 @@ CASES = [
     ("su2", "NDIME= 2", "NDIME= 4", "NDIME is 4; it must be 2 or 3"),
     ("su2", "9 0 1 2 3 0", "9 0 1 2 7 0", "refers to node 8"),
     ("su2", "9 0 1 2 3 0", "7 0 1 2 3 0", "cells of type 7 of VTK, which are not read"),
-    ("su2", "9 0 1 2 3 0", "9 0 1 2", "3 numbers are no rows of 4"),
+    ("su2", "9 0 1 2 3 0", "9 0 1 2", "3 numbers are not rows of 4"),
     ("su2", "NPOIN= 4", "NPOIN= 40", "NPOIN says 40 lines, and 8 are there; it is cut off"),
-    ("su2", "NPOIN= 4", "NPOIN= 3", "its line '0 1 3' is no 'KEY= value'; the counts before it are wrong"),
+    ("su2", "NPOIN= 4", "NPOIN= 3", "its line '0 1 3' is not 'KEY= value'; the counts before it are wrong"),
     ("su2", "NPOIN= 4", "NPOIN= four", r"'four' is not a whole number \(NPOIN\)"),
     ("su2", "1 0 1\n", "1 a 1\n", r"'a' is not a number \(NPOIN\)"),
     ("vol", "1 1 0 0 4 1 2 3 4", "1 1 0 0 5 1 2 3 4", "cells of type of 5 nodes"),
-    ("vol", "1 1 0 0 4 1 2 3 4", "1 1 0 0 4 1 2 3", "3 numbers are no rows of 4"),
+    ("vol", "1 1 0 0 4 1 2 3 4", "1 1 0 0 4 1 2 3", "3 numbers are not rows of 4"),
     ("vol", "points\n4", "points\n40", "points says 40 rows, and the file ends before"),
     ("vol", "mesh3d\n", "", "it is not a Netgen mesh"),
     ("vtk", "4 0 1 2 3", "4 0 1 2 9", "a cell refers to a node that is not in it"),

@@ -105,7 +105,7 @@ def test_the_energy_over_a_slider_has_the_force_of_the_support_as_its_slope() ->
 def test_an_energy_is_asked_for_over_a_number_that_has_one() -> None:
     bench = Bench(Path())
     wrong = one(answers(bench, "energies", HELD, key="loads.body.7"), "error").head["message"]
-    assert "'loads.body.7' is no number of the problem; choose one" in str(wrong)
+    assert "'loads.body.7' is not a number of the problem; choose one" in str(wrong)
     rough = HELD + 'friction = { law = "coulomb", coefficient = 0.3 }\n'
     none = one(answers(bench, "energies", rough, key="loads.body.1", low=-1.0, high=0.0), "error").head["message"]
     assert "Coulomb friction has no energy" in str(none)

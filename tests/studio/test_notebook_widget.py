@@ -79,7 +79,7 @@ def test_messages_of_the_widget_go_there_and_back(monkeypatch: pytest.MonkeyPatc
     assert "0.2" in widget.text
     assert kernel.wait("certificate")[0]["level"] == "good"
     kernel.ask(["no", "request"])
-    assert "no object" in str(kernel.wait("refused")[0]["message"])
+    assert "not an object" in str(kernel.wait("refused")[0]["message"])
     widget.close()
 
 

@@ -97,7 +97,7 @@ def _value(kind: object, head: object, arrays: Sequence[AnyArray]) -> object:
         return {name: _value(inside[1], one, arrays) for name, one in _expected(dict, head).items()}
     if kind is float:
         if isinstance(head, bool) or not isinstance(head, int | float | str):
-            raise TypeError(f"{head!r} is no number")
+            raise TypeError(f"{head!r} is not a number")
         return float(head)
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind(head)
@@ -122,7 +122,7 @@ def _entry(name: str, kind: object, head: object, arrays: Sequence[AnyArray]) ->
 
 def _expected(kind: type[Kind], head: object) -> Kind:
     if type(head) is not kind:
-        raise TypeError(f"{head!r:.40} is no {kind.__name__}")
+        raise TypeError(f"{head!r:.40} is not a {kind.__name__}")
     return head
 
 

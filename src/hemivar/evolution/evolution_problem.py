@@ -107,8 +107,8 @@ class Evolution(PickleMixin):
             )
         if self.velocity is not None and not self.inertia:
             raise ProblemError(
-                "an initial velocity is given, but the body has no inertia, so that it would be lost at once; "
-                "take inertia=True with a density, or leave the velocity out"
+                "an initial velocity is given, but the body has no inertia, so it would have no effect; use "
+                "inertia=True with a density, or leave the velocity out"
             )
         for name in ("displacement", "velocity"):
             self.initial(name)

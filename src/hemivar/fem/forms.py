@@ -615,7 +615,8 @@ class _Rows:
             return _Touching(sp.csr_array(sign * self.rows), self.weights, self.points, gap[:, None], normal, None)
         if area or self.normals is None or size != dim:
             raise ProblemError(
-                f"contact['{name}']: {size} components touch over an area, or are no displacement; give trace=, which "
+                f"contact['{name}']: {size} components touch over an area, or are not displacements; give trace=, "
+                f"which "
                 "returns one component"
             )
         frames = _frames(self.normals / np.linalg.norm(self.normals, axis=1)[:, None])

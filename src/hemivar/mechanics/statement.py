@@ -448,7 +448,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         if name not in known:
             own = [side for side in known if side.startswith(f"{name}:")] if many == "boundaries" else []
             if own:
-                raise ProblemError(f"{what} names '{name}', which is no boundary; give one of {', '.join(own)}")
+                raise ProblemError(f"{what} names '{name}', which is not a boundary; give one of {', '.join(own)}")
             near = suggest(str(name), known, many)
             raise ProblemError(f"{what} names {one} '{name}', which the mesh does not have{near}")
 

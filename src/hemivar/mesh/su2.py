@@ -29,7 +29,7 @@ def parse_su2(text: str) -> RawMesh:
         place += 1
         if not equals:
             raise ProblemError(
-                f"its line '{shown(key[:40])}' is no 'KEY= value'; the counts before it are wrong: save it again"
+                f"its line '{shown(key[:40])}' is not 'KEY= value'; the counts before it are wrong: save it again"
             )
         if key == "MARKER_TAG":
             marker = value

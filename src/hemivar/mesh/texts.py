@@ -49,6 +49,6 @@ def rows_of(values: AnyArray, columns: int, what: str) -> AnyArray:
     """Numbers in rows of so many columns."""
     if columns < 1 or len(values) % columns:
         raise ProblemError(
-            f"{what}: {len(values)} numbers are no rows of {columns}; the file is cut off or damaged: save it again"
+            f"{what}: {len(values)} numbers are not rows of {columns}; the file is cut off or damaged: save it again"
         )
     return values.reshape(-1, columns)

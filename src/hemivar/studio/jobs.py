@@ -310,7 +310,7 @@ class Bench:
         stated = _static(stated, "the energy over a slider")
         number = next((one for one in numbers_of(request.text) if one.key == request.key), None)
         if number is None:
-            raise ProblemError(f"'{printable(request.key)}' is no number of the problem; choose one with a slider")
+            raise ProblemError(f"'{printable(request.key)}' is not a number of the problem; choose one with a slider")
         values = np.linspace(request.low, request.high, _VALUES)
         if isinstance(number.value, int):
             values = np.unique(np.round(values))

@@ -66,17 +66,17 @@ def read_request(message: str) -> Request:
     try:
         data = json.loads(message)
     except (ValueError, RecursionError):
-        raise ProblemError("a message that is no JSON; send an object with type and generation") from None
+        raise ProblemError("a message that is not JSON; send an object with type and generation") from None
     return request_of(data)
 
 
 def request_of(data: object) -> Request:
     """A request from an object of JSON; raises as :func:`read_request`."""
     if not isinstance(data, Mapping):
-        raise ProblemError("a message that is no object; send one with type and generation")
+        raise ProblemError("a message that is not an object; send one with type and generation")
     kind = data.get("type")
     if not isinstance(kind, str) or kind not in KINDS_OF_REQUEST:
-        raise ProblemError(f"type is no request; send one of {', '.join(KINDS_OF_REQUEST)}")
+        raise ProblemError(f"type is not a request; send one of {', '.join(KINDS_OF_REQUEST)}")
     text = _text(data, "text")
     if len(text) > MOST_CHARACTERS:
         raise ProblemError(f"text has {len(text)} characters; a page sends at most {MOST_CHARACTERS}")

@@ -200,7 +200,7 @@ def _statement(
     for key in inputs:
         if key.partition(".")[0] not in _SET_BY_COLUMNS:
             raise ProblemError(
-                f"column '{key}' is no load and no support of {shown(name)}; name it as a key of "
+                f"column '{key}' is neither a load nor a support of {shown(name)}; name it as a key of "
                 f"{' or '.join(f'[{table}]' for table in _SET_BY_COLUMNS)}, or leave it out"
             )
 
