@@ -77,7 +77,7 @@ class Sweeps:
 
     def lower(self, sweeper: PatchSmoother, price: _Price | None = None) -> AdmissibleStress:
         """The stress of a sweeper with less misfit, its contact tractions freed at a price."""
-        before = sweeper.misfit
+        before = 0.0
         for kind in self.kinds:
             before = sweeper.misfit if self.on and sweeper.data.order > 1 else before
             sweeper.sweep(kind, None if price is None else price())

@@ -109,7 +109,8 @@ class FacetTable:
     def edge_numbers(self, simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:
         """Numbers (k, e) of edges, by local ends in simplices (k, l); edges at one place have one number."""
         count = self.mesh.number_of_nodes
-        known = np.unique(pair_keys(self.places[np.asarray(self.mesh.edges, dtype=np.int64)], count))
+        known = pair_keys(self.places[np.asarray(self.mesh.edges, dtype=np.int64)], count)
+        known = np.unique(known) if self.cut.any() else known
         ends = np.stack([simplices[:, pair] for pair in pairs], axis=1)
         return np.asarray(np.searchsorted(known, pair_keys(self.places[ends], count)))
 
