@@ -605,6 +605,7 @@ def test_every_problem_file_solves_with_the_command(tmp_path: Path) -> None:
 # ---- documentation -----------------------------------------------------------------------------------------
 
 DOCS = sorted((EXAMPLES.parent / "docs").glob("*.md"))
+OUTPUTS = runpy.run_path(str(EXAMPLES.parent / "docs" / "lesson_outputs.py"))
 README, PAPER = EXAMPLES.parent / "README.md", EXAMPLES.parent / "paper" / "paper.md"
 #: Pages whose code runs for seconds.
 LONG_PAGES = (
@@ -620,12 +621,33 @@ PAGES = [*DOCS, *(EXAMPLES.parent / name for name in ("CHANGELOG.md", "CONTRIBUT
     ids=lambda path: path.name if path.parent.name == "docs" else str(path.relative_to(EXAMPLES.parent)),
 )
 def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks marked ``python`` run one after the other; ``py`` needs other software (test_other_software)."""
+    """Blocks marked ``python`` run one after the other; ``py`` needs other software (test_other_software).
+
+    What a block prints is what stands below it, in a lesson below every block: ``python docs/lesson_outputs.py``.
+    """
     monkeypatch.chdir(tmp_path)
     shutil.copy(EXAMPLES / "meshes" / "bracket.msh", tmp_path)  # the lesson for engineers tells its reader to
-    names: dict[str, object] = {}
-    for block in re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
-        exec(compile(block, str(page), "exec"), names)
+    for block, printed, _ in OUTPUTS["run"](page.read_text(encoding="utf-8"), page.name):
+        if block["printed"] is not None or page.stem in OUTPUTS["LESSONS"]:
+            assert OUTPUTS["same"](block["printed"] or "", printed), f"{page.name}: {block['code']}prints\n{printed}"
+
+
+@pytest.mark.parametrize(
+    ("printed", "same"),
+    [
+        ("force 1.25 N, 3 points, in 7.1 s\n", True),
+        ("force  1.2501 N, 3 points, in 0.2 s", True),
+        ("force 1.35 N, 3 points, in 7.1 s\n", False),
+        ("force 1.25 N, 4 points, in 7.1 s\n", False),
+        ("force 1.25 kN, 3 points, in 7.1 s\n", False),
+        ("force 1.25 N, 3 points, in 7.1 s, residual 2e-15\n", False),
+        ("", False),
+    ],
+)
+def test_what_a_page_shows_is_compared(printed: str, same: bool) -> None:
+    assert OUTPUTS["same"]("force 1.25 N, 3 points, in 0.02 s\n", printed) is same
+    assert OUTPUTS["same"]("residual 2e-15", "residual 7.3e-17")
+    assert not OUTPUTS["same"]("residual 2e-15", "residual 7.3e-4")
 
 
 def test_own_elements_states_what_its_examples_print_and_shows_their_code() -> None:
