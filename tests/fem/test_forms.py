@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,19 @@ def test_uniform_stress_on_other_elements(mesh: Any, element: Any) -> None:
     np.testing.assert_allclose(found.pressure, 0.1 * column * 3.0 / (column + 3.0), rtol=1e-11)
     assert found.contact.weights.sum() == pytest.approx(1.0)
     assert (found.contact.weights > 0.0).all()
+
+
+def test_names_of_facets_inside_of_the_mesh_hold_and_are_no_boundaries() -> None:
+    held = {"top": {"u^1": 0.0, "u^2": -0.05}, "middle": {"u^1": 0.0}}
+    for mesh, element in ((skfem.MeshTri, skfem.ElementTriP1), (skfem.MeshQuad, skfem.ElementQuad2)):
+        inside = grid(mesh, 2).with_boundaries({"middle": lambda x: np.abs(x[1] - 0.5) < 1e-9}, boundaries_only=False)
+        body = FormBody(skfem.Basis(inside, skfem.ElementVector(element())), elastic, supports=held)
+        problem = body.problem({"bottom": RUBBED})
+        found, field = hv.solve(problem), problem.field
+        assert field is not None
+        assert "middle" not in field.mesh.boundaries
+        across = np.abs(field.nodes[:, 1] - 0.5) < 1e-9
+        np.testing.assert_array_equal(found.displacement[across, 0], 0.0)
 
 
 def test_points_of_a_rule_and_names_of_unknowns() -> None:
@@ -234,6 +248,42 @@ def test_the_deflection_of_a_plate_is_drawn_and_written(tmp_path: Path) -> None:
     assert problem.field is not None
     with pytest.raises(hv.errors.ProblemError, match="does not say all"):
         problem.field.restrict(found.displacement)
+
+
+# ---- algebraic levels -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("mesh", "element", "cells", "most"),
+    [
+        (skfem.MeshHex, skfem.ElementHex1, (6, 12), 26),
+        (skfem.MeshQuad, skfem.ElementQuad1, (32, 64), 30),
+        (skfem.MeshQuad, skfem.ElementQuad2, (16, 32), 45),
+        (skfem.MeshTri, skfem.ElementTriP2, (16, 32), 45),
+    ],
+    ids=lambda part: getattr(part, "__name__", ""),
+)
+def test_algebraic_levels_know_the_rigid_motions_of_a_form(mesh: Any, element: Any, cells: Any, most: int) -> None:
+    rigid = hv.Contact(hv.Signorini(), hv.Tresca(0.02))
+    counts = []
+    for n in cells:
+        basis = skfem.Basis(grid(mesh, n), skfem.ElementVector(element()))
+        problem = pressed(basis).problem({"bottom": rigid})
+        found, direct = hv.solve(problem, "multigrid"), hv.solve(problem, "newton")
+        assert found.status is hv.Status.CONVERGED
+        assert found.normal_force == pytest.approx(direct.normal_force, rel=1e-7)
+        counts.append(found.evaluations)
+    blind = replace(problem, model=replace(problem.model, space=None))  # constants in the place of rigid motions
+    assert counts[-1] <= most
+    assert counts[-1] <= 2.0 * counts[0]
+    assert counts[-1] <= 0.7 * hv.solve(blind, "multigrid").evaluations
+
+
+def test_a_large_form_in_space_is_solved_by_levels_without_being_told() -> None:
+    basis = skfem.Basis(grid(skfem.MeshHex, 18), skfem.ElementVector(skfem.ElementHex1()))
+    found = hv.solve(pressed(basis).problem({"bottom": RUBBED}))
+    assert found.method == "multigrid"
+    assert found.evaluations <= 40
 
 
 # ---- mixed bodies ---------------------------------------------------------------------------------------------------
@@ -395,7 +445,10 @@ def test_a_plate_between_clamps_on_a_foundation_is_a_beam() -> None:
 
 # ---- what is wrong is told ------------------------------------------------------------------------------------------
 
-SMALL = skfem.Basis(grid(skfem.MeshTri, 2), skfem.ElementVector(skfem.ElementTriP1()))
+SMALL = skfem.Basis(
+    grid(skfem.MeshTri, 2).with_boundaries({"middle": lambda x: np.abs(x[1] - 0.5) < 1e-9}, boundaries_only=False),
+    skfem.ElementVector(skfem.ElementTriP1()),
+)
 SOFT = hv.Contact(hv.Compliance(1.0))
 
 
@@ -419,6 +472,29 @@ SOFT = hv.Contact(hv.Compliance(1.0))
         ({}, {"at": 4}, "depend on one another"),
         ({}, {"trace": lambda u: np.ones(3)}, "trace returns"),
         ({}, {"contact": {"bottom": hv.Contact(hv.Compliance(1.0), against="top")}}, "laws and a gap"),
+        ({"basis": SMALL.mesh}, {}, "give a skfem.Basis"),
+        ({"basis": skfem.FacetBasis(SMALL.mesh, SMALL.elem)}, {}, "is a FacetBasis"),
+        ({"basis": skfem.Basis(skfem.MeshTri().refined(1), SMALL.elem)}, {}, "boundaries: none"),
+        ({"form": lambda u, v, w: ddot(u, v)}, {}, "form is a function"),
+        ({"form": skfem.LinearForm(lambda v, w: v[0])}, {}, "form is a LinearForm"),
+        ({"form": skfem.BilinearForm(lambda u, v, w: dot(grad(u), grad(v)))}, {}, "form cannot be assembled"),
+        ({"form": skfem.BilinearForm(lambda u, v, w: ddot(grad(u), grad(v)) + u[0] * v[1])}, {}, "not symmetric"),
+        ({"form": skfem.BilinearForm(lambda u, v, w: -ddot(grad(u), grad(v)))}, {}, "change its sign"),
+        ({"form": np.full((SMALL.N, SMALL.N), np.nan)}, {}, "form has numbers that are not finite"),
+        ({"load": skfem.LinearForm(lambda v, w: v)}, {}, "load cannot be assembled"),
+        ({"load": np.full(SMALL.N, np.inf)}, {}, "load has numbers that are not finite"),
+        ({"supports": ["top"]}, {}, "supports is a list"),
+        ({"supports": {"top": np.ones(7)}}, {}, "for 6 unknowns"),
+        ({"supports": {"top": {"u^2": hv.Clamped()}}}, {}, "prescribes a Clamped for 3 unknowns"),
+        ({"supports": {"top": {"u^2": np.nan}}}, {}, "supports\\['top'\\]\\['u\\^2'\\] has numbers"),
+        ({"fixed": [0.5]}, {}, "numbers of unknowns"),
+        ({}, {"contact": [SOFT]}, "contact is a list"),
+        ({}, {"contact": {"bottom": hv.Contact(hv.Compliance(1.0), gap=lambda x: np.nan * x[:, 0])}}, "returned"),
+        ({}, {"trace": 3}, "trace is 3"),
+        ({}, {"trace": lambda u, p: u}, "trace cannot be evaluated"),
+        ({}, {"trace": lambda u: np.stack([u[0], u[1], u[0]])}, "3 components touch"),
+        ({}, {"at": True}, "at = True"),
+        ({}, {"contact": {"middle": SOFT}}, "facets inside of the mesh"),
     ],
 )
 def test_bad_bodies_and_contacts_are_told(body: dict[str, Any], contact: dict[str, Any], words: str) -> None:
@@ -451,10 +527,38 @@ def test_a_mixed_body_wants_a_symmetric_form_and_its_own_load() -> None:
         body.full(other, hv.solve(other).unknowns)
 
 
-def test_second_order_tetrahedra_have_no_nodal_weights() -> None:
-    basis = skfem.Basis(grid(skfem.MeshTet, 1), skfem.ElementVector(skfem.ElementTetP2()))
-    with pytest.raises(hv.errors.ProblemError, match="no positive weights"):
-        FormBody(basis, elastic, supports={"top": 0.0}).problem({"bottom": SOFT})
+@pytest.mark.parametrize(
+    ("mesh", "element", "at", "words"),
+    [
+        (skfem.MeshTet, skfem.ElementTetP2, "nodes", "no positive weights"),
+        (skfem.MeshHex, skfem.ElementHexS2, "nodes", "no positive weights"),
+        (skfem.MeshTet, skfem.ElementTetP2, 3, "degree 3 has negative weights"),
+    ],
+)
+def test_contact_points_want_positive_weights(mesh: Any, element: Any, at: str | int, words: str) -> None:
+    basis = skfem.Basis(grid(mesh, 1), skfem.ElementVector(element()))
+    with pytest.raises(hv.errors.ProblemError, match=words):
+        FormBody(basis, elastic, supports={"top": 0.0}).problem({"bottom": SOFT}, at=at)
+
+
+@pytest.mark.parametrize("pressure", [skfem.ElementTriP1, skfem.ElementTriP0])
+def test_pairs_of_elements_that_lock_or_oscillate_are_told(pressure: Any) -> None:
+    element = skfem.ElementVector(skfem.ElementTriP1()) * pressure()
+    basis = skfem.Basis(grid(skfem.MeshTri, 3), element, intorder=4)
+    body = FormBody(basis, incompressible, supports={"top": {"u^1^1": 0.0, "u^2^1": -0.1}})
+    with pytest.raises(hv.errors.ProblemError, match="stable together"):
+        body.problem({"bottom": SOFT})
+
+
+def test_a_constraint_that_is_stated_twice_is_told() -> None:
+    basis = taylor_hood(2)
+    body = FormBody(basis, incompressible, supports={"top": {"u^1^1": 0.0, "u^2^1": -0.1}})
+    matrix = incompressible.assemble(basis).tolil()
+    first, second = basis.get_dofs("bottom").all(["u^2"])[:2]
+    matrix[second, :], matrix[:, second] = matrix[first, :], matrix[:, first]
+    twice = FormBody(basis, matrix.tocsr(), supports=body.supports)
+    with pytest.raises(hv.errors.ProblemError, match="stated twice"):
+        twice.problem({"bottom": SOFT})
 
 
 def test_constraints_that_leave_a_pressure_open_are_told() -> None:

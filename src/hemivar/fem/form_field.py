@@ -132,8 +132,15 @@ def _nothing(shape: tuple[int, ...]) -> tuple[sp.csr_array, Array]:
 
 
 def _simplices(mesh: ScikitFem) -> Mesh:
-    boundaries = {name: mesh.facets[:, facets].T for name, facets in (mesh.boundaries or {}).items()}
+    boundaries = {name: mesh.facets[:, facets].T for name, facets in _outer(mesh).items()}
     return Mesh.oriented(mesh.p.T, mesh.t.T, boundaries, _regions(mesh, 1))
+
+
+def _outer(mesh: ScikitFem) -> Mapping[str, IntArray]:
+    """Facets of the named boundaries, without those between two cells, which scikit-fem may name too."""
+    named = {name: np.asarray(facets, dtype=np.int64) for name, facets in (mesh.boundaries or {}).items()}
+    outer = {name: facets[np.asarray(mesh.f2t)[1, facets] < 0] for name, facets in named.items()}
+    return {name: facets for name, facets in outer.items() if facets.size}
 
 
 def _regions(mesh: ScikitFem, parts: int) -> Mapping[str, IntArray]:
@@ -152,7 +159,7 @@ def _split(mesh: ScikitFem, points: Array, table: IntArray, places: Array) -> Me
     pieces = table[:, _windows(grid)]  # (cells, S, 2^d)
     parts = _triangles(pieces[..., _SQUARE]) if dim == 2 else _tetrahedra(pieces)
     boundaries = {}
-    for name, facets in (mesh.boundaries or {}).items():
+    for name, facets in _outer(mesh).items():
         cell = np.asarray(mesh.f2t)[0, facets]
         local = np.argmax(np.asarray(mesh.t2f)[:, cell] == np.asarray(facets), axis=0)
         sides = [_side(grid, places, corners) for corners in mesh.refdom.facets]

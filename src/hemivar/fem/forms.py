@@ -106,9 +106,7 @@ class MixedBulk(Quadratic):
 
     @staticmethod
     def of(matrix: sp.csr_array, load: Array, kept: IntArray) -> MixedBulk:
-        """Raises ProblemError: it is not symmetric, the contact unknowns are not stiff, or the others do not follow."""
-        if np.abs(_scaled(matrix - matrix.T, _scales(matrix)).data).max(initial=0.0) > _DEPENDENT:
-            raise ProblemError("the form of a mixed body is not symmetric; state one that is, [[A, D'], [D, -S]]")
+        """Of a symmetric matrix; raises ProblemError: contact unknowns are not stiff, or the others do not follow."""
         others = np.setdiff1d(np.arange(matrix.shape[0]), kept)
         inner, coupling = sp.csc_array(matrix[others][:, others]), sp.csr_array(matrix[others][:, kept])
         factor = _factorised(inner)
@@ -174,7 +172,8 @@ def _scaled(matrix: sp.sparray, scales: Array) -> sp.csr_array:
 def _factorised(matrix: sp.csc_array) -> _Factor:
     """The factors of a symmetric indefinite matrix; a singular one is told."""
     singular = ProblemError(
-        "the constraints do not determine the body apart from its contact: fix a pressure with fixed=, or add a support"
+        "the constraints do not determine the body apart from its contact: fix a pressure with fixed=, add a support, "
+        "leave out a constraint that is stated twice, or take elements that are stable together, such as P2 with P1"
     )
     scales = _scales(matrix)
     scaled = sp.csc_array(_scaled(matrix, scales))
@@ -227,15 +226,16 @@ class FormBody:
     _values: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not hasattr(self.basis, "element_dofs") or not hasattr(self.basis, "get_dofs"):
+        if not isinstance(self.basis, skfem.CellBasis) or isinstance(self.basis, skfem.FacetBasis):
             raise ProblemError(f"basis is {described(self.basis)}; give a skfem.Basis(mesh, element)")
         count = int(self.basis.N)
-        load = self.load.assemble(self.basis) if hasattr(self.load, "assemble") else self.load
-        load = np.zeros(count) if load is None else np.asarray(load, dtype=float)
+        load = (
+            np.zeros(count) if self.load is None else np.asarray(self._assembly("load", skfem.LinearForm), dtype=float)
+        )
         if load.shape != (count,):
-            raise ProblemError(
-                f"load is {described(self.load)}; give a skfem.LinearForm, or an array of shape ({count},)"
-            )
+            raise ProblemError(f"load has shape {load.shape}; give a skfem.LinearForm, or an array of shape ({count},)")
+        _refuse_infinite(load, "load")
+        expect(self.supports, Mapping, "supports", "give what is prescribed by the name of a boundary")  # type: ignore[type-abstract]
         held, values = self._prescribed()
         object.__setattr__(self, "_matrix", self._assembled("form"))
         given = [name for name in ("mass", "viscosity") if getattr(self, name) is not None]
@@ -249,14 +249,30 @@ class FormBody:
         """Numbers of the unknowns that no support holds."""
         return np.flatnonzero(~self._held)
 
-    def _assembled(self, name: str) -> sp.csr_array:
-        form, count = getattr(self, name), int(self.basis.N)
-        matrix = form.assemble(self.basis) if hasattr(form, "assemble") else form
-        if getattr(matrix, "shape", None) != (count, count):
+    def _assembly(self, name: str, kind: type[ScikitFem]) -> Any:
+        """What a form, an array or a matrix of this name is on the basis."""
+        form = getattr(self, name)
+        if not isinstance(form, kind):
+            return form
+        try:
+            return form.assemble(self.basis)
+        except (ValueError, TypeError, IndexError, AttributeError) as error:
             raise ProblemError(
-                f"{name} is {described(form)}; give a skfem.BilinearForm, or a matrix of shape ({count}, {count})"
+                f"{name} cannot be assembled on this basis ({error}); its arguments are the fields of the element"
+            ) from error
+
+    def _assembled(self, name: str) -> sp.csr_array:
+        matrix, count = self._assembly(name, skfem.BilinearForm), int(self.basis.N)
+        shape = getattr(matrix, "shape", None)
+        if shape != (count, count):
+            what = described(getattr(self, name)) if shape is None else f"a matrix of shape {shape}"
+            raise ProblemError(
+                f"{name} is {what}; give a skfem.BilinearForm, or a matrix of shape ({count}, {count}) on this basis"
             )
-        return sp.csr_array(matrix)
+        found = sp.csr_array(matrix)
+        _refuse_infinite(found.data, name)
+        _refuse_skew(found, name)
+        return found
 
     def _prescribed(self, time: float | None = None) -> tuple[BoolArray, Array]:
         count = int(self.basis.N)
@@ -271,8 +287,11 @@ class FormBody:
                 if depends_on_time(value):
                     value = 0.0 if time is None else at_time(value, time)
                 known = value(self.basis.doflocs[:, numbers]) if callable(value) else value
-                values[numbers] = np.broadcast_to(np.asarray(known, dtype=float), numbers.shape)
-        further = np.asarray(self.fixed, dtype=np.int64)
+                values[numbers] = _one_each(known, numbers.size, name, part)
+        further = np.asarray(self.fixed)
+        if further.size and further.dtype.kind not in "iu":
+            raise ProblemError(f"fixed is {described(self.fixed)}; give numbers of unknowns, such as [0, 3]")
+        further = further.astype(np.int64)
         beyond = further[(further < 0) | (further >= count)]
         if beyond.size:
             raise ProblemError(f"fixed names unknown {beyond[0]}; the basis has the unknowns 0 to {count - 1}")
@@ -361,7 +380,10 @@ class FormProblem(PickleMixin):
 
     def __post_init__(self) -> None:
         expect(self.body, FormBody, "the body of a problem of forms", "give a hemivar.fem.FormBody(basis, form)")
-        if self.at != "nodes" and not (isinstance(self.at, int) and self.at >= 0):
+        expect(self.contact, Mapping, "contact", "give a hemivar.Contact by the name of a boundary or a region")  # type: ignore[type-abstract]
+        if self.trace is not None and not callable(self.trace):
+            raise ProblemError(f"trace is {described(self.trace)}; give a function of the fields, such as lambda u: u")
+        if self.at != "nodes" and not (type(self.at) is int and self.at >= 0):
             raise ProblemError(f"at = {self.at!r}; choose 'nodes', or the degree of a rule of quadrature")
         rows = {name: self._seen(name, one) for name, one in self.contact.items()}
         if not rows:
@@ -423,8 +445,11 @@ class FormProblem(PickleMixin):
         rows = sp.csr_array(sp.vstack([part.rows for part in parts]))
         inner, force = sp.csr_array(matrix[free][:, free]), load[free] - held[free]
         seen, constant = sp.csr_array(rows[:, free]), 0.5 * float(values @ held) - float(values @ load)
+        diagonal = inner.diagonal()
+        if diagonal.size and (diagonal <= 0.0).all():
+            raise ProblemError("the form is nowhere positive on the diagonal; state an energy, or change its sign")
         bulk, shown = (
-            Quadratic(inner) if (inner.diagonal() > 0.0).all() else None,
+            Quadratic(inner) if (diagonal > 0.0).all() else None,
             form_field(body.basis, free, values),
         )
         if bulk is None:
@@ -475,7 +500,6 @@ class FormProblem(PickleMixin):
         names = [name for name in stated if inertia or name != "mass"]
         matrices = _on_one_sparsity([stated[name] for name in names])
         for name, matrix in zip(names, matrices, strict=True):
-            _refuse_skew(matrix, name)
             if name != "form" and (matrix.diagonal() < 0.0).any():
                 raise ProblemError(f"the {name} of the body has negative numbers on its diagonal; change its sign")
         found = {
@@ -508,11 +532,15 @@ class FormProblem(PickleMixin):
         order = _order_of(basis.elem)
         if area:
             where: dict[str, object] = {"elements": regions[name]}
-            shape, kind = _shape(mesh.refdom, name), skfem.CellBasis
+            shape, kind, middle = _shape(mesh.refdom, name), skfem.CellBasis, basis.elem.interior_dofs
         else:
-            where = {"facets": self.body.facets(name, "contact")}
+            facets = self.body.facets(name, "contact")
+            if (np.asarray(mesh.f2t)[1, facets] >= 0).any():
+                raise ProblemError(f"contact['{name}'] has facets inside of the mesh; name facets of its boundary")
+            where, middle = {"facets": facets}, basis.elem.facet_dofs
             shape, kind = _shape(mesh.brefdom, name), skfem.FacetBasis
-        if at == "nodes" and (shape, order) not in _NODES:
+        serendipity = shape == "quad" and order == 2 and not middle
+        if at == "nodes" and (serendipity or (shape, order) not in _NODES):
             raise ProblemError(
                 f"contact['{name}']: elements of order {order} have no positive weights at the nodes of a {shape}; "
                 "write at=1, for one point on each"
@@ -524,6 +552,8 @@ class FormProblem(PickleMixin):
             where["quadrature"] = np.array(places).T, np.array(weights)
         local = kind(mesh, basis.elem, mapping=basis.mapping, **where)
         found = _rows(local, self.trace, name)
+        if not (found.weights > 0.0).all():
+            raise ProblemError(f"contact['{name}']: the rule of degree {at} has negative weights; take another degree")
         if at == "nodes":
             found = found.merged(_SAME * float(np.ptp(mesh.p, axis=1).max()))
         moving = found.moving(self.body.free)
@@ -536,9 +566,31 @@ def _joined(parts: Sequence[_Touching]) -> VectorLaw:
     return join_laws([(part.law, len(part.weights)) for part in parts])
 
 
+def _one_each(known: object, count: int, name: str, part: str) -> Array:
+    """Prescribed values (count,), of one number or of so many."""
+    what = f"supports['{name}']" + (f"['{part}']" if part else "")
+    try:
+        found = np.broadcast_to(np.asarray(known, dtype=float), (count,))
+    except (TypeError, ValueError):
+        raise ProblemError(
+            f"{what} prescribes {described(known)} for {count} unknowns; give a number, or a function of their places, "
+            f"shape (d, {count})"
+        ) from None
+    _refuse_infinite(found, what)
+    return found
+
+
+def _refuse_infinite(values: Array, name: str) -> None:
+    if not np.isfinite(values).all():
+        raise ProblemError(f"{name} has numbers that are not finite; give finite ones")
+
+
 def _refuse_skew(matrix: sp.csr_array, name: str) -> None:
-    if np.abs((matrix - matrix.T).data).max(initial=0.0) > _DEPENDENT * np.abs(matrix.data).max(initial=0.0):
-        raise ProblemError(f"the {name} of the body is not symmetric; state one that is, a(u, v) = a(v, u)")
+    if np.abs(_scaled(matrix - matrix.T, _scales(matrix)).data).max(initial=0.0) > _DEPENDENT:
+        raise ProblemError(
+            f"the {name} of the body is not symmetric; state one that is, a(u, v) = a(v, u); a mixed "
+            "body has [[A, D'], [D, -S]]"
+        )
 
 
 def _on_one_sparsity(matrices: Sequence[sp.csr_array]) -> list[sp.csr_array]:
@@ -652,7 +704,12 @@ def _first_field(first: ScikitFem, *others: ScikitFem) -> ScikitFem:
 def _rows(local: ScikitFem, trace: TraceOf | None, name: str) -> _Rows:
     """The trace of every basis function at the points of a rule on cells or facets."""
     touching: TraceOf = _first_field if trace is None else trace
-    values: list[Array] = [np.asarray(touching(*function), dtype=float) for function in local.basis]
+    try:
+        values: list[Array] = [np.asarray(touching(*function), dtype=float) for function in local.basis]
+    except (TypeError, ValueError, IndexError, AttributeError) as error:
+        raise ProblemError(
+            f"contact['{name}']: trace cannot be evaluated ({error}); its arguments are the fields of the element"
+        ) from error
     points = np.asarray(local.global_coordinates())
     dim, cells, places = points.shape
     shapes = {value.shape for value in values}
