@@ -98,7 +98,7 @@ def test_loads_supports_gaps_and_laws_follow_the_time(inertia: bool) -> None:
     assert stated.time_dependent == {"load", "supports", "gap", "law"}
     found = march(Evolution(stated, inertia), 0.4, step=0.05)
     alike(found, march(Evolution(own_block(contact, own_down, pull), inertia), 0.4, step=0.05))
-    with pytest.raises(hv.errors.ProblemError, match="depend on time; use Evolution"):
+    with pytest.raises(hv.errors.ProblemError, match="depend on time; give it"):
         _ = stated.discrete
 
 

@@ -172,8 +172,8 @@ def _scaled(matrix: sp.sparray, scales: Array) -> sp.csr_array:
 def _factorised(matrix: sp.csc_array) -> _Factor:
     """The factors of a symmetric indefinite matrix; a singular one is told."""
     singular = ProblemError(
-        "the constraints do not determine the body apart from its contact: fix a pressure with fixed=, add a support, "
-        "leave out a constraint that is stated twice, or take elements that are stable together, such as P2 with P1"
+        "the constraints do not determine the body apart from its contact: fix a pressure with fixed=, or add a "
+        "support. Leave out a constraint that is stated twice; take elements that are stable together (P2, P1)"
     )
     scales = _scales(matrix)
     scaled = sp.csc_array(_scaled(matrix, scales))
@@ -258,7 +258,7 @@ class FormBody:
             return form.assemble(self.basis)
         except (ValueError, TypeError, IndexError, AttributeError) as error:
             raise ProblemError(
-                f"{name} cannot be assembled on this basis ({error}); its arguments are the fields of the element"
+                f"{name} cannot be assembled on this basis ({error}); give a form of the fields of its element"
             ) from error
 
     def _assembled(self, name: str) -> sp.csr_array:
@@ -412,12 +412,10 @@ class FormProblem(PickleMixin):
         for name, one in self.contact.items():
             if one.memory is not None or one.damping is not None:
                 raise ProblemError(
-                    f"contact['{name}'] has memory or damping, which means something in time only; leave it out, "
-                    f"or use "
-                    "Evolution(...)"
+                    f"contact['{name}'] has memory or damping, which means something in time only; leave it out"
                 )
         if self.time_dependent:
-            raise ProblemError(f"{', '.join(sorted(self.time_dependent))} depend on time; use Evolution(...)")
+            raise ProblemError(f"{', '.join(sorted(self.time_dependent))} depend on time; give it to hemivar.Evolution")
         return self._posed(None)
 
     def starting(self, time: float) -> DiscreteProblem:
@@ -588,7 +586,7 @@ def _refuse_infinite(values: Array, name: str) -> None:
 def _refuse_skew(matrix: sp.csr_array, name: str) -> None:
     if np.abs(_scaled(matrix - matrix.T, _scales(matrix)).data).max(initial=0.0) > _DEPENDENT:
         raise ProblemError(
-            f"the {name} of the body is not symmetric; state one that is, a(u, v) = a(v, u); a mixed "
+            f"the {name} of the body is not symmetric; give one with a(u, v) = a(v, u), as a mixed "
             "body has [[A, D'], [D, -S]]"
         )
 
@@ -708,7 +706,7 @@ def _rows(local: ScikitFem, trace: TraceOf | None, name: str) -> _Rows:
         values: list[Array] = [np.asarray(touching(*function), dtype=float) for function in local.basis]
     except (TypeError, ValueError, IndexError, AttributeError) as error:
         raise ProblemError(
-            f"contact['{name}']: trace cannot be evaluated ({error}); its arguments are the fields of the element"
+            f"contact['{name}']: trace cannot be evaluated ({error}); give a function of the fields of the element"
         ) from error
     points = np.asarray(local.global_coordinates())
     dim, cells, places = points.shape
