@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -316,6 +317,8 @@ def test_an_incompressible_block_on_springs() -> None:
     top = basis.get_dofs("top").all(["u^2^1"])
     np.testing.assert_allclose(whole[top], -(0.3 / 5.0 + 0.3 / (4.0 * MU)), rtol=1e-10)
     assert isinstance(problem.bulk, MixedBulk)
+    travelled = pickle.loads(pickle.dumps(problem))
+    np.testing.assert_array_equal(body.full(travelled, hv.solve(travelled).unknowns), whole)
     assert hv.certify(found).residual.relative < 1e-10
     # half of the work of the load is stored, in the body and in the springs
     assert found.energy == pytest.approx(-0.5 * float(on_top @ whole), rel=1e-10)

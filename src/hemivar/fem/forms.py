@@ -94,15 +94,15 @@ class MixedBulk(Quadratic):
         Rows of the others, columns of the kept ones.
     load : array (n,)
         Of the whole body.
-    factor
-        Solves with the matrix of the others, which is indefinite.
+    inner : sparse array (n - k, n - k)
+        Of the others.
     """
 
     kept: IntArray = field(kw_only=True)
     others: IntArray = field(kw_only=True)
     coupling: sp.csr_array = field(kw_only=True)
     load: Array = field(kw_only=True)
-    factor: _Factor = field(kw_only=True)
+    inner: sp.csc_array = field(kw_only=True)
 
     @staticmethod
     def of(matrix: sp.csr_array, load: Array, kept: IntArray) -> MixedBulk:
@@ -122,9 +122,16 @@ class MixedBulk(Quadratic):
                 f"with its constraints the body has the stiffness {least:.3g} in some direction of the contact "
                 "unknowns; the first block must not be negative where the constraints hold"
             )
-        return MixedBulk(
-            sp.csr_array(schur), kept=kept, others=others, coupling=coupling, load=np.asarray(load), factor=factor
+        found = MixedBulk(
+            sp.csr_array(schur), kept=kept, others=others, coupling=coupling, load=np.asarray(load), inner=inner
         )
+        vars(found)["factor"] = factor  # it is there already
+        return found
+
+    @cached_property
+    def factor(self) -> _Factor:
+        """The factors of the matrix of the others, with pivots by size, for it is indefinite."""
+        return _factorised(self.inner)
 
     def reduced(self) -> tuple[Array, float]:
         """The load of the kept unknowns (k,), and the work of that of the others."""
