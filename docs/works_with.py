@@ -42,6 +42,8 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("body", "pair"): "two bodies that touch",
     ("body", "glued inside"): "an opened interface",
     ("body", "antiplane"): "antiplane shear",
+    ("body", "form"): "form of scikit-fem",
+    ("body", "mixed"): "form with a pressure",
     ("normal", "compliance"): "power of the penetration",
     ("normal", "table"): "pressure table",
     ("normal", "function"): "Python function",

@@ -7,10 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import skfem
+from skfem.helpers import ddot, div, dot, sym_grad, trace
 
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete import Quadratic
+from hemivar.fem import FormBody, FormProblem
 from hemivar.laws import (
     BenzeggaghKenane,
     BilinearCohesion,
@@ -43,6 +46,7 @@ __all__ = [
     "BESIDE",
     "BODIES",
     "COUPLED",
+    "FORMS",
     "FRICTIONS",
     "GLUES",
     "NORMALS",
@@ -50,10 +54,11 @@ __all__ = [
     "TIMED",
     "Problem",
     "Row",
+    "at_rest",
     "stated",
 ]
 
-Problem = ContactProblem | hv.DiscreteProblem
+Problem = ContactProblem | hv.DiscreteProblem | FormProblem
 
 
 def _spring(r: Array) -> Array:
@@ -247,6 +252,47 @@ def _arrays(contact: hv.Contact, up: float) -> hv.DiscreteProblem:
     )
 
 
+def _elastic(u: Any, v: Any, w: Any) -> Any:
+    return 40.0 * trace(sym_grad(u)) * div(v) + 80.0 * ddot(sym_grad(u), sym_grad(v))
+
+
+def _viscous(u: Any, v: Any, w: Any) -> Any:
+    return 0.1 * _elastic(u, v, w)
+
+
+def _inert(u: Any, v: Any, w: Any) -> Any:
+    return dot(u, v)
+
+
+def _incompressible(u: Any, p: Any, v: Any, q: Any, w: Any) -> Any:
+    return 80.0 * ddot(sym_grad(u), sym_grad(v)) - div(u) * q - div(v) * p
+
+
+def _pulled(basis: Any, up: float) -> Array:
+    return np.asarray(skfem.LinearForm(lambda v, *rest: up * (0.1 * v[0] + v[1])).assemble(basis))
+
+
+def _form(contact: hv.Contact, up: float) -> FormProblem:
+    """Quadrilaterals of scikit-fem."""
+    grid = skfem.MeshQuad.init_tensor(*[np.linspace(0.0, 1.0, 3)] * 2)
+    mesh = grid.with_boundaries({"left": lambda x: x[0] < 1e-9, "bottom": lambda x: x[1] < 1e-9})
+    basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementQuad1()))
+    forms = {"mass": skfem.BilinearForm(_inert), "viscosity": skfem.BilinearForm(_viscous)}
+    body = FormBody(basis, skfem.BilinearForm(_elastic), _pulled(basis, up), {"left": 0.0}, **forms)
+    return FormProblem(body, {"bottom": contact})
+
+
+def _mixed(contact: hv.Contact, up: float) -> FormProblem:
+    """An incompressible body with its pressure."""
+    grid = skfem.MeshTri.init_tensor(*[np.linspace(0.0, 1.0, 3)] * 2)
+    mesh = grid.with_boundaries({"left": lambda x: x[0] < 1e-9, "bottom": lambda x: x[1] < 1e-9})
+    basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementTriP2()) * skfem.ElementTriP1(), intorder=4)
+    held = {"left": {"u^1^1": 0.0, "u^2^1": 0.0}}
+    return FormProblem(
+        FormBody(basis, skfem.BilinearForm(_incompressible), _pulled(basis, up), held), {"bottom": contact}
+    )
+
+
 BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "plane": _plane,
     "quadratic": lambda contact, up: _plane(contact, up, order=2),
@@ -260,7 +306,11 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "membrane": _membrane,
     "antiplane": _antiplane,
     "arrays": _arrays,
+    "form": _form,
+    "mixed": _mixed,
 }
+#: Bodies by forms of scikit-fem.
+FORMS = ("form", "mixed")
 SCALAR = ("membrane", "antiplane")
 
 
@@ -268,3 +318,9 @@ def stated(row: Row, factor: float = 1.0) -> Problem:
     """The problem of a combination, its load times a factor."""
     contact = hv.Contact(NORMALS[row.normal], FRICTIONS[row.friction], **BESIDE[row.beside])
     return BODIES[row.body](contact, factor * (1.0 if row.normal in GLUES else -1.0))
+
+
+def at_rest(row: Row, factor: float = 1.0) -> ContactProblem | hv.DiscreteProblem:
+    """What is solved."""
+    found = stated(row, factor)
+    return found.discrete if isinstance(found, FormProblem) else found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
-from tests.composition.cases import BESIDE, BODIES, COUPLED, FRICTIONS, NORMALS, SCALAR, TIMED, Row
+from tests.composition.cases import BESIDE, BODIES, COUPLED, FORMS, FRICTIONS, NORMALS, SCALAR, TIMED, Row
 from tests.composition.tasks import IN_TIME, TASKS
 
 __all__ = ["FACTORS", "RULES", "Rule", "matching", "statable"]
@@ -69,6 +69,7 @@ _NO_BOUND_RESTING = (
     "The distance to the exact solution is bounded for bodies held by contact only where laws are convex, with "
     "separate opening and slip, and do not depend on the solution."
 )
+_NO_BOUND_FALLS = "The distance to the exact solution of a membrane is bounded where no law falls at once."
 _NOT_CONVEX = ("softening", "adhesive", "cohesion", "saw-tooth", "function", *COUPLED)
 _NO_BOUND_OF_LAW = (
     "The distance to the exact solution is not bounded for Coulomb's law; and for glue that depends on the mode "
@@ -84,6 +85,10 @@ _RUBBING = "Friction on the damaged share is that of glue which tells its damage
 _UNDAMAGED = tuple(normal for normal in NORMALS if normal not in ("adhesive", *COUPLED))
 _SCALAR_LAW = "A scalar body has one component: no pressure beside the slip, and no direction of it."
 _ARRAYS = "A problem made of arrays has no continuous problem and, by default, no mesh."
+_FORMS = (
+    "Bodies by forms have no bounds of the distance to the exact solution, no problem file, no refinement of their own "
+    "and, with a pressure, no time and no pictures."
+)
 
 RULES = (
     Rule("drops discontinuously", _NO_PATH, ("path",), ("space", "nonlinear"), ("saw-tooth",)),
@@ -99,10 +104,17 @@ RULES = (
         _PAIRS,
         ("saw-tooth",),
     ),
+    Rule("which no body bears", _NO_BOUND_FALLS, ("exact",), ("membrane",), ("saw-tooth",)),
     Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),
     Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, _ON_FOUNDATIONS, friction=("coulomb",)),
     Rule("depend on the mode adds", _NO_BOUND_OF_LAW, _BOUNDS, _ON_FOUNDATIONS, normal=("mode-dependent",)),
     Rule("was made of arrays", _ARRAYS, ("exact", "output"), ("arrays",)),
+    Rule("was made of arrays", _FORMS, ("exact",), FORMS),
+    Rule("was made of arrays", _FORMS, ("output",), ("mixed",)),
+    Rule("give a ContactProblem", _FORMS, ("study", "jobs", "adaptive", "file"), FORMS),
+    Rule("needs its displacement at nodes", _FORMS, IN_TIME, ("mixed",), beside=TIMED),
+    Rule("needs its displacement at nodes", _FORMS, ("march", "resume"), ("mixed",)),
+    Rule("has no mass", _FORMS, ("mass",), ("mixed",)),
     Rule("is a DiscreteProblem; give a ContactProblem", _ARRAYS, _OF_STATEMENTS, ("arrays",)),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, _MARCHES, normal=("saw-tooth",)),
     Rule("a contact law drops discontinuously", _NOT_IN_TIME, normal=("saw-tooth",), beside=TIMED),

@@ -21,7 +21,7 @@ from hemivar.certificates import PointKind
 from hemivar.discrete import Quadratic
 from hemivar.evolution import Checkpoint, Evolution, History, march
 from hemivar.solvers import METHODS, FixedPoint, ProximalNewton, Solution
-from tests.composition.cases import Problem, Row, stated
+from tests.composition.cases import Problem, Row, at_rest, stated
 
 _MINIMISERS = (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER, PointKind.LOCAL_MINIMISER)
 
@@ -44,7 +44,7 @@ def _same(one: Array, other: Array, near: float = _NEAR) -> None:
 
 
 def _solved(row: Row, factor: float = 1.0) -> Solution:
-    return hv.solve(stated(row, factor), controls=_TOLERANCE).raise_for_status()
+    return hv.solve(at_rest(row, factor), controls=_TOLERANCE).raise_for_status()
 
 
 def _by_another_method(solution: Solution) -> Solution:
@@ -72,7 +72,7 @@ def _solve(row: Row, folder: Path) -> None:
 
 def _certify(row: Row, folder: Path) -> None:
     """Sampling: no point nearby is lower than a minimiser; the bound is not below the distance to an exact solution."""
-    rough = hv.solve(stated(row), controls=hv.Controls(rtol=1e-4))
+    rough = hv.solve(at_rest(row), controls=hv.Controls(rtol=1e-4))
     certificate, problem = hv.certify(rough, tolerance=1e-3), rough.problem
     exact = _solved(row)
     if isinstance(problem.bulk, Quadratic):
@@ -91,7 +91,7 @@ def _exact(row: Row, folder: Path) -> None:
     assert found is not None
     if not np.isfinite(found.bound):
         raise Refused(found.why)
-    first, last = hv.study(stated(row), 1, exact=True, controls=_TOLERANCE).levels  # type: ignore[arg-type]
+    first, last = hv.study(at_rest(row), 1, exact=True, controls=_TOLERANCE).levels  # type: ignore[arg-type]
     finer = hv.certify(last.solution, exact=True).exact
     assert finer is not None
     assert first.energy <= found.bound + finer.bound
@@ -101,7 +101,7 @@ def _exact(row: Row, folder: Path) -> None:
 
 def _all_solutions(row: Row, folder: Path) -> None:
     """Other starts lead to the same ones, and one of them is what is found from rest."""
-    problem, solution = stated(row), _solved(row)
+    problem, solution = at_rest(row), _solved(row)
     found = hv.find_solutions(problem, starts=2)
     again = hv.find_solutions(problem, starts=2, seed=5)
     assert len(found) == len(again) >= 1
@@ -113,14 +113,14 @@ def _all_solutions(row: Row, folder: Path) -> None:
 
 def _path(row: Row, folder: Path) -> None:
     """Its upper end is the static solution there."""
-    path = hv.follow_path(stated(row), (0.0, 1.0))
+    path = hv.follow_path(at_rest(row), (0.0, 1.0))
     assert path.load_factor[-1] == 1.0, path.ended
     _same(path.local[-1], _solved(row).local, 1e-5)
 
 
 def _bracket(row: Row, folder: Path) -> None:
     """Bodies here carry their load: the equilibrium at its whole is the static solution."""
-    found = hv.branches.load_bracket(stated(row), 1.0)
+    found = hv.branches.load_bracket(at_rest(row), 1.0)
     assert found.carried == 1.0, str(found)
     _same(found.solution.local, _solved(row).local, 1e-5)
 
@@ -198,7 +198,7 @@ def _elsewhere() -> ProcessPoolExecutor:
 
 def _jobs(row: Row, folder: Path) -> None:
     """Another process is sent the problem, and sends back what is found here, number by number."""
-    problem = stated(row)
+    problem = at_rest(row)
     studies = [hv.study(problem, 1), _elsewhere().submit(hv.study, problem, 1).result()]  # type: ignore[arg-type]
     if row.friction == "orthotropic":  # by the option itself, which starts processes anew
         studies.append(hv.study(problem, 1, jobs=2))  # type: ignore[arg-type]
@@ -208,7 +208,7 @@ def _jobs(row: Row, folder: Path) -> None:
 
 
 def _adaptive(row: Row, folder: Path) -> None:
-    found = hv.adapt.solve_adaptive(stated(row), rtol=0.05, max_unknowns=60, controls=_TOLERANCE)  # type: ignore[arg-type]
+    found = hv.adapt.solve_adaptive(at_rest(row), rtol=0.05, max_unknowns=60, controls=_TOLERANCE)  # type: ignore[arg-type]
     if not np.isfinite(found.distance.distance):
         raise Refused("; ".join(found.distance.reasons))
     _same(_by_another_method(found.solution).unknowns, found.solution.unknowns)
@@ -236,7 +236,7 @@ def _answer(problem: object, row: Row) -> Array:
 
 
 def _pickle(row: Row, folder: Path) -> None:
-    problem = stated(row)
+    problem = at_rest(row) if row.beside == "none" else stated(row)
     for again in (pickle.loads(pickle.dumps(problem)), copy.deepcopy(problem)):
         np.testing.assert_array_equal(_answer(again, row), _answer(problem, row))
     if row.beside == "none":
