@@ -37,6 +37,7 @@ class StatedMesh:
         Polynomial degree of the elements; None if the mesh is to suggest it.
     quadrature : Quadrature
     geometry : Geometry
+    trace_constant : float or None
     table : TomlTable
         Where it stands, for messages.
     """
@@ -45,6 +46,7 @@ class StatedMesh:
     order: int | None
     quadrature: Quadrature
     geometry: Geometry
+    trace_constant: float | None
     table: TomlTable
 
     def begin(self, halvings: int = 0) -> Mesh:
@@ -96,7 +98,8 @@ def read_mesh_table(table: TomlTable, folder: Path) -> StatedMesh:
     elements = decode(ContactProblem, table, part="mesh")
     quadrature = Quadrature(elements.get("quadrature", Quadrature.NODAL))
     geometry = Geometry(elements.get("geometry", Geometry.CURVED))
-    return StatedMesh(_recipe(table, folder), elements.get("order"), quadrature, geometry, table)
+    order, constant = elements.get("order"), elements.get("trace_constant")
+    return StatedMesh(_recipe(table, folder), order, quadrature, geometry, constant, table)
 
 
 def _recipe(table: TomlTable, folder: Path) -> MeshRecipe:

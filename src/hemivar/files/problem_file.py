@@ -248,6 +248,7 @@ def parse_problem_file(
             order=stated.order,  # type: ignore[arg-type]  # None: what the mesh suggests
             quadrature=stated.quadrature,
             geometry=stated.geometry,
+            trace_constant=stated.trace_constant,
             units=units,
             **loads,  # type: ignore[arg-type]
         )

@@ -116,6 +116,10 @@ class ContactProblem(PickleMixin, ReprMixin):
         For labels; no number is converted.
     geometry : Geometry
         What boundaries that look curved are, for bounds of the distance to the exact solution.
+    trace_constant : float, optional
+        A c that you know, with ``|v| <= c |eps(v)|`` for all displacements v that supports allow, the norms those of L2
+        on the contact boundary and in the body; root of a length. Bounds of the distance to the exact solution
+        that need it name it as a condition.
 
     Raises
     ------
@@ -181,6 +185,16 @@ class ContactProblem(PickleMixin, ReprMixin):
             'exact solution hold for it; `"curved"`: facets that follow each other at small angles stand for a curve, '
             "and bounds are estimates",
             choices=tuple(Geometry), table="mesh",
+        ),
+    )  # fmt: skip
+    trace_constant: float | None = field(
+        default=None,
+        metadata=stated(
+            Form.NUMBER,
+            "a c that you know: the norm of v on the contact boundary is at most c times that of eps(v) in the body, "
+            "for all displacements v that supports allow; norms of L2, root of a length, > 0; bounds that need it name "
+            "it as a condition",
+            above=0.0, table="mesh",
         ),
     )  # fmt: skip
 
@@ -307,6 +321,10 @@ class ContactProblem(PickleMixin, ReprMixin):
             object.__setattr__(self, "geometry", Geometry(self.geometry))
         except ValueError as error:
             raise ProblemError(f"geometry = {self.geometry!r}; choose 'curved' or 'as-meshed'") from error
+        if self.trace_constant is not None:
+            constant = number(self.trace_constant, "trace_constant")
+            if not 0.0 < constant < np.inf:
+                raise ProblemError(f"trace_constant is {constant:g}; give a finite number above 0, or None")
 
     def _check_half_section(self) -> None:
         """Refuse what is no half of a section of a body of revolution."""

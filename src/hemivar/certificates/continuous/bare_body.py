@@ -10,24 +10,41 @@ from dataclasses import replace
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.certificates.continuous.facet_table import FacetTable
+from hemivar.certificates.continuous.coarsening import coarsened
+from hemivar.certificates.continuous.facet_table import FacetTable, facet_table
 from hemivar.errors import ProblemError
+from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.supports import DEPENDENT
 from hemivar.laws import NoContact
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Roller
 from hemivar.mechanics.foundation import Contact
+from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Plane
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.mesh import Mesh
 
-__all__ = ["bare_body", "contact_normals", "contact_sides", "facet_cover", "has_constant_normals", "held_facets"]
+__all__ = [
+    "bare_body",
+    "cell_tensors",
+    "contact_normals",
+    "contact_sides",
+    "facet_cover",
+    "has_constant_normals",
+    "held_facets",
+    "part_of_body",
+    "softened",
+    "too_many_cells",
+]
 
 #: Part of a facet by which another one must lie over it.
 _OVER = 1e-6
 #: Part of the boundary within which a facet is flat.
 _FLAT = 1e-9
-#: Cells of the coarsest mesh of a body beyond which the systems would be too large.
-_MOST = {2: 20_000, 3: 2_500}
+#: Part of a modulus by which it may vary within a cell and count as constant.
+_CONSTANT = 1e-13
+#: Digits to which two materials are one.
+_DIGITS = 13
 
 
 def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProblem:
@@ -37,11 +54,6 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
     mesh = problem.mesh
     while coarsest and mesh.parent is not None:
         mesh = mesh.parent.mesh
-    if coarsest and mesh.number_of_cells > _MOST[mesh.dim]:
-        raise ProblemError(
-            f"the coarsest mesh of the body has {mesh.number_of_cells} cells; lower bounds of trace constants are "
-            f"computed on up to {_MOST[mesh.dim]}: begin with a coarser mesh and refine it"
-        )
     supports = {
         name: Clamped() if isinstance(support, Prescribed) else support for name, support in problem.supports.items()
     }
@@ -64,6 +76,64 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
 def contact_sides(problem: ContactProblem, name: str) -> tuple[str, ...]:
     """The boundaries of a contact: one on a foundation, two of bodies that touch."""
     return problem.pair(name) if problem.contact[name].against else (name,)
+
+
+def part_of_body(bare: ContactProblem, target: int, loss: float) -> tuple[ContactProblem, bool]:
+    """About so many cells of good shape that make a part of a body, and whether it is all of it.
+
+    The part has the contact boundary and the supports of the body, so that its trace constants are not above those of
+    the body.  ``loss`` is that of :func:`hemivar.certificates.continuous.coarsening.coarsened`.
+    """
+    mesh, table = bare.mesh, facet_table(bare.mesh)
+    names = [*bare.contact, *bare.supports]
+    labels = np.zeros(len(table.facets), dtype=np.int64)
+    for bit, name in enumerate(names):
+        labels[table.numbers(mesh.boundaries[name])] |= 1 << bit
+    tensors, groups = cell_tensors(bare)
+    left = coarsened(mesh, labels, groups, target, loss)
+    used, cells = np.unique(left.cells, return_inverse=True)
+    facets = np.searchsorted(used, left.facets)
+    named = {name: facets[(left.labels > 0) & (left.labels >> bit & 1 == 1)] for bit, name in enumerate(names)}
+    regions = {f"{number}": np.flatnonzero(left.groups == number) for number in range(len(tensors))}
+    coarse = Mesh.trusted(mesh.points[used], cells.reshape(left.cells.shape), named, regions)
+    if len(tensors) == 1:
+        material = Material.tensor(tensors[0])
+    else:
+        material = Material.by_region({name: Material.tensor(tensors[int(name)]) for name in regions})
+    return replace(bare, mesh=coarse, material=material), left.loss == 0.0
+
+
+def softened(bare: ContactProblem) -> ContactProblem:
+    """The same body of one material, whose tensor is not above those of the body: neither are its constants."""
+    tensors, _ = cell_tensors(bare)
+    softest = tensors[np.argmin(np.trace(tensors, axis1=1, axis2=2))]
+    root = np.linalg.cholesky(softest)
+    relative = np.linalg.solve(root, np.linalg.solve(root, tensors).transpose(0, 2, 1))
+    least = min(1.0, float(np.linalg.eigvalsh(relative).min()))
+    return replace(bare, material=Material.tensor((1.0 - _CONSTANT) * least * softest))
+
+
+def too_many_cells(mesh: Mesh, left: int, most: int) -> str:
+    """Why there are no constants of a body, in words."""
+    return (
+        f"the coarsest mesh of the body has {mesh.number_of_cells} cells, and {left} are needed to keep its contact "
+        f"boundary, supports and materials and the shape where it is curved; lower bounds of trace constants are "
+        f"computed on up to {most}: begin with a coarser mesh and refine it"
+    )
+
+
+def cell_tensors(bare: ContactProblem) -> tuple[Array, IntArray]:
+    """The different matrices (k, v, v) of the material, and the number of that of each cell."""
+    matrices, _ = constitutive_law(bare).on(bare.mesh, 2)
+    if np.abs(matrices - matrices[:, :1]).max() > _CONSTANT * np.abs(matrices).max():
+        raise ProblemError("the material varies inside cells; bounds of constants of a body need it constant on each")
+    if len(matrices) == 1:
+        return matrices[:, 0], np.zeros(bare.mesh.number_of_cells, dtype=np.int64)
+    flat = matrices[:, 0].reshape(len(matrices), -1)
+    _, first, number = np.unique(
+        np.round(flat / np.abs(flat).max(), _DIGITS), axis=0, return_index=True, return_inverse=True
+    )
+    return matrices[first, 0], number.ravel()
 
 
 def held_facets(problem: ContactProblem, table: FacetTable) -> Array:

@@ -456,6 +456,7 @@ def _bound(
     reasons += unmet + inexact_data(data)
     outside, conditions = stated_conditions(stress.data, traces)
     reasons += outside
+    conditions += constants.conditions if traces is not None else ()
     rest = oscillation(stress, constants.body)
     eta, direct = float(np.sqrt(stress.misfit.sum())), float(np.sqrt(_cells(stress.square, rest).sum()))
     # Fenchel's inequality holds for the whole body and not on each cell, so that the oscillation comes beside it

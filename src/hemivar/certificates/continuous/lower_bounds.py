@@ -41,6 +41,7 @@ what each part b of the mesh does under the loads on its own sides, and with c_b
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -53,17 +54,21 @@ from hemivar.basics.arguments import whole_number
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.bare_body import (
     bare_body,
+    cell_tensors,
     contact_normals,
     contact_sides,
     facet_cover,
     has_constant_normals,
     held_facets,
+    part_of_body,
+    softened,
+    too_many_cells,
 )
+from hemivar.certificates.continuous.coarsening import LOSS
 from hemivar.certificates.continuous.facet_constants import equilibrated_blocks, facet_constants, mass_root
 from hemivar.certificates.continuous.facet_table import FacetTable, facet_table
 from hemivar.certificates.continuous.split_element import pulled_back
 from hemivar.errors import ProblemError
-from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.directed_matrix import directed_matrix
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values, voigt_index
 from hemivar.fem.quadrature import quadrature_rule
@@ -83,10 +88,18 @@ _DEPENDENT = 1e-10
 _HELD = 1e-11
 #: Squares that are rounding, in units of the largest value.
 _ROUNDING = 1e-12
-#: Part of a modulus by which it may vary within a cell and count as constant.
-_CONSTANT = 1e-13
 #: Cells of the mesh that is made for it, at most about so many, by dimension.
-_CELLS = {2: 320, 3: 450}
+_CELLS = {2: 800, 3: 600}
+#: Contact facets from which on they are not refined.
+_FACETS = {2: 1 << 20, 3: 24}
+#: Cells beyond which the systems would be too large.
+_MOST = {2: 20_000, 3: 2_500}
+#: Cells of the part that is made of a body.
+_PART = {2: 40, 3: 56}
+#: Cells of a mesh that is tried before its parts.
+_FIRST = {2: 800, 3: 48}
+#: Part of the value of displacements from which on a bound is not improved.
+_SHARP = {2: 0.95, 3: 0.85}
 
 
 @dataclass(frozen=True)
@@ -113,12 +126,8 @@ class TraceFlexibility:
         mesh = problem.mesh
         dim = mesh.dim
         table = facet_table(mesh)
-        matrices, _ = constitutive_law(problem).on(mesh, 2)
-        if np.abs(matrices - matrices[:, :1]).max() > _CONSTANT * np.abs(matrices).max():
-            raise ProblemError(
-                "the material varies inside cells; bounds of the trace constant need it constant on each"
-            )
-        stiffness = matrices[:, 0]
+        tensors, groups = cell_tensors(problem)
+        stiffness = tensors if len(tensors) == 1 else tensors[groups]
         compliance: Array = np.asarray(np.linalg.inv(stiffness), dtype=float)
         held = held_facets(problem, table)
         loaded = np.unique(np.concatenate([table.numbers(mesh.boundaries[name]) for name in problem.contact]))
@@ -329,6 +338,30 @@ class LowerBound:
     upper: float
     simple: float
 
+    def or_better(self, other: LowerBound) -> LowerBound:
+        """The best of both."""
+        upper = min(self.upper, other.upper)
+        return LowerBound(max(self.lower, other.lower), upper, max(self.simple, other.simple))
+
+
+#: The names of the sides of each contact.
+Sides = tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class MeshFlexibility:
+    """The contact boundary of a body on one mesh."""
+
+    mesh: Mesh
+    flexibility: TraceFlexibility
+    sides: JumpSides  # where two bodies touch, the trace is the jump
+
+    def weighted(self, corners: Array, normal: Array, tangential: Array) -> TraceRange:
+        """Bounds for weights (k,) on facets (k, d, d): each facet of the mesh takes the largest that lies over it."""
+        over = facet_cover(self.mesh.points[self.flexibility.facets], corners)
+        weights = [np.where(over, alpha, 0.0).max(axis=1, initial=0.0) for alpha in (normal, tangential)]
+        return self.sides.bound(self.flexibility, *weights)
+
 
 @dataclass(frozen=True)
 class LowerBounds:
@@ -339,25 +372,30 @@ class LowerBounds:
     both, normal, tangential : LowerBound
     cells : int
         Of the mesh that they were computed on.
-    mesh : Mesh, optional
-        That mesh.
-    flexibility : TraceFlexibility, optional
-        The contact boundary of the body, for weights that vary on it.
-    sides : JumpSides, optional
-        Of that mesh: where two bodies touch, the trace is the jump.
+    flexible : tuple of MeshFlexibility
+        The contact boundary of the body, for weights that vary on it: each serves, and the best counts.
     whole : bool
         Whether contact normals vary on facets, so that only the whole trace is known and weights count by the larger
         of both.
+    sharpness : float
+        The least of the bounds over the values of displacements of the same mesh.
     """
 
     both: LowerBound
     normal: LowerBound
     tangential: LowerBound
     cells: int
-    mesh: Mesh | None = field(default=None, repr=False, compare=False)
-    flexibility: TraceFlexibility | None = field(default=None, repr=False, compare=False)
+    flexible: tuple[MeshFlexibility, ...] = field(default=(), repr=False, compare=False)
     whole: bool = False
-    sides: JumpSides | None = field(default=None, repr=False, compare=False)
+    sharpness: float = 1.0
+
+    def or_better(self, other: LowerBounds) -> LowerBounds:
+        """The best of both, which are bounds for one body."""
+        both, normal, tangential = self.both.or_better(other.both), self.normal, self.tangential
+        normal, tangential = normal.or_better(other.normal), tangential.or_better(other.tangential)
+        cells, flexible = max(self.cells, other.cells), self.flexible + other.flexible
+        sharpness = max(self.sharpness, other.sharpness)
+        return LowerBounds(both, normal, tangential, cells, flexible, self.whole, sharpness)
 
     def weighted(self, corners: Array, normal: Array, tangential: Array) -> tuple[float, float]:
         """Upper bounds of the first two eigenvalues of ``int alpha |v|^2`` against ``a(v, v)``, weights by facets.
@@ -373,14 +411,10 @@ class LowerBounds:
         normal, tangential : arrays, shape (k,)
             Weights of the normal and of the tangential part, >= 0.
         """
-        if self.mesh is None or self.flexibility is None or self.sides is None:
-            return np.inf, np.inf
         if self.whole:
             normal = tangential = np.maximum(normal, tangential)
-        over = facet_cover(self.mesh.points[self.flexibility.facets], corners)
-        weights = [np.where(over, alpha, 0.0).max(axis=1, initial=0.0) for alpha in (normal, tangential)]
-        found = self.sides.bound(self.flexibility, *weights)
-        return found.upper, found.second
+        found = [one.weighted(corners, normal, tangential) for one in self.flexible]
+        return min((one.upper for one in found), default=np.inf), min((one.second for one in found), default=np.inf)
 
 
 def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: Workspace | None = None) -> LowerBounds:
@@ -390,7 +424,7 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
     ----------
     problem : ContactProblem
     cells : int, optional
-        At most about so many cells are used, 320 in the plane and 450 in space by default.
+        At most about so many cells are used, 800 in the plane and 600 in space by default.
     workspace : Workspace, optional
         Keeps them for all problems of the body: they belong to its coarsest mesh, its material and where it is held and
         touches, not to refined meshes, laws and loads.
@@ -425,28 +459,65 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
     if workspace is None:
         return _found(bare, most, sides)
     touching = np.sort(np.concatenate([table.numbers(bare.mesh.boundaries[name]) for name in bare.contact]))
-    matrices, _ = constitutive_law(bare).on(bare.mesh, 2)
+    tensors, groups = cell_tensors(bare)
     kind = np.array([most, not has_constant_normals(bare)])
     normals = contact_normals(bare, table, touching)
     apart = [table.numbers(bare.mesh.boundaries[name]) for side in sides for name in side]
     sizes = np.array([len(side) for side in sides] + [len(one) for one in apart])
-    parts = (bare.mesh.points, bare.mesh.cells, matrices, held, touching, normals, kind, sizes, np.concatenate(apart))
+    body = (bare.mesh.points, bare.mesh.cells, tensors, groups, held, touching, normals, kind)
+    parts = (*body, sizes, np.concatenate(apart))
     return workspace.once("lower bounds of trace constants", parts, lambda: _found(bare, most, sides))
 
 
-def _found(bare: ContactProblem, cells: int, names: tuple[tuple[str, ...], ...]) -> LowerBounds:
-    own = _graded(bare, cells)
+def _found(bare: ContactProblem, cells: int, names: Sides) -> LowerBounds:
+    """The best of the mesh itself and of parts of the body, one after another until one is sharp enough."""
+    dim, own = bare.mesh.dim, bare.mesh.number_of_cells
+    found = _on(bare, cells, names) if own <= _FIRST[dim] else None
+    if found is not None and found.sharpness >= _SHARP[dim]:
+        return found
+    for part, whole in _parts_of(bare):
+        if part.mesh.number_of_cells <= _MOST[dim]:
+            new = _on(part, cells, names, whole)
+            found = new if found is None else found.or_better(new)
+            if found.sharpness >= _SHARP[dim]:
+                return found
+    if _FIRST[dim] < own <= _MOST[dim]:
+        new = _on(bare, cells, names)
+        found = new if found is None else found.or_better(new)
+    if found is None:
+        raise ProblemError(too_many_cells(bare.mesh, part.mesh.number_of_cells, _MOST[dim]))
+    return found
+
+
+def _parts_of(bare: ContactProblem) -> Iterator[tuple[ContactProblem, bool]]:
+    """Parts of a body, and whether they are all of it: of as few cells as possible, and of some."""
+    dim = bare.mesh.dim
+    some, whole = part_of_body(bare, _PART[dim], LOSS)
+    few, same = part_of_body(some, 0, LOSS)
+    if few.mesh.number_of_cells > _MOST[dim]:
+        yield part_of_body(softened(bare), 0, LOSS)[0], False
+    yield few, whole and same
+    yield some, whole
+
+
+def _on(body: ContactProblem, cells: int, names: Sides, whole: bool = True) -> LowerBounds:
+    """The bounds on a mesh that is refined for them; those of a part of the body have no value from above."""
+    own = _graded(body, cells)
     flexibility, sides = TraceFlexibility(own), _jump_sides(own, names)
     both, normal, tangential = (
         _inverse(sides.bound(flexibility, *weights)) for weights in ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
     )
-    whole = not has_constant_normals(own)
-    if whole:
+    varying = not has_constant_normals(own)
+    if varying:
         normal = tangential = replace(both, upper=math.inf)
-    return LowerBounds(both, normal, tangential, own.mesh.number_of_cells, own.mesh, flexibility, whole, sides)
+    sharpness = min(1.0 if one.upper == math.inf else one.lower / one.upper for one in (both, normal, tangential))
+    if not whole:
+        both, normal, tangential = (replace(one, upper=math.inf) for one in (both, normal, tangential))
+    flexible = (MeshFlexibility(own.mesh, flexibility, sides),)
+    return LowerBounds(both, normal, tangential, own.mesh.number_of_cells, flexible, varying, sharpness)
 
 
-def _jump_sides(problem: ContactProblem, names: tuple[tuple[str, ...], ...]) -> JumpSides:
+def _jump_sides(problem: ContactProblem, names: Sides) -> JumpSides:
     """Of contacts by the names of their sides, on the facets of a :class:`TraceFlexibility`."""
     table, mesh = facet_table(problem.mesh), problem.mesh
     part = _parts(table)
@@ -497,18 +568,24 @@ def _is_held(table: FacetTable, held: Array) -> bool:
 
 
 def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
-    """Refined everywhere, in the plane up to half the cells, there once where it touches, then where supports end."""
-    mesh = problem.mesh
-    while (finer := mesh.refined()).number_of_cells <= cells // (2 if mesh.dim == 2 else 1):
+    """Refined everywhere, in the plane up to half the cells, there once where it touches, then where supports end.
+
+    In space it is refined where it touches as long as few facets do.
+    """
+    mesh, dim = problem.mesh, problem.mesh.dim
+    cells = max(cells, mesh.number_of_cells + cells // 2)
+    while (finer := mesh.refined()).number_of_cells <= cells // (2 if dim == 2 else 1):
         mesh = finer
-    touching = np.concatenate([mesh.boundaries[name] for name in problem.contact])
-    for nodes in (touching, None, None, None) if mesh.dim == 2 else (None, None):
+    for where in ("touching", "ends", "ends", "ends") if dim == 2 else ("touching", "touching", "ends", "ends"):
+        touching = np.concatenate([mesh.boundaries[name] for name in problem.contact])
+        if where == "touching" and len(touching) >= _FACETS[dim]:
+            continue
         marked = np.zeros(mesh.number_of_nodes, dtype=bool)
-        marked[_ends(problem, mesh) if nodes is None else nodes] = True
-        finer = mesh.refined_where(marked[mesh.cells].any(axis=1))
-        if finer.number_of_cells > cells:
-            break
-        mesh = finer
+        marked[touching if where == "touching" else _ends(problem, mesh)] = True
+        least = dim if where == "touching" and dim == 3 else 1
+        finer = mesh.refined_where(marked[mesh.cells].sum(axis=1) >= least)
+        if finer.number_of_cells <= cells:
+            mesh = finer
     return replace(problem, mesh=mesh)
 
 

@@ -27,17 +27,24 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.bare_body import bare_body, contact_sides, facet_cover, held_facets
+from hemivar.certificates.continuous.bare_body import (
+    bare_body,
+    cell_tensors,
+    contact_sides,
+    facet_cover,
+    held_facets,
+    part_of_body,
+    too_many_cells,
+)
 from hemivar.certificates.continuous.facet_constants import equilibrated_blocks, mass_root
 from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.joined_sides import joined_sides, touch
-from hemivar.certificates.continuous.lower_bounds import lower_bounds
+from hemivar.certificates.continuous.lower_bounds import LowerBounds, lower_bounds
 from hemivar.certificates.continuous.oscillation import local_constants
 from hemivar.certificates.continuous.split_element import pulled_back
 from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.directed_matrix import directed_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.mechanics.statement import ContactProblem
@@ -54,6 +61,12 @@ __all__ = [
 
 #: The coarsest mesh of the body with at least so many cells is taken.
 _CELLS = {2: 32, 3: 48}
+#: Cells beyond which a mesh of fewer is made, and beyond which the systems would be too large.
+_MANY, _MOST = {2: 2_000, 3: 400}, {2: 20_000, 3: 2_500}
+
+
+#: Part by which a stated constant may contradict what displacements attain: rounding.
+_ATTAINED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -76,6 +89,8 @@ class TraceBounds:
     #: constants ``alpha`` of the normal and of the tangential law, (k,) each, on contact facets given by their corners,
     #: (k, d, d).
     weighted: Callable[[Array, Array, Array], tuple[float, float]] | None = None
+    #: What they take for granted, one sentence each.
+    conditions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("both", "normal", "tangential", "body"):
@@ -154,11 +169,41 @@ def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | Non
     origin = problem.origin
     if origin is None or origin.kind:
         raise ProblemError("lower bounds of trace constants need a continuous problem; discretize a ContactProblem")
-    found = lower_bounds(origin, workspace=kept)
+    found: LowerBounds | None
+    try:
+        found = lower_bounds(origin, workspace=kept)
+    except ProblemError:
+        if origin.trace_constant is None:
+            raise
+        found = None
     body = body_bound(origin, kept)
-    lowest = (found.both.lower, found.normal.lower, found.tangential.lower)
     source = "lower bounds of those of the continuous problem"
-    return TraceBounds(*lowest, body, True, source, found.weighted)
+    own = TraceBounds(0.0, 0.0, 0.0, body, True, source)
+    if found is not None:
+        lowest = (found.both.lower, found.normal.lower, found.tangential.lower)
+        own = TraceBounds(*lowest, body, True, source, found.weighted)
+    return (
+        own if origin.trace_constant is None else _stated(origin, own, math.inf if found is None else found.both.upper)
+    )
+
+
+def _stated(problem: ContactProblem, own: TraceBounds, upper: float) -> TraceBounds:
+    """With the trace constant of a statement where that is better: ``a(v, v) >= m_a |eps(v)|^2``."""
+    constant = problem.trace_constant
+    assert constant is not None
+    tensors, _ = cell_tensors(bare_body(problem))
+    scale = np.sqrt(np.where(np.arange(tensors.shape[1]) < problem.mesh.dim, 1.0, 2.0))  # shear counts twice
+    least = float(np.linalg.eigvalsh(scale[:, None] * tensors * scale).min()) / constant**2
+    if least > upper * (1.0 + _ATTAINED):
+        raise ProblemError(
+            f"trace_constant = {constant:g} is too small: displacements of the body have more on the contact boundary; "
+            "leave it out"
+        )
+    if least <= own.both:
+        return own
+    both, normal, tangential = (max(least, one) for one in (own.both, own.normal, own.tangential))
+    given = f"the trace constant of the body is at most {constant:g}, as the statement says"
+    return replace(own, both=both, normal=normal, tangential=tangential, conditions=(given,))
 
 
 def _eigenvalues(problem: DiscreteProblem, energy: EnergyNorm) -> tuple[float, float, float, float]:
@@ -181,17 +226,20 @@ def _eigenvalues(problem: DiscreteProblem, energy: EnergyNorm) -> tuple[float, f
 def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> float:
     """Lower bound of ``inf a(v, v) / |v|^2`` over the displacements that vanish where supports hold them."""
     bare = bare_body(problem)
+    if bare.mesh.number_of_cells > _MANY[bare.mesh.dim]:
+        bare, _ = part_of_body(bare, _CELLS[bare.mesh.dim], 0.0)
+    if bare.mesh.number_of_cells > _MOST[bare.mesh.dim]:
+        raise ProblemError(too_many_cells(problem.mesh, bare.mesh.number_of_cells, _MOST[bare.mesh.dim]))
     while bare.mesh.number_of_cells < _CELLS[bare.mesh.dim]:
         bare = replace(bare, mesh=bare.mesh.refined())
     table = facet_table(bare.mesh)
-    matrices, _ = constitutive_law(bare).on(bare.mesh, 2)
-    if np.abs(matrices - matrices[:, :1]).max() > 1e-13 * np.abs(matrices).max():
-        raise ProblemError("the material varies inside cells; bounds of constants of a body need it constant on each")
+    tensors, groups = cell_tensors(bare)
+    stiffness = tensors if len(tensors) == 1 else tensors[groups]
     held = held_facets(bare, table)
 
     def find() -> float:
         dim, count = table.dim, len(table.cells)
-        compliance = pulled_back(np.asarray(np.linalg.inv(matrices[:, 0]), dtype=float), table.jacobian, table.sizes)
+        compliance = pulled_back(np.asarray(np.linalg.inv(stiffness), dtype=float), table.jacobian, table.sizes)
         blocks = equilibrated_blocks(compliance, table.jacobian, loaded=True)
         own = len(table.facets) * dim + np.arange(count * (dim + 1)).reshape(count, -1)
         nodes = np.hstack([(table.cell_facets[:, :, None] * dim + np.arange(dim)).reshape(count, -1), own])
@@ -209,12 +257,12 @@ def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> f
         values, vectors = spla.eigsh(operator, 1, which="LA", v0=start, tol=1e-4)
         value, vector = float(values[0]), vectors[:, 0]
         mu = value + float(np.linalg.norm(times(vector) - value * vector))
-        kappa = float(local_constants(table, matrices[:, 0]).cell.max())
+        kappa = float(local_constants(table, stiffness).cell.max())
         return (math.sqrt(mu) + missed_part(dim) * kappa) ** -2
 
     if workspace is None:
         return find()
-    parts = (bare.mesh.points, bare.mesh.cells, matrices, held)
+    parts = (bare.mesh.points, bare.mesh.cells, stiffness, held)
     return workspace.once("lower bound over the body", parts, find)
 
 
