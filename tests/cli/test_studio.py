@@ -22,7 +22,7 @@ def test_without_the_extra_it_says_in_a_sentence_what_to_install(
     monkeypatch.setattr("importlib.util.find_spec", lambda name, package=None: None)
     assert main(["studio"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.endswith("install with pip install 'hemivar[studio]'")
+    assert line.endswith("run pip install starlette uvicorn websockets tomlkit")
 
 
 @pytest.mark.parametrize(

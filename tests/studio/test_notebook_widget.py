@@ -36,7 +36,7 @@ def test_modules_stand_after_those_that_they_import() -> None:
 
 def test_without_anywidget_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(ProblemError, match=r"pip install 'hemivar\[notebook\]'"):
+    with pytest.raises(ProblemError, match="pip install anywidget tomlkit"):
         show()
 
 
@@ -61,7 +61,7 @@ class Kernel:
 
 
 def test_messages_of_the_widget_go_there_and_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install 'hemivar[notebook]'")
+    pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install anywidget tomlkit")
     problem = parse_problem(template("survey"))
     widget = hv.studio(problem)  # type: ignore[operator]
     kernel = Kernel(widget, monkeypatch)
@@ -98,14 +98,14 @@ print("the end")
 
 def test_a_kernel_may_end_while_the_widget_computes() -> None:
     """A thread that went on into the end of the interpreter made it fail there."""
-    pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install 'hemivar[notebook]'")
+    pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install anywidget tomlkit")
     quiet = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     done = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, env=quiet, timeout=120)
     assert (done.returncode, done.stdout, done.stderr) == (0, "the end\n", "")
 
 
 def test_problem_files_and_what_cannot_be_shown(tmp_path: Path) -> None:
-    pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install 'hemivar[notebook]'")
+    pytest.importorskip("anywidget", reason="the widget needs anywidget: pip install anywidget tomlkit")
     path = tmp_path / "a.toml"
     path.write_text(template("softening"), encoding="utf-8")
     assert show(path).text == template("softening")

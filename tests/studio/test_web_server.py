@@ -18,7 +18,9 @@ from hemivar.studio.requests import KINDS_OF_REQUEST, MOST_CHARACTERS, read_requ
 from hemivar.studio.web_server import STATIC, StudioPage, application, bind
 from tests.samples import slow
 
-pytest.importorskip("starlette", reason="the studio's server needs starlette: pip install 'hemivar[studio]'")
+pytest.importorskip(
+    "starlette", reason="the studio's server needs starlette: pip install starlette uvicorn websockets tomlkit"
+)
 pytest.importorskip("httpx", reason="starlette's test client needs httpx")
 
 if TYPE_CHECKING:

@@ -52,7 +52,7 @@ def show(problem: object = None) -> anywidget.AnyWidget:
     absent = [name for name in ("anywidget", "tomlkit") if importlib.util.find_spec(name) is None]
     if absent:
         needed = " and ".join(absent)
-        raise ProblemError(f"the studio of a notebook needs {needed}; install with pip install 'hemivar[notebook]'")
+        raise ProblemError(f"the studio of a notebook needs {needed}; run pip install {' '.join(absent)}")
     if problem is None:
         return widget_of(template("survey"), Path(), "survey.toml")
     if isinstance(problem, str | Path):

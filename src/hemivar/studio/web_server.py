@@ -107,7 +107,7 @@ def refuse_missing() -> None:
         name for name in ("starlette", "uvicorn", "websockets", "tomlkit") if importlib.util.find_spec(name) is None
     ]
     if absent:
-        raise ProblemError(f"the studio needs {' and '.join(absent)}; install with pip install 'hemivar[studio]'")
+        raise ProblemError(f"the studio needs {' and '.join(absent)}; run pip install {' '.join(absent)}")
 
 
 def hello(text: str, name: str) -> Message:

@@ -34,10 +34,15 @@ _REQUIRED = (
     ("rich", "rich"),
 )
 _OPTIONAL = (
-    ("pypardiso", "pypardiso", "a faster factorisation, half the memory", "pip install 'hemivar[pardiso]'"),
-    ("gmsh", "gmsh", "generating meshes (reading them needs nothing)", "pip install 'hemivar[gmsh]'"),
-    ("starlette", "starlette", "hemivar studio (with uvicorn and websockets)", "pip install 'hemivar[studio]'"),
-    ("anywidget", "anywidget", "the studio in a notebook", "pip install 'hemivar[notebook]'"),
+    ("pypardiso", "pypardiso", "a faster factorisation, half the memory", "pip install pypardiso"),
+    ("gmsh", "gmsh", "generating meshes (reading them needs nothing)", "pip install gmsh"),
+    (
+        "starlette",
+        "starlette",
+        "hemivar studio (with uvicorn and websockets)",
+        "pip install starlette uvicorn websockets tomlkit",
+    ),
+    ("anywidget", "anywidget", "the studio in a notebook", "pip install anywidget tomlkit"),
     ("pandas", "pandas", "tables as DataFrames", "pip install pandas"),
     ("pyarrow", "pyarrow", "histories as Parquet", "pip install pyarrow"),
     ("petsc4py", "petsc4py", "the engine for clusters (with mpi4py)", "see docs/distributed.md"),
