@@ -376,8 +376,8 @@ def d16() -> list[Row]:
             rows.append(row("D16", f"u_{axis}(2.5, 0), {name}", value, float(history[f"tip.u_{axis}"][-1])))
         if inertia:
             for entry, value in known["ledger"].items():
-                rows.append(row("D16", f"ledger: {entry}", value, history.ledger[entry]))
-            rows.append(row("D16", "ledger: gap", 0.0, history.ledger["gap"]))
+                rows.append(row("D16", f"energy balance: {entry}", value, history.ledger[entry]))
+            rows.append(row("D16", "energy balance: error", 0.0, history.ledger["gap"]))
     return rows
 
 
@@ -395,7 +395,7 @@ def d17(steps: Sequence[float] = (1 / 16, 1 / 32, 1 / 64), n: int = 8) -> list[R
 
         rows.append(series("D17", f"arch, {name}: against a fourth of the finest step", 0.0, off, steps))
         gap = max(abs(run.ledger["gap"]) / run.moment.ledger.elastic for run in runs.values())
-        rows.append(row("D17", f"arch, {name}: gap of the ledger, of the elastic energy", 0.0, gap))
+        rows.append(row("D17", f"arch, {name}: balance error, relative to the elastic energy", 0.0, gap))
         least = best.margin
         rows.append(
             row("D17", f"arch, {name}: 1 if each step has one solution", 1.0, float(least > 0.0), f"{least:.3g}")
