@@ -279,7 +279,7 @@ UNTYPED = {
     "evolution.history": (3, "a DataFrame, keywords of matplotlib"),
     "evolution.march": (1, "keywords of a plan"),
     "evolution.save": (4, "places as users give them"),
-    "fem.forms": (1, "objects of scikit-fem"),
+    "fem.form_field": (1, "objects of scikit-fem"),
     "files.material_table": (1, "keywords of a dataclass, read from a file"),
     "files.contact_table": (3, "dataclasses found by their names"),
     "files.schema": (1, "keywords of a dataclass, read from a file"),

@@ -69,7 +69,7 @@ _NO_BOUND_RESTING = (
     "The distance to the exact solution is bounded for bodies held by contact only where laws are convex, with "
     "separate opening and slip, and do not depend on the solution."
 )
-_NO_BOUND_FALLS = "The distance to the exact solution of a membrane is bounded where no law falls at once."
+_NO_BOUND_FALLS = "The distance to the exact solution of a membrane is bounded where no law drops discontinuously."
 _NOT_CONVEX = ("softening", "adhesive", "cohesion", "saw-tooth", "function", *COUPLED)
 _NO_BOUND_OF_LAW = (
     "The distance to the exact solution is not bounded for Coulomb's law; and for glue that depends on the mode "
@@ -104,14 +104,14 @@ RULES = (
         _PAIRS,
         ("saw-tooth",),
     ),
-    Rule("which no body bears", _NO_BOUND_FALLS, ("exact",), ("membrane",), ("saw-tooth",)),
+    Rule("drops discontinuously", _NO_BOUND_FALLS, ("exact",), ("membrane",), ("saw-tooth",)),
     Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),
     Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, _ON_FOUNDATIONS, friction=("coulomb",)),
     Rule("depend on the mode adds", _NO_BOUND_OF_LAW, _BOUNDS, _ON_FOUNDATIONS, normal=("mode-dependent",)),
     Rule("was made of arrays", _ARRAYS, ("exact", "output"), ("arrays",)),
     Rule("was made of arrays", _FORMS, ("exact",), FORMS),
     Rule("was made of arrays", _FORMS, ("output",), ("mixed",)),
-    Rule("give a ContactProblem", _FORMS, ("study", "jobs", "adaptive", "file"), FORMS),
+    Rule("give a ContactProblem", _FORMS, ("study", "sweep", "jobs", "adaptive", "file"), FORMS),
     Rule("needs its displacement at nodes", _FORMS, IN_TIME, ("mixed",), beside=TIMED),
     Rule("needs its displacement at nodes", _FORMS, ("march", "resume"), ("mixed",)),
     Rule("has no mass", _FORMS, ("mass",), ("mixed",)),

@@ -16,6 +16,7 @@ from tests.test_wrong_arguments import PROBLEM, WRONG, trouble
 EVOLUTION = hv.Evolution(PROBLEM)
 KEY = "contact.bottom.normal.stiffness"
 SOLUTION = hv.solve(PROBLEM)
+DISCRETE = hv.discretize(PROBLEM)
 
 
 STATED = hv.files.ProblemFile(PROBLEM, hv.files.SolverSettings())
@@ -46,6 +47,11 @@ RIGHT: dict[str, dict[str, object]] = {
     "run": {"problem": PROBLEM},
     "solutions": {"problem": PROBLEM},
     "study": {"problem": PROBLEM, "refine": 1},
+    "study_levels": {
+        "make": lambda level: DISCRETE,
+        "refine": 1,
+        "measure": lambda found, made: {"energy": found.energy},
+    },
     "study_law": {"name": "softening"},
     "studying": {"problem": PROBLEM},
     "survey": {"options": None},

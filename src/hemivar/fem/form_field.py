@@ -30,7 +30,7 @@ _LATTICE = ("ElementQuad1", "ElementQuad2", "ElementHex1", "ElementHex2")
 #: Part of the size of a mesh within which places are one.
 _SAME = 1e-9
 
-#: Bases and meshes of scikit-fem, which states no types.
+#: Bases, forms, meshes and elements of scikit-fem, which states no types.
 ScikitFem = Any
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,7 +25,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Space
 from hemivar.errors import ProblemError
 from hemivar.fem.contact_points import _frames
-from hemivar.fem.form_field import form_field, nearest_nodes, rows_of
+from hemivar.fem.form_field import ScikitFem, form_field, nearest_nodes, rows_of
 from hemivar.laws import ContactLaw, VectorLaw, join_laws
 from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.foundation import Contact, Side
@@ -66,9 +65,6 @@ _SCALINGS = 8
 _COLUMNS = 64
 #: Most rows of a trace whose rank is examined.
 _EXAMINED = 4000
-
-#: Bases, forms, meshes and elements of scikit-fem, which states no types.
-ScikitFem = Any
 
 #: What is prescribed on a boundary: one value of all unknowns there, a function of places (d, k), or one of either for
 #: the unknowns of each name of scikit-fem, such as ``{"u^2": 0.0}``.
@@ -256,7 +252,7 @@ class FormBody:
         """Numbers of the unknowns that no support holds."""
         return np.flatnonzero(~self._held)
 
-    def _assembly(self, name: str, kind: type[ScikitFem]) -> Any:
+    def _assembly(self, name: str, kind: type[ScikitFem]) -> ScikitFem:
         """What a form, an array or a matrix of this name is on the basis."""
         form = getattr(self, name)
         if not isinstance(form, kind):

@@ -103,6 +103,10 @@ def study_levels(
     ProblemError, MethodError
         What is made is no problem, a solve ends without a solution, or levels are measured in different ways.
     """
+    for name, function in (("make", make), ("measure", measure)):
+        if not callable(function):
+            raise ProblemError(f"{name} is {described(function)}; give a function")
+    expect(known or {}, dict, "known", "give numbers by name")
     rows: list[Mapping[str, float]] = []
     solutions: list[Solution] = []
     given = dict(known or {})

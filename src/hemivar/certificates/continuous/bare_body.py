@@ -17,7 +17,7 @@ from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.supports import DEPENDENT
 from hemivar.laws import NoContact
 from hemivar.mechanics.composed_material import lower_elasticity
-from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Roller
+from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Roller, ScalarData, Support
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Plane
@@ -54,9 +54,7 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
     mesh = problem.mesh
     while coarsest and mesh.parent is not None:
         mesh = mesh.parent.mesh
-    supports = {
-        name: Clamped() if isinstance(support, Prescribed) else support for name, support in problem.supports.items()
-    }
+    supports = {name: _at_rest(support) for name, support in problem.supports.items()}
     return replace(
         problem,
         mesh=mesh,
@@ -71,6 +69,14 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
         body_force=(0.0,) * mesh.dim,
         order=1,
     )
+
+
+def _at_rest(support: Support | ScalarData) -> Support | ScalarData:
+    if isinstance(support, Prescribed):
+        return Clamped()
+    if isinstance(support, Fixed):
+        return Fixed(*(None if value is None else 0.0 for value in (support.x, support.y, support.z)))
+    return support
 
 
 def contact_sides(problem: ContactProblem, name: str) -> tuple[str, ...]:

@@ -39,7 +39,7 @@ _CHOICES = 5
 _PROGRESS = 0.02
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Coarse:
     """What is left: cells (M, d + 1) of nodes with their old numbers, facets (k, d) with their labels, the loss."""
 
