@@ -121,7 +121,7 @@ def test_distinct_pairs_of_small_and_large_numbers(largest: int) -> None:
      {"origin": (0, 0)}, {"size": "abc"}],
 )  # fmt: skip
 def test_bad_boxes_are_refused(arguments: dict[str, object]) -> None:
-    with pytest.raises(ProblemError, match=r"three|positive|whole numbers|finite|no array of numbers"):
+    with pytest.raises(ProblemError, match=r"three|positive|whole numbers|finite|not an array of numbers"):
         box(**arguments)  # type: ignore[arg-type]
 
 
