@@ -209,7 +209,7 @@ def table(dim: int, options: argparse.Namespace) -> list[dict[str, Any]]:
             cells, ratio = price(family, dim, options.order)
             rows[-1] |= {"cells": cells, "bound/solve": ratio}
         print(rows[-1], file=sys.stderr, flush=True)
-    return [*rows, row(dim, "all", every)]
+    return [*rows, row(dim, "all", every) | ({"cells": "", "bound/solve": ""} if options.price else {})]
 
 
 def main() -> None:
