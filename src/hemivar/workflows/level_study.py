@@ -98,6 +98,10 @@ def study_levels(
     method, controls
         As in :func:`hemivar.solve`.
 
+    Returns
+    -------
+    LevelStudy
+
     Raises
     ------
     ProblemError, MethodError
