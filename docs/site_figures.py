@@ -70,7 +70,7 @@ SECTIONS = {
     "Several solutions": ("convexity_and_margin", "three_solutions", "trace_constants"),
     "Bodies that touch": ("two_cylinders", "two_spheres", "press_fit", "three_blocks", "wheel_on_rail"),
     "Bodies of revolution": ("indenters", "sticky_sphere"),
-    "In space, and one unknown": ("cube_friction", "membrane_obstacle", "antiplane_friction"),
+    "In 3D, and one unknown": ("cube_friction", "membrane_obstacle", "antiplane_friction"),
     "Time": (
         "bounce", "stick_slip", "relaxation", "wear", "delayed_failure", "bar_impact", "thermoviscoelastic",
     ),
