@@ -392,32 +392,53 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray, rule: PartRule |
 
 def _out_of_curved_gaps(data: BodyData) -> Array:
     """The displacement (nodes, d) with the nodes of facets moved along their normals by what penetrates too far."""
-    moved, table = data.displacement.copy(), data.table
+    moved = data.displacement.copy()
+    for part in gap_ranges(data):
+        for excess, sign in ((part.above, 1.0), (part.below, -1.0)):
+            _move_corners(data, moved, part.facets, np.tile(excess[:, None], data.table.dim), sign)
+    return moved
+
+
+def _out_at_corners(data: BodyData) -> Array:
+    """The displacement (nodes, d) with the ends of edges moved: where a boundary is bent, two edges disagree there."""
+    moved = data.displacement.copy()
+    ends = np.eye(2)
+    for number, name in enumerate(data.problem.contact):
+        facets = np.flatnonzero(data.contact == number)
+        local, _, places = local_traces(data, name, facets, np.broadcast_to(ends, (len(facets), 2, 2)))
+        domains = [data.problem.contact[name].law.at(places[:, k]).penetrations for k in range(2)]
+        upper, lower = (np.stack([np.broadcast_to(d, len(facets)) for d in e], axis=1) for e in zip(
+            *((one.upper, one.lower) for one in domains), strict=True))  # fmt: skip
+        for excess, sign in ((local[..., 0] - upper, 1.0), (lower - local[..., 0], -1.0)):
+            _move_corners(data, moved, facets, excess, sign)
+    return moved
+
+
+def _move_corners(data: BodyData, moved: Array, facets: IntArray, excess: Array, sign: float) -> None:
+    """Move corners of facets (k,) along their normals by ``excess (k, d)``, in place; not what supports hold."""
+    table = data.table
     near = _ROUNDING * _scale(data, data.displacement)
     outer = np.flatnonzero(~table.interior & data.unknown.any(axis=(1, 2)))
-    for part in gap_ranges(data):
-        normals, nodes = table.normals[part.facets], table.facets[part.facets]
-        held = np.zeros((len(moved), data.table.dim, data.table.dim))
-        for corner in table.facets[outer].T:
-            np.add.at(held, corner, data.unknown[outer])
-        for excess, sign in ((part.above, 1.0), (part.below, -1.0)):
-            most, normal = np.zeros(len(moved)), np.zeros(moved.shape)
-            for corner in nodes.T:
-                order = np.argsort(excess)  # of all facets of a node the one that penetrates most decides
-                np.maximum.at(most, corner, np.where(excess > near, excess, 0.0))
-                worst = order[excess[order] >= most[corner[order]]]
-                normal[corner[worst]] = normals[worst]
-            loose = np.abs(np.einsum("nij,nj->ni", held, normal)).max(axis=1) <= _HELD
-            cut = part.facets[table.cut[part.facets]]
-            mine, theirs = table.facets[cut].ravel(), table.others[cut].ravel()
-            softer = np.repeat(_second_is_softer(data, cut), table.dim)
-            free = np.abs(np.einsum("nij,nj->ni", held[theirs], normal[mine])).max(axis=1, initial=0.0) <= _HELD
-            gives = free & (softer | ~loose[mine])
-            loose[mine[gives]] = False  # the other body gives way there
-            back = sign * most[:, None] * normal
-            moved -= back * loose[:, None]
-            moved[theirs[gives]] += back[mine[gives]]
-    return moved
+    normals, nodes = table.normals[facets], table.facets[facets]
+    held = np.zeros((len(moved), table.dim, table.dim))
+    for corner in table.facets[outer].T:
+        np.add.at(held, corner, data.unknown[outer])
+    most, normal = np.zeros(len(moved)), np.zeros(moved.shape)
+    for corner, much in zip(nodes.T, excess.T, strict=True):
+        order = np.argsort(much)  # of all facets of a node the one that penetrates most decides
+        np.maximum.at(most, corner, np.where(much > near, much, 0.0))
+        worst = order[much[order] >= most[corner[order]]]
+        normal[corner[worst]] = normals[worst]
+    loose = np.abs(np.einsum("nij,nj->ni", held, normal)).max(axis=1) <= _HELD
+    cut = facets[table.cut[facets]]
+    mine, theirs = table.facets[cut].ravel(), table.others[cut].ravel()
+    softer = np.repeat(_second_is_softer(data, cut), table.dim)
+    free = np.abs(np.einsum("nij,nj->ni", held[theirs], normal[mine])).max(axis=1, initial=0.0) <= _HELD
+    gives = free & (softer | ~loose[mine])
+    loose[mine[gives]] = False  # the other body gives way there
+    back = sign * most[:, None] * normal
+    moved -= back * loose[:, None]
+    moved[theirs[gives]] += back[mine[gives]]
 
 
 def admissible_displacement(data: BodyData) -> Array:
@@ -429,7 +450,8 @@ def admissible_displacement(data: BodyData) -> Array:
     u = data.displacement
     if data.order == 1:
         return _out_of_curved_gaps(data)
-    moved = u.copy()
+    moved = _out_at_corners(data)
+    data = data if np.array_equal(moved, u) else data.moved(moved)
     at_nodes = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
     for number, name in enumerate(data.problem.contact):
         facets = np.flatnonzero(data.contact == number)
