@@ -84,9 +84,12 @@ def test_a_law_that_is_not_convex_is_left_to_the_steps_of_newton() -> None:
 )
 def test_exact_methods_agree_with_midpoint_quadrature(method: str, data: str) -> None:
     problem, expected = reference(data, 8, Quadrature.MIDPOINT)
-    found = solve(problem, METHODS[method], Controls(max_steps=3000))
+    # Cutting planes compare energies. Rounding leaves 1.5e-8 of a displacement, the root of the machine's epsilon:
+    # of 24 loads that differ by 1e-9, 3 to 11 end at that.
+    rtol = 3e-8 if method == "bundle" else 1e-9
+    found = solve(problem, METHODS[method], Controls(max_steps=3000, rtol=rtol))
     assert found.status is Status.CONVERGED, found.residual
-    assert relative_difference(found, expected) < 1e-8
+    assert relative_difference(found, expected) < max(1e-8, rtol)
 
 
 @pytest.mark.parametrize(("method", "data"), sampled(itertools.product(LOOSE, (*SURVEY_DATA, *OTHER_DATA)), 3))
