@@ -148,7 +148,8 @@ _WHOLE: dict[str, Callable[[bytes], Any]] = {
     ".vtu": ElementTree.fromstring,
     ".svg": ElementTree.fromstring,
     ".csv": _table,
-    ".md": lambda data: _ends(data, b"by the residual." if b"\n\nAssembly" in data else b"|"),  # Table 1 has a note below
+    # Table 1 has a note below
+    ".md": lambda data: _ends(data, b"by the residual." if b"\n\nAssembly" in data else b"|"),
     ".png": lambda data: _ends(data, b"IEND\xaeB`\x82"),
     ".pdf": lambda data: _ends(data, b"%%EOF"),
     ".html": lambda data: _ends(data, b"</html>"),
