@@ -18,6 +18,9 @@ from hemivar.solvers import Controls, Solution, Solver, solve
 
 __all__ = ["LevelStudy", "study_levels"]
 
+#: Levels that no machine has room for.
+_MOST_LEVELS = 25
+
 Made = DiscreteProblem | FormProblem
 #: What is measured of a solution, beside what was made for its level.
 Measure = Callable[[Solution, Made], Mapping[str, float]]
@@ -110,11 +113,14 @@ def study_levels(
     for name, function in (("make", make), ("measure", measure)):
         if not callable(function):
             raise ProblemError(f"{name} is {described(function)}; give a function")
-    expect(known or {}, dict, "known", "give numbers by name")
+    expect({} if known is None else known, Mapping, "known", "give numbers by name")
+    levels = whole_number(refine, "refine", 1) + 1
+    if levels > _MOST_LEVELS:
+        raise ProblemError(f"refine is {refine}, and each level halves the cells; give at most {_MOST_LEVELS - 1}")
     rows: list[Mapping[str, float]] = []
     solutions: list[Solution] = []
     given = dict(known or {})
-    for level in range(whole_number(refine, "refine", 1) + 1):
+    for level in range(levels):
         remedy = "return a DiscreteProblem or a FormProblem"
         made: Made = expect(make(level), DiscreteProblem | FormProblem, f"the problem of level {level}", remedy)
         discrete = made.discrete if isinstance(made, FormProblem) else made
