@@ -249,6 +249,17 @@ def test_the_best_of_two_meshes_counts() -> None:
     assert both[0] <= 2.0 / found.both.lower * (1.0 + 1e-9)
 
 
+def test_a_body_may_have_any_number_of_named_supports() -> None:
+    """One name for each of 80 edges; a boundary that names cut up keeps more of its nodes."""
+    mesh = rectangle((1.0, 1.0), (4, 80))
+    left = mesh.boundaries["left"]
+    names = {f"left{number}": left[[number]] for number in range(len(left))}
+    many = mesh.named({**mesh.boundaries, **names}, mesh.regions)
+    expected = lower_bounds(held(mesh)).both
+    found = lower_bounds(held(many, supports=dict.fromkeys(names, hv.mechanics.Clamped()))).both
+    assert 0.0 < found.lower <= expected.upper
+
+
 def test_a_constant_that_is_known() -> None:
     """It counts where it is better, as a condition of the bound; one that displacements exceed is refused."""
     problem = held(rectangle((1.0, 1.0), (4, 4)))

@@ -92,14 +92,17 @@ def part_of_body(bare: ContactProblem, target: int, loss: float) -> tuple[Contac
     """
     mesh, table = bare.mesh, facet_table(bare.mesh)
     names = [*bare.contact, *bare.supports]
-    labels = np.zeros(len(table.facets), dtype=np.int64)
-    for bit, name in enumerate(names):
-        labels[table.numbers(mesh.boundaries[name])] |= 1 << bit
+    on = np.zeros((1 + len(table.facets), len(names)), dtype=bool)  # the first row is on none of them
+    for number, name in enumerate(names):
+        on[1 + table.numbers(mesh.boundaries[name]), number] = True
+    kinds, labels = np.unique(on, axis=0, return_inverse=True)
+    labels = labels.ravel()[1:]
     tensors, groups = cell_tensors(bare)
     left = coarsened(mesh, labels, groups, target, loss)
     used, cells = np.unique(left.cells, return_inverse=True)
     facets = np.searchsorted(used, left.facets)
-    named = {name: facets[(left.labels > 0) & (left.labels >> bit & 1 == 1)] for bit, name in enumerate(names)}
+    outer = left.labels >= 0  # the others lie between materials
+    named = {name: facets[outer & kinds[left.labels, number]] for number, name in enumerate(names)}
     regions = {f"{number}": np.flatnonzero(left.groups == number) for number in range(len(tensors))}
     coarse = Mesh.trusted(mesh.points[used], cells.reshape(left.cells.shape), named, regions)
     if len(tensors) == 1:
