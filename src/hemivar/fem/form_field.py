@@ -18,6 +18,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.space import Field
 from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.simplices import cut_at_least
 
 __all__ = ["form_field", "nearest_nodes", "rows_of"]
 
@@ -157,7 +158,7 @@ def _split(mesh: ScikitFem, points: Array, table: IntArray, places: Array) -> Me
     along = round(len(places) ** (1.0 / dim))
     grid = np.lexsort(places.T).reshape((along,) * dim)  # the last coordinate counts slowest
     pieces = table[:, _windows(grid)]  # (cells, S, 2^d)
-    parts = _triangles(pieces[..., _SQUARE]) if dim == 2 else _tetrahedra(pieces)
+    parts = cut_at_least(pieces[..., _SQUARE]) if dim == 2 else _tetrahedra(pieces)
     boundaries = {}
     for name, facets in _outer(mesh).items():
         cell = np.asarray(mesh.f2t)[0, facets]
@@ -166,7 +167,7 @@ def _split(mesh: ScikitFem, points: Array, table: IntArray, places: Array) -> Me
         pieces = np.concatenate(
             [table[cell[local == k]][:, side].reshape(-1, side.shape[-1]) for k, side in enumerate(sides)]
         )
-        boundaries[name] = pieces if dim == 2 else _triangles(pieces[:, _SQUARE]).reshape(-1, 3)
+        boundaries[name] = pieces if dim == 2 else cut_at_least(pieces[:, _SQUARE]).reshape(-1, 3)
     return Mesh.oriented(
         points, parts.reshape(-1, dim + 1), boundaries, _regions(mesh, parts.size // (len(table) * (dim + 1)))
     )
@@ -185,17 +186,10 @@ def _side(grid: IntArray, places: Array, corners: IntArray) -> IntArray:
     return _windows(np.take(grid, end, axis=grid.ndim - 1 - axis))
 
 
-def _triangles(squares: IntArray) -> IntArray:
-    """Triangles (..., 2, 3) of quadrilaterals (..., 4), cut at the node of the least number."""
-    turn = (squares.argmin(axis=-1)[..., None] + np.arange(4)) % 4
-    turned = np.take_along_axis(squares, turn, axis=-1)
-    return np.asarray(turned[..., np.array([[0, 1, 2], [0, 2, 3]])])
-
-
 def _tetrahedra(cubes: IntArray) -> IntArray:
     """Tetrahedra (..., 6, 4) of hexahedra (..., 8): cones from the node of the least number over far triangles."""
     apex = cubes.min(axis=-1)
-    faces = _triangles(cubes[..., _CUBE]).reshape(*cubes.shape[:-1], 12, 3)
+    faces = cut_at_least(cubes[..., _CUBE]).reshape(*cubes.shape[:-1], 12, 3)
     far: BoolArray = (faces != apex[..., None, None]).all(axis=-1)
     beyond = faces[far].reshape(*cubes.shape[:-1], 6, 3)
     tips = np.broadcast_to(apex[..., None, None], (*cubes.shape[:-1], 6, 1))

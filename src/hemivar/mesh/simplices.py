@@ -21,7 +21,7 @@ from hemivar.mesh.kinds import KINDS, SHAPES, Shape
 from hemivar.mesh.raw import RawMesh
 from hemivar.mesh.refine import red_tetrahedra
 
-__all__ = ["Simplices", "simplices"]
+__all__ = ["Simplices", "cut_at_least", "simplices"]
 
 #: By how much of the length of an edge its middle may be off, so that it is straight.
 _STRAIGHT = 1e-6
@@ -208,13 +208,13 @@ def _split(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
     if shape.dim == 3:
         return _cones(nodes, part)
     if nodes.points.shape[1] == 3:
-        triangles = _cut_at_least(corners)
+        triangles = cut_at_least(corners)
         real = _distinct(triangles)
         return triangles[real], np.repeat(rows, 2).reshape(-1, 2)[real]
     return _fans(nodes, part)
 
 
-def _cut_at_least(quads: IntArray) -> IntArray:
+def cut_at_least(quads: IntArray) -> IntArray:
     """The two triangles (..., 2, 3) of quadrilaterals (..., 4), cut at the node of the least number."""
     turn = np.argmin(quads, axis=-1)[..., None] + np.arange(4)
     ring = np.take_along_axis(quads, turn % 4, axis=-1)
@@ -265,7 +265,7 @@ def _cones(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
     """Tetrahedra of solids: cones from the least node over the triangles of the faces, from the centre else."""
     shape, cells, rows = part
     surface = [cells[:, None, face] for face in shape.faces if len(face) == 3]
-    surface += [_cut_at_least(cells[:, face]) for face in shape.faces if len(face) == 4]
+    surface += [cut_at_least(cells[:, face]) for face in shape.faces if len(face) == 4]
     triangles = np.concatenate(surface, axis=1)[..., [0, 2, 1]]  # seen from inside
     apex = cells.min(axis=1)
     tetrahedra, chosen, bad = _cone(nodes, triangles, apex)
