@@ -447,7 +447,7 @@ def test_a_plate_between_clamps_on_a_foundation_is_a_beam() -> None:
     assert errors[2] < 0.5 * errors[1]
 
 
-# ---- what is wrong is told ------------------------------------------------------------------------------------------
+# ---- bad input ------------------------------------------------------------------------------------------------------
 
 SMALL = skfem.Basis(
     grid(skfem.MeshTri, 2).with_boundaries({"middle": lambda x: np.abs(x[1] - 0.5) < 1e-9}, boundaries_only=False),

@@ -71,7 +71,7 @@ def test_sliders_stand_where_a_browser_counts_them() -> None:
         assert float(browser[2 * slider["start"] : 2 * slider["end"]].decode("utf-16-le")) == slider["value"]
 
 
-#: Pressed down by its upper edge, and pushed up by its load: glued to a foundation that softens.
+#: Pressed down by its upper edge onto a foundation of springs, and pulled up by its load.
 HELD = """
 [mesh]
 rectangle = [1.0, 1.0]

@@ -357,7 +357,7 @@ def test_a_slider_plays_until_it_is_stopped(open_page: Callable[..., Page], serv
     moved = value_of(page)
     assert [a for a, b in zip(text.splitlines(), moved.splitlines(), strict=True) if a != b] == ["body = [-0.8, -0.8]"]
     page.wait_for_timeout(500)
-    assert value_of(page) == moved  # it stands still
+    assert value_of(page) == moved  # it no longer moves
     assert pixels(page) != before
     page.keyboard.press("Control+z")  # all of it is one step
     ready(page)

@@ -200,7 +200,7 @@ def test_series_in_space_between_meshes_that_do_not_match(turn: float) -> None:
 
 
 def test_heat_at_held_nodes_crosses_as_any_other() -> None:
-    """One end of a joint is held at its temperature: what crosses there comes out of the support, and is booked so."""
+    """One end of a joint is held at its temperature: what crosses there is counted as heat of the support."""
     capacity = {"a": 1.0, "b": 3.0}
     heat = Heat(1.0, capacity, supports={"a:right": 6.0}, contact={"a:right": HeatContact(2.0)})
     with pytest.raises(hv.errors.ProblemError, match="a:right"):

@@ -1,4 +1,4 @@
-"""Levels that a function makes: orders of elements by forms against a manufactured block, and what is told."""
+"""Levels that a function makes: orders of elements by forms against a manufactured block, and bad input."""
 
 from __future__ import annotations
 

@@ -173,7 +173,7 @@ def _scaled(matrix: sp.sparray, scales: Array) -> sp.csr_array:
 
 
 def _factorised(matrix: sp.csc_array) -> _Factor:
-    """The factors of a symmetric indefinite matrix; a singular one is told."""
+    """The factors of a symmetric indefinite matrix; raises ProblemError: it is singular."""
     singular = ProblemError(
         "the constraints do not determine the body apart from its contact: fix a pressure with fixed=, or add a "
         "support. Leave out a constraint that is stated twice; take elements that are stable together (P2, P1)"
