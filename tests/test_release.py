@@ -127,6 +127,15 @@ def test_the_manuscript_says_what_its_journal_asks_for() -> None:
     assert 250 <= len(body.split()) <= 1750
 
 
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout")
+def test_no_file_of_a_run_is_kept() -> None:
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    manifest = (ROOT / "MANIFEST.in").read_text(encoding="utf-8")
+    named = set(re.search(r"^include (.+)$", manifest, re.MULTILINE)[1].split())  # type: ignore[index]
+    top = {name for name in tracked if "/" not in name and not name.startswith(".")}
+    assert top == named | {"MANIFEST.in", "pyproject.toml", "setup.py"}
+
+
 @pytest.mark.skipif(not SDISTS, reason="no archive has been built")
 def test_the_source_archive_is_complete() -> None:
     with tarfile.open(SDISTS[-1]) as archive:
