@@ -148,3 +148,33 @@ def test_a_body_torn_off_that_slides_along_its_roller_bears_no_load(cells: int, 
     assert path.ended in (PathEnd.UNBOUNDED, PathEnd.LOWER_END)
     assert path.load_factor[-1] == pytest.approx(0.0, abs=1e-9)
     assert path.limit_load is not None
+
+
+@pytest.mark.parametrize(
+    ("space", "length", "stress"),
+    [(False, 1.0, 1.0), (False, 1e3, 1e-6), pytest.param(True, 1e3, 1e-6, marks=pytest.mark.slow)],
+)
+@pytest.mark.parametrize(("friction", "height"), [(0.4, 1.0), (0.8, 2.0)])
+def test_a_block_that_its_weight_holds_slides_or_topples_under_a_push(
+    space: bool, length: float, stress: float, friction: float, height: float
+) -> None:
+    """The weight stays while the push grows: it slides at friction times the weight, or turns about its edge."""
+    size = (length, 0.5 * length, height * length) if space else (length, height * length)
+    mesh = hv.box(size, (3, 1, 3)) if space else hv.rectangle(size, (3, 3))
+    down, along = np.eye(mesh.dim)[-1], np.eye(mesh.dim)[0]
+    block = hv.ContactProblem(
+        mesh=mesh,
+        material=hv.Material.young(30e9 * stress, 0.2),
+        contact={"bottom": hv.Contact(hv.Signorini(), hv.Coulomb(friction))},
+        body_force=-24e3 * stress / length * down,
+        tractions={"left": 10e3 * stress * along},
+    )
+    sliding, toppling = friction * 2.4 * 1.0, 2.4 * 1.0 / height
+    limit = min(sliding, toppling)
+    path = follow_path(block, (0.0, 5.0), constant=["body"])
+    assert path.limit_load == pytest.approx(limit, rel=1e-8)
+    assert path.ended is PathEnd.UNBOUNDED
+    found = hv.branches.load_bracket(block, constant=["body"])
+    assert found.carried <= limit * (1.0 + 1e-8)
+    assert found.not_carried == pytest.approx(limit, rel=0.011)
+    assert found.solution.normal_force == pytest.approx(24e3 * stress / length * np.prod(size), rel=1e-8)

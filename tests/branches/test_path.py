@@ -134,7 +134,7 @@ def test_prescribed_displacements_grow_with_the_load() -> None:
         body_force=(0.1, 0.0),
     )
     line = LoadLine.of(problem)
-    path = follow_path(line.loaded, (0.0, 1.0), unloaded=line.unloaded)
+    path = follow_path(problem, (0.0, 1.0))
     assert path.load_factor[0] == 0.0
     assert np.abs(path.local[0]).max() < 1e-15
     end = solve(discretize(problem))

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from hemivar.branches import follow_path
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, discretize
 from hemivar.laws import Compliance, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Prescribed
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed
 from hemivar.solvers import solve
 from tests import bodies
+from tests.problems import bar
 
 
 def pulled(factor: float) -> ContactProblem:
@@ -33,6 +38,44 @@ def test_the_energy_of_prescribed_displacements_is_quadratic_in_them(factor: flo
     np.testing.assert_allclose(there.offset, own.offset, atol=1e-15)
     assert there.energy(u) == pytest.approx(own.energy(u), rel=1e-13)
     assert there.energy(np.zeros(own.unknowns)) == pytest.approx(own.energy(np.zeros(own.unknowns)), rel=1e-13)
+
+
+@pytest.mark.parametrize("constant", [["body"], ["body", "left"], ["left"]])
+@pytest.mark.parametrize("factor", [0.0, 0.4, -0.7, 1.5])
+@pytest.mark.parametrize("linear", [True, False])
+def test_constant_loads_have_their_size_for_every_factor(constant: list[str], factor: float, linear: bool) -> None:
+    def stated(part: float) -> ContactProblem:
+        weight, pull = (1.0 if name in constant else part for name in ("body", "left"))
+        material = Material.lame(3.0, 2.0) if linear else Material.hencky(20 / 3, 4.0, 0.25, 0.05)
+        return replace(
+            pulled(part),
+            material=material,
+            body_force=(0.1 * weight, -0.3 * weight),
+            tractions={"left": (0.2 * pull, 0.0)},
+        )
+
+    own = discretize(stated(factor), check_coercivity=False)
+    there = LoadLine.to(discretize(stated(1.0)), constant).at(factor)
+    u = 0.05 * np.random.default_rng(3).normal(size=own.unknowns)
+    np.testing.assert_allclose(there.out_of_balance(u), own.out_of_balance(u), atol=1e-13)
+    assert there.energy(u) == pytest.approx(own.energy(u), rel=1e-12)
+
+
+def test_constant_loads_are_names_of_loads() -> None:
+    problem = discretize(pulled(1.0))
+    for constant, said in (
+        (["lefft"], "no load 'lefft'; did you mean 'left'"),
+        (["top"], "no load 'top' (known: left); its loads are left"),
+    ):
+        with pytest.raises(ProblemError, match=re.escape(said)):
+            LoadLine.to(problem, constant)
+    for constant in ("left", 3, [2]):
+        with pytest.raises(ProblemError, match="give names of loads, such as"):
+            follow_path(problem, constant=constant)  # type: ignore[arg-type]
+    with pytest.raises(ProblemError, match="named in a ContactProblem"):
+        LoadLine.to(bar(1.0, Compliance(5.0)), ["left"])
+    with pytest.raises(ProblemError, match="either unloaded= or constant="):
+        follow_path(problem, unloaded=problem, constant=["left"])
 
 
 def test_work_done_on_the_way_is_the_energy_at_its_end() -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from dataclasses import dataclass
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -13,13 +13,12 @@ from hemivar.basics.deadline import Budget
 from hemivar.basics.display import brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
-from hemivar.coercivity.free_motion import refuse_free_motion
-from hemivar.discrete.problem import DiscreteProblem
-from hemivar.errors import ProblemError, SupportError
-from hemivar.fem import LoadLine, discretize
-from hemivar.fem.posed import Posable, posed
+from hemivar.errors import ProblemError
+from hemivar.fem import LoadLine
+from hemivar.fem.growing import growing
+from hemivar.fem.load_line import load_names
+from hemivar.fem.posed import Posable
 from hemivar.linear.threads import one_thread
-from hemivar.mechanics import ContactProblem
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.solvers.base import PosedSystem, State
 from hemivar.solvers.load_stepping import Climb, Reached
@@ -29,8 +28,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["BracketOptions", "LoadBracket", "Reached", "bracketing", "load_bracket"]
 
-#: Part of a load that a body must carry to be held at all, and below which nothing of it counts as carried.
-_SMALL, _NOTHING = 1e-6, 1e-9
+#: Part of a load below which nothing of it counts as carried.
+_NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,8 @@ class BracketOptions:
         The largest load factor, > 0.
     max_time : float
         Limit in seconds.
+    constant : names
+        Loads that do not grow: ``"body"`` and names of boundaries with a traction.
 
     Raises
     ------
@@ -52,11 +53,13 @@ class BracketOptions:
 
     upto: float = 5.0
     max_time: float = np.inf
+    constant: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 < number(self.upto, "upto", "give the largest load factor") < np.inf:
             raise ProblemError(f"upto is {self.upto}; give the largest load factor, a finite number > 0")
         Budget(self.max_time)
+        load_names(self.constant)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +115,12 @@ class LoadBracket:
 
 @known_keywords
 def load_bracket(
-    problem: Posable, upto: float = 5.0, *, max_time: float = np.inf, workspace: Workspace | None = None
+    problem: Posable,
+    upto: float = 5.0,
+    *,
+    max_time: float = np.inf,
+    constant: Sequence[str] = (),
+    workspace: Workspace | None = None,
 ) -> LoadBracket:
     """Bracket the load that a body carries to 1 %.
 
@@ -131,6 +139,8 @@ def load_bracket(
         The largest load factor.
     max_time : float
         Limit in seconds; the bracket is then that reached so far.
+    constant : sequence of names, optional
+        Loads that do not grow, such as the own weight: ``"body"`` and names of boundaries with a traction.
     workspace : Workspace, optional
         Keeps what is expensive for other calls on the same body.
 
@@ -145,7 +155,7 @@ def load_bracket(
     MethodError, ProblemError
         As :func:`hemivar.solve`.
     """
-    return result_of(bracketing(problem, BracketOptions(upto, max_time), workspace=workspace))
+    return result_of(bracketing(problem, BracketOptions(upto, max_time, load_names(constant)), workspace=workspace))
 
 
 def bracketing(
@@ -169,24 +179,16 @@ def bracketing(
     ProblemError, MethodError
         As :func:`load_bracket`.
     """
-    line, kept, budget = LoadLine.to(_loaded(problem)), Workspace.given(workspace), Budget(options.max_time)
+    line, kept, budget = (
+        growing(problem, "load_bracket", options.constant),
+        Workspace.given(workspace),
+        Budget(options.max_time),
+    )
     found = yield from _within(line, options.upto, kept, budget, options, 0)
     while found.complete and found.wide:  # steps that are parts of a smaller load are small enough
         assert found.not_carried is not None
         found = yield from _within(line, found.not_carried, kept, budget, options, found.tried)
     return found
-
-
-def _loaded(problem: Posable) -> DiscreteProblem:
-    """The problem at load factor 1; one that only a smaller load leaves in its place is let pass."""
-    if not isinstance(problem, ContactProblem):
-        return posed(problem, "load_bracket")
-    try:
-        return discretize(problem)
-    except SupportError:
-        loaded = discretize(problem, check_coercivity=False)
-        refuse_free_motion(loaded.with_(load=_SMALL * loaded.load))
-        return loaded
 
 
 def _within(
@@ -199,7 +201,7 @@ def _within(
     with one_thread(not method.condenses):
         system = cast(PosedSystem, method.prepare(loaded, kept))
         r = system.start()
-        climb = Climb(method, system, LoadLine(loaded, line.unloaded), budget, upto)
+        climb = Climb(method, system, replace(line, loaded=loaded), budget, upto)
         reached = yield from climb.up(State(r, system.multiplier(r)))
         unknowns = system.recover(reached.at.r, reached.at.lam)[0]
     solution = solve(line.at(reached.carried), method.inner, initial=unknowns, workspace=kept)

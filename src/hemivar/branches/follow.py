@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -28,7 +28,9 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine, deformation
-from hemivar.fem.posed import Posable, posed
+from hemivar.fem.growing import growing
+from hemivar.fem.load_line import load_names
+from hemivar.fem.posed import Posable
 from hemivar.solvers import Controls, LoadStepping, Solution, Solver, Status, solve
 from hemivar.systems import CondensedProblem, condense
 from hemivar.systems.workspace import Workspace
@@ -59,6 +61,8 @@ class PathOptions:
     until : mapping of name to value
         The path ends where one of these quantities has its value, such as ``max-opening``, or ``opening:tip`` for the
         contact boundary ``tip`` alone.
+    constant : names
+        Loads that do not grow: ``"body"`` and names of boundaries with a traction.
 
     Raises
     ------
@@ -71,6 +75,7 @@ class PathOptions:
     max_time: float = np.inf
     largest_step: float = 0.02
     until: Mapping[str, float] = field(default_factory=dict)
+    constant: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         ends = tuple(self.load_factor) if isinstance(self.load_factor, Iterable) else ()
@@ -83,6 +88,7 @@ class PathOptions:
         if not number(self.largest_step, "largest_step") > 0.0:
             raise ProblemError(f"largest_step is {self.largest_step}; it must be positive")
         checked_until(self.until)
+        load_names(self.constant)
 
     def ends(self, contact: ContactPoints) -> tuple[Quantity, ...]:
         """Numbers that are zero where the path ends."""
@@ -105,6 +111,7 @@ def follow_path(
     largest_step: float = 0.02,
     max_time: float = np.inf,
     until: Mapping[str, float] = MappingProxyType({}),
+    constant: Sequence[str] = (),
     workspace: Workspace | None = None,
 ) -> Path:
     """Follow the equilibria from the lower load factor, through folds, until the range is left.
@@ -120,7 +127,8 @@ def follow_path(
     load_factor : (float, float)
         Range; the path starts at the first one.
     unloaded : DiscreteProblem, optional
-        The problem at load factor 0; by default ``problem`` with its load taken away (see :class:`LoadLine`).
+        The problem at load factor 0; by default ``problem`` without its loads but the constant ones, and without its
+        prescribed displacements (see :class:`LoadLine`).
     start : Solution or array (n,), optional
         Equilibrium near the lower end; by default load stepping from the unloaded body.
     max_points : int
@@ -133,6 +141,8 @@ def follow_path(
         The path ends where one of these quantities passes its value, such as ``{"max-opening": 0.1}``.  Names are those
         of ``hemivar path --quantity``; ``{"opening:tip": 0.1}`` is the largest opening on the contact boundary ``tip``.
         A value that is passed twice within one step is not seen.
+    constant : sequence of names, optional
+        Loads that do not grow, such as the own weight: ``"body"`` and names of boundaries with a traction.
     workspace : Workspace, optional
         Keeps what is expensive for other calls on the same body.
 
@@ -147,7 +157,7 @@ def follow_path(
     ProblemError
         The range is empty, no equilibrium was found at its lower end, or a name of ``until`` is not known.
     """
-    options = PathOptions(load_factor, max_points, max_time, largest_step, until)
+    options = PathOptions(load_factor, max_points, max_time, largest_step, until, load_names(constant))
     return result_of(following(problem, options, unloaded=unloaded, start=start, workspace=workspace))
 
 
@@ -184,12 +194,16 @@ def following(
     ProblemError
         There is no contact point that can move, or no equilibrium from which to start within the time.
     """
-    problem = posed(problem, "follow_path")
+    line = growing(problem, "follow_path", options.constant)
+    problem = line.loaded
     nonlinear = isinstance(problem.bulk, Potential)
     if not nonlinear:
         quadratic(problem.bulk, "follow_path")
     if unloaded is not None:
         expect(unloaded, DiscreteProblem, "the unloaded problem", "discretise it first, hemivar.discretize(problem)")
+        if options.constant:
+            raise ProblemError("give either unloaded= or constant=: both say what the load factor 0 is")
+        line = LoadLine(problem, unloaded)
     kept = Workspace.given(workspace)
     low, high = options.load_factor
     if problem.contact_points == 0:
@@ -197,7 +211,6 @@ def following(
             "a path needs contact points; solve once, because without contact the solution is proportional to the load"
         )
     budget = Budget(options.max_time)
-    line = LoadLine(problem, unloaded)
     largest = line.at(max(low, high, key=abs))  # by whose displacements steps are measured
     if nonlinear:
         system = condense(linear_in_place(largest, np.zeros(problem.unknowns)))

@@ -98,6 +98,9 @@ class Track:
 #: Part of a distance by which two changes may differ and be one; changes of stability that a step is searched for.
 _SAME, _CHANGES = 1e-6, 8
 
+#: Load that hardly changes, beside the motion, and how many times longer steps may then be.
+_STILL, _ON_THE_SPOT = 1e-6, 50.0
+
 #: A number that tells by its sign on which side of a change a point of a segment lies, by theta, segment, t and border.
 Measure: TypeAlias = Callable[[Array, AnyArray, float, Array], float]
 
@@ -196,9 +199,14 @@ class Follower:
                 track.ended = PathEnd.UPPER_END if t >= self.high else PathEnd.LOWER_END
                 break
             if new.event is None:
-                step = min(self.largest_step * chain.length, 1.5 * new.length if new.easy else new.length)
+                largest = self.largest_step * chain.length * (_ON_THE_SPOT if self.still(tangent) else 1.0)
+                step = min(largest, 1.5 * new.length if new.easy else new.length)
             segment = new.segment
             tangent = self.tangent(theta, segment, t, new.border)
+
+    def still(self, tangent: Array) -> bool:
+        """Whether the load hardly changes: the body slides on."""
+        return abs(float(tangent[-1])) * self.load_unit < _STILL * float(np.abs(tangent[:-1]).max())
 
     def reached(self, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint) -> FollowedPoint | None:
         """The first point of a step at which a quantity of ``until`` is zero, if there is one."""

@@ -40,6 +40,10 @@ BESIDE = 1e-7
 _NEAR, _TELL, _ROUNDED = 2e-9, 5e-9, 1e-12
 #: A jump of the derivative that counts, in units of what r moves with theta.
 _JUMP = 1e-4
+#: Rounding of derivatives at most, far below a jump.
+_FAR_AWAY = 1e-5
+#: Part of the stiffness that is none.
+_NEUTRAL = 1e-13
 #: Parts of a reach in which a corner is searched one after the other.
 _PARTS = (1e-2, 1e-1, 1.0)
 #: Pairs that are remembered.
@@ -215,10 +219,10 @@ class GraphChart(Curves):
         weighed = np.zeros((m, c, m, c))
         every = np.arange(m)
         weighed[every, :, every, :] = self._weight[:, :, None] * slope
-        try:
-            flexible = np.linalg.eigvals(np.linalg.solve(self._jacobian(slope), weighed.reshape(self.size, -1)))
-        except np.linalg.LinAlgError:
-            return 1
+        J = self._jacobian(slope)
+        force, motion = la.eigvals(J, weighed.reshape(self.size, -1), homogeneous_eigvals=True)
+        felt = np.abs(force) > _NEUTRAL * np.linalg.norm(J)  # else the body is free to move, and no energy falls
+        flexible = motion[felt] / force[felt]
         return int((flexible.real < -1e-10 * np.abs(flexible).max(initial=0.0)).sum())
 
     def _moving(self, slope: Array) -> tuple[Array, Array]:
@@ -338,6 +342,7 @@ class _Start:
     theta: Array
     way: Array
     r: Array
+    lam: Array
     slope: Array
     rate: Array
     slack: float
@@ -345,9 +350,9 @@ class _Start:
     @staticmethod
     def of(chart: GraphChart, theta: Array, side: Array, way: Array, slack: float) -> _Start:
         theta = theta + side
-        r, _, slope = chart.pairs(theta)
+        r, lam, slope = chart.pairs(theta)
         rate = np.matmul(slope, way.reshape(chart.system.shape)[:, :, None])[:, :, 0]
-        return _Start(chart, theta, way, r, slope, rate, slack)
+        return _Start(chart, theta, way, r, lam, slope, rate, slack)
 
     def _off(self, part: float) -> tuple[Array, Array, Array]:
         """By how much r (m, c) and the derivative (m, c, c) miss it at a part of the way; and the jump's rate."""
@@ -361,7 +366,10 @@ class _Start:
         off, jump, _ = self._off(part)
         moved = part * np.abs(self.way.reshape(off.shape)).max(axis=1)
         bent = np.abs(off).max(axis=1) > self.slack * moved + 1e-12 * self.chart.length
-        return np.asarray(bent | (np.abs(jump).max(axis=(1, 2)) > self.slack))
+        # Far away multipliers are differences of large numbers, and so is what a bound that follows them makes of them.
+        size = np.abs(self.lam / self.chart.stiffness).max(axis=1)
+        rounded = np.minimum(_FAR_AWAY, 1e-15 * moved / np.maximum(size, 1e-300))
+        return np.asarray(bent | (np.abs(jump).max(axis=(1, 2)) > self.slack + rounded))
 
     def guess(self, part: float) -> float:
         """Where the first of them has left, if all pieces are straight."""

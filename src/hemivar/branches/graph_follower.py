@@ -22,6 +22,8 @@ _CURVED = 0.2
 _HALVES = 8
 #: Part of the length on which it is seen whether the path is straight.
 _PROBE = 1e-3
+#: How far corners are looked for, in lengths; part of the range of loads that is none.
+_FAR, _LEFT = 1e6, 1e-9
 #: Rounds in which a curved corner is located, and distance from it that is none.
 _ROUNDS, _ON = 12, 1e-11
 #: Stiffness, as a part of the largest, that holds nothing.
@@ -51,7 +53,17 @@ class GraphFollower(Follower):
     ) -> tuple[FollowedPoint | PathEnd, bool]:
         self.check_chart(theta)
         found = self.straight(theta, segment, t, v)
+        if found is None and self.slides_away(theta, segment, v):
+            found = PathEnd.UNBOUNDED
         return (self.curved_step(theta, segment, t, v, length), True) if found is None else (found, False)
+
+    def slides_away(self, theta: Array, side: Array, v: Array) -> bool:
+        """Whether the load has ceased to change, and no corner lies ahead; what is left of it falls like 1/slip."""
+        chain, moves = self.chain, max(float(np.abs(v[:-1]).max()), 1e-300)
+        gone = max(float(np.abs(theta).max()), _PROBE * chain.length)
+        if abs(float(v[-1])) * gone > _LEFT * (self.high - self.low) * moves:
+            return False
+        return chain.leaves(theta, side, _FAR * chain.length / moves * v[:-1], _CURVED, _HALVES) is None
 
     def check_chart(self, theta: Array) -> None:
         """Raise :class:`OutOfChartError` where the law falls too fast."""
@@ -73,7 +85,7 @@ class GraphFollower(Follower):
         probe = _PROBE * chain.length / max(float(np.abs(v[:-1]).max()), 1e-300)
         if not chain.straight(theta, side, min(probe, load) * v[:-1]):
             return None
-        reach = load if np.isfinite(load) else probe / _PROBE * 1e6
+        reach = load if np.isfinite(load) else probe / _PROBE * _FAR
         corner = chain.leaves(theta, side, reach * v[:-1], STRAIGHT, _HALVES)
         if corner is None and not np.isfinite(load):
             return PathEnd.UNBOUNDED

@@ -132,7 +132,7 @@ class PathCommand(OnProblem):
     Exit code 0 if the path reaches an end of the range, or the value of --end-at.
     """
 
-    load_factor: Annotated[tuple[float, float], option("Factor of all loads, from low to high.", of="LOW HIGH")] = (
+    load_factor: Annotated[tuple[float, float], option("Factor of the loads, from low to high.", of="LOW HIGH")] = (
         0.0,
         1.0,
     )
@@ -147,6 +147,7 @@ class PathCommand(OnProblem):
     end_at: Annotated[
         list[str] | None, option("End where a quantity has this value: max-opening=0.1.", of="NAME=VALUE")
     ] = None
+    constant: opt.Constant = None
     given: opt.Given = None
 
     @cached_property
@@ -169,9 +170,15 @@ class PathCommand(OnProblem):
         from hemivar.workflows import PathOptions, path
 
         session = self.session
-        self.discrete()
-        options = PathOptions(self.load_factor, self.max_points, session.controls.max_time, until=self.ends)
+        options = PathOptions(
+            self.load_factor,
+            self.max_points,
+            session.controls.max_time,
+            until=self.ends,
+            constant=tuple(self.constant or ()),
+        )
         found = watched(path(session.stated.problem, options))
+        print_head(session, found.problem)
         _print_path(found)
         quantity = fitting_quantity(found) if self.quantity is None else self.quantity
         record = path_record(found, quantity)
@@ -242,6 +249,7 @@ class BracketCommand(OnProblem):
     plot: Annotated[opt.File, written("Draw the body at the largest load that it carries.")] = None
     colour: opt.Colour = None
     max_time: opt.MaxTime = None
+    constant: opt.Constant = None
     given: opt.Given = None
 
     def check(self) -> None:
@@ -254,7 +262,8 @@ class BracketCommand(OnProblem):
 
         session = self.session
         check_drawable(session.stated, None, self.colour)
-        found = watched(bracket(session.stated.problem, BracketOptions(self.upto, session.controls.max_time)))
+        options = BracketOptions(self.upto, session.controls.max_time, tuple(self.constant or ()))
+        found = watched(bracket(session.stated.problem, options))
         print_head(session, found.solution.problem)
         print(f"\n{found}")
         record = {

@@ -24,6 +24,7 @@ __all__ = [
     "WRITTEN",
     "Checkpoint",
     "Colour",
+    "Constant",
     "Csv",
     "EngineName",
     "Exact",
@@ -106,6 +107,9 @@ UnitNames = Annotated[
 ]
 Given = Annotated[
     list[str] | None, option("Set a value of the file, as in contact.bottom.gap=0.1.", "--set", of="KEY=VALUE")
+]
+Constant = Annotated[
+    list[str] | None, option("A load that does not grow: body, or a boundary with a traction.", of="NAME")
 ]
 Colour = Annotated[str | None, option("Colour of the body: stress, displacement, speed (film) or none.", of="NAME")]
 Verbose = Annotated[bool, option("Print the predicted cost of the methods as well.", "--verbose", "-v")]

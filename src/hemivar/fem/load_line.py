@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
+from hemivar.basics.arguments import described, suggest
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Space
@@ -15,7 +17,10 @@ from hemivar.fem.discretize import discretize
 from hemivar.mechanics import Clamped, ContactProblem, Fixed, Prescribed, Roller
 from hemivar.mechanics.conditions import ScalarData, Support
 
-__all__ = ["LoadLine"]
+__all__ = ["LoadLine", "load_names"]
+
+#: The name of the body force among those of the loads, which are of boundaries.
+_BODY = "body"
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +34,9 @@ class LoadLine:
     unloaded : DiscreteProblem, optional
         The problem at t = 0, on the same mesh with the same law; by default the loaded one with its load f taken away.
         Where displacements are prescribed give the problem with these at zero, then they grow with t as well.
+    cross : float
+        The part of the energy that is linear in t: minus the work of the constant loads on the prescribed
+        displacements, which grow.
 
     Raises
     ------
@@ -38,6 +46,7 @@ class LoadLine:
 
     loaded: DiscreteProblem
     unloaded: DiscreteProblem | None = None
+    cross: float = 0.0
 
     def __post_init__(self) -> None:
         zero = self.unloaded
@@ -50,16 +59,38 @@ class LoadLine:
     @classmethod
     def of(cls, problem: ContactProblem) -> LoadLine:
         """The line from the body at rest to the problem: forces and prescribed displacements grow together."""
-        loaded = discretize(problem)
-        rest = _unloaded(problem)
-        return cls(loaded, None if rest is None else discretize(rest))
+        return cls.to(discretize(problem))
 
     @classmethod
-    def to(cls, problem: DiscreteProblem) -> LoadLine:
-        """The line from rest to a discrete problem; displacements that its statement prescribes grow with its load."""
+    def to(cls, problem: DiscreteProblem, constant: Collection[str] = ()) -> LoadLine:
+        """The line to a discrete problem: its load grows, with the displacements that its statement prescribes.
+
+        Parameters
+        ----------
+        problem : DiscreteProblem
+            The problem at t = 1.
+        constant : names
+            Loads that have their full size for all t: ``"body"`` and names of boundaries with a traction.
+
+        Raises
+        ------
+        ProblemError
+            A constant load is not a load of the problem, or the problem has no statement that names its loads.
+        """
         stated = problem.origin
-        rest = None if stated is None else _unloaded(stated)
-        return cls(problem, None if rest is None else discretize(rest, check_coercivity=False))
+        if stated is None:
+            if constant:
+                raise ProblemError("constant loads are named in a ContactProblem; give one, or unloaded=")
+            return cls(problem)
+        _check_loads(stated, constant)
+        moves = any(_at_rest(support, stated.mesh.dim) is not support for support in stated.supports.values())
+        if not (moves or constant):
+            return cls(problem)
+        rest = discretize(_unloaded(stated, constant), check_coercivity=False)
+        if not (moves and constant):
+            return cls(problem, rest)
+        grown = discretize(_with_loads(stated, _loads(stated) - set(constant)), check_coercivity=False)
+        return cls(problem, rest, _stored(problem) - _stored(rest) - _stored(grown))
 
     def at(self, factor: float) -> DiscreteProblem:
         """The problem at load factor ``factor``; matrices are shared.
@@ -78,9 +109,14 @@ class LoadLine:
         return self._displaced(factor, zero).with_(
             load=(1.0 - factor) * zero.load + factor * loaded.load,
             # The energy of prescribed displacements is quadratic in them.
-            constant=zero.constant + factor**2 * (loaded.constant - zero.constant),
+            constant=self._constant(factor, zero),
             offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
         )
+
+    def _constant(self, factor: float, zero: DiscreteProblem) -> float:
+        """Energy of the prescribed displacements, but for what a nonlinear body stores in them."""
+        begin, end = _stored(zero), _stored(self.loaded)
+        return begin + factor * self.cross + factor**2 * (end - begin - self.cross)
 
     def _displaced(self, factor: float, zero: DiscreteProblem) -> DiscreteProblem:
         """The loaded problem, its field with a part of the prescribed displacements."""
@@ -99,21 +135,57 @@ class LoadLine:
         bulk = Potential(last.energy.from_field(field.prescribed.reshape(len(field.nodes), -1)))
         model = replace(displaced.model, bulk=bulk)
         forces = (1.0 - factor) * (zero.load + first.initial_forces) + factor * (loaded.load + last.initial_forces)
-        # The work of loads on prescribed displacements is quadratic in both; what these store is not.
-        begin, end = zero.constant - first.initial_value, loaded.constant - last.initial_value
         return replace(loaded, model=model, law_known=True).with_(
             load=forces - bulk.initial_forces,
-            constant=bulk.initial_value + begin + factor**2 * (end - begin),
+            constant=bulk.initial_value + self._constant(factor, zero),
             offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
         )
 
 
-def _unloaded(problem: ContactProblem) -> ContactProblem | None:
-    """The statement without loads and prescribed displacements; None where it prescribes no displacement."""
+def load_names(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of loads as options keep them.
+
+    Raises
+    ------
+    ProblemError
+        They are one text, or not texts.
+    """
+    given = None if isinstance(names, str) or not isinstance(names, Iterable) else tuple(names)
+    if given is None or not all(isinstance(name, str) for name in given):
+        raise ProblemError(f"constant is {described(names)}; give names of loads, such as ['body', 'top']")
+    return given
+
+
+def _stored(problem: DiscreteProblem) -> float:
+    """The constant of its energy that is quadratic in loads and prescribed displacements together."""
+    return problem.constant - (problem.bulk.initial_value if isinstance(problem.bulk, Potential) else 0.0)
+
+
+def _loads(problem: ContactProblem) -> set[str]:
+    return {*problem.tractions} | ({_BODY} if callable(problem.body_force) or np.any(problem.body_force) else set())
+
+
+def _check_loads(problem: ContactProblem, names: Collection[str]) -> None:
+    """Refuse names of loads that a statement does not have, and ``"body"`` where a boundary has that name."""
+    known = sorted(_loads(problem))
+    for name in names:
+        if name not in known:
+            has = f"its loads are {', '.join(known)}" if known else "it has none"
+            raise ProblemError(f"the problem has no load '{name}'{suggest(name, known)}; {has}")
+    if _BODY in names and _BODY in problem.tractions:
+        raise ProblemError("'body' is the body force and a boundary with a traction; give that boundary another name")
+
+
+def _with_loads(problem: ContactProblem, names: Collection[str]) -> ContactProblem:
+    """The statement with these loads alone."""
+    tractions = {name: traction for name, traction in problem.tractions.items() if name in names}
+    return replace(problem, body_force=problem.body_force if _BODY in names else 0.0, tractions=tractions)
+
+
+def _unloaded(problem: ContactProblem, constant: Collection[str]) -> ContactProblem:
+    """The statement with its constant loads alone, and without prescribed displacements."""
     held = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
-    if all(held[name] is support for name, support in problem.supports.items()):
-        return None
-    return replace(problem, supports=held, body_force=0.0, tractions={})
+    return replace(_with_loads(problem, constant), supports=held)
 
 
 def _at_rest(support: Support | ScalarData, dim: int) -> Support | ScalarData:

@@ -16,9 +16,8 @@ from hemivar.branches import (
     finding,
     following,
 )
-from hemivar.fem import LoadLine
+from hemivar.fem.growing import growing
 from hemivar.fem.posed import Posable, posed
-from hemivar.mechanics import ContactProblem
 from hemivar.solvers.load_stepping import Reached
 from hemivar.workflows.events import FoundEvent, WarningEvent, Work
 
@@ -69,7 +68,7 @@ def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work
 
 @expecting(options=PathOptions)
 def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
-    """The equilibria while all loads grow, with the prescribed displacements if a statement is given.
+    """The equilibria while the loads grow, with the displacements that a statement prescribes.
 
     Yields :class:`WarningEvent`, and every point.  An interruption ends the path where it is.
 
@@ -89,10 +88,10 @@ def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
         As :func:`hemivar.follow_path`.
     """
     options = PathOptions() if options is None else options
-    line = LoadLine.of(problem) if isinstance(problem, ContactProblem) else LoadLine(posed(problem, "path"))
-    for warning in line.loaded.notes:
+    problem = growing(problem, "path", options.constant).loaded
+    for warning in problem.notes:
         yield WarningEvent(warning)
-    return (yield from following(line.loaded, options, unloaded=line.unloaded))
+    return (yield from following(problem, options))
 
 
 @expecting(options=BracketOptions)

@@ -1,0 +1,43 @@
+"""Growing loads of what a function is given."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from hemivar.coercivity.free_motion import refuse_free_motion
+from hemivar.errors import SupportError
+from hemivar.fem.discretize import discretize
+from hemivar.fem.load_line import LoadLine
+from hemivar.fem.posed import Posable, posed
+from hemivar.mechanics.statement import ContactProblem
+
+__all__ = ["growing"]
+
+#: Part of a load that a body must carry to be held at all.
+_SMALL = 1e-6
+
+
+def growing(problem: Posable, function: str, constant: Collection[str] = ()) -> LoadLine:
+    """The load that grows to that of a problem; a body that only a smaller load leaves in its place is let pass.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ManufacturedProblem
+    function : str
+        Who asks, for messages.
+    constant : names
+        Loads that do not grow, as in :meth:`LoadLine.to`.
+
+    Raises
+    ------
+    SupportError
+        Nothing holds the body even against a small part of its load.
+    """
+    if not isinstance(problem, ContactProblem):
+        return LoadLine.to(posed(problem, function), constant)
+    try:
+        return LoadLine.to(discretize(problem), constant)
+    except SupportError:
+        line = LoadLine.to(discretize(problem, check_coercivity=False), constant)
+        refuse_free_motion(line.at(_SMALL))
+        return line
