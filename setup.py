@@ -68,11 +68,11 @@ kernels = Extension(
     "hemivar.kernels._compiled",
     sources=[
         f"{KERNELS}/{name}.cpp"
-        for name in ("active_sets", "api", "cycle", "mesh_sums", "panels", "patches", "pool", "set_up")
+        for name in ("active_sets", "api", "cells", "cycle", "mesh_sums", "panels", "patches", "pool", "set_up")
     ],
     depends=[
         f"{KERNELS}/{name}.hpp"
-        for name in ("active_sets", "lanes", "levels", "memory", "mesh_sums", "panels", "patches", "pool")
+        for name in ("active_sets", "cells", "lanes", "levels", "memory", "mesh_sums", "panels", "patches", "pool", "wide")
     ],
     language="c++",
     optional=True,

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "active_sets.hpp"
+#include "cells.hpp"
 #include "levels.hpp"
 #include "mesh_sums.hpp"
 #include "panels.hpp"
@@ -243,7 +244,7 @@ void settle(int64_t n) {
 // n^dim cubes, each cut into simplices along the ways from its lowest corner to its highest one.
 struct Cut {
     int dim, count, l;
-    std::vector<double> points, inverse, signs, energies, compliance;
+    std::vector<double> points, gradients, signs, energies, compliance;
     std::vector<int64_t> cells, cell_facets, facet_nodes, alike, owners;
 
     Cut(int dim, int n, bool apart) : dim(dim), l(dim) {
@@ -271,7 +272,12 @@ struct Cut {
                     matrix[i * dim + way[i]] = 1.0;
                     if (i + 1 < dim) matrix[i * dim + way[i + 1]] = -1.0;
                 }
-                inverse.insert(inverse.end(), matrix.begin(), matrix.end());
+                for (int k = 0; k < dim; ++k) {
+                    double sum = 0.0;
+                    for (int i = 0; i < dim; ++i) sum -= matrix[i * dim + k];
+                    gradients.push_back(sum);
+                }
+                gradients.insert(gradients.end(), matrix.begin(), matrix.end());
                 alike.push_back(apart ? static_cast<int64_t>(alike.size()) : number);
                 ++number;
             } while (std::next_permutation(way.begin(), way.end()));
@@ -306,7 +312,7 @@ struct Cut {
 
     PatchBody body() const {
         return {dim, l, 0, count, static_cast<int64_t>(owners.size()), energies.data(), compliance.data(),
-                inverse.data(), signs.data(), points.data(), cell_facets.data(), facet_nodes.data(), alike.data()};
+                gradients.data(), signs.data(), points.data(), cell_facets.data(), facet_nodes.data(), alike.data()};
     }
 };
 
@@ -372,6 +378,74 @@ void improve_simplices(int dim, int n, bool apart, bool priced) {
         found.push_back(slope);
     }
     check(found[0] == found[1], "bits of patches depend on the number of threads");
+}
+
+// Sums over the cells of an element with tables at random: the same bits with any threads, and the slopes of energies.
+void add_up_simplices(int dim, int inner, bool slopes) {
+    const Cut mesh(dim, dim == 2 ? 9 : 4, true);
+    const int corners = dim + 1, moments = corners * dim * dim, v = dim * (dim + 1) / 2, upper = v * (v + 1) / 2;
+    const int degrees = moments + 3, pieces = 4, loads = corners * dim;
+    int state = 1;
+    auto some = [&](int64_t count) {
+        std::vector<double> found(count);
+        for (double& x : found) x = static_cast<double>(state = state * 75 % 65537) / 65537.0 - 0.4;
+        return found;
+    };
+    const std::vector<double> values = some(corners * pieces * v * degrees), loading = some(degrees * (moments + loads));
+    const std::vector<double> own = some(mesh.count * corners * dim), given = some(mesh.count * loads);
+    std::vector<double> ways(degrees * (moments + inner)), mass(pieces * pieces, 0.1), energies(upper * inner * inner, 0.0);
+    for (int r = 0; r < degrees; ++r) {
+        for (int k = 0; k < moments; ++k) ways[r * (moments + inner) + k] = loading[r * (moments + loads) + k];
+        for (int i = 0; i < inner; ++i) ways[r * (moments + inner) + moments + i] = r == i ? 1.0 : 0.0;
+    }
+    for (int a = 0; a < pieces; ++a) mass[a * pieces + a] = 0.5;
+    for (int i = 0; i < inner; ++i) energies[i * inner + i] = 50.0;
+    const CellElement element{dim, dim, inner, degrees, pieces, values.data(), mass.data(), loading.data(), ways.data(),
+                              energies.data()};
+    std::vector<double> compliance(mesh.count * upper), unit(v * v, 0.0), sizes(mesh.count, 2.0);
+    for (int p = 0; p < v; ++p) unit[p * v + p] = 1.0;
+    pull_back(dim, mesh.count, 1, unit.data(), mesh.points.data(), mesh.cells.data(), sizes.data(), compliance.data());
+    const int64_t facets = mesh.body().facets;
+    std::vector<double> stress = some(facets * dim * dim);
+    std::vector<std::vector<double>> found;
+    double value[3] = {};
+    std::vector<double> slope(mesh.count * moments);
+    const auto pass = [&](std::vector<double>& out) {
+        out.assign(mesh.count, 0.0);
+        const CellStresses body{mesh.count, facets, 1, compliance.data(), mesh.gradients.data(), mesh.signs.data(),
+                                mesh.cell_facets.data(), stress.data(), own.data(), -1.0, given.data(),
+                                inner ? nullptr : given.data(), out.data(), slopes ? slope.data() : nullptr};
+        add_up_cells(element, body);
+        double sum = 0.0;
+        for (double x : out) sum += x;
+        return sum;
+    };
+    for (int threads : {1, 4}) {
+        Pool::set_threads(threads);
+        found.emplace_back();
+        value[0] = pass(found.back());
+        found.back().insert(found.back().end(), slope.begin(), slope.end());
+    }
+    check(found[0] == found[1], "bits of cells depend on the number of threads");
+    if (!slopes || inner) return;
+    const std::vector<double> before = slope;
+    const int64_t changed = facets / 2 * dim * dim;  // a moment: its slope by differences
+    std::vector<double> out;
+    for (int turn : {1, 2}) {
+        stress[changed] += turn == 1 ? 0.5 : -1.0;
+        value[turn] = pass(out);
+    }
+    double expected = 0.0;
+    for (int64_t c = 0; c < mesh.count; ++c) {
+        for (int f = 0; f < corners; ++f) {
+            if (mesh.cell_facets[c * corners + f] != facets / 2) continue;
+            for (int r = 0; r < dim; ++r) {
+                expected += mesh.signs[c * corners + f] * mesh.gradients[(c * corners + r + 1) * dim] *
+                            before[c * moments + f * dim * dim + r];
+            }
+        }
+    }
+    check(std::abs(value[1] - value[2] - 2.0 * expected) < 1e-9 * value[0], "slopes are not those of the energies");
 }
 
 }  // namespace
@@ -458,6 +532,11 @@ int main() {
             improve_simplices(2, 12, apart, priced);
             improve_simplices(3, apart ? 3 : 5, apart, priced);
         }
+    }
+    for (bool slopes : {false, true}) {
+        add_up_simplices(2, 0, slopes);
+        add_up_simplices(2, 3, slopes);
+        add_up_simplices(3, 0, slopes);
     }
     std::puts("the kernels stand");
 }

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "active_sets.hpp"
+#include "cells.hpp"
 #include "levels.hpp"
 #include "mesh_sums.hpp"
 #include "panels.hpp"
@@ -98,7 +99,7 @@ int two_sums(int64_t n, double* out, const Term& term) {
 
 }  // namespace
 
-HEMIVAR_API int hv_abi() { return 5; }
+HEMIVAR_API int hv_abi() { return 6; }
 
 HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
 
@@ -334,6 +335,15 @@ HEMIVAR_API int64_t hv_patch_order(int64_t cells, int64_t seen_of_cell, const in
 
 HEMIVAR_API int hv_improve_patches(const PatchBody* body, const PatchSweep* sweep) {
     return guarded([&] { improve_patches(*body, *sweep); });
+}
+
+HEMIVAR_API int hv_pull_back(int64_t dim, int64_t cells, int64_t count, const double* matrices, const double* points,
+                             const int64_t* vertices, const double* sizes, double* out) {
+    return guarded([&] { pull_back(dim, cells, count, matrices, points, vertices, sizes, out); });
+}
+
+HEMIVAR_API int hv_cells(const CellElement* element, const CellStresses* body) {
+    return guarded([&] { add_up_cells(*element, *body); });
 }
 
 // On Windows an extension must have one; nobody imports it.

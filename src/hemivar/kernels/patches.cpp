@@ -447,7 +447,7 @@ private:
     // Moments of the fields on the sides of a cell, outward, on the reference simplex.
     void see(int64_t c, int64_t facets, int64_t rows) {
         const int64_t cell = shape.cells[c];
-        const double* inverse = body.inverse + cell * z.d * z.d;
+        const double* inverse = body.gradients + (cell * z.corners + 1) * z.d;
         for (int64_t s = 0; s < z.sides; ++s) {
             const int64_t j = shape.place[c * z.sides + s];
             if (j < 0) continue;

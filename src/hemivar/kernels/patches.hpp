@@ -15,7 +15,7 @@ struct PatchBody {
     int64_t dim, nodes, inner, cells, facets;
     const double* energies;    // (n + i, v, n + i): n moments of a cell, i numbers without tractions
     const double* compliance;  // (M, v)
-    const double* inverse;     // (M, d, d)
+    const double* gradients;   // (M, d + 1, d), of the barycentric coordinates
     const double* signs;       // (M, d + 1)
     const double* points;      // (N, d)
     const int64_t *cell_facets, *facet_nodes, *alike;

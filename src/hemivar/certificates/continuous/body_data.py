@@ -19,7 +19,7 @@ from hemivar.certificates.continuous.bare_body import held_facets
 from hemivar.certificates.continuous.facet_table import FacetTable, facet_table, facet_vertices
 from hemivar.certificates.continuous.joined_sides import joined_sides
 from hemivar.certificates.continuous.load_values import LoadValues, load_values
-from hemivar.certificates.continuous.split_element import facet_mass, pulled_back, voigt
+from hemivar.certificates.continuous.split_element import facet_mass, pulled_back, upper_pulled_back, voigt
 from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import elastic
 from hemivar.fem.elements import shape_derivatives, shape_values, voigt_index
@@ -145,6 +145,16 @@ class BodyData:
     def reference_compliance(self) -> Array:
         """The same on the reference simplex, shape (M, v, v)."""
         return pulled_back(self.sweep_compliance, self.table.jacobian, self.table.sizes)
+
+    @cached_property
+    def upper_compliance(self) -> Array:
+        """Upper triangles of these matrices, row after row, shape (M, v (v + 1) / 2)."""
+        return self.upper_of(self.sweep_compliance)
+
+    def upper_of(self, compliance: Array) -> Array:
+        """Upper triangles of matrices (M or 1, v, v) on the reference simplex."""
+        table = self.table
+        return upper_pulled_back(compliance, table.mesh.points, table.cells, table.jacobian, table.sizes)
 
     @property
     def energy(self) -> float:

@@ -14,6 +14,7 @@ from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.patches import priorities
 from hemivar.certificates.continuous.split_element import SplitElement
 from hemivar.kernels import Kernels, kernels
+from hemivar.kernels.read_arrays import given, numbers, rising
 from hemivar.mesh.keys import equal_rows
 
 __all__ = ["CompiledPatches", "PatchOrder", "Prices", "congruent_cells"]
@@ -85,7 +86,7 @@ class _Body(ctypes.Structure):
 
     _fields_ = [
         *((name, c_int64) for name in ("dim", "nodes", "inner", "cells", "facets")),
-        *((name, c_void_p) for name in ("energies", "compliance", "inverse", "signs", "points")),
+        *((name, c_void_p) for name in ("energies", "compliance", "gradients", "signs", "points")),
         *((name, c_void_p) for name in ("cell_facets", "facet_nodes", "alike")),
     ]
 
@@ -103,8 +104,8 @@ class _Sweep(ctypes.Structure):
 class CompiledPatches:
     """What improves the patches of one body.
 
-    ``compliance`` is (M, v, v); ``inverse`` is (M, d, d); ``signs`` is (M, d + 1); ``cell_facets`` is (M, d + 1);
-    ``facet_nodes`` is (F, l); ``points`` is (N, d); ``alike`` is (M,).
+    ``compliance`` is (M, v (v + 1) / 2), the upper triangles; ``gradients`` is (M, d + 1, d); ``signs`` and
+    ``cell_facets`` are (M, d + 1); ``facet_nodes`` is (F, l); ``points`` is (N, d); ``alike`` is (M,).
     """
 
     def __init__(
@@ -112,29 +113,25 @@ class CompiledPatches:
         library: Kernels,
         element: SplitElement,
         compliance: Array,
-        inverse: Array,
+        gradients: Array,
         signs: Array,
         cell_facets: IntArray,
         facet_nodes: IntArray,
         points: Array,
         alike: IntArray,
     ) -> None:
-        dim, corners, number = element.dim, element.dim + 1, len(element.values[0, 0])
+        dim, corners = element.dim, element.dim + 1
         count, facets, places = len(cell_facets), len(facet_nodes), element.block // dim
-        upper = np.asarray(compliance, dtype=float)
-        if upper.shape != (count, number, number):
-            raise ValueError(f"the compliance must have shape {(count, number, number)}, not {upper.shape}")
-        rows, columns = element.upper
         self._library, self._element = library, element
         self._arrays = (  # in the order of the structure
             np.ascontiguousarray(element.energies.transpose(1, 0, 2)),
-            np.ascontiguousarray(upper[:, rows, columns]),
-            _given("inverse", inverse, (count, dim, dim)),
-            _given("signs", signs, (count, corners)),
-            _given("points", points, (len(points), dim)),
-            _numbers("cell_facets", cell_facets, (count, corners), facets),
-            _numbers("facet_nodes", facet_nodes, (facets, places), len(points)),
-            _numbers("alike", alike, (count,), None),
+            given("compliance", compliance, (count, len(element.energies))),
+            given("gradients", gradients, (count, corners, dim)),
+            given("signs", signs, (count, corners)),
+            given("points", points, (len(points), dim)),
+            numbers("cell_facets", cell_facets, (count, corners), facets),
+            numbers("facet_nodes", facet_nodes, (facets, places), len(points)),
+            numbers("alike", alike, (count,), None),
         )
         inner = element.energies.shape[1] - element.moments
         self._body = _Body(dim, places, inner, count, facets, *map(library.address, self._arrays))
@@ -149,7 +146,7 @@ class CompiledPatches:
         if library is None:
             return None
         return cls(
-            library, element, data.reference_compliance, table.inverse, table.signs, table.cell_facets,
+            library, element, data.upper_compliance, table.gradients, table.signs, table.cell_facets,
             data.facet_nodes, data.problem.mesh.nodes(data.order), congruent_cells(data),
         )  # fmt: skip
 
@@ -158,17 +155,17 @@ class CompiledPatches:
 
         Their colours are those of :func:`hemivar.certificates.continuous.patches.coloured`.
         """
-        count, numbers = len(chosen), _numbers("patches", patches, (self._body.cells, patches.shape[-1]), len(chosen))
+        count, of_cells = len(chosen), numbers("patches", patches, (self._body.cells, patches.shape[-1]), len(chosen))
         if chosen.dtype != bool or chosen.ndim != 1:
             raise ValueError("which patches are chosen must be an array of bool")
-        numbers = np.where(chosen[numbers], numbers, -1)
+        of_cells = np.where(chosen[of_cells], of_cells, -1)
         ranked = np.empty(count, dtype=np.int64)
         ranked[count - 1 - priorities(count, first=first)] = np.arange(count)
-        start, seen = np.empty(count + 1, dtype=np.int64), np.empty(numbers.size, dtype=np.int64)
+        start, seen = np.empty(count + 1, dtype=np.int64), np.empty(of_cells.size, dtype=np.int64)
         order, bounds = np.empty(count, dtype=np.int64), np.empty(_COLOURS + 1, dtype=np.int64)
         at = self._library.address
         colours = self._library.call.hv_patch_order(
-            *numbers.shape, at(numbers), count, at(ranked), at(start), at(seen), at(order), at(bounds)
+            *of_cells.shape, at(of_cells), count, at(ranked), at(start), at(seen), at(order), at(bounds)
         )
         if colours < -1:
             raise MemoryError("no memory for the compiled kernels")
@@ -197,15 +194,15 @@ class CompiledPatches:
         ):  # fmt: skip
             if array.dtype != float or array.shape != shape or not array.flags.carray:
                 raise ValueError(f"{name} must be an array of float64 of shape {shape}, contiguous and writeable")
-        sides = _numbers("sides", sides, (len(sides), sides.shape[-1]), body.dim + 1)
+        sides = numbers("sides", sides, (len(sides), sides.shape[-1]), body.dim + 1)
         if free.dtype != bool or free.shape != (facets,):
             raise ValueError(f"which facets are free must be an array of {facets} bool")
         mask = np.ascontiguousarray(free).view(np.uint8)
         start, colours = np.ascontiguousarray(order.start), len(order.bounds) - 1
-        seen = _numbers("seen", order.seen, (len(order.seen),), count * len(sides))
-        start = _rising("start", start, len(seen))
-        patches = _numbers("order", order.order, (len(order.order),), len(start) - 1)
-        bounds = _rising("bounds", order.bounds, len(patches))
+        seen = numbers("seen", order.seen, (len(order.seen),), count * len(sides))
+        start = rising("start", start, len(seen))
+        patches = numbers("order", order.order, (len(order.order),), len(start) - 1)
+        bounds = rising("bounds", order.bounds, len(patches))
         if np.bincount(patches, minlength=1).max() > 1:
             raise ValueError("a patch must not be named twice")
         at = self._library.address
@@ -213,9 +210,9 @@ class CompiledPatches:
         if prices is not None:
             number = len(prices.matrices)
             costs = (
-                _numbers("rows", prices.rows, (facets,), number, least=-1),
-                _given("matrices", prices.matrices, (number, block, block)),
-                _given("offsets", prices.offsets, (number, block)),
+                numbers("rows", prices.rows, (facets,), number, least=-1),
+                given("matrices", prices.matrices, (number, block, block)),
+                given("offsets", prices.offsets, (number, block)),
             )
         sweep = _Sweep(
             len(sides), sides.shape[1], len(start) - 1, colours,
@@ -226,33 +223,6 @@ class CompiledPatches:
         if status == 2:
             raise ValueError("patches of one colour must not share a cell")
         self._library.check(status)
-
-
-def _given(name: str, array: Array, shape: tuple[int, ...]) -> Array:
-    """A contiguous array of float64 of this shape."""
-    found = np.require(array, float, ["C", "A"])
-    if found.shape != shape:
-        raise ValueError(f"{name} must have shape {shape}, not {found.shape}")
-    return found
-
-
-def _numbers(name: str, array: IntArray, shape: tuple[int, ...], end: int | None, least: int = 0) -> IntArray:
-    """A contiguous array of int64 of this shape; numbers from ``least`` to below the end, if there is one."""
-    given = np.asarray(array)
-    if given.shape != shape or given.dtype.kind not in "iu":
-        raise ValueError(f"{name} must be integers of shape {shape}, not {given.dtype} of shape {given.shape}")
-    found = np.require(given, np.int64, ["C", "A"])
-    if end is not None and found.size and not (found.min() >= least and found.max() < end):
-        raise ValueError(f"{name} must be from {least} to {end - 1}")
-    return found
-
-
-def _rising(name: str, array: IntArray, end: int) -> IntArray:
-    """Integers that rise from 0 to the end."""
-    found = _numbers(name, array, (len(array),), None)
-    if not len(found) or found[0] != 0 or found[-1] != end or np.any(np.diff(found) < 0):
-        raise ValueError(f"{name} must rise from 0 to {end}")
-    return found
 
 
 def congruent_cells(data: BodyData) -> IntArray:

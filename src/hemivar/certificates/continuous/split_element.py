@@ -32,6 +32,8 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule
+from hemivar.kernels import kernels
+from hemivar.kernels.read_arrays import given, numbers
 from hemivar.mesh.keys import EDGES
 
 __all__ = [
@@ -41,6 +43,7 @@ __all__ = [
     "pairs_of",
     "pulled_back",
     "split_element",
+    "upper_pulled_back",
     "voigt",
     "voigt_map",
 ]
@@ -85,6 +88,26 @@ def pulled_back(compliance: Array, jacobian: Array, size: Array) -> Array:
         change /= np.sqrt(size[part])[:, None, None]
         np.matmul(change.transpose(0, 2, 1) @ matrix[part], change, out=out[part])
     return out
+
+
+def upper_pulled_back(compliance: Array, points: Array, cells: IntArray, jacobian: Array, size: Array) -> Array:
+    """Upper triangles (M, v (v + 1) / 2) of :func:`pulled_back`, row after row.
+
+    ``compliance`` is (M or 1, v, v); ``points`` is (N, d); ``cells`` is (M, d + 1), whose Jacobians are (M, d, d).
+    """
+    library, (count, corners), number = kernels(), cells.shape, compliance.shape[-1]
+    rows, columns = np.triu_indices(number)
+    if library is None:
+        return np.ascontiguousarray(pulled_back(compliance, jacobian, size)[:, rows, columns])
+    arrays = (
+        given("compliance", compliance, (1 if len(compliance) == 1 else count, number, number)),
+        given("points", points, (len(points), corners - 1)),
+        numbers("cells", cells, (count, corners), len(points)),
+        given("sizes", size, (count,)),
+        np.empty((count, len(rows))),
+    )
+    library.check(library.call.hv_pull_back(corners - 1, count, len(compliance), *map(library.address, arrays)))
+    return arrays[-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,14 +172,17 @@ class SplitElement:
         return np.asarray(np.einsum("mbap,ac,mbcp->m", strain, self.mass, stress, optimize=True))
 
     def energy_of(self, degrees: Array, compliance: Array) -> Array:
-        """The same of degrees of freedom (M, n)."""
+        """The same of degrees of freedom (M, n).
+
+        ``compliance`` is (M, v (v + 1) / 2), the upper triangles.
+        """
         rows, columns = self.upper
         parts = self._orthogonal
         out = np.empty(len(degrees))
         for start in range(0, len(degrees), _CELLS):
             cells = slice(start, start + _CELLS)
             stress = (parts.reshape(-1, parts.shape[2]) @ degrees[cells].T).reshape(*parts.shape[:2], -1)
-            counted = compliance[cells, rows, columns].T * np.where(rows == columns, 1.0, 2.0)[:, None]
+            counted = compliance[cells].T * np.where(rows == columns, 1.0, 2.0)[:, None]
             out[cells] = 0.0
             for weight, p, q in zip(counted, rows, columns, strict=True):
                 out[cells] += weight * np.einsum("am,am->m", stress[p], stress[q])

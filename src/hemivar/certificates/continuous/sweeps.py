@@ -39,8 +39,6 @@ __all__ = ["ContactPenalty", "PatchSmoother"]
 
 #: Numbers of the matrices that are held at a time; in the plane fewer, for they fit a cache.
 _ENTRIES = {2: 1 << 18, 3: 1 << 20}
-#: Cells whose numbers are held at a time.
-_CELLS = 1 << 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +67,7 @@ class PatchSmoother:
         # changed in place, and its own: nothing of the stress is held
         self._moments = stress.tractions.moments.copy()
         self._start = AdmissibleStress(stress.data, stress.tractions).with_moments(self._moments)
-        self._slope = _slopes(stress)
+        self._slope = stress.slopes.copy()
         self._compiled = CompiledPatches.of(self.data, self._start.element) if compiled else None
         self._groups: dict[tuple[PatchKind, bool], list[_Group]] = {}
 
@@ -97,10 +95,7 @@ class PatchSmoother:
     @property
     def misfit(self) -> float:
         """``int (s - C eps) : C^-1 (s - C eps)`` over the body, for the mean of C on each cell."""
-        stress = self.stress
-        if self.data.stored is None and not self.data.varies:
-            return float(stress.square.sum())
-        return float(stress.element.energy_of(stress.difference, self.data.reference_compliance).sum())
+        return float(self.stress.mean_square.sum())
 
     def sweep(
         self, kind: PatchKind, contact: ContactPenalty | Prices | None = None, only_contact: bool = False
@@ -281,16 +276,6 @@ class _System:
     #: What they add to the slopes of the cells.
     bent: Array  # (k, c n, q)
     matrix: Array  # (k, q, q)
-
-
-def _slopes(stress: AdmissibleStress) -> Array:
-    """Half the derivatives (M, n) of the misfit of each cell by the moments on its facets, on the reference simplex."""
-    element, compliance = stress.element, stress.data.reference_compliance
-    out = np.empty((len(compliance), element.moments))
-    for start in range(0, len(out), _CELLS):
-        part = slice(start, start + _CELLS)
-        out[part] = element.slope(stress.difference[part], compliance[part])
-    return out
 
 
 def _least(H: Array, b: Array) -> Array:

@@ -1,0 +1,101 @@
+"""Cells in the compiled kernels, which keep no stress: what these read is checked here."""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import c_double, c_int64, c_void_p
+from functools import cache
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.certificates.continuous.body_data import BodyData
+from hemivar.certificates.continuous.split_element import SplitElement
+from hemivar.certificates.continuous.vertex_moments import Tractions
+from hemivar.kernels import kernels
+from hemivar.kernels.read_arrays import given, numbers
+
+__all__ = ["cell_sums"]
+
+
+class _Element(ctypes.Structure):
+    """``CellElement`` of cells.hpp."""
+
+    _fields_ = [
+        *((name, c_int64) for name in ("dim", "nodes", "inner", "degrees", "piece_nodes")),
+        *((name, c_void_p) for name in ("values", "mass", "loading", "ways", "energies")),
+    ]
+
+
+class _Stresses(ctypes.Structure):
+    """``CellStresses`` of cells.hpp."""
+
+    _fields_ = [
+        *((name, c_int64) for name in ("cells", "facets", "own_nodes")),
+        *((name, c_void_p) for name in ("compliance", "gradients", "signs", "cell_facets", "moments", "own")),
+        ("sense", c_double),
+        *((name, c_void_p) for name in ("loads", "defect", "energies", "slopes")),
+    ]
+
+
+@cache
+def _tables(element: SplitElement) -> tuple[Array, ...]:
+    """The arrays of an element, in the order of the structure."""
+    inner = element.energies[:, element.moments :, element.moments :]
+    return tuple(map(np.ascontiguousarray, (element.values, element.mass, element.loading, element.ways, inner)))
+
+
+def cell_sums(
+    data: BodyData, tractions: Tractions, element: SplitElement, compliance: Array, slopes: bool
+) -> tuple[Array, Array] | None:
+    """What :attr:`AdmissibleStress.difference` is for; None where there are no kernels.
+
+    Parameters
+    ----------
+    data : BodyData
+    tractions : Tractions
+    element : SplitElement
+    compliance : array, shape (M, v (v + 1) / 2)
+        Upper triangles, on the reference simplex.
+    slopes : bool
+        Whether slopes are wanted.
+
+    Returns
+    -------
+    energies : array, shape (M,)
+        ``int s : D s`` of the difference s, with the least energy that has these tractions and loads.
+    slopes : array, shape (M, k)
+        Half its derivatives by the moments, on the reference simplex; empty where they are not wanted.
+    """
+    library = kernels()
+    if library is None:
+        return None
+    table, dim, at = data.table, data.table.dim, library.address
+    count, corners, facets, nodes = len(table.cells), dim + 1, len(table.facets), element.block // dim
+    own, sense, loads = data.forces, -1.0, data.loads
+    defect: tuple[Array, ...] = (tractions.defect,)
+    if data.order > 1:
+        own, sense, loads, defect = data.cell_moments, 1.0, data.linear(data.loads + tractions.defect), ()
+    out = np.empty(count), np.empty((count if slopes else 0, element.moments))
+    arrays = (
+        given("compliance", compliance, (count, len(element.upper[0]))),
+        given("gradients", table.gradients, (count, corners, dim)),
+        given("signs", table.signs, (count, corners)),
+        numbers("cell_facets", table.cell_facets, (count, corners), facets),
+        given("moments", tractions.moments, (facets, nodes, dim)),
+        given("own", own, (count, corners, nodes, dim) if data.order > 1 else (count, corners, dim)),
+        *(
+            given(name, array, (count, corners, dim))
+            for name, array in zip(("loads", "defect"), (loads, *defect), strict=False)
+        ),
+    )
+    tables = _tables(element)
+    inner = element.ways.shape[1] - element.moments
+    of = _Element(dim, nodes, inner, len(element.loading), len(element.mass), *map(at, tables))
+    before, behind = [at(array) for array in arrays[:6]], [at(array) for array in arrays[6:]]
+    body = _Stresses(
+        count, facets, 1 if data.order == 1 else nodes, *before, sense, *behind, *([] if defect else [None]),
+        at(out[0]), at(out[1]) if slopes else None,
+    )  # fmt: skip
+    library.check(library.call.hv_cells(ctypes.addressof(of), ctypes.addressof(body)))
+    return out

@@ -1,0 +1,128 @@
+"""Energies and slopes of cells, in the compiled kernels and by NumPy: those of the stresses at points of the body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hemivar.basics.types import Array
+from hemivar.certificates.continuous import admissible_stress as module
+from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
+from hemivar.certificates.continuous.body_data import body_data
+from hemivar.certificates.continuous.compiled_cells import cell_sums
+from hemivar.certificates.continuous.split_element import voigt
+from hemivar.fem.elements import shape_values
+from hemivar.fem.quadrature import quadrature_rule
+from hemivar.kernels import kernels
+from hemivar.mechanics import Clamped, ContactProblem, Material
+from hemivar.mesh.mesh import Mesh
+
+from .bodies import anisotropic, plane_mesh, space_mesh
+
+built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
+CASES = ((2, 1), (3, 1), (2, 2))
+
+
+def two_parts(mesh: Mesh) -> ContactProblem:
+    """Of two materials, loaded from inside, too, and clamped on the left."""
+    left = mesh.points[mesh.cells].mean(axis=1)[:, 0] < 0.5
+    mesh = replace(mesh, regions={"left": np.flatnonzero(left), "right": np.flatnonzero(~left)})
+    soft = Material.lame(0.3, 0.2)
+    force = (0.3, -0.2, 0.7)[: mesh.dim]
+    material = Material.by_region({"left": anisotropic(mesh.dim), "right": soft})
+    return ContactProblem(mesh, material, supports={"left": Clamped()}, body_force=force)
+
+
+def stress_of(dim: int, order: int) -> AdmissibleStress:
+    problem = replace(two_parts(plane_mesh(5) if dim == 2 else space_mesh(2)), order=order)
+    field = np.random.default_rng(3).normal(size=problem.mesh.nodes(order).shape)
+    return admissible_stress(body_data(problem, field))
+
+
+def way(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not compiled:
+        monkeypatch.setattr(module, "cell_sums", lambda *_: None)
+
+
+@pytest.mark.parametrize("compiled", [pytest.param(True, marks=built), False])
+@pytest.mark.parametrize(("dim", "order"), CASES)
+def test_energies_are_integrals_over_the_body(
+    dim: int, order: int, compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    way(compiled, monkeypatch)
+    stress = stress_of(dim, order)
+    data, table = stress.data, stress.data.table
+    point, weight = quadrature_rule(dim, 2 * order)
+    off = stress.stresses - voigt(data.stresses)[:, :1, None]
+    if order == 2:  # the stress of the displacement is linear there
+        own = np.stack([module._linear_at_nodes(piece, dim, order) for piece in range(dim + 1)])
+        off = stress.stresses - np.einsum("pav,mvw->mpaw", own, voigt(data.stresses))
+    at = np.einsum("qa,mpaw->mpqw", shape_values(order, point), off)
+    expected = np.einsum("q,mpqv,mvw,mpqw->m", weight, at, data.compliance, at) * table.volumes / (dim + 1)
+    assert stress.mean_square == pytest.approx(expected, rel=1e-11)
+    assert np.array_equal(stress.mean_square, stress.misfit)
+
+
+@pytest.mark.parametrize("compiled", [pytest.param(True, marks=built), False])
+@pytest.mark.parametrize(("dim", "order"), CASES)
+def test_slopes_are_derivatives_of_energies(
+    dim: int, order: int, compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    way(compiled, monkeypatch)
+    stress = stress_of(dim, order)
+    table, moments = stress.data.table, stress.tractions.moments
+    change = np.random.default_rng(4).normal(size=moments.shape)
+    more, less = (stress.with_moments(moments + part * change).mean_square for part in (1.0, -1.0))
+    turned = np.einsum("mij,mfaj->mfai", table.inverse, table.of_cells(change)).reshape(len(table.cells), -1)
+    found = (stress.slopes * turned).sum(axis=1)
+    assert 4.0 * found == pytest.approx(more - less, rel=1e-9, abs=1e-9 * np.abs(more).max())
+
+
+@built
+@pytest.mark.parametrize(("dim", "order"), CASES)
+def test_kernels_and_numpy_agree_to_rounding(dim: int, order: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    stress = stress_of(dim, order)
+    found = stress.slopes, stress.mean_square, stress.data.upper_compliance
+    way(False, monkeypatch)
+    monkeypatch.setattr("hemivar.certificates.continuous.split_element.kernels", lambda: None)
+    other = AdmissibleStress(replace(stress.data), stress.tractions)
+    for one, two in zip(found, (other.slopes, other.mean_square, other.data.upper_compliance), strict=True):
+        assert np.abs(one - two).max() <= 1e-13 * np.abs(two).max()
+
+
+@built
+@pytest.mark.parametrize("dim", [2, 3])
+def test_cells_beside_a_full_row_of_eight(dim: int) -> None:
+    """A cell has the same bits, whatever cells stand beside it."""
+    stress = stress_of(dim, 1)
+    data, table, whole = stress.data, stress.data.table, stress.mean_square
+    for count in (1, 7, 8, 13):
+        some = replace(
+            table, cells=table.cells[:count], cell_facets=table.cell_facets[:count], signs=table.signs[:count],
+            gradients=table.gradients[:count],
+        )  # fmt: skip
+        part = replace(data, table=some, forces=data.forces[:count], loads=data.loads[:count])
+        lack = replace(stress.tractions, defect=stress.tractions.defect[:count])
+        found = cell_sums(part, lack, stress.element, data.upper_compliance[:count], False)
+        assert found is not None
+        assert np.array_equal(found[0], whole[:count])
+
+
+@built
+def test_wrong_arrays_of_cells_are_refused_at_the_door() -> None:
+    stress = stress_of(2, 1)
+    data, tractions, compliance = stress.data, stress.tractions, stress.data.upper_compliance
+    wrong: tuple[Callable[[Array], Array], ...] = (lambda x: x[:-1], lambda x: x[None], lambda x: x[..., None])
+    for spoil in wrong:
+        with pytest.raises(ValueError, match="must have shape"):
+            cell_sums(data, tractions, stress.element, spoil(compliance), True)
+        for name in ("moments", "defect"):
+            bad = replace(tractions, **{name: spoil(getattr(tractions, name))})
+            with pytest.raises(ValueError, match="must have shape"):
+                cell_sums(data, bad, stress.element, compliance, True)
+    beyond = replace(data.table, cell_facets=data.table.cell_facets + 1)
+    with pytest.raises(ValueError, match="cell_facets must be"):
+        cell_sums(replace(data, table=beyond), tractions, stress.element, compliance, True)
