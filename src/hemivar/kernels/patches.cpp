@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "pool.hpp"
+#include "wide.hpp"
 
 namespace hemivar {
 
@@ -174,7 +175,98 @@ struct Gatherer {
     }
 };
 
-// The nodes of the facets of a patch about its middle, and moments of fields on them.
+// Moments along an edge of a facet, whose nodes are `at`, or across it, are added to `out`.
+template <class T>
+HEMIVAR_INLINE void along_facet(const Sizes& z, const T* at, int64_t number, const T& size, T* out) {
+    if (z.d == 3) {
+        const int64_t one = number == 2 ? 1 : 0, two = number == 0 ? 1 : 2;
+        for (int64_t i = 0; i < 3; ++i) {
+            const T along = size * (at[two * 3 + i] - at[one * 3 + i]);
+            out[one * 3 + i] += along;
+            out[two * 3 + i] -= along;
+        }
+        return;
+    }
+    const T along[2] = {at[2] - at[0], at[3] - at[1]};
+    const T way[2] = {size * (number == 2 ? -1.0 * along[1] : along[0]), size * (number == 2 ? along[0] : along[1])};
+    for (int64_t i = 0; i < 2; ++i) {
+        if (number == 0) {
+            out[i] += way[i];
+            out[2 + i] -= way[i];
+        } else {
+            out[i] += 0.5 * way[i];
+            out[2 + i] += 0.5 * way[i];
+            out[4 + i] -= way[i];
+        }
+    }
+}
+
+// Moments of a facet with a force and a moment about the middle of the patch are added to `out`.
+template <class T>
+HEMIVAR_INLINE void flow_through(const Sizes& z, const T* at, const T* flow, T* out) {
+    const double share = 1.0 / static_cast<double>(z.l);
+    T middle[kDim] = {};
+    for (int64_t a = 0; a < z.l; ++a) {
+        for (int64_t i = 0; i < z.d; ++i) {
+            middle[i] += share * at[a * z.d + i];
+            out[a * z.d + i] += share * flow[i];
+        }
+    }
+    if (z.d == 2) {
+        const T left = flow[2] - (middle[0] * flow[1] - middle[1] * flow[0]);
+        T square = {};
+        for (int64_t a = 0; a < z.l; ++a) {
+            const T one = at[2 * a] - middle[0], two = at[2 * a + 1] - middle[1];
+            square += one * one + two * two;
+        }
+        const T turn = left / square;
+        for (int64_t a = 0; a < z.l; ++a) {
+            out[2 * a] -= turn * (at[2 * a + 1] - middle[1]);
+            out[2 * a + 1] += turn * (at[2 * a] - middle[0]);
+        }
+        return;
+    }
+    T left[3], a[3], b[3], n[3], turn = {}, along = {}, across = {}, square = {};
+    for (int i = 0; i < 3; ++i) {
+        const int p = (i + 1) % 3, q = (i + 2) % 3;
+        left[i] = flow[3 + i] - (middle[p] * flow[q] - middle[q] * flow[p]);
+        a[i] = at[3 + i] - at[i];
+        b[i] = at[6 + i] - at[i];
+    }
+    for (int i = 0; i < 3; ++i) {
+        const int p = (i + 1) % 3, q = (i + 2) % 3;
+        n[i] = a[p] * b[q] - a[q] * b[p];
+        square += n[i] * n[i];
+    }
+    for (int i = 0; i < 3; ++i) {
+        n[i] /= square;
+        turn += 0.5 * left[i] * n[i];
+        along += left[i] * a[i];
+        across += left[i] * b[i];
+    }
+    for (int i = 0; i < 3; ++i) {
+        const T one = turn * b[i] - across * n[i], two = along * n[i] - turn * a[i];
+        out[3 + i] += one;
+        out[6 + i] += two;
+        out[i] -= one + two;
+    }
+}
+
+// Moments of facet j of a patch, whose nodes are `at`, of a change of its fields, added to `out`.
+template <class T>
+HEMIVAR_INLINE void moments_of(const Sizes& z, const Shape& shape, int64_t j, const T* at, const T* change, T* out) {
+    const int64_t facets = static_cast<int64_t>(shape.facets.size());
+    for (int64_t o = 0; o < z.own; ++o) along_facet(z, at, o, change[j * z.own + o], out);
+    if (shape.width == 0) return;
+    T flow[kModes] = {};
+    for (int64_t w = 0; w < shape.width; ++w) {
+        const double sign = shape.circuits[w * facets + j];
+        for (int64_t m = 0; m < z.modes; ++m) flow[m] += sign * change[facets * z.own + w * z.modes + m];
+    }
+    flow_through(z, at, flow, out);
+}
+
+// The nodes of the facets of a patch about its middle.
 struct Fields {
     const PatchBody& body;
     const Sizes& z;
@@ -199,81 +291,10 @@ struct Fields {
         }
     }
 
-    // Moments along an edge of facet j, or across it, are added to `out`.
     void add_own(int64_t j, int64_t number, double size, double* out) const {
-        const double* at = &x[j * z.block];
-        if (z.d == 3) {
-            const int64_t one = number == 2 ? 1 : 0, two = number == 0 ? 1 : 2;
-            for (int64_t i = 0; i < 3; ++i) {
-                const double along = size * (at[two * 3 + i] - at[one * 3 + i]);
-                out[one * 3 + i] += along;
-                out[two * 3 + i] -= along;
-            }
-            return;
-        }
-        const double along[2] = {at[2] - at[0], at[3] - at[1]};
-        const double way[2] = {number == 2 ? -along[1] : along[0], number == 2 ? along[0] : along[1]};
-        for (int64_t i = 0; i < 2; ++i) {
-            if (number == 0) {
-                out[i] += size * way[i];
-                out[2 + i] -= size * way[i];
-            } else {
-                out[i] += 0.5 * size * way[i];
-                out[2 + i] += 0.5 * size * way[i];
-                out[4 + i] -= size * way[i];
-            }
-        }
+        along_facet(z, &x[j * z.block], number, size, out);
     }
-
-    // Moments of facet j with a force and a moment about the middle of the patch are added to `out`.
-    void add_flow(int64_t j, const double* flow, double* out) const {
-        const double* at = &x[j * z.block];
-        const double share = 1.0 / static_cast<double>(z.l);
-        double middle[kDim] = {};
-        for (int64_t a = 0; a < z.l; ++a) {
-            for (int64_t i = 0; i < z.d; ++i) {
-                middle[i] += share * at[a * z.d + i];
-                out[a * z.d + i] += share * flow[i];
-            }
-        }
-        if (z.d == 2) {
-            const double left = flow[2] - (middle[0] * flow[1] - middle[1] * flow[0]);
-            double square = 0.0;
-            for (int64_t a = 0; a < z.l; ++a) {
-                const double one = at[2 * a] - middle[0], two = at[2 * a + 1] - middle[1];
-                square += one * one + two * two;
-            }
-            for (int64_t a = 0; a < z.l; ++a) {
-                out[2 * a] -= left / square * (at[2 * a + 1] - middle[1]);
-                out[2 * a + 1] += left / square * (at[2 * a] - middle[0]);
-            }
-            return;
-        }
-        double left[3], a[3], b[3], n[3], turn = 0.0, along = 0.0, across = 0.0, square = 0.0;
-        for (int i = 0; i < 3; ++i) {
-            const int p = (i + 1) % 3, q = (i + 2) % 3;
-            left[i] = flow[3 + i] - (middle[p] * flow[q] - middle[q] * flow[p]);
-            a[i] = at[3 + i] - at[i];
-            b[i] = at[6 + i] - at[i];
-        }
-        for (int i = 0; i < 3; ++i) {
-            const int p = (i + 1) % 3, q = (i + 2) % 3;
-            n[i] = a[p] * b[q] - a[q] * b[p];
-            square += n[i] * n[i];
-        }
-        for (int i = 0; i < 3; ++i) {
-            n[i] /= square;
-            turn += 0.5 * left[i] * n[i];
-            along += left[i] * a[i];
-            across += left[i] * b[i];
-        }
-        for (int i = 0; i < 3; ++i) {
-            const double one = turn * b[i] - across * n[i], two = along * n[i] - turn * a[i];
-            out[3 + i] += one;
-            out[6 + i] += two;
-            out[i] -= one + two;
-        }
-    }
+    void add_flow(int64_t j, const double* flow, double* out) const { flow_through(z, &x[j * z.block], flow, out); }
 };
 
 // The misfit of a patch in its fields: those of the facets in turn, then those of the circuits.
@@ -318,10 +339,10 @@ public:
         gatherer.close(shape);
         fields.place(shape);
         assemble();
-        slopes(system, shape.cells);
+        slopes();
         if (shape.priced) charge();
         if (!solve()) return;
-        apply(system, shape.cells, shape.facets, shape, system.change);
+        apply();
     }
 
     // minus the inverse of the matrix, in place of R; zero where rounding decides.
@@ -350,27 +371,6 @@ public:
         }
         for (int64_t i = 0; i < q * q; ++i) inverse[i] = good ? -unit[i / q] * unit[i % q] * inverse[i] : 0.0;
         system.R.swap(inverse);
-    }
-
-    // Improve a patch of a kind whose system has its inverse.
-    void improve_alike(int64_t patch, const Shape& kind, System& solved) {
-        const int64_t first = sweep.start[patch], count = sweep.start[patch + 1] - first;
-        shape.cells.resize(count);
-        shape.facets.resize(kind.facets.size());
-        for (int64_t c = 0; c < count; ++c) {
-            shape.cells[c] = sweep.seen[first + c] / sweep.seen_of_cell;
-            for (int64_t s = 0; s < z.sides; ++s) {
-                const int j = kind.place[c * z.sides + s];
-                if (j < 0) continue;
-                const int64_t side = sweep.sides[kind.local[c] * z.sides + s];
-                shape.facets[j] = body.cell_facets[shape.cells[c] * z.corners + side];
-            }
-        }
-        slopes_of(solved, kind, shape.cells, loads);
-        numbers.resize(solved.q);
-        combine(solved.q, solved.R.data(), loads.data(), solved.q, numbers.data());
-        fields.place(shape);
-        apply(solved, shape.cells, shape.facets, kind, numbers);
     }
 
     Shape shape;
@@ -522,19 +522,17 @@ private:
         combine(z.whole, body.energies + row * z.v * z.whole, weights, z.v, out);
     }
 
-    void slopes(System& of, const std::vector<int64_t>& cells) { slopes_of(of, shape, cells, of.b); }
-
-    void slopes_of(const System& of, const Shape& kind, const std::vector<int64_t>& cells, std::vector<double>& b) {
+    void slopes() {
         const int64_t rows = z.sides * z.block;
-        b.assign(of.q, 0.0);
-        for (size_t c = 0; c < cells.size(); ++c) {
-            const int first = of.starts[c], size = of.starts[c + 1] - first;
+        system.b.assign(system.q, 0.0);
+        for (size_t c = 0; c < shape.cells.size(); ++c) {
+            const int first = system.starts[c], size = system.starts[c + 1] - first;
             turned.resize(size);
             for (int64_t s = 0; s < z.sides; ++s) {
-                if (kind.place[c * z.sides + s] < 0) continue;
-                const double* slope = sweep.slope + cells[c] * z.n + side(kind.local[c], s) * z.block;
-                combine(size, &of.seen[first * rows + s * z.block * size], slope, z.block, turned.data());
-                for (int i = 0; i < size; ++i) b[of.columns[first + i]] += turned[i];
+                if (shape.place[c * z.sides + s] < 0) continue;
+                const double* slope = sweep.slope + shape.cells[c] * z.n + side(shape.local[c], s) * z.block;
+                combine(size, &system.seen[first * rows + s * z.block * size], slope, z.block, turned.data());
+                for (int i = 0; i < size; ++i) system.b[system.columns[first + i]] += turned[i];
             }
         }
     }
@@ -606,26 +604,19 @@ private:
     }
 
     // Change the slopes of the cells, and the moments of the facets, whose nodes `fields` knows.
-    void apply(const System& of, const std::vector<int64_t>& cells, const std::vector<int64_t>& facets,
-               const Shape& kind, const std::vector<double>& change) {
-        for (size_t c = 0; c < cells.size(); ++c) {
-            double* to = sweep.slope + cells[c] * z.n;
-            const int first = of.starts[c], size = of.starts[c + 1] - first;
+    void apply() {
+        for (size_t c = 0; c < shape.cells.size(); ++c) {
+            double* to = sweep.slope + shape.cells[c] * z.n;
+            const int first = system.starts[c], size = system.starts[c + 1] - first;
             turned.resize(size + z.n);
-            for (int i = 0; i < size; ++i) turned[i] = change[of.columns[first + i]];
-            combine(z.n, &of.bent[first * z.n], turned.data(), size, &turned[size]);
+            for (int i = 0; i < size; ++i) turned[i] = system.change[system.columns[first + i]];
+            combine(z.n, &system.bent[first * z.n], turned.data(), size, &turned[size]);
             for (int64_t k = 0; k < z.n; ++k) to[k] += turned[size + k];
         }
-        const int64_t count = static_cast<int64_t>(facets.size());
-        for (int64_t j = 0; j < count; ++j) {
-            double moved[kBlock] = {}, flow[kModes] = {};
-            for (int64_t o = 0; o < z.own; ++o) fields.add_own(j, o, change[j * z.own + o], moved);
-            for (int64_t w = 0; w < kind.width; ++w) {
-                const double sign = kind.circuits[w * count + j];
-                for (int64_t m = 0; m < z.modes; ++m) flow[m] += sign * change[count * z.own + w * z.modes + m];
-            }
-            if (kind.width) fields.add_flow(j, flow, moved);
-            double* to = sweep.moments + facets[j] * z.block;
+        for (size_t j = 0; j < shape.facets.size(); ++j) {
+            double moved[kBlock] = {};
+            moments_of(z, shape, static_cast<int64_t>(j), &fields.x[j * z.block], system.change.data(), moved);
+            double* to = sweep.moments + shape.facets[j] * z.block;
             for (int64_t t = 0; t < z.block; ++t) to[t] += moved[t];
         }
     }
@@ -635,67 +626,249 @@ private:
     const Sizes z;
     Gatherer gatherer;
     Fields fields;
-    std::vector<double> own, flows, energy, whole, local, turned, scaled, loads, numbers;
+    std::vector<double> own, flows, energy, whole, local, turned, scaled, numbers;
 };
 
-// Patches that are translates of many others, with the solved system of each kind.
+// Patches that are translates of each other, solved once. Their tables are in single precision: what a change gains hangs
+// on them, while the moments are those of the fields on the facets of each patch, in double precision.
+struct Kind {
+    Shape shape;
+    int64_t q = 0, columns = 0, slopes = 0;  // fields; these, and the slopes of a cell, made up to fours
+    std::vector<int> fields, starts, seen_by;  // those of the cells; the cell and the side at which each facet is seen
+    std::vector<float> seen, bent, inverse;
+
+    void keep(const Sizes& z, const Shape& of, const System& system) {
+        shape = of;
+        q = system.q;
+        columns = fours(q);
+        slopes = fours(z.n);
+        fields = system.columns;
+        starts = system.starts;
+        seen_by.assign(shape.facets.size(), 0);
+        for (size_t at = 0; at < shape.place.size(); ++at) {
+            if (shape.place[at] >= 0) seen_by[shape.place[at]] = static_cast<int>(at);
+        }
+        const int64_t rows = z.sides * z.block;
+        for (size_t c = 0; c + 1 < starts.size(); ++c) {
+            const int64_t first = starts[c], size = starts[c + 1] - first;
+            put(seen, rows, size, &system.seen[first * rows]);
+            put(bent, size, z.n, &system.bent[first * z.n]);
+        }
+        put(inverse, q, q, system.R.data());
+    }
+
+    static int64_t fours(int64_t n) { return (n + 3) / 4 * 4; }
+
+private:
+    static void put(std::vector<float>& to, int64_t rows, int64_t columns, const double* from) {
+        for (int64_t i = 0; i < rows; ++i) {
+            to.insert(to.end(), from + i * columns, from + (i + 1) * columns);
+            to.resize(to.size() + fours(columns) - columns, 0.0f);
+        }
+    }
+};
+
+// Sums of weighted rows of n numbers, four of them at a time, for eight patches.
+HEMIVAR_INLINE void combine_eight(int64_t n, const float* from, const Floats* weights, int64_t count, Floats* out) {
+    for (int64_t first = 0; first < n; first += 4) {
+        Floats one = {}, two = {}, three = {}, four = {};
+        for (int64_t v = 0; v < count; ++v) {
+            const float* row = from + v * n + first;
+            one.add(row[0], weights[v]);
+            two.add(row[1], weights[v]);
+            three.add(row[2], weights[v]);
+            four.add(row[3], weights[v]);
+        }
+        out[first] = one;
+        out[first + 1] = two;
+        out[first + 2] = three;
+        out[first + 3] = four;
+    }
+}
+
+// What eight patches of a kind need beside it.
+struct Room {
+    std::vector<int64_t> cells, facets;
+    std::vector<Floats> seen, part, loads, change;
+    std::vector<Doubles> places, changes;
+};
+
+// Improve up to eight patches of a kind, side by side.
+HEMIVAR_INLINE void improve_alike(const PatchBody& body, const PatchSweep& sweep, const Sizes& z, const Kind& kind,
+                                  const int64_t* patches, int64_t count, Room& room) {
+    const int64_t cells = static_cast<int64_t>(kind.shape.local.size()), rows = z.sides * z.block;
+    const int64_t facets = static_cast<int64_t>(kind.shape.facets.size()), wide = std::max(kind.columns, kind.slopes);
+    room.cells.resize(cells * kEight);
+    room.facets.resize(facets * kEight);
+    for (int64_t c = 0; c < cells; ++c) {
+        for (int64_t lane = 0; lane < kEight; ++lane) {
+            const int64_t patch = patches[std::min(lane, count - 1)];
+            room.cells[c * kEight + lane] = sweep.seen[sweep.start[patch] + c] / sweep.seen_of_cell;
+        }
+    }
+    for (int64_t j = 0; j < facets; ++j) {
+        const int64_t c = kind.seen_by[j] / z.sides, at = kind.shape.local[c] * z.sides + kind.seen_by[j] % z.sides;
+        for (int64_t lane = 0; lane < kEight; ++lane) {
+            const int64_t cell = room.cells[c * kEight + lane];
+            const int64_t facet = room.facets[j * kEight + lane] = body.cell_facets[cell * z.corners + sweep.sides[at]];
+            fetch(body.facet_nodes + facet * z.l, z.l);
+            fetch(sweep.moments + facet * z.block, z.block);
+        }
+    }
+    room.seen.resize(std::max(rows, kind.columns));
+    room.part.resize(wide);
+    room.loads.assign(kind.columns, Floats{});
+    room.change.resize(kind.columns);
+    const float* seen = kind.seen.data();
+    for (int64_t c = 0; c < cells; ++c) {
+        const int64_t first = kind.starts[c], size = kind.starts[c + 1] - first, columns = Kind::fours(size);
+        for (int64_t lane = 0; lane < kEight; ++lane) {
+            const int64_t cell = room.cells[c * kEight + lane];
+            for (int64_t s = 0; s < z.sides; ++s) {
+                const int64_t side = sweep.sides[kind.shape.local[c] * z.sides + s];
+                const double* slope = sweep.slope + cell * z.n + side * z.block;
+                for (int64_t t = 0; t < z.block; ++t) room.seen[s * z.block + t][lane] = static_cast<float>(slope[t]);
+            }
+        }
+        combine_eight(columns, seen, room.seen.data(), rows, room.part.data());
+        for (int64_t i = 0; i < size; ++i) room.loads[kind.fields[first + i]] += room.part[i];
+        seen += rows * columns;
+    }
+    combine_eight(kind.columns, kind.inverse.data(), room.loads.data(), kind.q, room.change.data());
+    const float* bent = kind.bent.data();
+    for (int64_t c = 0; c < cells; ++c) {
+        const int64_t first = kind.starts[c], size = kind.starts[c + 1] - first;
+        for (int64_t i = 0; i < size; ++i) room.seen[i] = room.change[kind.fields[first + i]];
+        combine_eight(kind.slopes, bent, room.seen.data(), size, room.part.data());
+        bent += size * kind.slopes;
+        for (int64_t lane = 0; lane < count; ++lane) {
+            double* to = sweep.slope + room.cells[c * kEight + lane] * z.n;
+            for (int64_t k = 0; k < z.n; ++k) to[k] += room.part[k][lane];
+        }
+    }
+    room.places.resize(facets * z.block);
+    room.changes.resize(kind.q);
+    for (int64_t i = 0; i < kind.q; ++i) {
+        for (int64_t lane = 0; lane < kEight; ++lane) room.changes[i][lane] = room.change[i][lane];
+    }
+    Doubles middle[kDim] = {};
+    for (int64_t j = 0; j < facets; ++j) {
+        for (int64_t lane = 0; lane < kEight; ++lane) {
+            const int64_t* nodes = body.facet_nodes + room.facets[j * kEight + lane] * z.l;
+            for (int64_t a = 0; a < z.l; ++a) {
+                for (int64_t i = 0; i < z.d; ++i) room.places[j * z.block + a * z.d + i][lane] = body.points[nodes[a] * z.d + i];
+            }
+        }
+        for (int64_t t = 0; t < z.block; ++t) middle[t % z.d] += room.places[j * z.block + t];
+    }
+    for (int64_t i = 0; i < z.d; ++i) middle[i] = middle[i] * (1.0 / static_cast<double>(facets * z.l));
+    for (int64_t t = 0; t < facets * z.block; ++t) room.places[t] -= middle[t % z.d];
+    for (int64_t j = 0; j < facets; ++j) {
+        Doubles moved[kBlock] = {};
+        moments_of(z, kind.shape, j, &room.places[j * z.block], room.changes.data(), moved);
+        for (int64_t lane = 0; lane < count; ++lane) {
+            double* to = sweep.moments + room.facets[j * kEight + lane] * z.block;
+            for (int64_t t = 0; t < z.block; ++t) to[t] += moved[t][lane];
+        }
+    }
+}
+
+void improve_alike_any(const PatchBody& body, const PatchSweep& sweep, const Sizes& z, const Kind& kind,
+                       const int64_t* patches, int64_t count, Room& room) {
+    improve_alike(body, sweep, z, kind, patches, count, room);
+}
+
+HEMIVAR_WIDE void improve_alike_wide(const PatchBody& body, const PatchSweep& sweep, const Sizes& z, const Kind& kind,
+                                     const int64_t* patches, int64_t count, Room& room) {
+    improve_alike(body, sweep, z, kind, patches, count, room);
+}
+
+// Patches that are translates of many others, and the others.
 struct Kinds {
-    std::vector<int32_t> of;  // -1 for those that are solved by themselves
-    std::vector<Shape> shapes;
-    std::vector<System> systems;
+    std::vector<int32_t> of;  // of each patch; -1 for those that are solved by themselves
+    std::vector<Kind> kinds;
 
     Kinds(const PatchBody& body, const PatchSweep& sweep) : of(sweep.patches, -1) {
-        const int64_t all = sweep.bounds[sweep.colours], pieces = (all + kPiece - 1) / kPiece;
-        std::vector<uint64_t> hash(all, 0);
+        const int64_t all = sweep.bounds[sweep.colours], pieces = (all + kPortion - 1) / kPortion;
+        std::vector<int64_t> cells(body.cells, 0);  // of each kind of cells
+        for (int64_t cell = 0; cell < body.cells; ++cell) ++cells[body.alike[cell]];
+        std::vector<Found> found(pieces);
         share(pieces, [&](int64_t piece) {
             Improver one(body, sweep);
             std::vector<int64_t> key;
-            for (int64_t at = piece * kPiece; at < std::min(all, (piece + 1) * kPiece); ++at) {
-                one.gather(sweep.order[at]);
+            for (int64_t at = piece * kPortion; at < std::min(all, (piece + 1) * kPortion); ++at) {
+                const int64_t patch = sweep.order[at];
+                if (!many(body, sweep, patch, cells)) continue;
+                one.gather(patch);
                 if (one.shape.priced || one.shape.facets.empty()) continue;
                 one.key(key);
-                uint64_t sum = 1;
-                for (int64_t part : key) {
-                    sum = (sum ^ static_cast<uint64_t>(part)) * 0x9E3779B97F4A7C15u;
-                    sum ^= sum >> 29;
-                }
-                hash[at] = sum | 1;
+                of[patch] = found[piece].number(key, patch);
             }
         });
-        std::unordered_map<uint64_t, int64_t> counts;
-        for (uint64_t one : hash) {
-            if (one) ++counts[one];
+        Found whole;
+        std::vector<std::vector<int32_t>> number(pieces);
+        for (int64_t piece = 0; piece < pieces; ++piece) {
+            const Found& own = found[piece];
+            for (size_t k = 0; k < own.first.size(); ++k) {
+                number[piece].push_back(whole.number(own.keys[k], own.first[k], own.counts[k]));
+            }
         }
-        std::unordered_map<uint64_t, int32_t> number;
-        std::vector<int64_t> first;
+        std::vector<int32_t> place(whole.first.size(), -1);
+        std::vector<int64_t> chosen;
+        for (size_t k = 0; k < place.size(); ++k) {
+            if (whole.counts[k] < kMany) continue;
+            place[k] = static_cast<int32_t>(chosen.size());
+            chosen.push_back(whole.first[k]);
+        }
         for (int64_t at = 0; at < all; ++at) {
-            if (!hash[at] || counts[hash[at]] < kMany) continue;
-            const auto found = number.emplace(hash[at], static_cast<int32_t>(first.size()));
-            if (found.second) first.push_back(sweep.order[at]);
-            of[sweep.order[at]] = found.first->second;
+            int32_t& kind = of[sweep.order[at]];
+            if (kind >= 0) kind = place[number[at / kPortion][kind]];
         }
-        shapes.resize(first.size());
-        systems.resize(first.size());
-        std::vector<std::vector<int64_t>> keys(first.size());
-        share(static_cast<int64_t>(first.size()), [&](int64_t kind) {
+        kinds.resize(chosen.size());
+        share(static_cast<int64_t>(chosen.size()), [&](int64_t k) {
             Improver one(body, sweep);
-            one.prepare(first[kind]);
+            one.prepare(chosen[k]);
             one.invert();
-            one.key(keys[kind]);
-            shapes[kind] = one.shape;
-            systems[kind] = std::move(one.system);
+            kinds[k].keep(Sizes(body, sweep), one.shape, one.system);
         });
-        share(pieces, [&](int64_t piece) {  // what has the same hash need not be alike
-            Improver one(body, sweep);
-            std::vector<int64_t> key;
-            for (int64_t at = piece * kPiece; at < std::min(all, (piece + 1) * kPiece); ++at) {
-                int32_t& kind = of[sweep.order[at]];
-                if (kind < 0) continue;
-                one.gather(sweep.order[at]);
-                one.key(key);
-                if (key != keys[kind]) kind = -1;
+    }
+
+private:
+    static constexpr int64_t kPortion = 4096;  // patches that are looked at together
+
+    // Different keys, each with the first patch that has it.
+    struct Found {
+        std::unordered_multimap<uint64_t, int32_t> known;
+        std::vector<std::vector<int64_t>> keys;
+        std::vector<int64_t> first, counts;
+
+        int32_t number(const std::vector<int64_t>& key, int64_t patch, int64_t count = 1) {
+            uint64_t hash = 1;
+            for (int64_t part : key) {
+                hash = (hash ^ static_cast<uint64_t>(part)) * 0x9E3779B97F4A7C15u;
+                hash ^= hash >> 29;
             }
-        });
+            const auto range = known.equal_range(hash);
+            for (auto at = range.first; at != range.second; ++at) {
+                if (keys[at->second] != key) continue;
+                counts[at->second] += count;
+                return at->second;
+            }
+            const int32_t number = static_cast<int32_t>(keys.size());
+            known.emplace(hash, number);
+            keys.push_back(key);
+            first.push_back(patch);
+            counts.push_back(count);
+            return number;
+        }
+    };
+
+    // Whether each of its cells has many like it.
+    static bool many(const PatchBody& body, const PatchSweep& sweep, int64_t patch, const std::vector<int64_t>& cells) {
+        for (int64_t k = sweep.start[patch]; k < sweep.start[patch + 1]; ++k) {
+            if (cells[body.alike[sweep.seen[k] / sweep.seen_of_cell]] < kMany) return false;
+        }
+        return true;
     }
 };
 
@@ -759,22 +932,41 @@ void expect_apart(const PatchBody& body, const PatchSweep& sweep) {
     }
 }
 
+static void fetch_patch(const PatchBody& body, const PatchSweep& sweep, const Sizes& z, int64_t patch) {
+    for (int64_t k = sweep.start[patch]; k < sweep.start[patch + 1]; ++k) {
+        const int64_t cell = sweep.seen[k] / sweep.seen_of_cell;
+        fetch(sweep.slope + cell * z.n, z.n);
+        fetch(body.cell_facets + cell * z.corners, z.corners);
+    }
+}
+
 void improve_patches(const PatchBody& body, const PatchSweep& sweep) {
     expect_apart(body, sweep);
-    Kinds kinds(body, sweep);
+    const Kinds kinds(body, sweep);
+    const Sizes z(body, sweep);
+    const auto alike = wide_registers() ? improve_alike_wide : improve_alike_any;
+    std::vector<int64_t> order(sweep.order, sweep.order + sweep.bounds[sweep.colours]);
     for (int64_t colour = 0; colour < sweep.colours; ++colour) {
         const int64_t first = sweep.bounds[colour], last = sweep.bounds[colour + 1];
+        std::stable_sort(order.begin() + first, order.begin() + last,
+                         [&](int64_t one, int64_t two) { return kinds.of[one] < kinds.of[two]; });
         share((last - first + kPiece - 1) / kPiece, [&](int64_t piece) {
             Improver one(body, sweep);
-            const int64_t from = first + piece * kPiece;
-            for (int64_t at = from; at < std::min(last, from + kPiece); ++at) {
-                const int64_t patch = sweep.order[at];
-                const int32_t kind = kinds.of[patch];
+            Room room;
+            const int64_t end = std::min(last, first + (piece + 1) * kPiece);
+            for (int64_t at = first + piece * kPiece; at < end;) {
+                const int32_t kind = kinds.of[order[at]];
                 if (kind < 0) {
-                    one.improve(patch);
-                } else {
-                    one.improve_alike(patch, kinds.shapes[kind], kinds.systems[kind]);
+                    one.improve(order[at++]);
+                    continue;
                 }
+                int64_t count = 1;
+                while (count < kEight && at + count < end && kinds.of[order[at + count]] == kind) ++count;
+                for (int64_t next = at + count; next < std::min(end, at + count + kEight); ++next) {
+                    fetch_patch(body, sweep, z, order[next]);
+                }
+                alike(body, sweep, z, kinds.kinds[kind], &order[at], count, room);
+                at += count;
             }
         });
     }

@@ -20,6 +20,18 @@ namespace hemivar {
 
 constexpr int64_t kEight = 8;
 
+// Numbers that are looked at soon.
+template <class T>
+HEMIVAR_INLINE void fetch(const T* from, int64_t count) {
+#if defined(__GNUC__)
+    constexpr int64_t line = 64 / sizeof(T);
+    for (int64_t k = 0; k < count; k += line) __builtin_prefetch(from + k);
+    __builtin_prefetch(from + count - 1);
+#else
+    static_cast<void>(from), static_cast<void>(count);
+#endif
+}
+
 inline bool wide_registers() {
 #if defined(__GNUC__) && defined(__x86_64__)
     static const bool found = __builtin_cpu_supports("avx2");
