@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.linear.factorisation import factorise
 
 __all__ = ["DirectedMatrix", "directed_matrix"]
 
@@ -41,6 +43,14 @@ class DirectedMatrix:
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},
         )
+
+    def answers(self, rows: sp.csr_array) -> Array:
+        """``R K^-1 R'`` (k, k) of rows (k, n) on few unknowns: all others are eliminated beforehand."""
+        seen = np.unique(rows.indices).astype(np.int64)
+        schur = factorise(sp.csr_array(self.matrix), seen).schur
+        on_seen = rows[:, seen].toarray()
+        found = on_seen @ la.solve(schur, on_seen.T, assume_a="sym")
+        return np.asarray(0.5 * (found + found.T))
 
     def rows(self, nodes: IntArray, weights: Array) -> sp.csr_array:
         """The matrix (rows, n) of ``sum over q and i of weights[..., q, i] u_i(nodes[..., q])``.

@@ -532,6 +532,25 @@ def test_a_prism_and_the_one_turned_round_have_the_worse_of_both_constants() -> 
     assert _of_prisms(base[None], up[None], 1e3 * compliance) == pytest.approx(1e3 * found[:1])
 
 
+@pytest.mark.parametrize("ratio", [-0.4, 0.0, 0.3, 0.49])
+def test_prisms_of_an_isotropic_material_are_told_apart_by_their_edges(ratio: float) -> None:
+    """Turned, mirrored and numbered otherwise they have one constant, near to what prisms of any material have."""
+    rng = np.random.default_rng(7)
+    compliance = np.linalg.inv(hv.Material.young(3.0, ratio).stiffness_tensor(np.zeros((1, 3)))[0])
+    base = np.array([[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 0.9, 0.0]])
+    up = np.array([0.0, 0.0, 0.8])
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    corners = np.stack([base, -base, base[[2, 0, 1]] * [1.0, -1.0, 1.0], 2.0 * base @ turn.T + 5.0])
+    found = _of_prisms(corners, np.stack([up, up, up, 2.0 * turn @ up]), compliance)
+    assert found == pytest.approx(found[0] * np.array([1.0, 1.0, 1.0, 2.0]), rel=1e-7)
+    alone = [_without_linear_part(_prism(turned, up), compliance) / (1.0 - 0.25) for turned in (base, -base)]
+    assert found[0] == pytest.approx(alone[0], rel=0.2)
+    assert found[0] == pytest.approx(alone[1], rel=0.2)
+    other = compliance.copy()
+    other[5, 5] *= 1.0 + 1e-9  # not isotropic: the worse of both prisms
+    assert _of_prisms(base[None], up[None], other)[0] == pytest.approx(max(alone), rel=1e-6)
+
+
 def test_modes_that_lanczos_steps_leave_unfinished_are_not_below_the_exact_ones(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 import scipy.linalg as la
@@ -42,6 +42,8 @@ _HALVINGS = {2: 2, 3: 1}
 _PRISM_HALVINGS = 2
 #: Digits to which two shapes are one.
 _DIGITS = 9
+#: Part of a compliance by which it may differ from an isotropic one and count as such.
+_ISOTROPIC = 1e-12
 #: Heights of prisms that are tried, in terms of the root of twice the area of the facet.
 _HEIGHTS = (1.0, 0.7, 0.5, 0.25)
 #: Part of a size by which two bodies may overlap and count as disjoint.
@@ -274,9 +276,7 @@ def _without_linear_part(mesh: Mesh, compliance: Array) -> float:
     functions = np.concatenate([np.ones((*points.shape[:2], 1)), (points - points.mean(axis=(0, 1))) / scale], axis=2)
     L = np.einsum("f,ca,fak,ij->fcikj", root, mass_root(dim), functions, np.eye(dim)).reshape(R.shape[0], -1)
     free = la.null_space(L.T, rcond=1e-10)
-    loads = R.T @ free
-    energy = loads.T @ system.factor().solve(np.ascontiguousarray(loads))
-    return float(la.eigvalsh(0.5 * (energy + energy.T))[-1])
+    return float(la.eigvalsh(free.T @ system.answers(R) @ free)[-1])
 
 
 # ---- prisms --------------------------------------------------------------------------------------------------------
@@ -333,6 +333,26 @@ def _prismatic(table: FacetTable, compliance: Array, facets: IntArray) -> Array 
 def _of_prisms(corners: Array, inward: Array, compliance: Array) -> Array:
     """``kappa^2`` of the triangles (k, 3, 3) for the prisms between them and their shifts (k, 3)."""
     size = np.linalg.norm(inward, axis=1)
+    softness = float(np.abs(compliance).max())
+    unit = compliance / softness
+    ratio = _poisson_ratio(unit)
+    shapes = _prism_shapes(corners, inward / size[:, None], size) if ratio is None else _triangles(corners, size)
+    _, first, number = np.unique(shapes, axis=0, return_index=True, return_inverse=True)
+    if ratio is None:
+        found = [_of_prism(corners[k] / size[k], inward[k] / size[k], unit) for k in first]
+    else:
+        found = [_of_isotropic_prism(tuple(lengths), ratio) for lengths in shapes[first].tolist()]
+    return np.asarray(np.array(found)[number.ravel()] * size * softness / (1.0 - 0.5**_PRISM_HALVINGS))
+
+
+def _triangles(corners: Array, size: Array) -> Array:
+    """Lengths of the edges (k, 3) of triangles, ascending."""
+    edges = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    return np.round(np.sort(np.linalg.norm(edges, axis=2), axis=1) / size[:, None], _DIGITS)
+
+
+def _prism_shapes(corners: Array, inward: Array, size: Array) -> Array:
+    """Numbers (k, 9) of prisms that are the same for two that translations, or turning the triangle, make one."""
     edges = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]  # opposite to each corner
     order = np.argsort(np.round(np.linalg.norm(edges, axis=2) / size[:, None], _DIGITS), axis=1, kind="stable")
     ordered = np.take_along_axis(corners, order[:, :, None], axis=1)
@@ -340,15 +360,41 @@ def _of_prisms(corners: Array, inward: Array, compliance: Array) -> Array:
     plane = np.round(plane, _DIGITS)
     leading = plane[np.arange(len(plane)), np.argmax(plane != 0.0, axis=1)]
     plane = plane * np.sign(leading)[:, None]  # turned round it has the same constant
-    key = np.hstack([plane, np.round(inward / size[:, None], _DIGITS)])
-    _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
-    softness = float(np.abs(compliance).max())
-    found = []
-    for k in first:
-        base, up = corners[k] / size[k], inward[k] / size[k]
-        both = (_prism(base, up), _prism(-base, up))
-        found.append(max(_without_linear_part(mesh, compliance / softness) for mesh in both))
-    return np.asarray(np.array(found)[number.ravel()] * size * softness / (1.0 - 0.5**_PRISM_HALVINGS))
+    return np.hstack([plane, np.round(inward, _DIGITS)])
+
+
+def _poisson_ratio(compliance: Array) -> float | None:
+    """Of an isotropic compliance (6, 6) in space, None of another."""
+    normal, cross = compliance[0, 0], compliance[0, 1]
+    same = np.zeros((6, 6))
+    same[:3, :3] = cross
+    same[np.diag_indices(6)] = np.repeat([normal, 2.0 * (normal - cross)], 3)
+    return float(-cross / normal) if np.abs(compliance - same).max() <= _ISOTROPIC * normal else None
+
+
+def _of_prism(base: Array, up: Array, compliance: Array) -> float:
+    """The worse of the prism and the one above the triangle turned round, as both have the same parts."""
+    return max(_without_linear_part(_prism(corners, up), compliance) for corners in (base, -base))
+
+
+@lru_cache(maxsize=1 << 10)
+def _of_isotropic_prism(lengths: tuple[float, float, float], ratio: float) -> float:
+    """Of a prism of height one above a triangle of such sides, of an isotropic material that is the softest there is.
+
+    The triangle turned round has its prism, as seen in a mirror.
+    """
+    a, b, c = lengths
+    along = (a * a + c * c - b * b) / (2.0 * c)
+    base = np.array([[0.0, 0.0, 0.0], [c, 0.0, 0.0], [along, math.sqrt(max(a * a - along * along, 0.0)), 0.0]])
+    return _without_linear_part(_prism(base, np.array([0.0, 0.0, 1.0])), _isotropic(ratio))
+
+
+def _isotropic(ratio: float) -> Array:
+    """The compliance (6, 6) whose largest entry is one."""
+    unit = np.zeros((6, 6))
+    unit[:3, :3] = -ratio
+    unit[np.diag_indices(6)] = np.repeat([1.0, 2.0 * (1.0 + ratio)], 3)
+    return unit / np.abs(unit).max()
 
 
 def _prism(base: Array, up: Array) -> Mesh:

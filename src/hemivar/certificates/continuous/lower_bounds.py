@@ -141,12 +141,9 @@ class TraceFlexibility:
         nodes = (table.cell_facets[:, :, None] * dim + np.arange(dim)).reshape(len(blocks), -1)
         system = directed_matrix(blocks, nodes, np.repeat(held, dim, axis=0))
         weights = np.einsum("f,ab,fpi->fapbi", root, mass_root(dim), axes).reshape(len(loaded), -1, dim, dim)
-        self._forces = sp.csc_array(system.rows(loaded[:, None] * dim + np.arange(dim), weights).T)
-        self._stressed = system.factor()
-        self._answers: Array | None = None
-        if self._forces.shape[1] <= _DENSE:
-            found = self._forces.T @ self._stressed.solve(self._forces.toarray())
-            self._answers = 0.5 * (found + found.T)
+        self._forces = system.rows(loaded[:, None] * dim + np.arange(dim), weights)
+        self._answers = system.answers(self._forces) if self._forces.shape[0] <= _DENSE else None
+        self._stressed = None if self._answers is not None else system.factor()
 
         at_nodes: Array = np.zeros((mesh.number_of_nodes + len(mesh.edges), dim, dim))
         some = np.flatnonzero(held.any(axis=(1, 2)))
@@ -170,7 +167,8 @@ class TraceFlexibility:
         """Half the gradient of the least complementary energy at loads (n, k)."""
         if self._answers is not None:
             return np.asarray(self._answers @ loads)
-        return np.asarray(self._forces.T @ self._stressed.solve(np.ascontiguousarray(self._forces @ loads)))
+        assert self._stressed is not None
+        return np.asarray(self._forces @ self._stressed.solve(np.ascontiguousarray(self._forces.T @ loads)))
 
     def bound(self, normal: Array | float, tangential: Array | float) -> TraceRange:
         """Bounds of c for weights of the normal and of the tangential part, >= 0 on each of :attr:`facets`."""
