@@ -11,12 +11,14 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.certificates import DistanceToExact, certify
+from hemivar.certificates.continuous import convex_distance
 from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
-from hemivar.certificates.continuous.convex_distance import unknown_gaps
+from hemivar.certificates.continuous.convex_distance import BareStiffness, unknown_gaps
 from hemivar.certificates.continuous.exact_distance import exact_distance
 from hemivar.certificates.continuous.fenchel import fenchel_gap
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
+from hemivar.errors import MethodError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.transfer import interpolate
 from hemivar.formula import Formula
@@ -256,3 +258,68 @@ def test_loads_that_contact_cannot_balance_leave_no_bound() -> None:
     found = exact_distance(problem, np.full(problem.mesh.points.shape, -1e-3), UNKNOWN)
     assert not np.isfinite(found.distance)
     assert any("no tractions that the law allows balance the loads" in reason for reason in found.reasons)
+
+
+def graded(mesh: hv.Mesh) -> hv.Mesh:
+    """Cells up to 800 times as long as wide."""
+    size = mesh.points.max(axis=0)
+    return hv.Mesh(size * (mesh.points / size) ** 3, mesh.cells, dict(mesh.boundaries))
+
+
+def loose_bodies() -> dict[str, hv.ContactProblem]:
+    """Held by contact alone: on meshes that were refined, and on some without a coarser one."""
+    stuck = {"bottom": hv.Contact(hv.Compliance(50.0), hv.Tresca(0.3))}
+    material = hv.Material.young(1e3, 0.3)
+    coarse, plain = hv.rectangle((2.0, 1.0), (4, 2)), hv.rectangle((2.0, 1.0), (24, 12))
+    high = plain.points[plain.cells].mean(axis=1)[:, 1] > 0.5
+    halves = plain.named(plain.boundaries, {"upper": np.flatnonzero(high), "lower": np.flatnonzero(~high)})
+    touching = stuck | {"joint:upper": hv.Contact(hv.Compliance(50.0), hv.Tresca(0.3), against="joint:lower")}
+    return {
+        "refined": hv.ContactProblem(coarse.refined(3), material, stuck),
+        "quadratic": hv.ContactProblem(coarse.refined(2), material, stuck, order=2),
+        "graded": hv.ContactProblem(graded(hv.rectangle((2.0, 1.0), (28, 14))), material, stuck),
+        "space": hv.ContactProblem(hv.box((1.0, 1.0, 1.0), 3).refined(1), material, stuck),
+        "touching": hv.ContactProblem(halves.opened("joint", ("upper", "lower")), material, touching),
+    }
+
+
+def balanced(problem: hv.ContactProblem) -> tuple[BareStiffness, Array, Array]:
+    """A body, its stiffness, and forces (nodes, d) that are balanced."""
+    K = stiffness_matrix(problem.mesh, problem.material, problem.order).toarray()
+    shape = len(problem.mesh.nodes(problem.order)), problem.mesh.dim
+    body = BareStiffness(body_data(problem, np.zeros(shape)))
+    return body, K, (K @ np.random.default_rng(3).normal(size=len(K))).reshape(shape)
+
+
+@pytest.mark.parametrize("name", list(loose_bodies()))
+def test_balanced_forces_are_solved_with_to_rounding(name: str) -> None:
+    """Against the least squares solution of dense linear algebra."""
+    body, K, force = balanced(loose_bodies()[name])
+    w = body.solve(force)
+    assert np.linalg.norm(K @ w.ravel() - force.ravel()) <= 1e-12 * np.linalg.norm(force)
+    best = np.linalg.lstsq(K, force.ravel(), rcond=1e-13)[0]
+    assert np.sum(w * force) == pytest.approx(best @ force.ravel(), rel=1e-9)
+
+
+def test_too_few_cycles_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    body, _, force = balanced(loose_bodies()["refined"])
+    monkeypatch.setattr(convex_distance, "_CYCLES", 2)
+    with pytest.raises(MethodError, match=r"2 cycles of multigrid .* of the forces; state the body with cells of"):
+        body.solve(force)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_bodies_held_by_contact_ask_for_no_factorisation(dim: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = hv.rectangle((2.0, 1.0), (4, 2)).refined(3) if dim == 2 else hv.box((1.0, 1.0, 1.0), 2).refined(2)
+    contact = {"bottom": hv.Contact(hv.Compliance(500.0), hv.Tresca(0.3))}
+    load = {"top": (0.1,) + (0.0,) * (dim - 2) + (-1.0,)}
+    problem = hv.ContactProblem(mesh, hv.Material.young(1e3, 0.3), contact, {}, tractions=load)
+    u = hv.solve(problem).raise_for_status().displacement
+
+    def refused(*_: object, **__: object) -> None:
+        raise AssertionError("a factorisation")
+
+    monkeypatch.setattr("scipy.sparse.linalg.splu", refused)
+    found = exact_distance(problem, u, UNKNOWN)
+    assert found.guaranteed
+    assert found.parts.algebraic < 1e-9 * found.distance

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 
+from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
@@ -32,16 +33,21 @@ from hemivar.certificates.continuous.bare_body import bare_body
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.conjugate_sweeps import Sweeps
 from hemivar.certificates.continuous.contact_traces import ContactTraces
-from hemivar.certificates.continuous.fenchel import FenchelGap, fenchel_gap
+from hemivar.certificates.continuous.fenchel import FenchelGap, fenchel_gap, near_multiplier
 from hemivar.certificates.continuous.oscillation import local_constants
 from hemivar.certificates.continuous.sweeps import PatchSmoother
 from hemivar.certificates.continuous.touching_bodies import contact_moments
 from hemivar.certificates.continuous.varying_gaps import gap_ranges
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.coercivity.free_motion import describe
+from hemivar.errors import MethodError
 from hemivar.fem.discretize import discretize
-from hemivar.linear.factorisation import Factorisation, factorise
+from hemivar.linear.krylov import conjugate_gradients
+from hemivar.linear.levels import LevelMatrix, Levels
+from hemivar.linear.threads import one_thread
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.systems.body_on_levels import levels_of
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["BalancedStress", "BareStiffness", "balanced_stress", "not_convex", "unknown_gaps"]
 
@@ -53,6 +59,9 @@ _STEPS, _BALANCED = 60, 1e-12
 _STEP = 1e-7
 #: What of a multiplier is rounding.
 _ROUNDING = 1e-13
+#: Part of balanced forces that a solve leaves, and one that ranks or measures what is small; most that counts as
+#: rounding; cycles in turn.
+_EXACT, _ROUGH, _LEFT, _CYCLES = 1e-13, 0.1, 1e-9, 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,25 +92,14 @@ def not_convex(problem: ContactProblem) -> str:
 
 def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> BalancedStress | None:
     """Of a displacement in the domain of the law; None where no tractions that the law allows balance the loads."""
-    body = BareStiffness(data)
+    body, joined = BareStiffness(data), bool(data.table.cut.any())
     loads = _gathered(data, data.loads) + data.at_nodes(np.arange(len(data.facet_loads)), data.facet_loads)
-    joined = bool(data.table.cut.any())
-    target = traces.interpolated(unsettled(data.under(contact_moments(data)) if joined else data).moments)
-    wide = unknown_gaps(traces)
-    best: tuple[float, FenchelGap, Array, Array, Array] | None = None
-    for weight in _WEIGHTS:
-        b = weight * body.per_length
-        gap = _balanced(traces, body, target, b, loads, wide)
-        if gap is None:
-            continue
-        force = loads - data.at_nodes(traces.facets, traces.moments(gap.multiplier)) - _gathered(data, data.forces)
-        w, paid, missed = body.solve(force), gap.normal_gap + gap.tangential_gap, _missed(traces, gap.multiplier)
-        cost = float(np.sum(w * force)) + 2.0 * float(paid.sum()) + float(missed @ missed)
-        if best is None or cost < best[0]:
-            best = cost, gap, w, paid, missed
-    if best is None:
+    shared = unsettled(data.under(contact_moments(data)) if joined else data).moments
+    found = _best(*(_Multipliers(at, body, loads, at.interpolated(shared)) for at in (traces.rough, traces)))
+    if found is None:
         return None
-    _, gap, w, paid, missed = best
+    gap, force = found
+    w, paid, missed = body.solve(force), gap.normal_gap + gap.tangential_gap, _missed(traces, gap.multiplier)
     moved = data.moved(data.displacement + w)
     pressures = traces.on_facets(-traces.moments(gap.multiplier))
     left = loads + data.at_nodes(np.arange(len(pressures)), pressures) - _gathered(moved, moved.forces)
@@ -109,8 +107,23 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> Ba
     stress = replace(own, data=data)
     if sweeps.kinds:
         stress = sweeps.lower(PatchSmoother(stress))
-    algebraic = float(np.sqrt(max(float(np.sum(body.solve(left) * left)), 0.0)))
+    algebraic = float(np.sqrt(max(float(np.sum(body.solve(left, _ROUGH) * left)), 0.0)))
     return BalancedStress(stress, paid, missed, algebraic, body.motions_in_words)
+
+
+def _best(rough: _Multipliers, fine: _Multipliers) -> tuple[FenchelGap, Array] | None:
+    """The multiplier of the weight that is best at few points, and the forces (nodes, d) that it leaves to a w."""
+    tried = []
+    for weight in _WEIGHTS:
+        b = weight * rough.body.per_length
+        found = rough.nearest(b, np.zeros(rough.moves.shape[-1]))
+        if found is not None:
+            tried.append((rough.cost(found[0]), b, found[1]))
+    for _, b, q in sorted(tried, key=lambda one: one[0]):
+        found = fine.nearest(b, q)
+        if found is not None:
+            return found[0], fine.unbalanced(found[0])
+    return None
 
 
 def unknown_gaps(traces: ContactTraces) -> Array:
@@ -122,57 +135,95 @@ def unknown_gaps(traces: ContactTraces) -> Array:
     return 2.0 * found
 
 
-def _balanced(
-    traces: ContactTraces, body: BareStiffness, target: Array, weight: float, loads: Array, wide: Array
-) -> FenchelGap | None:
-    """The multiplier that is nearest to a target (k, q, d) by a weight and balances loads (nodes, d)."""
-    data = traces.data
-    at_nodes = data.jump(body.motions, traces.facets)
-    moves = np.einsum("fqa,fqci,fain->fqcn", traces.shapes, traces.frames, at_nodes, optimize=True)
-    wanted = np.einsum("nim,ni->m", body.motions, loads)
-    forces = np.abs(loads).sum() + np.einsum(
-        "fq,fqc->", traces.weights, np.abs(target)
-    )  # a body between others has none
-    size = float(np.abs(body.motions).max(initial=0.0) * forces)
-    count = moves.shape[-1]
-    step = _STEP * max(float(np.abs(traces.local).max()), float(np.abs(target).max()) / weight)
+@dataclass(frozen=True, eq=False)
+class _Multipliers:
+    """Multipliers at points of the contact facets that balance loads."""
 
-    def at(q: Array) -> tuple[FenchelGap, Array]:
-        gap = fenchel_gap(traces, target + weight * (moves @ q), weight, wide)
-        work = np.einsum("fq,fqc,fqcn->n", traces.weights, gap.multiplier, moves, optimize=True)
-        return gap, np.asarray(work - wanted)
+    traces: ContactTraces
+    body: BareStiffness
+    loads: Array  # (nodes, d)
+    target: Array  # (k, q, d)
 
-    q = np.zeros(count)
-    gap, off = at(q)
-    for _ in range(_STEPS):
-        if float(np.abs(off).max(initial=0.0)) <= _BALANCED * size:
-            return gap
-        slope = np.stack([(at(q + step * e)[1] - at(q - step * e)[1]) / (2.0 * step) for e in np.eye(count)], axis=1)
-        change = -la.lstsq(0.5 * (slope + slope.T), off, cond=1e-12)[0]
-        for _ in range(12):
-            near, rest = at(q + change)
-            if np.linalg.norm(rest) < np.linalg.norm(off):
+    @cached_property
+    def moves(self) -> Array:
+        """The rigid motions in local components, (k, q, d, n)."""
+        traces = self.traces
+        at_nodes = traces.data.jump(self.body.motions, traces.facets)
+        return np.asarray(np.einsum("fqa,fqci,fain->fqcn", traces.shapes, traces.frames, at_nodes, optimize=True))
+
+    @cached_property
+    def _size(self) -> float:
+        """What works of forces on motions are compared with; a body between others has no loads."""
+        forces = np.abs(self.loads).sum() + np.einsum("fq,fqc->", self.traces.weights, np.abs(self.target))
+        return float(np.abs(self.body.motions).max(initial=0.0) * forces)
+
+    def _off(self, zeta: Array) -> Array:
+        """What multipliers (k, q, d) work on the motions more than the loads do, (n,)."""
+        wanted = np.einsum("nim,ni->m", self.body.motions, self.loads)
+        return np.asarray(np.einsum("fq,fqc,fqcn->n", self.traces.weights, zeta, self.moves, optimize=True) - wanted)
+
+    def nearest(self, weight: float, q: Array) -> tuple[FenchelGap, Array] | None:
+        """The one that is nearest to the target by a weight, and its q, from some q (n,); None where none was found."""
+        traces, count = self.traces, len(q)
+
+        def at(q: Array) -> tuple[Array, Array, Array]:
+            wish = self.target + weight * (self.moves @ q)
+            zeta = near_multiplier(traces, wish, weight)[1]
+            return wish, zeta, self._off(zeta)
+
+        wish, zeta, off = at(q)
+        for _ in range(_STEPS):
+            if float(np.abs(off).max(initial=0.0)) <= _BALANCED * self._size:
                 break
-            change = 0.5 * change
-        else:
-            break
-        q, gap, off = q + change, near, rest
-    return gap if float(np.abs(off).max(initial=0.0)) <= 1e3 * _BALANCED * size else None
+            change = -la.lstsq(weight * self._slope(wish, zeta, weight).reshape(count, count), off, cond=1e-12)[0]
+            for _ in range(12):
+                near = at(q + change)
+                if np.linalg.norm(near[2]) < np.linalg.norm(off):
+                    break
+                change = 0.5 * change
+            else:
+                break
+            q, (wish, zeta, off) = q + change, near
+        if float(np.abs(off).max(initial=0.0)) > 1e3 * _BALANCED * self._size:
+            return None
+        return fenchel_gap(traces, wish, weight, unknown_gaps(traces)), q
+
+    def _slope(self, wish: Array, zeta: Array, weight: float) -> Array:
+        """How multipliers (k, q, d) follow what is wished for along the motions, by their works on these, (n, n)."""
+        step = _STEP * max(weight * float(np.abs(self.traces.local).max()), float(np.abs(self.target).max()))
+        follows = [near_multiplier(self.traces, wish + step * way, weight)[1] - zeta for way in np.eye(wish.shape[-1])]
+        follow = np.stack(follows, axis=-1) / step
+        weights, moves = self.traces.weights, self.moves
+        found = np.einsum("fq,fqcn,fqce,fqem->nm", weights, moves, follow, moves, optimize=True)
+        return np.asarray(0.5 * (found + found.T))
+
+    def unbalanced(self, gap: FenchelGap) -> Array:
+        """Forces of nodes (nodes, d) that a multiplier and the stress of the displacement do not balance."""
+        data, traces = self.traces.data, self.traces
+        taken = data.at_nodes(traces.facets, traces.moments(gap.multiplier))
+        return np.asarray(self.loads - taken - _gathered(data, data.forces))
+
+    def cost(self, gap: FenchelGap) -> float:
+        """About what the square of the bound grows by."""
+        force, missed = self.unbalanced(gap), _missed(self.traces, gap.multiplier)
+        work = float(np.sum(self.body.solve(force, _ROUGH) * force))
+        return work + 2.0 * float((gap.normal_gap + gap.tangential_gap).sum()) + float(missed @ missed)
 
 
 def _missed(traces: ContactTraces, zeta: Array) -> Array:
     """``kappa_F |zeta - P zeta|_F`` at the cells (M,), P the projection on polynomials of each facet."""
     data, table = traces.data, traces.data.table
-    constants = local_constants(table, np.asarray(np.linalg.inv(data.compliance)))
     projected = traces.forces(data.facet_loads + traces.on_facets(-traces.moments(zeta)))
     square, whole = (sum(traces.square(part)) for part in (zeta - projected, zeta))
-    square = np.where(square <= _ROUNDING**2 * whole, 0.0, square)
+    size = np.sqrt(np.where(square <= _ROUNDING**2 * whole, 0.0, square))
     found = np.zeros(len(table.cells))
     for side in (0, 1):
         seen = np.flatnonzero(table.owners[traces.facets, side] >= 0)
         cell = table.owners[traces.facets[seen], side]
-        local = np.argmax(table.cell_facets[cell] == traces.facets[seen, None], axis=1)
-        np.add.at(found, cell, constants.facet[cell, local] * np.sqrt(square[seen]))
+        compliance = data.compliance if len(data.compliance) == 1 else data.compliance[cell]
+        constants = local_constants(table, np.asarray(np.linalg.inv(compliance)), cell)
+        local = table.cell_facets[cell] == traces.facets[seen, None]
+        np.add.at(found, cell, constants.facet[local] * size[seen])
     return found
 
 
@@ -200,20 +251,51 @@ class BareStiffness:
         self.per_length = float(np.einsum("mqvv->mq", data.tensors).mean()) / data.tensors.shape[-1] / size
 
     @cached_property
-    def _factor(self) -> Factorisation:
-        """The stiffness apart from unknowns that hold all motions: balanced forces ask for nothing there."""
-        free = np.asarray((self._field.lift @ self._field.free_motions.motions).toarray())
-        pinned = np.zeros(0, dtype=np.int64)
-        if free.shape[1]:
-            pinned = np.sort(la.qr(free.T, mode="r", pivoting=True)[1][: free.shape[1]]).astype(np.int64)
-        return factorise(self._discrete.stiffness, pinned)
+    def _levels(self) -> Levels:
+        return levels_of(self._discrete, Workspace()).levels
 
-    def solve(self, forces: Array) -> Array:
-        """The displacement (nodes, d) of balanced forces (nodes, d); any rigid motion may be added to it."""
-        right = np.asarray(self._field.basis.T @ forces.ravel())
-        out = self._factor.solve_interior(right)
-        out = out + self._factor.solve_interior(right - self._discrete.stiffness @ out)
-        return np.asarray(self._field.basis @ out).reshape(self._shape)
+    @cached_property
+    def _kernel(self) -> Array:
+        """An orthonormal basis (n, q) of the unknowns of the motions."""
+        free = np.asarray((self._field.lift @ self._field.free_motions.motions).toarray())
+        return np.asarray(np.linalg.qr(free)[0])
+
+    def solve(self, forces: Array, tolerance: float = _EXACT) -> Array:
+        """The displacement (nodes, d) of balanced forces (nodes, d); any rigid motion may be added to it.
+
+        By conjugate gradients with the multigrid cycle, on what is orthogonal to the motions.
+
+        ``tolerance`` is the part of the forces that may be left.
+
+        Raises
+        ------
+        MethodError
+            Too much is left after many cycles.
+        """
+        right = self._deforming(np.asarray(self._field.basis.T @ forces.ravel()))
+        levels, top = self._levels, len(self._levels.sizes) - 1
+        A, diagonal, cycle = LevelMatrix(levels, top), levels.diagonal(top), levels.preconditioner(top)
+        size = float(np.linalg.norm(right))
+
+        def deforming(rest: Array) -> Array:
+            check_time()
+            return self._deforming(cycle(rest))
+
+        with one_thread():
+            found = conjugate_gradients(
+                A, diagonal, right, deforming, tolerance * size, _CYCLES, flexible=cycle.flexible
+            ).solution
+        left = float(np.linalg.norm(self._deforming(right - self._discrete.stiffness @ found)))
+        if not left <= max(_LEFT, 2.0 * tolerance) * size:
+            raise MethodError(
+                f"{_CYCLES} cycles of multigrid on the body without its contact leave {left / size:.2g} of the "
+                "forces; state the body with cells of better shape"
+            )
+        return np.asarray(self._field.basis @ found).reshape(self._shape)
+
+    def _deforming(self, unknowns: Array) -> Array:
+        """What of unknowns (n,) is orthogonal to the motions."""
+        return np.asarray(unknowns - self._kernel @ (self._kernel.T @ unknowns))
 
     @property
     def motions_in_words(self) -> str:

@@ -47,7 +47,15 @@ from hemivar.laws import ContactLaw, Superpotential, VectorLaw
 from hemivar.laws.scalar_graph import straightness
 from hemivar.laws.vector_law import lengths
 
-__all__ = ["FenchelGap", "exact_gap", "fenchel_gap", "following", "one_sided", "one_sided_constants"]
+__all__ = [
+    "FenchelGap",
+    "exact_gap",
+    "fenchel_gap",
+    "following",
+    "near_multiplier",
+    "one_sided",
+    "one_sided_constants",
+]
 
 #: Part of the largest slope by which a multiplier may miss the end of its interval by rounding.
 _ROUNDING = 1e-12
@@ -100,10 +108,9 @@ def fenchel_gap(traces: ContactTraces, forces: Array, weight: float, wide: Array
         return _majorised(traces, traces.rule, forces, weight)
     law, shape = traces.law, traces.weights.shape
     assert isinstance(law, ContactLaw)
-    r, xi = traces.local.reshape(-1, forces.shape[-1]), forces.reshape(-1, forces.shape[-1])
-    alpha, every = _convexity(traces)
-    p = law.local_argmin(alpha + weight, xi + (every + weight) * r)
-    zeta = xi + weight * (r - p)
+    r, (alpha, every) = traces.local.reshape(-1, forces.shape[-1]), _convexity(traces)
+    p, near = near_multiplier(traces, forces, weight)
+    zeta = near.reshape(r.shape)
     work = (zeta + every * r) * (r - p)
     normal = _fall(law.normal, alpha[:, 0], r[:, 0], p[:, 0]) - work[:, 0]
     for off in () if wide is None else (-wide, wide):
@@ -114,9 +121,16 @@ def fenchel_gap(traces: ContactTraces, forces: Array, weight: float, wide: Array
     tangential = _fall(law.tangential, alpha[:, 1], *sizes) - work[:, 1:].sum(axis=1)
     within = _within(law, p)
     normal, tangential = (np.where(one, part, np.inf) for one, part in zip(within.T, (normal, tangential), strict=True))
-    zeta = zeta.reshape(forces.shape)
     gaps = (traces.integral(np.maximum(part, 0.0).reshape(shape)) for part in (normal, tangential))
-    return FenchelGap(weight, zeta, *traces.square(forces - zeta), *gaps)
+    return FenchelGap(weight, near, *traces.square(forces - near), *gaps)
+
+
+def near_multiplier(traces: ContactTraces, forces: Array, weight: float) -> tuple[Array, Array]:
+    """p (k q, d) and the multiplier (k, q, d) nearest to forces (k, q, d), of a law that splits."""
+    alpha, every = _convexity(traces)
+    r, xi = (values.reshape(-1, forces.shape[-1]) for values in (traces.local, forces))
+    p = traces.law.local_argmin(alpha + weight, xi + (every + weight) * r)
+    return p, (xi + weight * (r - p)).reshape(forces.shape)
 
 
 def exact_gap(traces: ContactTraces, forces: Array) -> FenchelGap:

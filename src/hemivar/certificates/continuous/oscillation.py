@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.facet_table import FacetTable
@@ -46,28 +46,29 @@ class LocalConstants:
     spread: Array  # (M, d + 1)
 
 
-def local_constants(table: FacetTable, stiffness: Array) -> LocalConstants:
-    """Constants from those of the regular simplex.
+def local_constants(table: FacetTable, stiffness: Array, cells: IntArray | None = None) -> LocalConstants:
+    """Constants of cells (M,), by default of all, from those of the regular simplex.
 
     With B the map from the regular simplex of edge 1 and ``v^ = B'v`` strains are related by ``eps^ = B' eps B``, so
     the constants grow by ``s_max(B)^2 / s_min(B)``, on facets times ``sqrt(|F| / |F^|) sqrt(|T^| / |T|)``.
 
     ``stiffness`` is (M or 1, v, v).
     """
-    dim = table.dim
+    dim, chosen = table.dim, slice(None) if cells is None else cells
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
     if dim == 3:
         corners = np.array([[0, 0, 0], [1, 0, 0], [0.5, np.sqrt(0.75), 0], [0.5, np.sqrt(1 / 12), np.sqrt(2 / 3)]])
     regular = (corners[1:] - corners[0]).T
-    stretch = np.linalg.svd(table.jacobian @ np.linalg.inv(regular), compute_uv=False)
+    stretch = np.linalg.svd(table.jacobian[chosen] @ np.linalg.inv(regular), compute_uv=False)
     scale = np.where(np.arange(stiffness.shape[-1]) < dim, 1.0, np.sqrt(2.0))
     least = np.linalg.eigvalsh(stiffness * np.outer(scale, scale))[:, 0]
     factor = stretch[:, 0] ** 2 / stretch[:, -1] / np.sqrt(least)
     measure = 1.0 if dim == 2 else np.sqrt(3.0) / 4.0
     volume = np.prod(stretch, axis=1)
-    on_facets = factor[:, None] * np.sqrt(table.measures[table.cell_facets] / measure / volume[:, None])
+    sizes = table.measures[table.cell_facets[chosen]]
+    on_facets = factor[:, None] * np.sqrt(sizes / measure / volume[:, None])
     # the trace of a linear function: T. Warburton and J. S. Hesthaven, Comput. Methods Appl. Mech. Eng. 192 (2003)
-    spread = np.sqrt(2.0 * (dim + 1) / dim * table.measures[table.cell_facets] / table.volumes[:, None])
+    spread = np.sqrt(2.0 * (dim + 1) / dim * sizes / table.volumes[chosen, None])
     return LocalConstants(_CELL[dim] * factor, _FACET[dim] * on_facets, _SHIFT[dim] * on_facets, spread)
 
 
