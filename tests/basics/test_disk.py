@@ -15,6 +15,12 @@ from hemivar.basics import disk
 from hemivar.errors import FileError
 
 
+@pytest.mark.parametrize("name", ["", " ", None])
+def test_a_file_has_a_name(name: str) -> None:
+    with pytest.raises(FileError, match=f"the name of a file is {name!r}; give its path"):
+        disk.path_of(name)
+
+
 def test_what_fails_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text("old")

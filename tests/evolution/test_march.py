@@ -165,6 +165,10 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "infinite start": (lambda: Evolution(_static(), start=np.inf), "finite"),
     "unknown mass": (lambda: Evolution(_static(), mass="lumped"), "consistent"),  # type: ignore[arg-type]
     "until before the start": (lambda: march(_moving(), -1.0), "later"),
+    "a probe without a name": (
+        lambda: hv.evolution.Save(probes={"": (1.0, 0.0)}),
+        "a name of probes is ''; give one that the columns",
+    ),
     "no step": (lambda: march(_moving(), 1.0, step=0.0), "positive"),
     "a step longer than all": (lambda: march(_moving(), 1.0, step=2.0), "longer"),
     "Newmark without mass": (lambda: march(_moving(), 1.0, scheme=hv.evolution.Newmark()), "bodies with mass"),

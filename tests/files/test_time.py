@@ -419,7 +419,7 @@ BAD: dict[str, tuple[dict[str, str], str]] = {
     ),
     "animation": ({"time": "until = 1", "output": "animation = '.gif'"}, "animation: is '.gif'"),
     "table": ({"time": "until = 1", "output": "table = 3"}, "table: must be a text, not the number 3"),
-    "checkpoint": ({"time": "until = 1", "output": "checkpoint = ''"}, "checkpoint: has an empty name"),
+    "checkpoint": ({"time": "until = 1", "output": "checkpoint = ''"}, "checkpoint: is empty; write what it says"),
     "checkpoint minutes": (
         {"time": "until = 1", "output": "checkpoint = { file = 'a', minutes = -1 }"},
         "checkpoint.minutes: is -1; it must be at least 0",

@@ -21,7 +21,7 @@ from hemivar.report.film_pictures import FilmColour, PlanePicture
 PRESS, SHIFT = 0.02, 0.01
 
 
-def blocks(slave: str = "", gap: float = 0.0, held: bool = False, order: int = 1) -> hv.ContactProblem:
+def blocks(slave: str | None = None, gap: float = 0.0, held: bool = False, order: int = 1) -> hv.ContactProblem:
     """A block pressed on a wider one and shifted; nodes do not match, and the boundary below hangs over."""
     upper, lower = hv.rectangle((1.0, 0.5), (6, 3), origin=(0.2, 0.5 + gap)), hv.rectangle((1.4, 0.5), (7, 3))
     supports = {"lower:bottom": hv.Clamped(), "upper:top": hv.Fixed(x=0.0 if held else SHIFT, y=-PRESS - gap)}

@@ -51,7 +51,9 @@ STATED: dict[str, tuple[Callable[[], object], str]] = {
     "the other end of its part": (lambda: hv.discretize(two(touching("u:top"))), "no facet of the one faces the other"),
     "the side beside it": (lambda: hv.discretize(two(touching("u:left"))), "no facet of the one faces the other"),
     "a side at a right angle": (lambda: hv.discretize(two(touching("l:left"))), "check names, places and units"),
-    "nothing but a name": (lambda: two(touching(None)), "against is None; give the name of a boundary"),
+    "a number": (lambda: two(touching(3)), "against is 3; give the name of a boundary"),
+    "an empty name": (lambda: two(touching("")), "against is ''; give the name of a boundary"),
+    "an empty name of a slave": (lambda: two(touching(slave="")), "slave is ''; give the name of a boundary"),
     "several": (lambda: two(touching(("l:top", "l:left"))), "against is a tuple; give the name of a boundary"),
     "a mesh": (lambda: two(touching(BLOCKS["l"])), "against is a Mesh; give the name of a boundary"),
     "an interface": (
@@ -87,7 +89,7 @@ STATED: dict[str, tuple[Callable[[], object], str]] = {
     # slaves
     "a slave that is none of the two": (lambda: two(touching(slave="u:left")), "give 'u:bottom' or 'l:top'"),
     "a part for a slave": (lambda: two(touching(slave="u")), "slave = 'u'; give 'u:bottom' or 'l:top'"),
-    "a slave alone": (lambda: two(touching("", slave="u:bottom")), "goes with against, the boundary that is touched"),
+    "a slave alone": (lambda: two(touching(None, slave="u:bottom")), "goes with against, the boundary that is touched"),
     "a number for a slave": (lambda: two(touching(slave=1)), "slave is 1; give the name of a boundary"),
     "a slave that is clamped": (
         lambda: hv.discretize(two(touching(slave="l:top"), supports=HELD | {"l:top": hv.Clamped()})),
@@ -237,6 +239,7 @@ def test_what_files_of_pairs_refuse(old: str, new: str, words: str) -> None:
         ("contact.u.normal.stiffness=3", "there is no table 'u' in [contact] (there are: u:bottom)"),
         ("mesh.w.cells=4", "there is no table 'w' in [mesh] (there are: u, l)"),
         ("contact.u:bottom.against=l:top", "write texts and formulas in quotes"),
+        ('contact.u:bottom.against=""', "[contact.u:bottom] against: is empty; write"),
         ('contact.u:bottom.slave="u"', "slave = 'u'; give 'u:bottom' or 'l:top'"),
     ],
 )

@@ -115,6 +115,9 @@ def test_a_cut_of_one_part_has_names_and_parts_stay_apart() -> None:
         (lambda: rectangle().moved(np.eye(2), (1.0, float("nan"))), "shift.*finite"),
         (lambda: rectangle().moved(np.eye(2), (1.0, 2.0, 3.0)), "shift has shape"),
         (lambda: rectangle().scaled(2j), "factor"),
+        (lambda: rectangle().marked({"": "x < 0.5"}), "a name of boundaries is ''; give one that conditions"),
+        (lambda: rectangle().with_interfaces({" ": lambda x: x[:, 0] == 0.5}), "a name of interfaces is ' '"),
+        (lambda: Mesh(SQUARE, [[0, 1, 2], [0, 2, 3]], regions={"": [0]}), "a name of regions is ''"),
     ],
 )
 def test_bad_arguments_are_refused_without_warnings(make: Callable[[], object], words: str) -> None:

@@ -239,6 +239,13 @@ def test_groups_of_one_name_are_united_and_kept_apart_by_dimension(data: bytes, 
     assert set(mesh.boundaries) == set(mesh.regions) == {"ground"}
 
 
+def test_a_group_with_an_empty_name_has_its_number_as_one() -> None:
+    data = (FILES / "plane-2.2-text.msh").read_bytes()
+    named, bare = parse_msh(data), parse_msh(data.replace(b'1 2 "side"', b'1 2 ""'))
+    assert named.groups.keys() ^ bare.groups.keys() == {(1, "side"), (1, "2")}
+    assert (bare.groups[1, "2"] == named.groups[1, "side"]).all()
+
+
 def test_two_groups_of_one_name_bear_the_whole_force(tmp_path: Path) -> None:
     forces = []
     for names, groups in ((NAMES, [1, 2]), (NAMES, [2, 1]), ('1 1 "ground"\n2 1 "ground"', [1, 1])):

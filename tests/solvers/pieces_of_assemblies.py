@@ -126,7 +126,7 @@ def random_assembly(rng: np.random.Generator) -> Assembly:
         law = random_law(rng, size)
         gap = float(rng.choice([0.0, 0.02, -0.02])) * float(rng.random())
         master, slave = f"b{below}:top", f"b{k}:bottom"
-        laws[slave] = _against(law, master, gap, slave if rng.random() < 0.5 or side_by_side else "")
+        laws[slave] = _against(law, master, gap, slave if rng.random() < 0.5 or side_by_side else None)
     supports: dict[str, hv.mechanics.Clamped | hv.Fixed | hv.Prescribed] = {}
     if rng.random() < 0.35:
         laws["b0:bottom"] = random_law(rng, size, glue=False)
@@ -161,7 +161,7 @@ def random_assembly(rng: np.random.Generator) -> Assembly:
     )
 
 
-def _against(law: Law, master: str, gap: float, slave: str) -> Law:
+def _against(law: Law, master: str, gap: float, slave: str | None) -> Law:
     stated = law.stated
     return Law(
         hv.Contact(stated.normal, stated.friction, gap=gap, against=master, slave=slave),

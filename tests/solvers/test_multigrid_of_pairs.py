@@ -167,7 +167,7 @@ def test_the_default_method_is_multigrid_where_it_is_for_one_body() -> None:
 def test_without_coarser_meshes(contact: hv.Contact, material: hv.Material, limit: float) -> None:
     """Aggregates know that each body may move alone, and that both move as one where they touch."""
     found = []
-    for stated in (one_body(64, replace(contact, against="")), pressed(blocks(48, 32), contact, material)):
+    for stated in (one_body(64, replace(contact, against=None)), pressed(blocks(48, 32), contact, material)):
         mesh = stated.mesh
         plain = replace(stated, mesh=hv.Mesh(mesh.points, mesh.cells, mesh.boundaries, mesh.regions))
         discrete = hv.discretize(plain)

@@ -66,7 +66,9 @@ def traction(w: Array) -> Array:
     return np.where(w <= BEGINS, STIFF * w, np.clip(STRENGTH - SOFTENING * (w - BEGINS), 0.0, None))
 
 
-def bars(pull: float = 0.1, glue: Mapping[str, float] = GLUE, slave: str = "", unit: float = 1.0) -> hv.ContactProblem:
+def bars(
+    pull: float = 0.1, glue: Mapping[str, float] = GLUE, slave: str | None = None, unit: float = 1.0
+) -> hv.ContactProblem:
     """The bars, their upper end pulled; lengths in units of another size, forces per area as they are."""
     mesh = hv.Mesh.assembled(
         {

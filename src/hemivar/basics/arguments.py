@@ -20,7 +20,17 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["check_numbers", "described", "expect", "expecting", "number", "one_of", "suggest", "whole_number"]
+__all__ = [
+    "check_numbers",
+    "described",
+    "expect",
+    "expecting",
+    "name_of",
+    "number",
+    "one_of",
+    "suggest",
+    "whole_number",
+]
 
 Kind = TypeVar("Kind")
 Word = TypeVar("Word", bound=StrEnum)
@@ -125,6 +135,13 @@ def one_of(value: object, name: str, kind: type[Word], choices: str = "") -> Wor
         *most, last = (f"'{one}'" for one in kind)
         listed = choices or f"{', '.join(most)} or {last}"
         raise ProblemError(f"{name} = {value!r}; choose {listed}") from None
+
+
+def name_of(value: object, name: str, remedy: str) -> str:
+    """A text that names something: an empty one names nothing, and is refused."""
+    if isinstance(value, str) and value.strip():
+        return value
+    raise ProblemError(f"{name} is {described(value)}; {remedy}")
 
 
 def whole_number(value: object, name: str, least: int) -> int:

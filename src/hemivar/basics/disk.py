@@ -105,7 +105,9 @@ def path_of(name: object) -> Path:
         It is no name.
     """
     try:
-        return Path(name)  # type: ignore[arg-type]
+        if str(name).strip():
+            return Path(name)  # type: ignore[arg-type]
+        raise FileError(f"the name of a file is {name!r}; give its path")
     except TypeError:
         raise FileError(f"the name of a file is {described(name)}; give its path as a text or a Path") from None
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.arguments import expect, number, whole_number
+from hemivar.basics.arguments import expect, name_of, number, whole_number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array, IntArray
@@ -130,6 +130,8 @@ class Save:
             raise ProblemError(f"Save(every={self.every:g}): it must be a time > 0")
         whole_number(self.most, "most of Save", 2)
         expect(self.probes, Mapping, "probes of Save", "give points by names, such as {'tip': (1.0, 0.0)}")
+        for name in self.probes:
+            name_of(name, "a name of probes", "give one that the columns of the table begin with, such as 'tip'")
 
 
 class Frames:

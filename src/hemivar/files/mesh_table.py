@@ -124,7 +124,7 @@ def _recipe(table: TomlTable, folder: Path) -> MeshRecipe:
 
 def _markings(table: TomlTable) -> tuple[Marking, ...]:
     named = table.table("boundaries", None, inline=True)
-    return tuple(Marking(name, named.text(name)) for name in named.data)
+    return tuple(Marking(name, named.text(name, "")) for name in named.data)
 
 
 def _openings(table: TomlTable) -> tuple[Opening, ...]:

@@ -268,8 +268,6 @@ def _file(table: TomlTable, key: str, endings: tuple[str, ...]) -> str:
     name = table.text(key)
     if endings and not any(name.endswith(ending) and name != ending for ending in endings):
         raise table.error(key, f"is '{name}'; give the name of a file that ends in {' or '.join(endings)}")
-    if not name.strip():
-        raise table.error(key, "has an empty name; give the name of a file")
     return name
 
 

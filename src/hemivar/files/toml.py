@@ -219,6 +219,8 @@ class TomlTable:
         if not isinstance(value, str):
             quoted = f"; write one of {listed(choices)}" if choices else "; put it in quotes"
             raise self.error(key, f"must be a text, not {kind(value)}{quoted}")
+        if choices is None and default is None and not value.strip():
+            raise self.error(key, "is empty; write what it says, or leave the key out")
         if choices is not None and value not in choices:
             raise self.error(key, f"'{value}' is not known{suggest(value, choices)}")
         return value

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from hemivar.basics.arguments import described, one_of
+from hemivar.basics.arguments import described, name_of, one_of
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
@@ -33,6 +33,7 @@ from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
 __all__ = ["Contact", "Side"]
 
 
+_NAMED = kept(name_of, "give the name of a boundary")
 #: Memories of the penetration alone.
 _OF_PENETRATION = (Bonding, PenetrationMemory, Secant, ViscousFoundation)
 
@@ -86,11 +87,11 @@ class Contact(CheckedFields, PickleMixin):
         What the contact points remember, one after the other: wear, a bond, the largest opening so far (see
         ``hemivar.laws.memory``); what does not depend on time refuses it.  Glue remembers its largest opening by
         default (``Secant()``), and ``memory=()`` keeps it elastic; any other law remembers nothing.
-    against : str
+    against : str or None
         The boundary of another body, or of another side of an interface that was opened, which this one touches; there
         is no foundation then.  The gap is the distance along the normal, to which ``gap`` is added; where the two
         overlap it is negative (an interference fit).
-    slave : str
+    slave : str or None
         Which of the two boundaries has the contact points: by default that of a body that is four times softer, else
         the finer one, else the one with fewer supports.
     side : Side
@@ -131,22 +132,24 @@ class Contact(CheckedFields, PickleMixin):
         )
         | kept(plain_data, None, LARGEST),
     )
-    against: str = field(
-        default="",
+    against: str | None = field(
+        default=None,
         metadata=stated(
             Form.TEXT,
             "the boundary of another body that this one touches, in place of a foundation; `gap` adds to the distance "
             "of the two",
             left_out="a foundation",
-        ),
+        )
+        | _NAMED,
     )
-    slave: str = field(
-        default="",
+    slave: str | None = field(
+        default=None,
         metadata=stated(
             Form.TEXT,
             "which of the two boundaries has the contact points",
             left_out="that of a body four times softer, else the finer one, else the one with fewer supports",
-        ),
+        )
+        | _NAMED,
     )
     side: Side = field(
         default=Side.ABOVE,
@@ -283,9 +286,6 @@ class Contact(CheckedFields, PickleMixin):
         object.__setattr__(self, "normals", one_of(given, "normals", Normals, "Normals.OBSTACLE or Normals.BODY"))
 
     def _check_pair(self) -> None:
-        for name in ("against", "slave"):
-            if not isinstance(getattr(self, name), str):
-                raise ProblemError(f"{name} is {described(getattr(self, name))}; give the name of a boundary")
         if not self.against:
             if self.slave:
                 raise ProblemError(f"slave = '{self.slave}' goes with against, the boundary that is touched; give both")

@@ -395,7 +395,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             with error_context(f"contact '{name}'"):
                 contact.refuse_normals(self.mesh.dim)
         if contact.against:
-            self._check_pair(name, contact)
+            self._check_pair(name, contact, contact.against)
         dim = self.mesh.dim
         if contact.obstacle is not None and contact.obstacle.dim not in (None, dim):
             raise ProblemError(
@@ -470,9 +470,9 @@ class ContactProblem(PickleMixin, ReprMixin):
             near = suggest(str(name), known, many)
             raise ProblemError(f"{what} names {one} '{name}', which the mesh does not have{near}")
 
-    def _check_pair(self, name: str, contact: Contact) -> None:
+    def _check_pair(self, name: str, contact: Contact, other: str) -> None:
         """Refuse a pair whose boundaries are not two, or that the field or the quadrature does not take."""
-        where, other = f"contact '{name}' against '{contact.against}'", contact.against
+        where = f"contact '{name}' against '{other}'"
         if self.kind and not self.thermal:
             raise ProblemError(f"{where}: of scalar problems heat alone crosses from body to body; leave against out")
         if self.kind and (contact.side is not Side.ABOVE or callable(contact.gap) or contact.gap):
@@ -482,7 +482,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             raise ProblemError(
                 f"{where}: contact '{other}' states the same two boundaries; state them once, under either name"
             )
-        if contact.slave not in ("", name, other):
+        if contact.slave not in (None, name, other):
             raise ProblemError(f"{where}: slave = '{contact.slave}'; give '{name}' or '{other}'")
         count = self.mesh.number_of_nodes
         one, two = (facet_keys(self.mesh.boundaries[side], count) for side in (name, other))
@@ -502,6 +502,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         """
         contact = self.contact[name]
         other = contact.against
+        assert other is not None
         if contact.slave:
             return (name, other) if contact.slave == name else (other, name)
         held = np.zeros(self.mesh.number_of_nodes, dtype=bool)

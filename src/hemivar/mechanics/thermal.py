@@ -365,7 +365,7 @@ class Heat(PickleMixin):
         Of two bodies the contact points are those of their motion, but where temperatures of the slave are prescribed.
         """
         found = ScalarContact(exchange.law, exchange.temperature)
-        against = problem.contact[name].against if name in problem.contact else ""
+        against = problem.contact[name].against if name in problem.contact else None
         if not against:
             return found
         mesh, sides = problem.mesh, problem.pair(name)
@@ -383,7 +383,7 @@ def _check_sides(problem: ContactProblem, name: str, exchange: HeatContact) -> N
                 f"contact['{name}'] of Heat is the boundary that '{other}' touches; state the heat of the two as "
                 f"contact['{other}'], where their contact stands"
             )
-    against = problem.contact[name].against if name in problem.contact else ""
+    against = problem.contact[name].against if name in problem.contact else None
     if against and (callable(exchange.temperature) or exchange.temperature):
         raise ProblemError(
             f"contact['{name}'] of Heat has the temperature of a foundation, and '{name}' touches '{against}', whose "

@@ -8,7 +8,7 @@ from collections.abc import ItemsView, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import expect
+from hemivar.basics.arguments import expect, name_of
 from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -291,7 +291,10 @@ def checked_interfaces(
 
 
 def _by_name(parts: Mapping[str, object], what: str) -> ItemsView[str, object]:
-    return expect(parts, Mapping, what, "give a dict of numbers by names").items()  # type: ignore[type-abstract]
+    expect(parts, Mapping, what, "give a dict of numbers by names")  # type: ignore[type-abstract]
+    for name in parts:
+        name_of(str(name), f"a name of {what}", "give one that conditions and results can use, such as 'left'")
+    return parts.items()
 
 
 def checked_regions(regions: Mapping[str, object], count: int) -> dict[str, IntArray]:

@@ -112,7 +112,8 @@ def put_together(
             nodes, kinds[dim], together = _united(nodes, kinds[dim], together, own)
         cells[dim] = nodes
         for group, rows in sorted(together.items()):
-            name = names.get((dim, group), str(group))
+            name = names.get((dim, group), "")
+            name = name if name.strip() else str(group)
             groups[dim, name] = _merged([groups.get((dim, name), rows), rows], len(nodes))
     return RawMesh(points, cells, kinds, groups)
 

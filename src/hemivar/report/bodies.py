@@ -199,7 +199,7 @@ def plot_problem(problem: ContactProblem, *, unit: str = "", legend: bool = True
     """
     from matplotlib.lines import Line2D
 
-    touching = [name for at, contact in problem.contact.items() for name in (at, contact.against)]
+    touching = [name for at, contact in problem.contact.items() for name in (at, contact.against) if name]
     roles = {
         "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, problem.tractions),
         "contact": (RED, 1.8, [name for name in touching if name in problem.mesh.boundaries]),
