@@ -27,6 +27,7 @@ from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
 from hemivar.fem.forms import FormProblem
 from hemivar.fem.hierarchy import family_of
+from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.laws import SlipMeasure, Superpotential, VectorLaw
 from hemivar.laws.memory import MemoryChain
@@ -47,6 +48,8 @@ __all__ = [
 
 #: Matrices of different steps that are kept.
 _KEPT = 6
+#: Viscosity below this part of its largest one resists nothing.
+_NONE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +176,20 @@ class DiscreteEvolution(PickleMixin):
     @property
     def stores(self) -> bool:
         """Whether it is heat that a capacity stores."""
-        stated = self.evolution.problem
-        return isinstance(stated, ContactProblem) and stated.material.capacity is not None
+        return self.evolution.problem.material.capacity is not None
+
+    @property
+    def viscous_everywhere(self) -> bool:
+        """Whether every strain rate, of a scalar problem every gradient, is resisted in every quadrature point."""
+        mesh, material = self.evolution.statement.mesh, self.evolution.statement.material
+        if material.homogeneous_in(True):
+            tensor = material.viscosity_tensor(mesh.points[:1], {})
+        else:
+            tensor, _ = at_quadrature_points(mesh, 2 * self.evolution.statement.order, material.viscosity_tensor)
+        sizes = np.asarray(np.linalg.eigvalsh(tensor), dtype=float)
+        most, least = float(sizes.max(initial=0.0)), float(sizes.min(initial=np.inf))
+        largest, small = self.vectors.largest(most, -least).tolist()
+        return bool(-small > _NONE * largest)
 
     @property
     def field(self) -> Field:
@@ -238,24 +253,20 @@ class DiscreteEvolution(PickleMixin):
 class FormEvolution(DiscreteEvolution):
     """Of a body of forms."""
 
+    stated: FormProblem = field(kw_only=True)
     #: Unknowns of the basis that supports may move, in the order of :attr:`moved`.
     dofs: IntArray = field(kw_only=True)  # (k,)
 
+    @property
+    def viscous_everywhere(self) -> bool:
+        """Whether viscosity is in proportion to stiffness; of other forms nobody knows."""
+        return (self.damping_time or 0.0) > 0.0
+
     def data_at(self, time: float) -> ExternalData:
         """What acts at a time."""
-        stated = self.evolution.problem
-        assert isinstance(stated, FormProblem)
-        force, values, offset, law, contacts = stated.acting(time)
-        load = np.concatenate([force[stated.body.free], force[self.dofs]])
+        force, values, offset, law, contacts = self.stated.acting(time)
+        load = np.concatenate([force[self.stated.body.free], force[self.dofs]])
         return ExternalData(load, values[self.dofs], offset, law, dampings(contacts))
-
-
-def _of_forms(evolution: Evolution, stated: FormProblem) -> DiscreteEvolution:
-    problem = stated.starting(evolution.start)
-    family, dofs = stated.family(problem, evolution.inertia)
-    blocks = _blocks(problem)
-    refuse_unmeasured(stated, problem, blocks, False)
-    return FormEvolution(evolution, problem, family, blocks, dofs=dofs)
 
 
 def dampings(contacts: Mapping[str, Contact]) -> dict[str, Superpotential]:
@@ -265,17 +276,19 @@ def dampings(contacts: Mapping[str, Contact]) -> dict[str, Superpotential]:
 
 def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
     """Matrices, supports and contact points of an evolution."""
-    if isinstance(evolution.problem, FormProblem):
-        return _of_forms(evolution, evolution.problem)
-    stated = evolution.problem.at_time(evolution.start)
+    if isinstance(forms := evolution.problem, FormProblem):
+        problem = forms.starting(evolution.start)
+        family, dofs = forms.family(problem, evolution.inertia)
+        refuse_unmeasured(forms, problem, blocks := _blocks(problem), False)
+        return FormEvolution(evolution, problem, family, blocks, stated=forms, dofs=dofs)
+    stated = forms.at_time(evolution.start)
     # What stores heat holds a temperature within a step.
     held = not (evolution.inertia or stated.material.capacity is not None)
     problem = discretize(stated, check_coercivity=held, evolving=True)
     family = family_of(problem, evolution.inertia)
     if family.mass is not None and evolution.mass is Mass.REDISTRIBUTED:
         family = replace(family, mass=_redistributed(family.mass, problem, family.moved))
-    blocks = _blocks(problem)
-    refuse_unmeasured(stated, problem, blocks, evolution.heat is not None)
+    refuse_unmeasured(stated, problem, blocks := _blocks(problem), evolution.heat is not None)
     return DiscreteEvolution(evolution, problem, family, blocks, heat=_heat(evolution, stated, problem, family.moved))
 
 

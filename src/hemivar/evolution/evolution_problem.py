@@ -13,7 +13,6 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
-from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.fem.forms import FormProblem
 from hemivar.mechanics.conditions import DataField
@@ -89,22 +88,18 @@ class Evolution(PickleMixin):
             object.__setattr__(self, "mass", Mass(self.mass))
         except ValueError:
             raise ProblemError(f"mass = {self.mass!r}; choose 'consistent' or 'redistributed'") from None
-        if isinstance(problem, FormProblem):
-            self._check_forms(problem)
-        elif self.heat is not None and problem.components > 1 and not problem.material.linear:
+        if self.heat is not None and not self.linear and not problem.kind:
             raise ProblemError(
                 "heat is coupled with the motion of linear materials only, and this material is not linear; leave heat "
                 "out, or give Material.lame(...) or the like"
             )
-        if isinstance(problem, FormProblem):
-            pass
-        elif problem.kind:
-            self._check_scalar(problem)
-        elif self.inertia and not problem.material.inert:
-            raise ProblemError(
-                "the evolution has inertia, but the material has no density; give Material.lame(..., density=rho), or "
-                "take inertia=False"
-            )
+        if problem.kind:
+            self._check_scalar(self.statement)
+        if self.inertia and not problem.material.inert:
+            raise ProblemError(f"the evolution has inertia, but {problem.without_mass}, or take inertia=False")
+        if self.heat is not None or self.mass is Mass.REDISTRIBUTED:
+            what = "heat" if self.heat is not None else "redistributed mass"
+            self._assembled(what, "; leave it out of a body of forms")
         if self.velocity is not None and not self.inertia:
             raise ProblemError(
                 "an initial velocity is given, but the body has no inertia, so it would have no effect; use "
@@ -121,15 +116,13 @@ class Evolution(PickleMixin):
     @property
     def linear(self) -> bool:
         """Whether the stress, or the flux, is linear in the strain or gradient."""
-        return isinstance(self.problem, FormProblem) or self.problem.material.linear
+        return self.problem.material.linear
 
     @property
     def resists(self) -> bool:
         """Whether the body has mass, viscosity or a capacity, so that a step is no equilibrium."""
-        problem = self.problem
-        if isinstance(problem, FormProblem):
-            return self.inertia or problem.body.viscosity is not None
-        return self.inertia or problem.material.viscous or problem.material.capacity is not None
+        material = self.problem.material
+        return self.inertia or material.viscous or material.capacity is not None
 
     @property
     def statement(self) -> ContactProblem:
@@ -140,17 +133,16 @@ class Evolution(PickleMixin):
         ProblemError
             It is one of forms.
         """
+        return self._assembled("this", ", and it is one of forms")
+
+    def _assembled(self, what: str, otherwise: str) -> ContactProblem:
         if isinstance(self.problem, FormProblem):
-            raise ProblemError("this needs a body that hemivar assembles itself, and it is one of forms")
+            raise ProblemError(f"{what} needs a body that hemivar assembles itself{otherwise}")
         return self.problem
 
     @cached_property
-    def _at_start(self) -> Field:
-        """The field of a body of forms."""
-        assert isinstance(self.problem, FormProblem)
-        found = self.problem.starting(self.start).field
-        assert found is not None
-        return found
+    def _places(self) -> tuple[Array, int]:
+        return self.problem.places(self.start)
 
     @cached_property
     def conduction(self) -> Evolution | None:
@@ -186,25 +178,10 @@ class Evolution(PickleMixin):
             )
         return self.statement
 
-    def _check_forms(self, problem: FormProblem) -> None:
-        if self.inertia and problem.body.mass is None:
-            raise ProblemError(
-                "the evolution has inertia, but the body has no mass; give FormBody(..., mass=form), or take "
-                "inertia=False"
-            )
-        if self.heat is not None or self.mass is Mass.REDISTRIBUTED:
-            what = "heat" if self.heat is not None else "redistributed mass"
-            raise ProblemError(f"{what} needs a body that hemivar assembles itself; leave it out of a body of forms")
-
     def _check_scalar(self, problem: ContactProblem) -> None:
         if self.inertia and problem.thermal:
             raise ProblemError(
                 "heat has no inertia; take inertia=False, what stores heat is the capacity of the problem"
-            )
-        if self.inertia and not problem.material.inert:
-            raise ProblemError(
-                f"the evolution has inertia, but the {problem.kind} has no density; give ScalarProblem(..., "
-                "density=rho), or take inertia=False"
             )
         if self.mass is Mass.REDISTRIBUTED and problem.areas:
             raise ProblemError(
@@ -226,11 +203,7 @@ class Evolution(PickleMixin):
         name : str
             ``"displacement"`` or ``"velocity"``.
         """
-        value, what, problem = getattr(self, name), f"initial {name}", self.problem
-        if isinstance(problem, FormProblem):
-            components, nodes = self._at_start.components, self._at_start.nodes
-        else:
-            components, nodes = problem.components, problem.mesh.nodes(problem.order)
+        value, what, (nodes, components) = getattr(self, name), f"initial {name}", self._places
         shape = (len(nodes), components)
         if value is None:
             return np.zeros(shape)

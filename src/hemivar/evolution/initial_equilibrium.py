@@ -13,8 +13,6 @@ from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
-from hemivar.fem.forms import FormProblem
-from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.laws import SlipMeasure
 from hemivar.solvers import Status
 
@@ -22,8 +20,6 @@ __all__ = ["begun", "longest_without_swing", "ramped", "settled", "sunk_by_a_jum
 
 #: Part of the next step in which a body yields at once: what is viscous stays where it is.
 _AT_ONCE = 1e-8
-#: Viscosity below this part of its largest one resists nothing.
-_NONE = 1e-12
 #: What is said where friction at rest does not hold the body.
 _NO_REST = (
     "friction that weakens with the slip rate may not carry the initial load at rest; start from a smaller load "
@@ -37,7 +33,7 @@ def yields_at_once(discrete: DiscreteEvolution) -> bool:
     """Whether a part of a body has neither mass nor viscosity, so that its displacement is no initial value."""
     if discrete.mass is not None or discrete.stores:
         return False
-    return discrete.viscosity is None or not _viscous_everywhere(discrete)
+    return discrete.viscosity is None or not discrete.viscous_everywhere
 
 
 def settled(
@@ -148,19 +144,3 @@ def longest_without_swing(stepper: TimeStepper, taken: StepResult) -> float:
         float(force[:n] @ way[:n]), 2.0 * discrete.viscosity.energy(way) / taken.step
     ).tolist()
     return taken.step * middle / (first - middle) if first > middle > 0.0 else np.inf
-
-
-def _viscous_everywhere(discrete: DiscreteEvolution) -> bool:
-    """Whether every strain rate, of a scalar problem every gradient, is resisted in every quadrature point."""
-    stated = discrete.evolution.problem
-    if isinstance(stated, FormProblem):
-        return (discrete.damping_time or 0.0) > 0.0
-    mesh, material = stated.mesh, stated.material
-    if material.homogeneous_in(True):
-        tensor = material.viscosity_tensor(mesh.points[:1], {})
-    else:
-        tensor, _ = at_quadrature_points(mesh, 2 * stated.order, material.viscosity_tensor)
-    sizes = np.asarray(np.linalg.eigvalsh(tensor), dtype=float)
-    most, least = float(sizes.max(initial=0.0)), float(sizes.min(initial=np.inf))
-    largest, small = discrete.vectors.largest(most, -least).tolist()
-    return bool(-small > _NONE * largest)

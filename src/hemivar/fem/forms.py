@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -222,6 +223,9 @@ class FormBody:
     fixed: Sequence[int] | IntArray = ()
     mass: ScikitFem = None
     viscosity: ScikitFem = None
+    #: Answers of a material that forms have, too.
+    linear: ClassVar[bool] = True
+    capacity: ClassVar[None] = None
     _matrix: sp.csr_array = field(init=False, repr=False)
     _in_time: Mapping[str, sp.csr_array] = field(init=False, repr=False)
     _loads: Array = field(init=False, repr=False)
@@ -246,6 +250,16 @@ class FormBody:
         object.__setattr__(self, "_loads", load)
         object.__setattr__(self, "_held", held)
         object.__setattr__(self, "_values", values)
+
+    @property
+    def inert(self) -> bool:
+        """Whether it has mass."""
+        return self.mass is not None
+
+    @property
+    def viscous(self) -> bool:
+        """Whether it has viscosity."""
+        return self.viscosity is not None
 
     @property
     def free(self) -> IntArray:
@@ -379,7 +393,14 @@ class FormProblem(PickleMixin):
     factor: Callable[[float], float] | None = None
     title: str = ""
     units: Units = field(default_factory=Units)
+    kind: ClassVar[None] = None
+    without_mass: ClassVar[str] = "the body has no mass; give FormBody(..., mass=form)"
     _rows: Mapping[str, tuple[_Rows, bool]] = field(init=False, repr=False)
+
+    @property
+    def material(self) -> FormBody:
+        """The body, which answers what the material of a :class:`hemivar.ContactProblem` does."""
+        return self.body
 
     def __post_init__(self) -> None:
         expect(self.body, FormBody, "the body of a problem of forms", "give a hemivar.fem.FormBody(basis, form)")
@@ -436,6 +457,12 @@ class FormProblem(PickleMixin):
                 "multiplier"
             )
         return found
+
+    def places(self, time: float) -> tuple[Array, int]:
+        """The nodes (k, d) of the displacement and its components."""
+        field = self.starting(time).field
+        assert field is not None
+        return field.nodes, field.components
 
     def _posed(self, time: float | None) -> DiscreteProblem:
         body, matrix, free = self.body, self.body._matrix, self.body.free

@@ -18,7 +18,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated, stated_of_one
-from hemivar.basics.types import IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import (
@@ -242,6 +242,16 @@ class ContactProblem(PickleMixin, ReprMixin):
     def thermal(self) -> bool:
         """Whether the field is a temperature."""
         return self.kind is ScalarKind.HEAT
+
+    @property
+    def without_mass(self) -> str:
+        """What is said where it moves and has no density."""
+        what, maker = (self.kind, "ScalarProblem") if self.kind else ("material", "Material.lame")
+        return f"the {what} has no density; give {maker}(..., density=rho)"
+
+    def places(self, time: float) -> tuple[Array, int]:
+        """The nodes (k, d) of the field and its components, the same at any time."""
+        return self.mesh.nodes(self.order), self.components
 
     @property
     def load_names(self) -> tuple[str, str]:
