@@ -112,6 +112,15 @@ def test_an_elastic_body_marches_without_mass_and_viscosity() -> None:
     alike(found, march(Evolution(own_block(RUBS, (0.0, -0.02), pull, False)), 1.0, step=0.25))
 
 
+@pytest.mark.parametrize("viscous", [True, False])
+def test_a_body_of_forms_says_whether_it_is_linear_and_resists(viscous: bool) -> None:
+    forms = FormProblem(block() if viscous else block(viscosity=None), {"bottom": RUBS})
+    own = own_block(RUBS, (0.0, 0.0), viscous=viscous)
+    for inertia in (False, True):
+        one, other = (Evolution(stated, inertia) for stated in (forms, own))
+        assert (one.linear, one.resists) == (other.linear, other.resists) == (True, viscous or inertia)
+
+
 def test_a_march_of_forms_is_resumed_and_written(tmp_path: Path) -> None:
     stated, kept = FormProblem(block(), {"bottom": GLUE}), Checkpoint(tmp_path / "march.ckpt", 0.0)
     straight = march(Evolution(stated, True, (0.0, -0.02)), 0.4, step=0.05, save=Save(probes={"tip": (1.0, 0.0)}))
