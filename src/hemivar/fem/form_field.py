@@ -15,16 +15,16 @@ import skfem
 from numpy.lib.stride_tricks import sliding_window_view
 
 from hemivar.basics.first_use import IMPORTS
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.space import Field
+from hemivar.mesh.kinds import SHAPES
 from hemivar.mesh.mesh import Mesh
-from hemivar.mesh.simplices import cut_at_least
+from hemivar.mesh.simplices import cones, cut_at_least
 
 __all__ = ["form_field", "nearest_nodes", "rows_of"]
 
-#: Corners of a square and of the faces of a cube, one after the other, of numbers that count in binary.
-_SQUARE = np.array([0, 1, 3, 2])
-_CUBE = np.array([[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]])
+#: Corners of a cube as mesh files number them, of a square the first four, of numbers that count in binary.
+_CUBE = np.array([0, 1, 3, 2, 4, 5, 7, 6])
 #: Elements with one value at each node, and their orders.
 _SIMPLEX = {"ElementTriP1": 1, "ElementTriP2": 2, "ElementTetP1": 1, "ElementTetP2": 2}
 _LATTICE = ("ElementQuad1", "ElementQuad2", "ElementHex1", "ElementHex2")
@@ -157,8 +157,12 @@ def _split(mesh: ScikitFem, points: Array, table: IntArray, places: Array) -> Me
     dim = places.shape[1]
     along = round(len(places) ** (1.0 / dim))
     grid = np.lexsort(places.T).reshape((along,) * dim)  # the last coordinate counts slowest
-    pieces = table[:, _windows(grid)]  # (cells, S, 2^d)
-    parts = cut_at_least(pieces[..., _SQUARE]) if dim == 2 else _tetrahedra(pieces)
+    pieces = table[:, _windows(grid)].reshape(-1, 2**dim)  # (cells S, 2^d)
+    if dim == 2:
+        parts = cut_at_least(pieces)
+    else:
+        tetrahedra, real = cones(SHAPES["hexahedron"], pieces, pieces.min(axis=1))
+        parts = tetrahedra[real]
     boundaries = {}
     for name, facets in _outer(mesh).items():
         cell = np.asarray(mesh.f2t)[0, facets]
@@ -167,7 +171,7 @@ def _split(mesh: ScikitFem, points: Array, table: IntArray, places: Array) -> Me
         pieces = np.concatenate(
             [table[cell[local == k]][:, side].reshape(-1, side.shape[-1]) for k, side in enumerate(sides)]
         )
-        boundaries[name] = pieces if dim == 2 else cut_at_least(pieces[:, _SQUARE]).reshape(-1, 3)
+        boundaries[name] = pieces if dim == 2 else cut_at_least(pieces).reshape(-1, 3)
     return Mesh.oriented(
         points, parts.reshape(-1, dim + 1), boundaries, _regions(mesh, parts.size // (len(table) * (dim + 1)))
     )
@@ -175,7 +179,7 @@ def _split(mesh: ScikitFem, points: Array, table: IntArray, places: Array) -> Me
 
 def _windows(grid: IntArray) -> IntArray:
     """The corners of the pieces between neighbours of a grid, (pieces, 2^d)."""
-    return np.asarray(sliding_window_view(grid, (2,) * grid.ndim)).reshape(-1, 2**grid.ndim)
+    return np.asarray(sliding_window_view(grid, (2,) * grid.ndim)).reshape(-1, 2**grid.ndim)[:, _CUBE[: 2**grid.ndim]]
 
 
 def _side(grid: IntArray, places: Array, corners: IntArray) -> IntArray:
@@ -184,13 +188,3 @@ def _side(grid: IntArray, places: Array, corners: IntArray) -> IntArray:
     axis = int(np.argmin(np.ptp(at, axis=0)))
     end = 0 if at[0, axis] == 0.0 else -1
     return _windows(np.take(grid, end, axis=grid.ndim - 1 - axis))
-
-
-def _tetrahedra(cubes: IntArray) -> IntArray:
-    """Tetrahedra (..., 6, 4) of hexahedra (..., 8): cones from the node of the least number over far triangles."""
-    apex = cubes.min(axis=-1)
-    faces = cut_at_least(cubes[..., _CUBE]).reshape(*cubes.shape[:-1], 12, 3)
-    far: BoolArray = (faces != apex[..., None, None]).all(axis=-1)
-    beyond = faces[far].reshape(*cubes.shape[:-1], 6, 3)
-    tips = np.broadcast_to(apex[..., None, None], (*cubes.shape[:-1], 6, 1))
-    return np.concatenate([tips, beyond], axis=-1)

@@ -21,7 +21,7 @@ from hemivar.mesh.kinds import KINDS, SHAPES, Shape
 from hemivar.mesh.raw import RawMesh
 from hemivar.mesh.refine import red_tetrahedra
 
-__all__ = ["Simplices", "cut_at_least", "simplices"]
+__all__ = ["Simplices", "cones", "cut_at_least", "simplices"]
 
 #: By how much of the length of an edge its middle may be off, so that it is straight.
 _STRAIGHT = 1e-6
@@ -264,11 +264,8 @@ def _fans(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
 def _cones(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
     """Tetrahedra of solids: cones from the least node over the triangles of the faces, from the centre else."""
     shape, cells, rows = part
-    surface = [cells[:, None, face] for face in shape.faces if len(face) == 3]
-    surface += [cut_at_least(cells[:, face]) for face in shape.faces if len(face) == 4]
-    triangles = np.concatenate(surface, axis=1)[..., [0, 2, 1]]  # seen from inside
-    apex = cells.min(axis=1)
-    tetrahedra, chosen, bad = _cone(nodes, triangles, apex)
+    tetrahedra, chosen = cones(shape, cells, cells.min(axis=1))
+    bad = _bad(nodes, tetrahedra, chosen)
     chosen &= ~bad[:, None]
     found, number = [tetrahedra[chosen]], [np.broadcast_to(rows[:, None], chosen.shape)[chosen]]
     if bad.any():
@@ -278,8 +275,8 @@ def _cones(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
             [np.ones(len(own), dtype=bool), once[:, 1:] != once[:, :-1]]
         )  # repeated nodes count once
         places = (nodes.points[once] * weight[..., None]).sum(axis=1) / weight.sum(axis=1)[:, None]
-        tetrahedra, chosen, still = _cone(nodes, triangles[bad], nodes.add(places, own))
-        if still.any():
+        tetrahedra, chosen = cones(shape, own, nodes.add(places, own))
+        if (still := _bad(nodes, tetrahedra, chosen)).any():
             wrong = np.zeros(len(cells), dtype=bool)
             wrong[np.flatnonzero(bad)[still]] = True
             raise _distorted(nodes, part, wrong, "is inside out somewhere, or has no volume")
@@ -288,16 +285,22 @@ def _cones(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
     return np.concatenate(found), np.concatenate(number)
 
 
-def _cone(nodes: _Nodes, triangles: IntArray, apex: IntArray) -> tuple[IntArray, BoolArray, BoolArray]:
-    """Tetrahedra (k, t, 4) over triangles (k, t, 3), which of them have four nodes (k, t), which cells are bad (k,)."""
-    tetrahedra = np.concatenate([triangles, np.broadcast_to(apex[:, None, None], (*triangles.shape[:2], 1))], axis=2)
-    real = _distinct(tetrahedra)
+def cones(shape: Shape, cells: IntArray, apex: IntArray) -> tuple[IntArray, BoolArray]:
+    """Tetrahedra (k, t, 4) between nodes (k,) and the triangles of solids (k, n); which have four nodes, (k, t)."""
+    surface = [cells[:, None, face] for face in shape.faces if len(face) == 3]
+    surface += [cut_at_least(cells[:, face]) for face in shape.faces if len(face) == 4]
+    triangles = np.concatenate(surface, axis=1)[..., [0, 2, 1]]  # seen from inside
+    tips = np.broadcast_to(apex[:, None, None], (*triangles.shape[:2], 1))
+    tetrahedra = np.concatenate([triangles, tips], axis=2)
+    return tetrahedra, _distinct(tetrahedra)
+
+
+def _bad(nodes: _Nodes, tetrahedra: IntArray, real: BoolArray) -> BoolArray:
+    """Which solids (k,) have tetrahedra (k, t, 4) of unlike signs or without volume, or no ``real`` one, (k, t)."""
     volumes = np.where(real, signed_volumes(nodes.points, tetrahedra.reshape(-1, 4)).reshape(real.shape), 0.0)
     whole = volumes.sum(axis=1)
-    bad = (real & (volumes * np.sign(whole)[:, None] <= _LEAST * np.abs(whole)[:, None])).any(axis=1) | ~real.any(
-        axis=1
-    )
-    return tetrahedra, real, bad
+    flat = volumes * np.sign(whole)[:, None] <= _LEAST * np.abs(whole)[:, None]
+    return np.asarray((real & flat).any(axis=1) | ~real.any(axis=1))
 
 
 def _distorted(nodes: _Nodes, part: _Part, bad: BoolArray, what: str) -> ProblemError:
