@@ -130,7 +130,7 @@ def test_towers_in_space_are_told_to_stand_or_fall(count: int) -> None:
         f"block {i}": hv.box((1.0, 1.0, 1.0), 1 + i % 2, origin=(0.0, 0.0, float(i))) for i in range(count)
     })  # fmt: skip
     contact = {
-        f"block {i}:bottom": hv.Contact(hv.Signorini(), hv.Tresca(5.0), against=f"block {i - 1}:top" if i else "")
+        f"block {i}:bottom": hv.Contact(hv.Signorini(), hv.Tresca(5.0), against=f"block {i - 1}:top" if i else None)
         for i in range(count)
     }
     top = f"block {count - 1}:top"
