@@ -52,7 +52,7 @@ def test_forces_on_both_sides_are_opposite_and_balance_each_body(slave: str, ord
 
 
 def test_where_the_side_with_points_is_held_the_other_feels_what_its_body_does() -> None:
-    """A roller holds the left end of the slave along x: no friction there, on neither side."""
+    """A roller holds the left end of the slave along x: friction there acts on the master alone, and on the roller."""
     solution = hv.solve(blocks("upper:bottom", held=True)).raise_for_status()
     np.testing.assert_allclose(sum(solution.reactions.values()), 0.0, atol=1e-12)
     ones = np.ones(solution.contact.shape)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import IMPORTS
@@ -39,6 +40,8 @@ __all__ = [
 _ZERO = 1e-12
 #: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the largest place or value.
 _ROUNDED = 1e-12
+#: Share of the master's displacements in a jump from which they count where supports hold the slave.
+_SEEN = 1e-2
 #: Overlap of two bodies that is no rounding, of their size, and degrees between facets that a projection can bear.
 _OVERLAP, _TURNED = 1e-9, 30.0
 
@@ -190,9 +193,9 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     moves = np.linalg.norm(movable(frames, supports.directions[found.nodes]), axis=2) > DEPENDENT
     names, count = tuple(problem.contact), len(points)
     trace, boundary = local_components(found.jump, frames), np.full(count, names.index(name))
-    trace = sp.csr_array(
-        sp.diags_array(moves.ravel().astype(float)) @ trace
-    )  # what supports hold of the slave is still
+    kept = moves.ravel()
+    kept[~kept] = _seen_apart(sp.csr_array(trace[~kept]), np.repeat(supports.count == 0, supports.nodes.shape[1]))
+    trace = sp.csr_array(sp.diags_array(kept.astype(float)) @ trace)
     pairs = {name: problem.pair(name)}
     at = ContactPoints(
         trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
@@ -201,6 +204,21 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     with error_context(title, contact.normal, contact.friction):
         law, still = contact.law.at(points), np.zeros(points.shape)
         return BoundaryContact(at, stated + apart, still, law, blocked, True, said)
+
+
+def _seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:
+    """Of directions (k,) in which supports hold the slave: those whose jump sees the master, each its own part of it.
+
+    Friction acts there between the master and the slave that is held.  Without it the master would miss that share of
+    a shear that goes through.
+    """
+    seen, found = sp.csc_array(rows[:, free]), np.zeros(rows.shape[0], dtype=bool)
+    seen = seen[:, np.diff(seen.indptr) > 0]
+    if min(seen.shape):
+        _, corner, order = la.qr(seen.toarray().T, mode="economic", pivoting=True)
+        size = np.abs(np.diagonal(corner))
+        found[order[: size.size][size > _SEEN]] = True
+    return found
 
 
 def _pair_warnings(title: str, overlap: float, nodes: Array, turned: float) -> tuple[str, ...]:
