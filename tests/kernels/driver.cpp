@@ -445,6 +445,18 @@ void add_up_simplices(int dim, int inner, bool slopes) {
             }
         }
     }
+    std::vector<int64_t> edges, ends;  // of facets, as numbers of edges: every edge has cells that are its own
+    for (int a = 0; a < corners; ++a) {
+        for (int c = a + 1; c < corners; ++c) ends.insert(ends.end(), {a, c});
+    }
+    for (int64_t k = 0; k < mesh.count * static_cast<int64_t>(ends.size() / 2); ++k) edges.push_back(k);
+    const std::vector<uint8_t> inside(facets, 1);
+    const std::vector<double> flat(mesh.count * dim * dim, 0.0);
+    const CellBubbles bubbles{dim, mesh.count, static_cast<int64_t>(edges.size()), facets, 1, unit.data(),
+                              mesh.gradients.data(), sizes.data(), flat.data(), given.data(), edges.data(),
+                              mesh.cell_facets.data(), ends.data(), inside.data()};
+    const double square = unresolved_square(bubbles);
+    check(square > 0.0 && std::isfinite(square), "bubbles see no load");
     check(std::abs(value[1] - value[2] - 2.0 * expected) < 1e-9 * value[0], "slopes are not those of the energies");
 }
 

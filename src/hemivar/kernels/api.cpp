@@ -346,5 +346,9 @@ HEMIVAR_API int hv_cells(const CellElement* element, const CellStresses* body) {
     return guarded([&] { add_up_cells(*element, *body); });
 }
 
+HEMIVAR_API int hv_unresolved(const CellBubbles* body, double* square) {
+    return guarded([&] { *square = unresolved_square(*body); });
+}
+
 // On Windows an extension must have one; nobody imports it.
 HEMIVAR_API void* PyInit__compiled() { return nullptr; }

@@ -238,12 +238,108 @@ void pull_back_all(int64_t cells, int64_t count, const double* matrices, const d
     });
 }
 
+template <int D>
+struct Bubble {
+    static constexpr int kPairs = D * (D + 1) / 2;
+    double right[D] = {}, matrix[kPairs] = {};  // the latter by rows, above the diagonal
+    bool inside = true;
+
+    // r'K^-1 r; nothing where K is not definite.
+    double square() const {
+        double A[D][D], x[D], sum = 0.0;
+        for (int i = 0, at = 0; i < D; ++i) {
+            x[i] = right[i];
+            for (int k = i; k < D; ++k) A[i][k] = A[k][i] = matrix[at++];
+        }
+        for (int k = 0; k < D; ++k) {
+            if (!(A[k][k] > 0.0)) return 0.0;
+            sum += x[k] * x[k] / A[k][k];
+            for (int i = k + 1; i < D; ++i) {
+                const double factor = A[i][k] / A[k][k];
+                x[i] -= factor * x[k];
+                for (int j = k + 1; j < D; ++j) A[i][j] -= factor * A[k][j];
+            }
+        }
+        return sum;
+    }
+};
+
+// K_ik = sum of C_ij,kl G_jl of the numbers G_jl above the diagonal.
+template <int D>
+void weigh(const double* stiffness, const double* products, double* out) {
+    constexpr int V = D * (D + 1) / 2;
+    constexpr int place[3][3] = {{0, D == 2 ? 2 : 5, 4}, {D == 2 ? 2 : 5, 1, 3}, {4, 3, 2}};
+    double G[D][D];
+    for (int i = 0, at = 0; i < D; ++i) {
+        for (int k = i; k < D; ++k) G[i][k] = G[k][i] = products[at++];
+    }
+    for (int i = 0, at = 0; i < D; ++i) {
+        for (int k = i; k < D; ++k, ++at) {
+            out[at] = 0.0;
+            for (int j = 0; j < D; ++j) {
+                for (int l = 0; l < D; ++l) out[at] += stiffness[place[i][j] * V + place[k][l]] * G[j][l];
+            }
+        }
+    }
+}
+
+template <int D>
+double bubbles(const CellBubbles& b) {
+    constexpr int edges = D == 2 ? 3 : 6, pairs = D * (D + 1) / 2;
+    std::vector<Bubble<D>> of(b.edges);
+    for (int64_t cell = 0; cell < b.cells; ++cell) {
+        const double* gradient = b.gradients + cell * (D + 1) * D;
+        const double* stress = b.stress + cell * D * D;
+        const double volume = b.sizes[cell] / (D == 2 ? 2.0 : 6.0), size = volume / ((D + 1) * (D + 2));
+        double load[D] = {};
+        for (int k = 0; k < (D + 1) * D; ++k) load[k % D] += b.loads[cell * (D + 1) * D + k] / ((D + 1) * (D + 2));
+        for (int e = 0; e < edges; ++e) {
+            Bubble<D>& bubble = of[b.cell_edges[cell * edges + e]];
+            const double *one = gradient + b.ends[2 * e] * D, *two = gradient + b.ends[2 * e + 1] * D;
+            double both[D], products[pairs], own[pairs];
+            for (int i = 0; i < D; ++i) both[i] = one[i] + two[i];
+            for (int i = 0, at = 0; i < D; ++i) {
+                bubble.right[i] += load[i];
+                for (int j = 0; j < D; ++j) bubble.right[i] -= volume / (D + 1) * stress[i * D + j] * both[j];
+                for (int k = i; k < D; ++k) {
+                    products[at++] = size * (one[i] * one[k] + two[i] * two[k] + both[i] * both[k]);
+                }
+            }
+            const double* added = products;
+            if (b.matrices > 1) {
+                weigh<D>(b.stiffness + cell * pairs * pairs, products, own);
+                added = own;
+            }
+            for (int k = 0; k < pairs; ++k) bubble.matrix[k] += added[k];
+        }
+        for (int f = 0; f <= D; ++f) {
+            if (b.interior[b.cell_facets[cell * (D + 1) + f]]) continue;
+            for (int e = 0; e < edges; ++e) {
+                if (b.ends[2 * e] != f && b.ends[2 * e + 1] != f) of[b.cell_edges[cell * edges + e]].inside = false;
+            }
+        }
+    }
+    double sum = 0.0;
+    for (Bubble<D>& bubble : of) {
+        if (!bubble.inside) continue;
+        if (b.matrices == 1) {
+            double own[pairs];
+            weigh<D>(b.stiffness, bubble.matrix, own);
+            std::copy_n(own, pairs, bubble.matrix);
+        }
+        sum += bubble.square();
+    }
+    return sum;
+}
+
 }  // namespace
 
 void pull_back(int64_t dim, int64_t cells, int64_t count, const double* matrices, const double* points,
                const int64_t* vertices, const double* sizes, double* out) {
     (dim == 2 ? pull_back_all<2> : pull_back_all<3>)(cells, count, matrices, points, vertices, sizes, out);
 }
+
+double unresolved_square(const CellBubbles& body) { return body.dim == 2 ? bubbles<2>(body) : bubbles<3>(body); }
 
 void add_up_cells(const CellElement& element, const CellStresses& body) {
     const Tables tables(element);

@@ -34,4 +34,17 @@ void pull_back(int64_t dim, int64_t cells, int64_t count, const double* matrices
 
 void add_up_cells(const CellElement& element, const CellStresses& body);
 
+// What linear elements leave of the loads, seen by the bubbles of the edges.
+struct CellBubbles {
+    int64_t dim, cells, edges, facets, matrices;
+    const double* stiffness;    // (matrices, v, v), those of all cells or one
+    const double *gradients, *sizes;  // (M, d + 1, d), (M,)
+    const double *stress, *loads;     // (M, d, d), (M, d + 1, d)
+    const int64_t *cell_edges, *cell_facets, *ends;  // (M, e), (M, d + 1), (e, 2)
+    const uint8_t* interior;    // (F,)
+};
+
+// The sum over the edges inside of r'K^-1 r, with r and K of the bubble of each.
+double unresolved_square(const CellBubbles& body);
+
 }  // namespace hemivar

@@ -71,6 +71,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_improve_patches": ([c_void_p, c_void_p], c_int),
     "hv_pull_back": ([*[c_int64] * 3, *[c_void_p] * 5], c_int),
     "hv_cells": ([c_void_p, c_void_p], c_int),
+    "hv_unresolved": ([c_void_p, c_void_p], c_int),
 }
 
 

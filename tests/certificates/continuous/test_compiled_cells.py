@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,10 +11,12 @@ import pytest
 
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous import admissible_stress as module
+from hemivar.certificates.continuous import conjugate_sweeps
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.certificates.continuous.body_data import body_data
-from hemivar.certificates.continuous.compiled_cells import cell_sums
+from hemivar.certificates.continuous.compiled_cells import bubble_square, cell_sums
 from hemivar.certificates.continuous.split_element import voigt
+from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.kernels import kernels
@@ -81,6 +84,34 @@ def test_slopes_are_derivatives_of_energies(
     assert 4.0 * found == pytest.approx(more - less, rel=1e-9, abs=1e-9 * np.abs(more).max())
 
 
+@pytest.mark.parametrize("compiled", [pytest.param(True, marks=built), False])
+@pytest.mark.parametrize("alike", [True, False])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_bubbles_are_the_midpoints_of_quadratic_elements(
+    dim: int, alike: bool, compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not compiled:
+        monkeypatch.setattr(conjugate_sweeps, "bubble_square", lambda *_: None)
+    problem = two_parts(plane_mesh(5) if dim == 2 else space_mesh(2))
+    problem = replace(problem, material=anisotropic(dim)) if alike else problem
+    mesh = problem.mesh
+    u = np.random.default_rng(3).normal(size=mesh.points.shape)
+    quadratic = np.vstack([u, u[mesh.edges].mean(axis=1)])
+    load = np.zeros(quadratic.shape)
+    share = np.repeat(mesh.volumes / (3 if dim == 2 else 5), mesh.cell_edges.size // len(mesh.cells))
+    which = mesh.cell_edges if len(mesh.cell_edges) == len(mesh.cells) else mesh.cell_edges.T
+    np.add.at(load, mesh.number_of_nodes + which.ravel(), share[:, None] * np.array(problem.body_force))
+    stiffness = stiffness_matrix(mesh, problem.material, 2)
+    residual = load.ravel() - stiffness @ quadratic.ravel()
+    outer = {tuple(sorted(pair)) for facet in mesh.boundary_facets for pair in itertools.combinations(facet, 2)}
+    square = 0.0
+    for number, edge in enumerate(mesh.edges):
+        if tuple(sorted(edge)) not in outer:
+            at = dim * (mesh.number_of_nodes + number) + np.arange(dim)
+            square += residual[at] @ np.linalg.solve(stiffness[at][:, at].toarray(), residual[at])
+    assert conjugate_sweeps.unresolved(body_data(problem, u)) == pytest.approx(np.sqrt(square), rel=1e-11)
+
+
 @built
 @pytest.mark.parametrize(("dim", "order"), CASES)
 def test_kernels_and_numpy_agree_to_rounding(dim: int, order: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,3 +157,8 @@ def test_wrong_arrays_of_cells_are_refused_at_the_door() -> None:
     beyond = replace(data.table, cell_facets=data.table.cell_facets + 1)
     with pytest.raises(ValueError, match="cell_facets must be"):
         cell_sums(replace(data, table=beyond), tractions, stress.element, compliance, True)
+    data = body_data(two_parts(plane_mesh(3)), np.zeros(plane_mesh(3).points.shape))
+    edges, ends = data.table.cell_facets, np.array([[1, 2], [0, 2], [0, 1]])
+    for bad in ((edges - 1, ends), (edges[:-1], ends), (edges, ends + 1), (edges, ends[:2])):
+        with pytest.raises(ValueError, match="must be"):
+            bubble_square(data, *bad)

@@ -112,12 +112,15 @@ class BodyData:
     @property
     def strain(self) -> Array:
         """Mean strain of each cell, shape (M, d, d)."""
-        return np.asarray(self.strains.mean(axis=1))
+        return self._mean(self.strains)
 
     @property
     def stress(self) -> Array:
         """Mean over each cell of ``C eps``, shape (M, d, d)."""
-        return np.asarray(self.stresses.mean(axis=1))
+        return self._mean(self.stresses)
+
+    def _mean(self, values: Array) -> Array:
+        return np.asarray(values[:, 0] if self.order == 1 else values.mean(axis=1))
 
     @property
     def engineering(self) -> Array:

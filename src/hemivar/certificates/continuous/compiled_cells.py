@@ -8,14 +8,15 @@ from functools import cache
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.split_element import SplitElement
 from hemivar.certificates.continuous.vertex_moments import Tractions
 from hemivar.kernels import kernels
 from hemivar.kernels.read_arrays import given, numbers
+from hemivar.mesh.keys import EDGES
 
-__all__ = ["cell_sums"]
+__all__ = ["bubble_square", "cell_sums"]
 
 
 class _Element(ctypes.Structure):
@@ -35,6 +36,16 @@ class _Stresses(ctypes.Structure):
         *((name, c_void_p) for name in ("compliance", "gradients", "signs", "cell_facets", "moments", "own")),
         ("sense", c_double),
         *((name, c_void_p) for name in ("loads", "defect", "energies", "slopes")),
+    ]
+
+
+class _Bubbles(ctypes.Structure):
+    """``CellBubbles`` of cells.hpp."""
+
+    _fields_ = [
+        *((name, c_int64) for name in ("dim", "cells", "edges", "facets", "matrices")),
+        *((name, c_void_p) for name in ("stiffness", "gradients", "sizes", "stress", "loads")),
+        *((name, c_void_p) for name in ("cell_edges", "cell_facets", "ends", "interior")),
     ]
 
 
@@ -99,3 +110,32 @@ def cell_sums(
     )  # fmt: skip
     library.check(library.call.hv_cells(ctypes.addressof(of), ctypes.addressof(body)))
     return out
+
+
+def bubble_square(data: BodyData, edges: IntArray, ends: IntArray) -> float | None:
+    """The square of :func:`hemivar.certificates.continuous.conjugate_sweeps.unresolved`; None without kernels.
+
+    ``edges`` are the edges of the cells, (M, e); ``ends`` are their ends in a cell, (e, 2).
+    """
+    library = kernels()
+    if library is None:
+        return None
+    table, dim = data.table, data.table.dim
+    count, corners, facets, number = len(table.cells), dim + 1, len(table.facets), dim * (dim + 1) // 2
+    matrices = 1 if len(data.compliance) == 1 else count
+    last = int(edges.max(initial=-1)) + 1
+    interior = np.ascontiguousarray(table.interior)
+    arrays = (
+        given("stiffness", np.linalg.inv(data.compliance), (matrices, number, number)),
+        given("gradients", table.gradients, (count, corners, dim)),
+        given("sizes", table.sizes, (count,)),
+        given("stress", data.stress, (count, dim, dim)),
+        given("loads", data.loads, (count, corners, dim)),
+        numbers("edges", edges, (count, len(ends)), last),
+        numbers("cell_facets", table.cell_facets, (count, corners), len(interior)),
+        numbers("ends", ends, (len(EDGES[dim]), 2), corners),
+        interior,
+    )
+    body, out = _Bubbles(dim, count, last, facets, matrices, *map(library.address, arrays)), np.empty(1)
+    library.check(library.call.hv_unresolved(ctypes.addressof(body), library.address(out)))
+    return float(out[0])

@@ -21,6 +21,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress
 from hemivar.certificates.continuous.body_data import BodyData
+from hemivar.certificates.continuous.compiled_cells import bubble_square
 from hemivar.certificates.continuous.compiled_patches import Prices
 from hemivar.certificates.continuous.facet_table import FacetTable
 from hemivar.certificates.continuous.patches import PatchKind, cell_patches
@@ -165,6 +166,9 @@ def unresolved(data: BodyData) -> float:
     Of their ``r(v)^2 / a(v, v)``, with the r of the displacement and v in all directions of a bubble, the sum.
     """
     table, dim = data.table, data.table.dim
+    compiled = bubble_square(data, cell_patches(table, PatchKind.EDGE), np.array(_ENDS[dim]))
+    if compiled is not None:
+        return float(np.sqrt(compiled))
     edges = cell_patches(table, PatchKind.EDGE).T
     count = int(edges.max()) + 1
     pairs = [(a, b) for a in range(dim) for b in range(a, dim)]
