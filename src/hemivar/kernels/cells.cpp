@@ -36,7 +36,10 @@ struct Rows {
     HEMIVAR_INLINE void times(const Doubles* x, Doubles* out, int64_t first, int64_t last) const {
         for (int64_t i = first; i < last; ++i) {
             Doubles sum = {};
-            for (int32_t e = start[i]; e < start[i + 1]; ++e) sum.add(entry[e], x[column[e]]);
+            for (int32_t e = start[i]; e < start[i + 1]; ++e) {
+                row_by_row();
+                sum.add(entry[e], x[column[e]]);
+            }
             out[i] = sum;
         }
     }

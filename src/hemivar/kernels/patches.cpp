@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "pool.hpp"
@@ -17,37 +18,63 @@ constexpr int64_t kPiece = 64;  // patches of a piece of work
 constexpr int64_t kMany = 64;   // patches of one kind whose system is solved beforehand
 constexpr int kModes = 6, kBlock = 9, kDim = 3;
 
-// Sums of `count` weighted rows of n numbers, so many side by side as registers hold.
-template <int N>
-void combine_by(const double* from, const double* weights, int64_t count, double* out) {
-    constexpr int part = N % 12 == 0 ? 12 : N % 9 == 0 ? 9 : N % 7 == 0 ? 7 : N;
-    for (int first = 0; first < N; first += part) {
-        double sum[part] = {};
-        for (int64_t v = 0; v < count; ++v) {
-            for (int t = 0; t < part; ++t) sum[t] += weights[v] * from[v * N + first + t];
-        }
-        for (int t = 0; t < part; ++t) out[first + t] = sum[t];
+struct Quad {
+    double lane[4] = {};
+    HEMIVAR_INLINE void add(double weight, const double* from) {
+        for (int k = 0; k < 4; ++k) lane[k] += weight * from[k];
     }
-}
+    HEMIVAR_INLINE void put(double* out) const {
+        for (int k = 0; k < 4; ++k) out[k] = lane[k];
+    }
+};
 
-void combine(int64_t n, const double* from, const double* weights, int64_t count, double* out) {
-    switch (n) {
-        case 5: return combine_by<5>(from, weights, count, out);
-        case 12: return combine_by<12>(from, weights, count, out);
-        case 18: return combine_by<18>(from, weights, count, out);
-        case 24: return combine_by<24>(from, weights, count, out);
-        case 21: return combine_by<21>(from, weights, count, out);
-        case 36: return combine_by<36>(from, weights, count, out);
+// Sums of `count` weighted rows of n numbers, so many side by side as registers hold.
+HEMIVAR_INLINE void combine_rows(int64_t n, const double* from, const double* weights, int64_t count, double* out) {
+    int64_t at = 0;
+    for (; at + 24 <= n; at += 24) {
+        Quad a, b, c, d, e, f;
+        for (int64_t v = 0; v < count; ++v) {
+            row_by_row();
+            const double* row = from + v * n + at;
+            a.add(weights[v], row);
+            b.add(weights[v], row + 4);
+            c.add(weights[v], row + 8);
+            d.add(weights[v], row + 12);
+            e.add(weights[v], row + 16);
+            f.add(weights[v], row + 20);
+        }
+        a.put(out + at), b.put(out + at + 4), c.put(out + at + 8);
+        d.put(out + at + 12), e.put(out + at + 16), f.put(out + at + 20);
     }
-    for (int64_t t = 0; t < n; ++t) out[t] = 0.0;
-    for (int64_t v = 0; v < count; ++v) {
-        for (int64_t t = 0; t < n; ++t) out[t] += weights[v] * from[v * n + t];
+    for (; at + 12 <= n; at += 12) {
+        Quad a, b, c;
+        for (int64_t v = 0; v < count; ++v) {
+            row_by_row();
+            const double* row = from + v * n + at;
+            a.add(weights[v], row);
+            b.add(weights[v], row + 4);
+            c.add(weights[v], row + 8);
+        }
+        a.put(out + at), b.put(out + at + 4), c.put(out + at + 8);
+    }
+    for (; at + 4 <= n; at += 4) {
+        Quad a;
+        for (int64_t v = 0; v < count; ++v) {
+            row_by_row();
+            a.add(weights[v], from + v * n + at);
+        }
+        a.put(out + at);
+    }
+    for (; at < n; ++at) {
+        double sum = 0.0;
+        for (int64_t v = 0; v < count; ++v) sum += weights[v] * from[v * n + at];
+        out[at] = sum;
     }
 }
 
 // U with U'U / diag(U) the matrix, in its place above the diagonal; false where it is not definite. Sums go along rows,
 // which compilers do side by side.
-bool eliminate(int64_t n, double* A) {
+HEMIVAR_INLINE bool eliminate_rows(int64_t n, double* A) {
     for (int64_t k = 0; k < n; ++k) {
         const double* top = A + k * n;
         if (!(top[k] > 0.0) || !std::isfinite(top[k])) return false;
@@ -59,6 +86,21 @@ bool eliminate(int64_t n, double* A) {
     }
     return true;
 }
+
+void combine_any(int64_t n, const double* from, const double* weights, int64_t count, double* out) {
+    combine_rows(n, from, weights, count, out);
+}
+
+HEMIVAR_WIDE void combine_wide(int64_t n, const double* from, const double* weights, int64_t count, double* out) {
+    combine_rows(n, from, weights, count, out);
+}
+
+bool eliminate_any(int64_t n, double* A) { return eliminate_rows(n, A); }
+
+HEMIVAR_WIDE bool eliminate_wide(int64_t n, double* A) { return eliminate_rows(n, A); }
+
+const auto combine = wide_registers() ? combine_wide : combine_any;
+const auto eliminate = wide_registers() ? eliminate_wide : eliminate_any;
 
 void substitute(int64_t n, const double* U, double* x) {
     for (int64_t k = 0; k < n; ++k) {
@@ -300,8 +342,7 @@ struct Fields {
 // The misfit of a patch in its fields: those of the facets in turn, then those of the circuits.
 struct System {
     std::vector<int> columns, starts;       // the fields that each cell sees, and where those of a cell begin
-    // Their moments on its sides, one after the other for each moment; what they add to its slopes, field by field.
-    std::vector<double> seen, bent;
+    std::vector<double> seen, bent;  // field by field, their moments on its sides, and what they add to its slopes
     std::vector<double> H, R, b, change;
     int64_t q = 0;
 };
@@ -414,32 +455,39 @@ private:
         }
         const int64_t total = static_cast<int64_t>(system.columns.size());
         system.seen.assign(total * rows, 0.0);
-        system.bent.assign(total * z.n, 0.0);
+        system.bent.resize(total * z.n);
         system.H.assign(q * q, 0.0);
         for (int64_t c = 0; c < cells; ++c) {
             see(c, facets, rows);
-            bend(c, rows);
+            bend(c, facets, rows);
             const int first = system.starts[c], size = system.starts[c + 1] - first;
-            turned.resize(size);
-            local.assign(size * size, 0.0);
+            turned.resize(rows * size);
             for (int64_t s = 0; s < z.sides; ++s) {
-                if (shape.place[c * z.sides + s] < 0) continue;
+                if (shape.place[c * z.sides + s] < 0) {
+                    std::fill_n(&turned[s * z.block * size], z.block * size, 0.0);
+                    continue;
+                }
+                const double* bent = &system.bent[first * z.n + side(shape.local[c], s) * z.block];
                 for (int64_t t = 0; t < z.block; ++t) {
-                    const int64_t n = side(shape.local[c], s) * z.block + t;
-                    for (int j = 0; j < size; ++j) turned[j] = system.bent[(first + j) * z.n + n];
-                    const double* seen = &system.seen[first * rows + (s * z.block + t) * size];
-                    for (int i = 0; i < size; ++i) {
-                        if (seen[i] == 0.0) continue;
-                        double* to = &local[i * size];
-                        for (int j = 0; j < size; ++j) to[j] += seen[i] * turned[j];
-                    }
+                    for (int j = 0; j < size; ++j) turned[(s * z.block + t) * size + j] = bent[j * z.n + t];
                 }
             }
+            local.resize(size);
             for (int i = 0; i < size; ++i) {
+                const auto [from, count] = seen_rows(c, system.columns[first + i], facets, rows);
+                const double* seen = &system.seen[(first + i) * rows + from];
+                combine(size, &turned[from * size], seen, count, local.data());
                 double* to = &system.H[system.columns[first + i] * q];
-                for (int j = 0; j < size; ++j) to[system.columns[first + j]] += local[i * size + j];
+                for (int j = 0; j < size; ++j) to[system.columns[first + j]] += local[j];
             }
         }
+    }
+
+    // The moments of the sides of a cell on which a field has some: the first one, and how many.
+    std::pair<int64_t, int64_t> seen_rows(int64_t c, int64_t column, int64_t facets, int64_t rows) const {
+        if (column >= facets * z.own) return {0, rows};
+        const int* place = &shape.place[c * z.sides];
+        return {(std::find(place, place + z.sides, static_cast<int>(column / z.own)) - place) * z.block, z.block};
     }
 
     int64_t side(int local, int64_t s) const { return sweep.sides[local * z.sides + s]; }
@@ -465,12 +513,12 @@ private:
                     if (size == 0.0) continue;
                     from = &flows[(j * z.modes + field % z.modes) * z.block];
                 }
-                double* to = &system.seen[first * rows + s * z.block * fields + i];
+                double* to = &system.seen[(first + i) * rows + s * z.block];
                 for (int64_t a = 0; a < z.l; ++a) {
                     for (int64_t r = 0; r < z.d; ++r) {
                         double sum = 0.0;
                         for (int64_t t = 0; t < z.d; ++t) sum += inverse[r * z.d + t] * from[a * z.d + t];
-                        to[(a * z.d + r) * fields] = size * sum;
+                        to[a * z.d + r] = size * sum;
                     }
                 }
             }
@@ -478,23 +526,24 @@ private:
     }
 
     // What these moments add to the slopes of the cell, the least over what has no tractions.
-    void bend(int64_t c, int64_t rows) {
+    void bend(int64_t c, int64_t facets, int64_t rows) {
         const double* weights = body.compliance + shape.cells[c] * z.v;
         const int first = system.starts[c], last = system.starts[c + 1];
         energy.resize((rows + z.inner) * z.whole);
-        whole.assign((last - first) * z.whole, 0.0);
+        whole.resize((last - first) * z.whole);
         for (int64_t s = 0; s < z.sides; ++s) {
-            if (shape.place[c * z.sides + s] < 0) continue;
-            for (int64_t t = 0; t < z.block; ++t) {
-                const int64_t row = s * z.block + t;
-                row_of_energy(side(shape.local[c], s) * z.block + t, weights, &energy[row * z.whole]);
-                for (int i = 0; i < last - first; ++i) {
-                    const double part = system.seen[first * rows + row * (last - first) + i];
-                    if (part == 0.0) continue;
-                    double* to = &whole[i * z.whole];
-                    for (int64_t k = 0; k < z.whole; ++k) to[k] += part * energy[row * z.whole + k];
-                }
+            if (shape.place[c * z.sides + s] < 0) {
+                std::fill_n(&energy[s * z.block * z.whole], z.block * z.whole, 0.0);
+                continue;
             }
+            for (int64_t t = 0; t < z.block; ++t) {
+                row_of_energy(side(shape.local[c], s) * z.block + t, weights, &energy[(s * z.block + t) * z.whole]);
+            }
+        }
+        for (int i = first; i < last; ++i) {
+            const auto [from, count] = seen_rows(c, system.columns[i], facets, rows);
+            const double* seen = &system.seen[i * rows + from];
+            combine(z.whole, &energy[from * z.whole], seen, count, &whole[(i - first) * z.whole]);
         }
         if (z.inner) {
             std::vector<double> block(z.inner * z.inner);
@@ -526,13 +575,15 @@ private:
         const int64_t rows = z.sides * z.block;
         system.b.assign(system.q, 0.0);
         for (size_t c = 0; c < shape.cells.size(); ++c) {
-            const int first = system.starts[c], size = system.starts[c + 1] - first;
-            turned.resize(size);
             for (int64_t s = 0; s < z.sides; ++s) {
                 if (shape.place[c * z.sides + s] < 0) continue;
                 const double* slope = sweep.slope + shape.cells[c] * z.n + side(shape.local[c], s) * z.block;
-                combine(size, &system.seen[first * rows + s * z.block * size], slope, z.block, turned.data());
-                for (int i = 0; i < size; ++i) system.b[system.columns[first + i]] += turned[i];
+                for (int i = system.starts[c]; i < system.starts[c + 1]; ++i) {
+                    const double* seen = &system.seen[i * rows + s * z.block];
+                    double sum = 0.0;
+                    for (int64_t t = 0; t < z.block; ++t) sum += seen[t] * slope[t];
+                    system.b[system.columns[i]] += sum;
+                }
             }
         }
     }
@@ -651,7 +702,9 @@ struct Kind {
         const int64_t rows = z.sides * z.block;
         for (size_t c = 0; c + 1 < starts.size(); ++c) {
             const int64_t first = starts[c], size = starts[c + 1] - first;
-            put(seen, rows, size, &system.seen[first * rows]);
+            std::vector<double> turned(rows * size);
+            for (int64_t k = 0; k < rows * size; ++k) turned[k] = system.seen[(first + k % size) * rows + k / size];
+            put(seen, rows, size, turned.data());
             put(bent, size, z.n, &system.bent[first * z.n]);
         }
         put(inverse, q, q, system.R.data());
@@ -673,6 +726,7 @@ HEMIVAR_INLINE void combine_eight(int64_t n, const float* from, const Floats* we
     for (int64_t first = 0; first < n; first += 4) {
         Floats one = {}, two = {}, three = {}, four = {};
         for (int64_t v = 0; v < count; ++v) {
+            row_by_row();
             const float* row = from + v * n + first;
             one.add(row[0], weights[v]);
             two.add(row[1], weights[v]);

@@ -20,6 +20,13 @@ namespace hemivar {
 
 constexpr int64_t kEight = 8;
 
+// Compilers would else take numbers of several rows together, which stand far apart.
+HEMIVAR_INLINE void row_by_row() {
+#if defined(__GNUC__)
+    asm volatile("");
+#endif
+}
+
 // Numbers that are looked at soon.
 template <class T>
 HEMIVAR_INLINE void fetch(const T* from, int64_t count) {
