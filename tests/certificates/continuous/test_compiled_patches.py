@@ -129,7 +129,7 @@ def test_patches_of_one_kind_have_what_each_finds(mesh: Mesh, monkeypatch: pytes
         if apart:
             alike_apart(monkeypatch)
         for compiled in (True, False):
-            sweeper = PatchSmoother(admissible_stress(data), compiled)
+            sweeper = PatchSmoother(admissible_stress(replace(data, kept={})), compiled)
             sweeper.sweep(kind)
             found.append((sweeper.stress, sweeper.slopes))
     (alike, slopes), (expected, _), *others = found
@@ -139,7 +139,7 @@ def test_patches_of_one_kind_have_what_each_finds(mesh: Mesh, monkeypatch: pytes
     assert alike.tractions.moments == pytest.approx(moments, abs=1e-6 * np.abs(moments).max())
     assert not np.array_equal(alike.tractions.moments, others[0][0].tractions.moments)
     assert alike.misfit.sum() == pytest.approx(expected.misfit.sum(), rel=1e-7)
-    assert slopes == pytest.approx(alike.slopes, abs=1e-6 * np.abs(slopes).max())
+    assert slopes == pytest.approx(alike.slopes(), abs=1e-6 * np.abs(slopes).max())
     assert imbalance(alike, 1, order=1) < 1e-12
 
 
@@ -372,7 +372,7 @@ def _arrays() -> tuple[dict[str, Array], dict[str, Array], CompiledPatches, Patc
     assert order is not None
     improved = {
         "sides": patch_sides(2, PatchKind.VERTEX), "free": table.interior,
-        "slope": stress.slopes.copy(),
+        "slope": stress.slopes(),
         "moments": stress.tractions.moments.copy(),
     }  # fmt: skip
     return made, improved, compiled, order

@@ -100,7 +100,6 @@ class AdmissibleStress:
         """The same by the compliance by which patches are improved, which is constant on each cell."""
         return self._sums(self.data.upper_compliance)[0]
 
-    @cached_property
     def slopes(self) -> Array:
         """Half the derivatives (M, n) of ``mean_square`` by the moments on facets, on the reference simplex."""
         energies, slopes = self._sums(self.data.upper_compliance, slopes=True)

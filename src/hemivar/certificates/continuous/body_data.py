@@ -8,7 +8,8 @@ known.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TypeVar, cast
 
 import numpy as np
 
@@ -30,9 +31,11 @@ from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["BodyData", "CellEnergy", "VaryingLoads", "body_data", "cell_energy", "exact_loads"]
 
+T = TypeVar("T")
 #: Of points, strains and masks of regions.
 _Values = Callable[[Array, Array, Mapping[str, BoolArray] | None], Array]
 #: Part of a modulus by which it may vary within a cell and count as constant.
@@ -103,6 +106,8 @@ class BodyData:
     contact: IntArray  # (F,)
     #: The stored energy of a material that is not linear.
     stored: CellEnergy | None = None
+    #: What belongs to mesh and material, under names; see :meth:`once`.
+    kept: dict[object, object] = field(default_factory=dict)
 
     @property
     def order(self) -> int:
@@ -152,7 +157,19 @@ class BodyData:
     @cached_property
     def upper_compliance(self) -> Array:
         """Upper triangles of these matrices, row after row, shape (M, v (v + 1) / 2)."""
-        return self.upper_of(self.sweep_compliance)
+        if self.stored is not None:  # which depends on the displacement
+            return self.upper_of(self.sweep_compliance)
+        return self.once("compliance", lambda: self.upper_of(self.sweep_compliance))
+
+    def once(self, key: object, make: Callable[[], T]) -> T:
+        """What depends on the mesh, on a linear material and on the key alone: made on the first call.
+
+        Data of other displacements, loads and laws share it, and bounds that share a workspace. Threads that ask at
+        once may each make it.
+        """
+        if key not in self.kept:
+            self.kept[key] = make()
+        return cast(T, self.kept[key])
 
     def upper_of(self, compliance: Array) -> Array:
         """Upper triangles of matrices (M or 1, v, v) on the reference simplex."""
@@ -249,8 +266,11 @@ def _varies(tensors: Array) -> bool:
     return bool(np.abs(tensors - first).max() > _CONSTANT * np.abs(first).max())
 
 
-def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
-    """The data of a problem with linear elements, or quadratic ones in the plane, and a displacement, (nodes, d)."""
+def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace | None = None) -> BodyData:
+    """The data of a problem with linear elements, or quadratic ones in the plane, and a displacement, (nodes, d).
+
+    A workspace keeps what belongs to mesh and material.
+    """
     mesh, order, material = problem.mesh, problem.order, problem.material
     if order != 1 and not material.linear:
         raise ProblemError(
@@ -266,8 +286,11 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
     if u.shape != (count, mesh.dim):
         raise ProblemError(f"the displacement has shape {u.shape}; a field of order {order} on this mesh has shape "
                            f"{(count, mesh.dim)}")  # fmt: skip
-    sides = joined_sides(problem)
-    table = facet_table(mesh) if sides is None else facet_table(mesh, *sides)
+    sides = joined_sides(problem) or ()
+    cells = (mesh.points, mesh.cells, *sides)
+    table = facet_table(mesh, *sides) if workspace is None else workspace.once(
+        "facets", cells, lambda: facet_table(mesh, *sides)
+    ).on(mesh)  # fmt: skip
     facet_nodes, opposite = (np.asarray(mesh.facet_nodes(facets, order)) for facets in (table.facets, table.others))
     cell_nodes = table.cells
     if order == 2:
@@ -280,12 +303,15 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
     tensor, weights = law.on(mesh, 2 * order, vertices=None if order == 1 else table.cells)
     stored = None if material.linear else cell_energy(material, mesh, table.cells, 2 * order)
     strains, stresses, forces = _stresses(table, order, u[cell_nodes], tensor, weights, stored)
+    kept: dict[object, object] = {}
+    if workspace is not None and stored is None:
+        kept = workspace.once("patches", (*cells, tensor, weights, np.array(order)), dict)
     contact = np.full(len(table.facets), -1, dtype=np.int64)
     for number, name in enumerate(problem.contact):
         contact[table.numbers(mesh.boundaries[name])] = number
     return BodyData(
         problem, table, u, cell_nodes, facet_nodes, opposite, strains, stresses, tensor, weights, forces,
-        *_loads(problem, table, cell_nodes, facet_nodes, count), _unknown(problem, table), contact, stored,
+        *_loads(problem, table, cell_nodes, facet_nodes, count), _unknown(problem, table), contact, stored, kept,
     )  # fmt: skip
 
 

@@ -126,7 +126,7 @@ def bubble_square(data: BodyData, edges: IntArray, ends: IntArray) -> float | No
     last = int(edges.max(initial=-1)) + 1
     interior = np.ascontiguousarray(table.interior)
     arrays = (
-        given("stiffness", np.linalg.inv(data.compliance), (matrices, number, number)),
+        given("stiffness", np.asarray(np.linalg.inv(data.compliance), dtype=float), (matrices, number, number)),
         given("gradients", table.gradients, (count, corners, dim)),
         given("sizes", table.sizes, (count,)),
         given("stress", data.stress, (count, dim, dim)),

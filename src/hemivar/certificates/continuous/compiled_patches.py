@@ -145,10 +145,14 @@ class CompiledPatches:
         library, table = kernels(), data.table
         if library is None:
             return None
-        return cls(
-            library, element, data.upper_compliance, table.gradients, table.signs, table.cell_facets,
-            data.facet_nodes, data.problem.mesh.nodes(data.order), congruent_cells(data),
-        )  # fmt: skip
+
+        def made() -> CompiledPatches:
+            return cls(
+                library, element, data.upper_compliance, table.gradients, table.signs, table.cell_facets,
+                data.facet_nodes, data.problem.mesh.nodes(data.order), congruent_cells(data),
+            )  # fmt: skip
+
+        return made() if data.stored is not None else data.once("patches", made)
 
     def ordered(self, patches: IntArray, chosen: BoolArray, first: IntArray | None = None) -> PatchOrder | None:
         """The chosen ones of the patches (M, q) of cells; None where they need more colours than the kernels know.

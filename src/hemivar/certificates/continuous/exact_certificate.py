@@ -40,7 +40,7 @@ def distance_to_exact(
     max_time : float
         Seconds; nothing is begun after them, and what has begun is finished.
     workspace : Workspace, optional
-        Keeps the trace constants of the body.
+        Keeps the trace constants of the body, and what bounds need of its mesh and material.
 
     Returns
     -------
@@ -61,10 +61,11 @@ def distance_to_exact(
             return nothing("load, gap, law or stiffness are not those of the stated problem")
         if stated.kind:
             return scalar_distance(stated, problem.field.full(unknowns))
-        constants = body_constants(problem, Workspace.given(workspace))
+        own = None if workspace is None else Workspace.given(workspace)
+        constants = body_constants(problem, Workspace() if own is None else own)
         if time.perf_counter() - began > max_time:
             return nothing("the time limit was reached")
-        found = exact_distance(stated, problem.field.full(unknowns), constants)
+        found = exact_distance(stated, problem.field.full(unknowns), constants, workspace=own)
     except (ProblemError, MethodError) as error:
         return nothing(str(error))
     except MemoryError:

@@ -49,6 +49,7 @@ from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["DistanceParts", "ExactDistance", "exact_distance"]
 
@@ -184,6 +185,7 @@ def exact_distance(
     constants: TraceBounds,
     *,
     sweeps: tuple[PatchKind, ...] | None = None,
+    workspace: Workspace | None = None,
 ) -> ExactDistance:
     """Bound the distance of a displacement to every solution of the continuous problem.
 
@@ -198,6 +200,8 @@ def exact_distance(
     sweeps : tuple of PatchKind, optional
         By which the stress is improved. By default one over vertices, in space over edges, with quadratic elements two;
         where they leave much of the misfit more, by conjugate gradients.
+    workspace : Workspace, optional
+        Keeps what belongs to mesh and material: facets, and the order of the patches.
 
     Returns
     -------
@@ -216,10 +220,10 @@ def exact_distance(
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     chosen = Sweeps.usual(problem.mesh.dim, problem.order) if sweeps is None else Sweeps(sweeps)
     if not touch(problem):
-        return _of_body(problem, displacement, constants, chosen, unmet)
+        return _of_body(problem, displacement, constants, chosen, unmet, workspace)
     if joined_sides(problem) is None:
         return _of_touching_bodies(problem, displacement, chosen, [*unmet, _APART])
-    found = _of_body(problem, displacement, constants, chosen, unmet)
+    found = _of_body(problem, displacement, constants, chosen, unmet, workspace)
     if found.distance < np.inf:
         return found
     why = [reason.removeprefix("there is no bound: ") for reason in found.reasons]
@@ -227,10 +231,15 @@ def exact_distance(
 
 
 def _of_body(
-    problem: ContactProblem, displacement: Array, constants: TraceBounds, sweeps: Sweeps, unmet: list[str]
+    problem: ContactProblem,
+    displacement: Array,
+    constants: TraceBounds,
+    sweeps: Sweeps,
+    unmet: list[str],
+    workspace: Workspace | None,
 ) -> ExactDistance:
     """The bound for bodies on foundations, and for those that touch along facets that coincide."""
-    data = body_data(problem, displacement)
+    data = body_data(problem, displacement, workspace)
     inside = admissible_displacement(data)
     moved = data if np.array_equal(inside, data.displacement) else data.moved(inside)
     traces = contact_traces(moved)
@@ -299,6 +308,8 @@ def _with_exact_loads(
 
 def _correction(inside: BodyData, data: BodyData) -> float:
     """``|w|_a`` of the w that brings a displacement into the domain of the law."""
+    if inside.displacement is data.displacement:
+        return 0.0
     change = inside.displacement - data.displacement
     return float(np.sqrt(max(np.sum((inside.forces - data.forces) * change[data.cell_nodes]), 0.0)))
 

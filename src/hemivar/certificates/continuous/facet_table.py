@@ -10,7 +10,7 @@ at a place such a facet is one, has a cell on both sides, and nodes are sorted b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -68,6 +68,14 @@ class FacetTable:
     def dim(self) -> int:
         """Space dimension d."""
         return self.mesh.dim
+
+    def on(self, mesh: Mesh) -> FacetTable:
+        """The table of a mesh that has the same nodes and cells, and maybe other names."""
+        if mesh is self.mesh:
+            return self
+        found, own = replace(self, mesh=mesh), {each.name for each in fields(self)}
+        vars(found).update({name: value for name, value in vars(self).items() if name not in own})
+        return found
 
     @property
     def volumes(self) -> Array:

@@ -117,7 +117,8 @@ def linear_square(data: BodyData, loads: Array) -> Array:
     """``|g|_T^2`` (M,) of the linear fields g on cells with the moments of loads (M, l, d)."""
     table = data.table
     moments, corners = data.linear(loads), table.dim + 1
-    square = (moments**2).sum(axis=(1, 2)) - (moments.sum(axis=1) ** 2).sum(axis=1) / (corners + 1)
+    whole = moments.sum(axis=1)
+    square = np.einsum("mai,mai->m", moments, moments) - np.einsum("mi,mi->m", whole, whole) / (corners + 1)
     return np.asarray(np.maximum(corners * (corners + 1) / table.volumes * square, 0.0))
 
 

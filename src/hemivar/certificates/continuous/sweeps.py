@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress
 from hemivar.certificates.continuous.compiled_patches import CompiledPatches, PatchOrder, Prices
@@ -67,9 +68,8 @@ class PatchSmoother:
         # changed in place, and its own: nothing of the stress is held
         self._moments = stress.tractions.moments.copy()
         self._start = AdmissibleStress(stress.data, stress.tractions).with_moments(self._moments)
-        self._slope = stress.slopes.copy()
+        self._slope = stress.slopes()
         self._compiled = CompiledPatches.of(self.data, self._start.element) if compiled else None
-        self._groups: dict[tuple[PatchKind, bool], list[_Group]] = {}
 
     @property
     def stress(self) -> AdmissibleStress:
@@ -103,11 +103,10 @@ class PatchSmoother:
         """Improve all patches of a kind once."""
         self._now = None
         allowed = self._allowed(self.prices(contact) if isinstance(contact, ContactPenalty) else contact)
-        key = (kind, contact is not None)
-        if key not in self._groups:
-            self._groups[key] = self._grouped(kind, allowed.free, allowed.partly)
-        outer = [group for group in self._groups[key] if group.outer]
-        inner = [group for group in self._groups[key] if not group.outer]
+        key = (kind, self._compiled is None, allowed.free.tobytes(), allowed.partly.tobytes())
+        groups = self.data.once(key, lambda: self._grouped(kind, allowed.free, allowed.partly))
+        outer = [group for group in groups if group.outer]
+        inner = [group for group in groups if not group.outer]
         for group in outer if only_contact and outer else [*outer, *inner, *outer]:
             self._improve(group, allowed, only_contact)
 
@@ -159,12 +158,19 @@ class PatchSmoother:
             self._improve_batch(some, allowed)
 
     def _allowed(self, prices: Prices | None) -> _Allowed:
-        free = np.asarray(self.data.unknown.any(axis=(1, 2)))
-        partly = np.asarray((self.data.unknown != np.eye(self.data.table.dim)).any(axis=(1, 2)))
+        free, partly = self._unknown
         if prices is None:
             return _Allowed(free, partly, None)
         touching = self.data.contact >= 0
         return _Allowed(free | touching, partly & ~touching, prices)
+
+    @cached_property
+    def _unknown(self) -> tuple[BoolArray, BoolArray]:
+        """Facets whose tractions may change without contact, and those on which some components are given."""
+        unknown = self.data.unknown
+        one = np.eye(self.data.table.dim, dtype=bool)
+        given = (unknown[:, one] != 1.0).any(axis=1) | (unknown[:, ~one] != 0.0).any(axis=1)
+        return np.asarray(unknown.any(axis=(1, 2))), np.asarray(given)
 
     def prices(self, contact: ContactPenalty) -> Prices:
         """What contact tractions cost, for their moments."""
