@@ -455,6 +455,12 @@ void add_up_simplices(int dim, int inner, bool slopes) {
     const CellBubbles bubbles{dim, mesh.count, static_cast<int64_t>(edges.size()), facets, 1, unit.data(),
                               mesh.gradients.data(), sizes.data(), flat.data(), given.data(), edges.data(),
                               mesh.cell_facets.data(), ends.data(), inside.data()};
+    std::vector<double> strains(flat), stresses(flat), forces(given);
+    strain_cells(dim, mesh.count, 1, mesh.points.data(), mesh.cells.data(), mesh.gradients.data(), sizes.data(),
+                 unit.data(), strains.data(), stresses.data(), forces.data());
+    for (int64_t k = 0; k < static_cast<int64_t>(strains.size()); ++k) {  // the places themselves as displacements
+        check(strains[k] == (k % (dim * dim) % (dim + 1) == 0 ? 1.0 : 0.0), "the strain of a stretch is not one");
+    }
     const double square = unresolved_square(bubbles);
     check(square > 0.0 && std::isfinite(square), "bubbles see no load");
     check(std::abs(value[1] - value[2] - 2.0 * expected) < 1e-9 * value[0], "slopes are not those of the energies");

@@ -342,6 +342,14 @@ HEMIVAR_API int hv_pull_back(int64_t dim, int64_t cells, int64_t count, const do
     return guarded([&] { pull_back(dim, cells, count, matrices, points, vertices, sizes, out); });
 }
 
+HEMIVAR_API int hv_strains(int64_t dim, int64_t cells, int64_t count, const double* displacement,
+                           const int64_t* vertices, const double* gradients, const double* sizes,
+                           const double* matrices, double* strains, double* stresses, double* forces) {
+    return guarded([&] {
+        strain_cells(dim, cells, count, displacement, vertices, gradients, sizes, matrices, strains, stresses, forces);
+    });
+}
+
 HEMIVAR_API int hv_cells(const CellElement* element, const CellStresses* body) {
     return guarded([&] { add_up_cells(*element, *body); });
 }

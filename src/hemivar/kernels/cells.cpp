@@ -267,11 +267,47 @@ struct Bubble {
     }
 };
 
+// Where the component ij of a tensor stands in a vector.
+template <int D>
+constexpr int kPlace[3][3] = {{0, D == 2 ? 2 : 5, 4}, {D == 2 ? 2 : 5, 1, 3}, {4, 3, 2}};
+
+template <int D>
+void strain_one(const double* displacement, const int64_t* vertices, const double* gradient, double volume,
+                const double* matrix, double* strain, double* stress, double* force) {
+    constexpr int V = D * (D + 1) / 2;
+    double slope[D][D] = {}, vector[V];
+    for (int a = 0; a <= D; ++a) {
+        for (int i = 0; i < D; ++i) {
+            for (int j = 0; j < D; ++j) slope[i][j] += displacement[vertices[a] * D + i] * gradient[a * D + j];
+        }
+    }
+    for (int i = 0; i < D; ++i) {
+        for (int j = 0; j < D; ++j) {
+            strain[i * D + j] = 0.5 * (slope[i][j] + slope[j][i]);
+            vector[kPlace<D>[i][j]] = i == j ? slope[i][i] : slope[i][j] + slope[j][i];
+        }
+    }
+    for (int i = 0; i < D; ++i) {
+        for (int j = 0; j < D; ++j) {
+            const double* row = matrix + kPlace<D>[i][j] * V;
+            double sum = 0.0;
+            for (int p = 0; p < V; ++p) sum += row[p] * vector[p];
+            stress[i * D + j] = sum;
+        }
+    }
+    for (int a = 0; a <= D; ++a) {
+        for (int i = 0; i < D; ++i) {
+            double sum = 0.0;
+            for (int j = 0; j < D; ++j) sum += gradient[a * D + j] * stress[i * D + j];
+            force[a * D + i] = volume * sum;
+        }
+    }
+}
+
 // K_ik = sum of C_ij,kl G_jl of the numbers G_jl above the diagonal.
 template <int D>
 void weigh(const double* stiffness, const double* products, double* out) {
     constexpr int V = D * (D + 1) / 2;
-    constexpr int place[3][3] = {{0, D == 2 ? 2 : 5, 4}, {D == 2 ? 2 : 5, 1, 3}, {4, 3, 2}};
     double G[D][D];
     for (int i = 0, at = 0; i < D; ++i) {
         for (int k = i; k < D; ++k) G[i][k] = G[k][i] = products[at++];
@@ -280,7 +316,7 @@ void weigh(const double* stiffness, const double* products, double* out) {
         for (int k = i; k < D; ++k, ++at) {
             out[at] = 0.0;
             for (int j = 0; j < D; ++j) {
-                for (int l = 0; l < D; ++l) out[at] += stiffness[place[i][j] * V + place[k][l]] * G[j][l];
+                for (int l = 0; l < D; ++l) out[at] += stiffness[kPlace<D>[i][j] * V + kPlace<D>[k][l]] * G[j][l];
             }
         }
     }
@@ -340,6 +376,20 @@ double bubbles(const CellBubbles& b) {
 void pull_back(int64_t dim, int64_t cells, int64_t count, const double* matrices, const double* points,
                const int64_t* vertices, const double* sizes, double* out) {
     (dim == 2 ? pull_back_all<2> : pull_back_all<3>)(cells, count, matrices, points, vertices, sizes, out);
+}
+
+void strain_cells(int64_t dim, int64_t cells, int64_t count, const double* displacement, const int64_t* vertices,
+                  const double* gradients, const double* sizes, const double* matrices, double* strains,
+                  double* stresses, double* forces) {
+    const auto one = dim == 2 ? strain_one<2> : strain_one<3>;
+    const int64_t v = dim * (dim + 1) / 2, square = dim * dim, corners = dim + 1;
+    share((cells + kPiece - 1) / kPiece, [&](int64_t piece) {
+        for (int64_t cell = piece * kPiece; cell < std::min(cells, (piece + 1) * kPiece); ++cell) {
+            one(displacement, vertices + cell * corners, gradients + cell * corners * dim,
+                sizes[cell] / (dim == 2 ? 2.0 : 6.0), matrices + (count == 1 ? 0 : cell * v * v),
+                strains + cell * square, stresses + cell * square, forces + cell * corners * dim);
+        }
+    });
 }
 
 double unresolved_square(const CellBubbles& body) { return body.dim == 2 ? bubbles<2>(body) : bubbles<3>(body); }

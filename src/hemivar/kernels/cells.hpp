@@ -34,6 +34,12 @@ void pull_back(int64_t dim, int64_t cells, int64_t count, const double* matrices
 
 void add_up_cells(const CellElement& element, const CellStresses& body);
 
+// Strains and stresses (M, d, d) of linear elements, and their nodal forces (M, d + 1, d); matrices are (count, v, v),
+// those of all cells or one.
+void strain_cells(int64_t dim, int64_t cells, int64_t count, const double* displacement, const int64_t* vertices,
+                  const double* gradients, const double* sizes, const double* matrices, double* strains,
+                  double* stresses, double* forces);
+
 // What linear elements leave of the loads, seen by the bubbles of the edges.
 struct CellBubbles {
     int64_t dim, cells, edges, facets, matrices;

@@ -70,6 +70,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_patch_order": ([c_int64, c_int64, c_void_p, c_int64, *[c_void_p] * 5], c_int64),
     "hv_improve_patches": ([c_void_p, c_void_p], c_int),
     "hv_pull_back": ([*[c_int64] * 3, *[c_void_p] * 5], c_int),
+    "hv_strains": ([*[c_int64] * 3, *[c_void_p] * 8], c_int),
     "hv_cells": ([c_void_p, c_void_p], c_int),
     "hv_unresolved": ([c_void_p, c_void_p], c_int),
 }

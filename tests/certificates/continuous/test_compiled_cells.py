@@ -20,6 +20,7 @@ from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.kernels import kernels
+from hemivar.kernels.cell_strains import cell_strains
 from hemivar.mechanics import Clamped, ContactProblem, Material
 from hemivar.mesh.mesh import Mesh
 
@@ -124,6 +125,31 @@ def test_kernels_and_numpy_agree_to_rounding(dim: int, order: int, monkeypatch: 
         assert np.abs(one - two).max() <= 1e-13 * np.abs(two).max()
 
 
+@pytest.mark.parametrize("compiled", [pytest.param(True, marks=built), False])
+@pytest.mark.parametrize("alike", [True, False])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_strains_and_forces_are_those_of_the_assembled_body(
+    dim: int, alike: bool, compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a linear field strains are known; forces of any field add up to the product with the stiffness."""
+    if not compiled:
+        monkeypatch.setattr("hemivar.certificates.continuous.body_data.cell_strains", lambda *_: None)
+    problem = two_parts(plane_mesh(5) if dim == 2 else space_mesh(2))
+    problem = replace(problem, material=anisotropic(dim)) if alike else problem
+    points, rng = problem.mesh.points, np.random.default_rng(3)
+    slope, u = rng.normal(size=(dim, dim)), rng.normal(size=points.shape)
+    linear = body_data(problem, points @ slope.T)
+    assert linear.strain == pytest.approx(np.broadcast_to(0.5 * (slope + slope.T), linear.strain.shape))
+    data = body_data(problem, u)
+    total = np.zeros(u.shape)
+    np.add.at(total, data.cell_nodes, data.forces)
+    expected = (stiffness_matrix(problem.mesh, problem.material, 1) @ u.ravel()).reshape(u.shape)
+    assert total == pytest.approx(expected, rel=1e-11, abs=1e-11 * np.abs(expected).max())
+    gradients = data.table.volumes[:, None, None] * data.table.gradients
+    assert data.forces == pytest.approx(gradients @ data.stress, rel=1e-11, abs=1e-11)
+    assert np.array_equal(data.stresses[:, 0], data.stresses[:, dim])
+
+
 @built
 @pytest.mark.parametrize("dim", [2, 3])
 def test_cells_beside_a_full_row_of_eight(dim: int) -> None:
@@ -162,3 +188,9 @@ def test_wrong_arrays_of_cells_are_refused_at_the_door() -> None:
     for bad in ((edges - 1, ends), (edges[:-1], ends), (edges, ends + 1), (edges, ends[:2])):
         with pytest.raises(ValueError, match="must be"):
             bubble_square(data, *bad)
+    table = data.table
+    good = (data.displacement, table.cells, table.gradients, table.sizes, np.eye(3)[None])
+    assert cell_strains(*good) is not None
+    for place, spoil in ((0, wrong[0]), (1, lambda x: x - 1), (2, wrong[1]), (3, wrong[2]), (4, wrong[2])):
+        with pytest.raises(ValueError, match="must"):
+            cell_strains(*good[:place], spoil(good[place]), *good[place + 1 :])

@@ -25,6 +25,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import elastic
 from hemivar.fem.elements import shape_derivatives, shape_values, voigt_index
 from hemivar.fem.quadrature import quadrature_rule, region_masks
+from hemivar.kernels.cell_strains import cell_strains
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.conditions import DataField, Pressure, stated_values
 from hemivar.mechanics.material import Material
@@ -230,8 +231,9 @@ class BodyData:
 
     def moved(self, displacement: Array) -> BodyData:
         """The data of another displacement (nodes, d) of the same problem."""
-        order, nodes = self.order, displacement[self.cell_nodes]
-        strains, stresses, forces = _stresses(self.table, order, nodes, self.tensors, self.weights, self.stored)
+        strains, stresses, forces = _stresses(
+            self.table, self.order, displacement, self.cell_nodes, self.tensors, self.weights, self.stored
+        )
         return replace(self, displacement=displacement, strains=strains, stresses=stresses, forces=forces)
 
     def linear(self, loads: Array) -> Array:
@@ -302,7 +304,7 @@ def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace
     law = elastic(lower_elasticity(material), mesh.dim)
     tensor, weights = law.on(mesh, 2 * order, vertices=None if order == 1 else table.cells)
     stored = None if material.linear else cell_energy(material, mesh, table.cells, 2 * order)
-    strains, stresses, forces = _stresses(table, order, u[cell_nodes], tensor, weights, stored)
+    strains, stresses, forces = _stresses(table, order, u, cell_nodes, tensor, weights, stored)
     kept: dict[object, object] = {}
     if workspace is not None and stored is None:
         kept = workspace.once("patches", (*cells, tensor, weights, np.array(order)), dict)
@@ -316,12 +318,25 @@ def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace
 
 
 def _stresses(
-    table: FacetTable, order: int, u: Array, tensor: Array, weights: Array, stored: CellEnergy | None
+    table: FacetTable,
+    order: int,
+    displacement: Array,
+    cell_nodes: IntArray,
+    tensor: Array,
+    weights: Array,
+    stored: CellEnergy | None,
 ) -> tuple[Array, Array, Array]:
     """Strains and the linear part of the stresses at the vertices (M, d + 1, d, d), and forces (M, l, d)."""
     dim, corners = table.dim, table.dim + 1
     index = voigt_index(dim)
-    shape = (len(u), corners, dim, dim)
+    shape = (len(cell_nodes), corners, dim, dim)
+    mean = np.einsum("q,mqvw->mvw", weights, tensor)
+    if order == 1 and stored is None:
+        compiled = cell_strains(displacement, cell_nodes, table.gradients, table.sizes, mean)
+        if compiled is not None:
+            strains, stresses, forces = compiled
+            return np.broadcast_to(strains[:, None], shape), np.broadcast_to(stresses[:, None], shape), forces
+    u = displacement[cell_nodes]
 
     def strain(point: Array) -> Array:
         slopes = table.gradients
@@ -335,7 +350,6 @@ def _stresses(
         return np.asarray(np.einsum("mijkl,m...kl->m...ij", full, strain, optimize=True))
 
     constant = order == 1 or not _varies(tensor)
-    mean = np.einsum("q,mqvw->mvw", weights, tensor)
     if order == 1:
         strains = strain(np.full(corners, 1.0 / corners))
         if stored is None:
