@@ -68,12 +68,9 @@ kernels = Extension(
     "hemivar.kernels._compiled",
     sources=[
         f"{KERNELS}/{name}.cpp"
-        for name in ("active_sets", "api", "cells", "cycle", "mesh_sums", "panels", "patches", "pool", "set_up")
+        for name in ("active_sets", "api", "cells", "cycle", "laws", "mesh_sums", "panels", "patches", "pool", "set_up")
     ],
-    depends=[
-        f"{KERNELS}/{name}.hpp"
-        for name in ("active_sets", "cells", "lanes", "levels", "memory", "mesh_sums", "panels", "patches", "pool", "wide")
-    ],
+    depends=sorted(str(header.relative_to(HERE)) for header in (HERE / KERNELS).glob("*.hpp")),
     language="c++",
     optional=True,
 )

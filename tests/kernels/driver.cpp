@@ -11,6 +11,7 @@
 
 #include "active_sets.hpp"
 #include "cells.hpp"
+#include "laws.hpp"
 #include "levels.hpp"
 #include "mesh_sums.hpp"
 #include "panels.hpp"
@@ -239,6 +240,50 @@ void settle(int64_t n) {
     ActiveSets soft(law, matrix.data(), weights.data(), compliance.data());
     check(soft.run(load.data(), r.data(), lam.data(), of_law.data(), 20, 0.0, 1e-12, 1.0, told) == ActiveSets::kGivenUp,
           "a matrix that is not definite is taken");
+}
+
+// Springs from 0.1 on, one row for all points, or one for each, and friction that weakens; points at rest, at the knot,
+// far away, and such as are no numbers.
+void answer_of_laws(int64_t m, int64_t d, bool each, int64_t formula) {
+    const int64_t rows = each ? m : 1;
+    std::vector<double> springs, friction, factor(rows, 0.5);
+    const double inf = std::numeric_limits<double>::infinity();
+    for (int64_t i = 0; i < rows; ++i) {
+        for (double number : {-inf, inf, 0.0, 0.1, 0.0, 0.0}) springs.push_back(number);
+        for (double slope : {0.0, 2.0}) springs.insert(springs.end(), {0.1, 0.0, slope, 0.1, 0.0, 0.0});
+        for (double number : {-inf, inf, 1.0, 0.0, -1.0, 1.0}) friction.push_back(number);
+        const std::vector<double> pieces{0.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0};
+        const std::vector<double> known{formula == ScalarLaw::kExponential ? 0.5 : 1.0, 0.5, 1.0};
+        const std::vector<double>& rest = formula == ScalarLaw::kStraight ? pieces : known;
+        friction.insert(friction.end(), rest.begin(), rest.end());
+    }
+    const auto length = [&](const std::vector<double>& all) { return static_cast<int64_t>(all.size()) / rows; };
+    const PointLaw law{{rows, 1, 0, rows, length(springs), springs.data(), factor.data()},
+                       {rows, 1, formula, rows, length(friction), friction.data(), factor.data()}};
+    std::vector<double> r(m * d), lam(m * d), pair(2 * m, 4.0), out(m * d), near(m * d), hessian(m * d * d), found(m);
+    std::vector<uint8_t> smooth(2 * m);
+    for (int64_t i = 0; i < m * d; ++i) {
+        r[i] = i % d ? (i % 5 ? 0.3 * (i % 7 - 3.0) : 0.0) : 0.1 * (i % 4);
+        lam[i] = 0.2 * (i % 9 - 4.0);
+    }
+    law.value(m, d, r.data(), found.data());
+    for (double value : found) check(value >= 0.0 && std::isfinite(value), "an energy is none");
+    law.linearise(m, d, r.data(), smooth.data(), out.data(), hessian.data());
+    law.nearest(m, d, r.data(), lam.data(), near.data());
+    law.distance(m, d, r.data(), near.data(), pair.data(), found.data());
+    for (double value : found) check(value < 1e-12, "the nearest multiplier is off its law");
+    check(law.minimise(m, d, pair.data(), r.data(), out.data()), "points have no minimiser");
+    for (int64_t i = 0; i < m * d; ++i) lam[i] = r[i] - 4.0 * out[i];
+    law.distance(m, d, out.data(), lam.data(), pair.data(), found.data());
+    for (double value : found) check(value < 1e-12, "a minimiser is off its law");
+    law.clamp(m, d, r.data(), lam.data(), out.data());
+    pair.assign(2 * m, 0.1);
+    check(d == 1 || formula != ScalarLaw::kLogarithmic || !law.minimise(m, d, pair.data(), r.data(), out.data()),
+          "hills are taken for none");
+    r.assign(m * d, std::nan(""));
+    law.distance(m, d, r.data(), lam.data(), pair.data(), found.data());
+    for (double value : found) check(std::isnan(value), "what is no number has a distance");
+    check(!law.minimise(m, d, pair.data(), r.data(), out.data()), "what is no number has a minimiser");
 }
 
 // n^dim cubes, each cut into simplices along the ways from its lowest corner to its highest one.
@@ -545,6 +590,12 @@ int main() {
         answers.emplace_back(out.begin(), out.end());
     }
     check(answers[0] == answers[1], "bits depend on the number of threads");
+    for (int64_t d : {1, 2, 3}) {
+        for (int64_t formula : {ScalarLaw::kStraight, ScalarLaw::kLogarithmic, ScalarLaw::kExponential}) {
+            answer_of_laws(37, d, false, formula);
+            answer_of_laws(37, d, true, formula);
+        }
+    }
     for (bool apart : {false, true}) {
         for (bool priced : {false, true}) {
             improve_simplices(2, 12, apart, priced);

@@ -6,6 +6,7 @@
 
 #include "active_sets.hpp"
 #include "cells.hpp"
+#include "laws.hpp"
 #include "levels.hpp"
 #include "mesh_sums.hpp"
 #include "panels.hpp"
@@ -99,7 +100,7 @@ int two_sums(int64_t n, double* out, const Term& term) {
 
 }  // namespace
 
-HEMIVAR_API int hv_abi() { return 6; }
+HEMIVAR_API int hv_abi() { return 8; }
 
 HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
 
@@ -320,6 +321,36 @@ HEMIVAR_API int hv_active_sets_run(ActiveSets* sets, const double* load, double*
 
 HEMIVAR_API double hv_active_sets_distance(ActiveSets* sets, const double* r, const double* lam) {
     return sets->distance(r, lam);
+}
+
+HEMIVAR_API void hv_law_value(const PointLaw* law, int64_t m, int64_t d, const double* r, double* out) {
+    law->value(m, d, r, out);
+}
+
+HEMIVAR_API void hv_law_linearise(const PointLaw* law, int64_t m, int64_t d, const double* r, uint8_t* smooth,
+                                  double* gradient, double* hessian) {
+    law->linearise(m, d, r, smooth, gradient, hessian);
+}
+
+HEMIVAR_API void hv_law_nearest(const PointLaw* law, int64_t m, int64_t d, const double* r, const double* lam,
+                                double* out) {
+    law->nearest(m, d, r, lam, out);
+}
+
+HEMIVAR_API void hv_law_clamp(const PointLaw* law, int64_t m, int64_t d, const double* start, const double* end,
+                              double* out) {
+    law->clamp(m, d, start, end, out);
+}
+
+HEMIVAR_API void hv_law_distance(const PointLaw* law, int64_t m, int64_t d, const double* r, const double* lam,
+                                 const double* tau, double* out) {
+    law->distance(m, d, r, lam, tau, out);
+}
+
+// 0 where every point has its minimiser, 1 where others must look.
+HEMIVAR_API int hv_law_minimise(const PointLaw* law, int64_t m, int64_t d, const double* a, const double* b,
+                                double* out) {
+    return law->minimise(m, d, a, b, out) ? 0 : 1;
 }
 
 // The number of colours of patches; -1 if these are too many, -2 if there is no memory.

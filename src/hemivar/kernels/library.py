@@ -17,7 +17,7 @@ from hemivar.basics.types import AnyArray, Array
 __all__ = ["Kernels", "expect_list", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
-_ABI = 6
+_ABI = 8
 #: With a dot inside, so that nothing that lists the modules of a package takes the library for one.
 _NAMES = ("_compiled.kernels.so", "_compiled.kernels.pyd")
 #: Most threads that are ever taken.
@@ -67,6 +67,12 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_active_sets_free": ([c_void_p], None),
     "hv_active_sets_distance": ([*[c_void_p] * 3], c_double),
     "hv_active_sets_run": ([*[c_void_p] * 5, c_int64, c_double, c_double, c_double, c_void_p], c_int),
+    "hv_law_value": ([c_void_p, *[c_int64] * 2, *[c_void_p] * 2], None),
+    "hv_law_linearise": ([c_void_p, *[c_int64] * 2, *[c_void_p] * 4], None),
+    "hv_law_nearest": ([c_void_p, *[c_int64] * 2, *[c_void_p] * 3], None),
+    "hv_law_clamp": ([c_void_p, *[c_int64] * 2, *[c_void_p] * 3], None),
+    "hv_law_distance": ([c_void_p, *[c_int64] * 2, *[c_void_p] * 4], None),
+    "hv_law_minimise": ([c_void_p, *[c_int64] * 2, *[c_void_p] * 3], c_int),
     "hv_patch_order": ([c_int64, c_int64, c_void_p, c_int64, *[c_void_p] * 5], c_int64),
     "hv_improve_patches": ([c_void_p, c_void_p], c_int),
     "hv_pull_back": ([*[c_int64] * 3, *[c_void_p] * 5], c_int),

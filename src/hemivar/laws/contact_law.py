@@ -11,6 +11,7 @@ from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import MethodError, ProblemError
+from hemivar.laws.compiled_law import CompiledLaw
 from hemivar.laws.consistency import check_own
 from hemivar.laws.contact_chart import ContactChart, GraphTables, follow
 from hemivar.laws.crossings import Crossings, crossings, length_places, level_places
@@ -75,6 +76,11 @@ class ContactLaw(NormalAndFriction):
         """The even scalar law h_tau j_tau."""
         return self.friction.radial
 
+    @cached_property
+    def _compiled(self) -> CompiledLaw | None:
+        """The law in the compiled kernels; None where these are not there, or do not know it."""
+        return None if self.state_dependent else CompiledLaw.of(self.normal, self.friction)
+
     def scalar_laws(self, components: int) -> tuple[Superpotential, ...]:
         """The normal law, and the tangential one where there are tangents."""
         return (self.normal,) if components == 1 else (self.normal, self.tangential)
@@ -121,6 +127,8 @@ class ContactLaw(NormalAndFriction):
     # ---- scalar questions, answered for the vector r ---------------------------------------------------
 
     def value(self, r: Array) -> Array:
+        if self._compiled is not None:
+            return self._compiled.value(r)
         value = self.normal.value(r[:, 0])
         return value + self.tangential.value(lengths(r[:, 1:])) if r.shape[1] > 1 else value
 
@@ -136,6 +144,8 @@ class ContactLaw(NormalAndFriction):
         return np.hypot(normal, np.where(size > 0.0, moving, resting))
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        if self._compiled is not None:
+            return self._compiled.graph_distance(r, lam, tau)
         normal = self.normal.graph_distance(r[:, 0], lam[:, 0], tau[:, 0])
         if self.by_differences:
             normal = normal + self.derivative_error(r)
@@ -150,6 +160,8 @@ class ContactLaw(NormalAndFriction):
         return np.hypot(normal, np.minimum(np.where(size > 0.0, moving, np.inf), resting))
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        if self._compiled is not None:
+            return self._compiled.nearest_multiplier(r, lam)
         out, law = np.empty_like(lam), self.normal
         interval = law.subdifferential(np.clip(r[:, 0], law.domain.lower, law.domain.upper))
         out[:, 0] = np.clip(lam[:, 0], interval.lower, np.maximum(interval.lower, interval.upper))
@@ -164,6 +176,8 @@ class ContactLaw(NormalAndFriction):
         return out
 
     def clamp(self, start: Array, end: Array) -> Array:
+        if self._compiled is not None:
+            return self._compiled.clamp(start, end)
         out, law = end.copy(), self.normal
         out[:, 0] = np.clip(end[:, 0], *law.piece_bounds(law.piece_of(start[:, 0])))
         if end.shape[1] > 1:
@@ -193,6 +207,9 @@ class ContactLaw(NormalAndFriction):
         return np.concatenate([normal, level_places(both, start[:, 1], end[:, 1], bend[:, 1])], axis=1)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
+        found = None if self._compiled is None else self._compiled.local_argmin(a, b)
+        if found is not None:
+            return found
         r = np.empty(b.shape)
         r[:, 0] = self.normal.local_argmin(a[:, 0], b[:, 0])
         if b.shape[1] > 1:
@@ -247,6 +264,8 @@ class ContactLaw(NormalAndFriction):
         return jacobian
 
     def linearise(self, r: Array) -> Linearisation:
+        if self._compiled is not None:
+            return Linearisation(*self._compiled.linearise(r))
         m, d = r.shape
         smooth = np.zeros((m, 2), dtype=bool)
         gradient = np.zeros((m, d))

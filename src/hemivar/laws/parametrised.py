@@ -48,8 +48,11 @@ class ParameterLaw(Superpotential):
         return replace(self, **values)  # type: ignore[type-var]
 
     def take(self, index: IntArray) -> Self:
-        values = {k: v if v.size == 1 else v[index] for k, v in self._values(None).items()}
-        return replace(self, **values)  # type: ignore[type-var]
+        values = self._values(None)
+        if all(value.size == 1 for value in values.values()):
+            return self  # with what it knows of itself
+        taken = {key: value if value.size == 1 else value[index] for key, value in values.items()}
+        return replace(self, **taken)  # type: ignore[type-var]
 
 
 class NamedLaw(ParameterLaw, TabulatedLaw):

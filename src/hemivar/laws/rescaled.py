@@ -11,6 +11,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["RescaledLaw", "ResolvedLaw", "moved_ends", "row", "separated", "taken"]
@@ -149,6 +150,14 @@ class RescaledLaw(ResolvedLaw):
     @property
     def straight(self) -> bool:
         return self.base.straight
+
+    @cached_property
+    def laid_out(self) -> LaidOut | None:  # type: ignore[override]
+        """As the compiled kernels read it, see there."""
+        if self.moved:
+            return lay_out(self)
+        base = self.base.laid_out
+        return None if base is None else base.times(self.factor)
 
     @cached_property
     def _at_zero(self) -> Array:

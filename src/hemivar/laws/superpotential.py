@@ -21,6 +21,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import minimisers
+from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.description import LawDescription, describe
 from hemivar.laws.minimisers import AT_ONCE, FAR
 
@@ -495,6 +496,16 @@ class Superpotential(PickleMixin, ABC):
     def straight(self) -> bool:
         """Whether j' is straight on every piece."""
         return False
+
+    @property
+    def known_formula(self) -> tuple[int, Array] | None:
+        """Number and parameters (m or 1, k) of its formula on both sides of 0, where the compiled kernels know it."""
+        return None
+
+    @cached_property
+    def laid_out(self) -> LaidOut | None:
+        """The law as the compiled kernels read it, with resolved parameters; None where they do not know it."""
+        return lay_out(self)
 
     def convex_part(
         self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array

@@ -105,6 +105,11 @@ class ExponentialWeakening(_EvenLaw):
         return np.asarray(-rate * gain * np.exp(-rate * s))
 
     @property
+    def known_formula(self) -> tuple[int, Array]:
+        static, kinetic, rate = self._resolved
+        return 2, columns(static - kinetic, kinetic, rate)
+
+    @property
     def weak_convexity(self) -> Array:
         static, kinetic, rate = self._resolved
         return np.maximum(rate * (static - kinetic), 0.0)
@@ -147,6 +152,10 @@ class LogarithmicWeakening(_EvenLaw):
     def _half_line(self, s: Array) -> tuple[Array, Array]:
         whole = self._resolved + s
         return np.asarray(1.0 / whole), np.asarray(-1.0 / (whole * whole))
+
+    @property
+    def known_formula(self) -> tuple[int, Array]:
+        return 1, columns(self._resolved)
 
     @property
     def weak_convexity(self) -> Array:
