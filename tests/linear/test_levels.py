@@ -192,6 +192,28 @@ def test_holding_unknowns_changes_no_matrix_of_the_hierarchy(make: Make) -> None
 
 
 @pytest.mark.parametrize("make", [square, cube])
+def test_the_coarsest_level_is_solved_alike_whatever_was_held_before(make: Make) -> None:
+    problem = make()
+    levels = ElasticMultigrid.of(problem).levels
+    once, again = (Truncated(levels, len(levels.sizes) - 1) for _ in range(2))
+    unknown = contact_unknowns(problem.contact)[0]
+    for seed in (3, None, 5):
+        held, added = held_somewhere(problem, seed or 4)
+        if seed is None:  # all are free, and the root has the most columns
+            held, added = np.zeros(unknown.size, dtype=bool), sp.csr_array((unknown.size, unknown.size))
+        again.change(held, added)
+        again.prepare()
+    once.change(held, added)
+    matrix = once.matrix(0)
+    free = np.diff(matrix.indptr) > 0
+    free[levels.levels[0].contact] = False
+    vector = np.where(free, np.random.default_rng(2).standard_normal(free.size), 0.0)
+    found = again.cycle(0, vector)
+    np.testing.assert_array_equal(found, once.cycle(0, vector))
+    np.testing.assert_allclose(matrix @ found, vector, atol=1e-9 * np.abs(vector).max())
+
+
+@pytest.mark.parametrize("make", [square, cube])
 def test_what_is_left_of_a_coarse_space_needs_no_new_matrix(make: Make) -> None:
     """Coarse functions that reach no held unknown have the Galerkin products of the coarse mesh."""
     problem = make()

@@ -147,6 +147,7 @@ def test_a_solve_changes_no_bit_of_problem_and_workspace(
     levels = levels_of(problem, workspace)
     once = hv.solve(problem, method, workspace=workspace)
     _ = levels.solve(problem.load)  # makes what the compiled kernels read
+    hv.certify(problem, once.unknowns, once.multiplier)  # and what is kept of the laws
     held = [problem, problem.space, levels.levels, levels.steps]
     before = bits(held, set())
     assert len(before) > 40

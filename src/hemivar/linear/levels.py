@@ -278,6 +278,8 @@ class Truncated:
         self._least = 0.0 if vanishing else _MOSTLY
         self._changed = [TruncatedLevel(level) for level in levels.levels]
         self._coarse: Array | None = None
+        #: Memory of its root from the eliminated matrix: new memory takes longer than the numbers.
+        self._room: Array | None = None
         #: What algebraic levels have not followed yet.
         self._late: tuple[BoolArray, Array] | None = None
         self.begin()
@@ -312,11 +314,14 @@ class Truncated:
         ``held``: which contact unknowns of that level keep their value; numbered as ``contacts[top]``; ``added``:
         symmetric; rows and columns of held unknowns are zero.
         """
+        own = self._levels.own[self.top]
+        self.change_values(held, self._levels.levels[self.top].coupling.values(added, own))
+
+    def change_values(self, held: BoolArray, values: Array) -> None:
+        """:meth:`change` by the entries (p,) of what is added, at the places of the :class:`Coupling` of the level."""
         levels, top = self._levels, self.top
-        own, count = levels.own[top], levels.levels[top].contact.size
-        out = np.zeros(count, dtype=bool)
-        out[own] = held
-        values = levels.levels[top].coupling.values(added, own)
+        out = np.zeros(levels.levels[top].contact.size, dtype=bool)
+        out[levels.own[top]] = held
         new = True
         for k in range(top, levels.algebraic - 1, -1):
             level, changed = levels.levels[k], self._changed[k]
@@ -427,16 +432,19 @@ class Truncated:
         if known is None:
             return None
         kept = np.flatnonzero(~changed.held)
-        added = changed.level.coupling.matrix(changed.added).toarray()
-        upper = _upper_root((known.schur + added)[np.ix_(kept, kept)])
+        schur, coupling = known.schur.copy(), changed.level.coupling
+        schur[coupling.rows, coupling.columns] += changed.added
+        upper = _upper_root(schur[np.ix_(kept, kept)])
         if upper is None:
             return None
-        root, place = known.root.copy(order="C"), changed.level.contact[kept]
-        inner = levels.sizes[0] - changed.level.contact.size
+        if self._room is None:
+            self._room = known.root.copy(order="C")
+        root, place, inner = self._room, changed.level.contact[kept], known.inner.size
+        root[:, inner:] = 0.0
         root[known.inner, inner : inner + kept.size] = -known.follows[:, kept] @ upper
         root[place, inner : inner + kept.size] = upper
         out = changed.level.contact[changed.held]
-        root[out, np.arange(inner + kept.size, levels.sizes[0])] = 1.0
+        root[out, np.arange(inner + kept.size, len(root))] = 1.0
         return root
 
     def _dense_root(self) -> Array:

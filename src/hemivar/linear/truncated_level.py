@@ -30,12 +30,15 @@ class Coupling:
         self.rows, self.columns = np.divmod(self.keys, max(self.size, 1))
         self.diagonal = np.searchsorted(self.keys, np.arange(self.size) * (self.size + 1))
 
+    def places(self, rows: IntArray, columns: IntArray) -> IntArray:
+        """Which of the places (p,) are in these rows and columns, (q,) each."""
+        return np.asarray(np.searchsorted(self.keys, rows * self.size + columns))
+
     def values(self, matrix: sp.csr_array, place: IntArray) -> Array:
         """The entries (p,) of a matrix whose rows and columns are the contact unknowns ``place``."""
         entries = matrix.tocoo()
         found = np.zeros(self.keys.size)
-        keys = place[entries.row] * self.size + place[entries.col]
-        np.add.at(found, np.searchsorted(self.keys, keys), entries.data)
+        np.add.at(found, self.places(place[entries.row], place[entries.col]), entries.data)
         return found
 
     def matrix(self, values: Array) -> sp.csr_array:

@@ -34,6 +34,7 @@ from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import COARSEST, LevelMatrix, Levels, Preconditioner
 from hemivar.linear.multilevel import Hierarchy
 from hemivar.linear.products import product
+from hemivar.linear.truncated_level import Coupling
 from hemivar.linear.vectors import WHOLE
 from hemivar.systems.body import Body
 from hemivar.systems.condensed import ROUNDED, CondensedProblem
@@ -114,7 +115,8 @@ class MatrixAtContact(ContactStiffness):
     """The stiffness of a body on one machine.
 
     ``matrix (n, n)``; ``times``: the matrix times a vector (n,); ``unknown, sign, active``: see
-    :class:`ContactStiffness`.
+    :class:`ContactStiffness`; ``coupling``: places of what laws add to it; ``own (k,)``: which of the unknowns there
+    are those of the contact points.
     """
 
     def __init__(
@@ -124,10 +126,13 @@ class MatrixAtContact(ContactStiffness):
         unknown: IntArray,
         sign: Array,
         active: BoolArray,
+        coupling: Coupling,
+        own: IntArray,
     ) -> None:
         super().__init__(WHOLE, unknown, sign, active)
         self.matrix = matrix
         self.times = times
+        self.coupling, self.own = coupling, own
 
     @cached_property
     def _rows(self) -> sp.csr_array:
@@ -143,17 +148,40 @@ class MatrixAtContact(ContactStiffness):
     def pull(self, x: Array) -> Array:
         return product(self._rows, x)
 
+    @cached_property
+    def _columns(self) -> sp.csr_array:
+        """The rows turned, (n, k)."""
+        return sp.csr_array(self._rows.T)
+
     def push(self, values: Array) -> Array:
-        return np.asarray(self._rows.T @ values)
+        return product(self._columns, values)
 
     def between_contacts(self) -> sp.csr_array:
         return self._rows[:, self.unknown]
+
+    @cached_property
+    def _blocks(self) -> tuple[IntArray, IntArray, Array]:
+        """Entries of the blocks (m, d, d) between active components, their places in the coupling, and signs."""
+        both = self.active[:, :, None] & self.active[:, None, :]
+        number = np.zeros(self.active.shape, dtype=np.int64)
+        number[self.active] = np.arange(self.unknown.size)
+        rows, columns = (np.broadcast_to(one, both.shape)[both] for one in (number[:, :, None], number[:, None, :]))
+        place = self.coupling.places(self.own[rows], self.own[columns])
+        return np.flatnonzero(both), place, self.sign[rows] * self.sign[columns]
+
+    def added(self, blocks: Array) -> Array:
+        """Blocks (m, d, d) between the components of each point as entries of the coupling, (p,)."""
+        entry, place, sign = self._blocks
+        found = np.zeros(self.coupling.keys.size)
+        found[place] = sign * blocks.ravel()[entry]
+        return found
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodyProblem(Body):
     """A discrete problem on one of the levels of its hierarchy."""
 
+    elastic: MatrixAtContact
     problem: DiscreteProblem
     hierarchy: ElasticMultigrid  # matrices of this and the coarser levels
     top: int  # number of this level
@@ -165,9 +193,11 @@ class BodyProblem(Body):
     def of(problem: DiscreteProblem, hierarchy: ElasticMultigrid, top: int, small: Workspace) -> BodyProblem:
         """The body of a problem, no problem being posed below."""
         unknown, sign, active, _ = contact_unknowns(problem.contact)
+        levels, times = hierarchy.levels, partial(hierarchy.levels.multiply, top)
+        coupling, own = levels.levels[top].coupling, levels.own[top]
         return BodyProblem(
             vectors=WHOLE,
-            elastic=MatrixAtContact(problem.stiffness, partial(hierarchy.levels.multiply, top), unknown, sign, active),
+            elastic=MatrixAtContact(problem.stiffness, times, unknown, sign, active, coupling, own),
             law=problem.law,
             weights=problem.contact.weights,
             offset=problem.offset.ravel().reshape(active.shape),
@@ -198,7 +228,8 @@ class BodyProblem(Body):
         return self.meshes[-1].posed(step.posed(self.problem), self.meshes[:-1], time.perf_counter())
 
     def condensed(self) -> CondensedProblem | None:
-        return self.small.condensed(self.problem) if self.problem.unknowns <= _FEW else None
+        # the half sweeps that serve many loads cost one load nothing
+        return self.small.condensed(self.problem, many=True) if self.problem.unknowns <= _FEW else None
 
     def untouched(self) -> Array | None:
         levels, top = self.hierarchy.levels, self.top
@@ -276,14 +307,7 @@ class _TruncatedBody:
         return self._levels.diagonal(self._body.top)
 
     def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
-        body = self._body
-        number = np.zeros(body.active.shape, dtype=np.int64)
-        number[body.active] = np.arange(body.unknown.size)
-        there = curvature != 0.0
-        rows = np.broadcast_to(number[:, :, None], there.shape)[there]
-        columns = np.broadcast_to(number[:, None, :], there.shape)[there]
-        entries = curvature[there] * body.sign[rows] * body.sign[columns]
-        self._levels.change(held, sp.csr_array((entries, (rows, columns)), shape=(body.unknown.size,) * 2))
+        self._levels.change_values(held, self._body.elastic.added(curvature))
 
     def __matmul__(self, vector: Array) -> Array:
         return self._levels.multiply(self._body.top, vector)

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.linear.products import product
 from hemivar.linear.vectors import Vectors
 from hemivar.systems.contact_moves import majorant
 
@@ -45,7 +46,7 @@ class ContactStiffness(ABC):
 
     def couple(self, step: Array) -> Array:
         """Elastic force (m, d) that a step (m, d) of the contact points alone takes away."""
-        return np.asarray(self.own_block @ step.ravel()).reshape(step.shape)
+        return product(self.own_block, step.ravel()).reshape(step.shape)
 
     @cached_property
     def own_block(self) -> sp.csr_array:
@@ -70,15 +71,20 @@ class ContactStiffness(ABC):
         """Largest eigenvalue of the contact block scaled by its diagonal."""
         return majorant(self.vectors, self.active, self.diagonal, self.couple)
 
+    @cached_property
+    def _place(self) -> IntArray:
+        """Where the active components are among all, (k,): masks are slow to look up."""
+        return np.flatnonzero(self.active)
+
     def spread(self, values: Array) -> Array:
         """Values (k,) of the contact unknowns as (m, d), signs observed."""
         out = np.zeros(self.active.shape)
-        out[self.active] = self.sign * values
+        out.ravel()[self._place] = self.sign * values
         return out
 
     def gather(self, values: Array) -> Array:
         """The contrary of :meth:`spread`."""
-        return np.asarray(self.sign * values[self.active])
+        return np.asarray(self.sign * values.ravel()[self._place])
 
 
 def embedded(block: sp.csr_array, active: BoolArray, sign: Array) -> sp.csr_array:

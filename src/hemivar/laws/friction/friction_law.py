@@ -127,7 +127,7 @@ class Friction(PickleMixin):
             bound = self.bounds if self.bounds.size == 1 else self.bounds[index]
         return replace(self, bound=bound, profile=self.profile.take(index))
 
-    @property
+    @cached_property
     def bounds(self) -> Array:
         """Values of the friction bound, shape (1,) or (m,), for resolved parameters.
 
