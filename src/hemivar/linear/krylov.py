@@ -132,27 +132,45 @@ def minimal_residuals(
     Returns the solution (n,).
     """
     size = float(vectors.norms(b)[0])
-    x, H, first = np.zeros_like(b), np.zeros((limit + 1, limit)), np.zeros(limit + 1)
-    first[0] = size
+    x, R, rest = np.zeros_like(b), np.zeros((limit, limit)), [size]
     if not size > tolerance:
         return x, 0
-    basis, images = [b / size], []
+    basis, images, turns, largest = [b / size], list[Array](), list[tuple[float, float]](), 0.0
     for k in range(limit):
         images.append(precondition(basis[k]))
         w = A(images[k])
+        column = np.zeros(k + 1)
         for _ in range(2):  # once more for what rounding leaves
             parts = vectors.total(*(float(q @ w) for q in basis))
             for part, q in zip(parts.tolist(), basis, strict=True):
                 w = w - part * q
-            H[: k + 1, k] += parts
-        H[k + 1, k] = vectors.norms(w)[0]
-        own = H[: k + 2, : k + 1]
-        y = np.linalg.lstsq(own, first[: k + 2], rcond=None)[0]
-        rest = float(np.linalg.norm(first[: k + 2] - own @ y))
+            column += parts
+        below = float(vectors.norms(w)[0])
+        largest = max(largest, below, float(np.abs(column).max()))
+        turned = _turned(column.tolist(), turns)
+        turns.append(_turn(turned[k], below))
+        R[: k + 1, k] = *turned[:k], math.hypot(turned[k], below)
+        rest[k:] = turns[k][0] * rest[k], -turns[k][1] * rest[k]
         late = 0.0 if due is None else float(vectors.largest(due())[0])
-        if rest <= tolerance or late or not H[k + 1, k] > _FLAT * float(np.abs(own).max()):
+        if abs(rest[k + 1]) <= tolerance or late or not below > _FLAT * largest:
             break
-        basis.append(w / H[k + 1, k])
+        basis.append(w / below)
+    count = len(images)
+    y = np.linalg.lstsq(R[:count, :count], np.array(rest[:count]), rcond=None)[0]
     for part, image in zip(y.tolist(), images, strict=True):
         x += part * image
     return x, len(images)
+
+
+def _turn(first: float, second: float) -> tuple[float, float]:
+    """Cosine and sine of the rotation that takes (first, second) to (length, 0)."""
+    length = math.hypot(first, second)
+    return (first / length, second / length) if length > 0.0 else (1.0, 0.0)
+
+
+def _turned(column: list[float], turns: list[tuple[float, float]]) -> list[float]:
+    """A column after the rotations of each two of its entries that follow one another."""
+    for k, (cosine, sine) in enumerate(turns):
+        first, second = column[k], column[k + 1]
+        column[k], column[k + 1] = cosine * first + sine * second, cosine * second - sine * first
+    return column

@@ -323,9 +323,11 @@ class _Search:
         size = float(system.vectors.norms(system.weights[:, None] * point.lam)[0])
         return self.rounding(point) <= _HIDDEN * system.load_scale.of(size)
 
-    def at(self, x: Array, before: GraphPoint | None = None, cycles: int = 0) -> _Place | None:
-        """A point with |F|; None where that is not known."""
-        point, system = self.equation.at(x), self.equation.system
+    def at(
+        self, x: Array, before: GraphPoint | None = None, cycles: int = 0, force: Array | None = None
+    ) -> _Place | None:
+        """A point with |F|, ``force`` being what is out of balance there; None where that is not known."""
+        point, system = self.equation.at(x, force), self.equation.system
         if point is None or point.force is None:
             return None
         rest = system.less_contact(point.force, system.weights[:, None] * point.lam)
@@ -341,10 +343,10 @@ class _Search:
         budget.check()
         if found is None:
             return None
-        (end, _, cycles), length = found, 1.0
-        way = end - place.x
-        for _ in range(halvings):
-            new = self.at(place.x + length * way, place, cycles)
+        (end, force, cycles), length, first = found, 1.0, place.x
+        for halved in range(halvings):
+            x = first + length * (end - first) if halved else end
+            new = self.at(x, place, cycles, None if halved else self.equation.system.refreshed(x, force))
             if new is not None and new.off < (1.0 - _FALLS * length) * place.off and self.tells(new):
                 return new
             length *= 0.5
