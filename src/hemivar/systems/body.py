@@ -118,12 +118,7 @@ class Body(OfUnknowns, ABC):
 
     @property
     def blocks(self) -> Array:
-        m, d = self.active.shape
-        entries = self.own_block.tocoo()
-        own = entries.row // d == entries.col // d
-        blocks = np.zeros((m, d, d))
-        blocks[entries.row[own] // d, entries.row[own] % d, entries.col[own] % d] = entries.data[own]
-        return blocks
+        return self.elastic.blocks
 
     def local(self, x: Array) -> Array:
         r = self.fixed.copy()

@@ -135,7 +135,9 @@ def best_component(body: ContactSystem, r: Array, force: Array) -> tuple[Array, 
         return _best_point(body, r, force)
     a = body.diagonal.copy()
     if d > 2:  # the tangential block is replaced by its largest eigenvalue
-        a[:, 1:] = np.maximum(np.linalg.eigvalsh(body.blocks[:, 1:, 1:])[:, -1:], 1e-12 * a[:, 1:])
+        (first, mixed), (_, second) = body.blocks[:, 1:, 1:].transpose(1, 2, 0)
+        largest = 0.5 * (first + second) + np.hypot(0.5 * (first - second), mixed)
+        a[:, 1:] = np.maximum(largest[:, None], 1e-12 * a[:, 1:])
     pair = np.stack([a[:, 0], a[:, min(1, d - 1)]], axis=1) / w[:, None]
     target = law.local_argmin(pair, (a * r + force) / w[:, None])
     target = np.where(body.active & np.isfinite(target), target, r)

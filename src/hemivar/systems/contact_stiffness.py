@@ -59,6 +59,16 @@ class ContactStiffness(ABC):
         return np.asarray(self.own_block.diagonal().reshape(self.active.shape))
 
     @cached_property
+    def blocks(self) -> Array:
+        """Stiffness between the components of each point, (m, d, d)."""
+        m, d = self.active.shape
+        entries = self.own_block.tocoo()
+        own = entries.row // d == entries.col // d
+        blocks = np.zeros((m, d, d))
+        blocks[entries.row[own] // d, entries.row[own] % d, entries.col[own] % d] = entries.data[own]
+        return blocks
+
+    @cached_property
     def diagonal(self) -> Array:
         """The same, positive everywhere, and one number for the tangential components of a point."""
         diagonal = self.stiffness.copy()
