@@ -15,7 +15,7 @@ from scipy.spatial import Delaunay
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.bare_body import bare_body, cell_tensors, part_of_body, softened
-from hemivar.certificates.continuous.coarsening import LOSS, _shapes, coarsened
+from hemivar.certificates.continuous.coarsening import LOSS, coarsened, shapes
 from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.lower_bounds import _on, lower_bounds
 from hemivar.certificates.continuous.trace_bounds import body_bound, guaranteed_trace_bounds
@@ -117,9 +117,9 @@ def test_what_is_left_is_the_body(name: str) -> None:
     mesh = BODIES[name]()
     left = coarsened(mesh, labels_of(mesh), np.zeros(mesh.number_of_cells, dtype=np.int64), 40)
     assert len(left.cells) < 0.5 * mesh.number_of_cells
-    volume, shape = _shapes(left.points, left.cells)
+    volume, shape = shapes(left.points, left.cells)
     assert volume.sum() + left.loss == pytest.approx(mesh.volumes.sum(), rel=1e-9)
-    assert shape.min() > _shapes(mesh.points, mesh.cells)[1].min()
+    assert shape.min() > shapes(mesh.points, mesh.cells)[1].min()
     coarse = Mesh.oriented(*compact(left.points, left.cells))  # facets belong to two cells on two sides
     assert coarse.number_of_cells == len(left.cells)
     for bit, side in enumerate(("left", "bottom")):
@@ -160,7 +160,7 @@ def test_a_curve_is_cut_at_inwards_only() -> None:
     none = np.zeros(mesh.number_of_cells, dtype=np.int64)
     left = coarsened(mesh, labels_of(mesh), none, 40)
     assert 0.0 < left.loss < 0.02 * mesh.volumes.sum()
-    assert _shapes(left.points, left.cells)[0].sum() + left.loss == pytest.approx(mesh.volumes.sum(), rel=1e-12)
+    assert shapes(left.points, left.cells)[0].sum() + left.loss == pytest.approx(mesh.volumes.sum(), rel=1e-12)
     inner = np.linalg.norm(mesh.points, axis=1) < 1.0 + 1e-9
     assert np.isin(np.flatnonzero(inner), left.cells).all()
     kept = coarsened(mesh, labels_of(mesh), none, 40, loss=0.0)

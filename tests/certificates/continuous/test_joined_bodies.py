@@ -16,7 +16,6 @@ from hemivar.certificates.continuous.conjugate_sweeps import Sweeps
 from hemivar.certificates.continuous.contact_traces import contact_traces
 from hemivar.certificates.continuous.convex_distance import _missed
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance, improved_stress
-from hemivar.certificates.continuous.facet_constants import _containing
 from hemivar.certificates.continuous.joined_sides import joined_sides
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
 from hemivar.certificates.continuous.patches import PatchKind
@@ -289,14 +288,6 @@ def test_what_tractions_miss_counts_on_both_sides() -> None:
     np.testing.assert_allclose(missed[first], 10.0 * missed[second], rtol=1e-10)
     assert np.count_nonzero(missed) == 2 * len(traces.facets)
     np.testing.assert_array_equal(_missed(traces, along), 0.0)
-
-
-def test_a_facet_belongs_to_the_body_inside_of_it() -> None:
-    triangle = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
-    up = np.array([[0.0, 0.0, 1.0]])
-    both, normals, middle = np.concatenate([triangle, triangle]), np.concatenate([up, -up]), triangle.mean(axis=1)
-    for outward, number in ((up, 0), (-up, 1)):
-        np.testing.assert_array_equal(_containing(both, normals, middle, outward), [number])
 
 
 @pytest.mark.parametrize("space", [False, True])

@@ -84,11 +84,14 @@ def contact_sides(problem: ContactProblem, name: str) -> tuple[str, ...]:
     return problem.pair(name) if problem.contact[name].against else (name,)
 
 
-def part_of_body(bare: ContactProblem, target: int, loss: float) -> tuple[ContactProblem, bool]:
+def part_of_body(
+    bare: ContactProblem, target: int, loss: float, seed: int = 0, least: float = 0.0
+) -> tuple[ContactProblem, bool]:
     """About so many cells of good shape that make a part of a body, and whether it is all of it.
 
     The part has the contact boundary and the supports of the body, so that its trace constants are not above those of
-    the body.  ``loss`` is that of :func:`hemivar.certificates.continuous.coarsening.coarsened`.
+    the body.  ``loss``, ``seed`` and ``least`` are those of
+    :func:`hemivar.certificates.continuous.coarsening.coarsened`.
     """
     mesh, table = bare.mesh, facet_table(bare.mesh)
     names = [*bare.contact, *bare.supports]
@@ -98,7 +101,7 @@ def part_of_body(bare: ContactProblem, target: int, loss: float) -> tuple[Contac
     kinds, labels = np.unique(on, axis=0, return_inverse=True)
     labels = labels.ravel()[1:]
     tensors, groups = cell_tensors(bare)
-    left = coarsened(mesh, labels, groups, target, loss)
+    left = coarsened(mesh, labels, groups, target, loss, seed, least)
     used, cells = np.unique(left.cells, return_inverse=True)
     facets = np.searchsorted(used, left.facets)
     outer = left.labels >= 0  # the others lie between materials

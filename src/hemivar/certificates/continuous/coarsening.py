@@ -19,7 +19,7 @@ from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.mesh.keys import EDGES, signed_volumes
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["LOSS", "Coarse", "coarsened"]
+__all__ = ["LOSS", "Coarse", "coarsened", "shapes"]
 
 #: Angle that is rounding, in radians: up to it facets are of one plane.
 _STRAIGHT = 1e-6
@@ -52,10 +52,19 @@ class Coarse:
     loss: float
 
 
-def coarsened(mesh: Mesh, labels: IntArray, groups: IntArray, target: int, loss: float = LOSS) -> Coarse:
+def coarsened(
+    mesh: Mesh,
+    labels: IntArray,
+    groups: IntArray,
+    target: int,
+    loss: float = LOSS,
+    seed: int = 0,
+    least: float = 0.0,
+) -> Coarse:
     """Nodes are taken out until about so many cells are left, or no more can go.
 
-    Those that leave cells of good shape, or no worse ones, go even then.
+    Those that leave cells of good shape, or no worse ones, go even then.  Those at short edges go first; with a seed
+    that is not zero lengths count by up to twice what they are.
 
     Parameters
     ----------
@@ -67,6 +76,9 @@ def coarsened(mesh: Mesh, labels: IntArray, groups: IntArray, target: int, loss:
     target : int
     loss : float
         Part of the volume of the cells at a node that may be cut off.
+    seed : int
+    least : float
+        Shape that cells keep where it was better, 1 for regular ones.
     """
     table = facet_table(mesh)
     inner = table.interior
@@ -77,10 +89,10 @@ def coarsened(mesh: Mesh, labels: IntArray, groups: IntArray, target: int, loss:
     outward = _outward(mesh.points, facets, table.area_normals[kept])
     creases, dims = _strata(mesh.points, facets, label, table.area_normals[kept])
     dims[np.unique(mesh.cells)[_pinched(table.cells, table.owners[inner], table.facets[inner])]] = 0
-    state = _State(mesh.points, np.asarray(mesh.cells), groups, outward, label, creases, dims, 0.0, loss)
-    random = np.random.default_rng(0)
+    state = _State(mesh.points, np.asarray(mesh.cells), groups, outward, label, creases, dims, 0.0, loss, seed > 0)
+    random = np.random.default_rng(seed)
     shape, last = _SHAPES[mesh.dim]
-    while shape >= last:
+    while shape >= max(last, least):
         before = state.count
         state = state.smaller(random, target, shape)
         if before - state.count <= _PROGRESS * before:
@@ -151,7 +163,7 @@ def _pinched(cells: IntArray, owners: IntArray, facets: IntArray) -> BoolArray:
     return np.asarray(np.unique(found, return_counts=True)[1] > 1)
 
 
-def _shapes(points: Array, cells: IntArray) -> tuple[Array, Array]:
+def shapes(points: Array, cells: IntArray) -> tuple[Array, Array]:
     """Volumes and shapes (n,), 1 for regular simplices and negative for inverted ones."""
     dim = points.shape[1]
     volume = signed_volumes(points, cells)
@@ -174,6 +186,8 @@ class _State:
     dims: IntArray
     loss: float
     allowed: float
+    #: Whether chance has a part in which nodes go first.
+    at_random: bool
 
     @property
     def dim(self) -> int:
@@ -190,6 +204,7 @@ class _State:
         fans = _incidences(self.facets, node, len(self.points))
         allowed, cut = self._judged(node, onto, stars, fans, shape, self.count <= target)
         length = np.linalg.norm(self.points[node] - self.points[onto], axis=1)
+        length = length * (1.0 + random.random(len(node))) if self.at_random else length
         rank = np.argsort(np.argsort(np.where(allowed, length, np.inf), kind="stable"), kind="stable")
         chosen = _apart(rank, allowed, stars, len(self.cells))
         if self.count > target and chosen.any():
@@ -242,13 +257,13 @@ class _State:
         """Which nodes may go, and what that cuts off."""
         count = len(node)
         who, cell = stars
-        volume, shape = _shapes(self.points, self.cells[cell])
+        volume, shape = shapes(self.points, self.cells[cell])
         before, total = np.full(count, np.inf), np.bincount(who, volume, count)
         np.minimum.at(before, who, shape)
         new = np.where(self.cells[cell] == node[who, None], onto[who, None], self.cells[cell])
         left = (self.cells[cell] != onto[who, None]).all(axis=1)
         after = np.full(count, np.inf)
-        np.minimum.at(after, who[left], _shapes(self.points, new[left])[1])
+        np.minimum.at(after, who[left], shapes(self.points, new[left])[1])
         allowed = (after > _FLAT) & (
             after >= np.minimum((1.0 - _FLAT) * before, _SHAPES[self.dim][0] if few else least)
         )

@@ -1,16 +1,16 @@
 """What facetwise linear loads do not see of a trace: ``kappa_F^2 = sup |v - Pi_1 v|_F^2 / |v|_{a,R}^2``.
 
-R is a part of the body at the facet F, those of different facets disjoint, or else their constants are added.  No
-formula is needed: cut R into parts of which those at F are similar to it, N along each edge.  For a load g on F without
-linear part, split in its facetwise linear part on the cut facets and the rest, the former is answered by stresses in
-equilibrium and the latter seen by the small parts alone, whose constant is ``kappa^2 / N``; hence
+R is a part of the body at the facet F; the constants of parts that overlap are added.  No formula is needed: cut R
+into parts of which those at F are similar to it, N along each edge.  For a load g on F without linear part, split in
+its facetwise linear part on the cut facets and the rest, the former is answered by stresses in equilibrium and the
+latter seen by the small parts alone, whose constant is ``kappa^2 / N``; hence
 
     kappa^2 <= mu_N / (1 - 1 / N),
 
 ``mu_N`` the largest complementary energy of R, free, under the facetwise linear loads on F of norm one that are
-orthogonal to linear functions.  In the plane R is the cell at F.  In space it is the prism above F where that lies in
-the body, which is cut into prisms above F and above F turned round: the worse of both counts for both.  Elsewhere it is
-the cell at F, whose parts are of finitely many shapes, and the worst counts.
+orthogonal to linear functions.  In the plane R is the cell at F.  In space it is a prism or a frustum above F where one
+lies in the body, and in one material (:mod:`hemivar.certificates.continuous.prisms`).  Elsewhere it is the cell at F,
+whose parts are of finitely many shapes, and the worst counts.
 
 For displacements U, linear on each facet, and V, linear on the cell, the work of a stress of the split element is
 ``sum m . (U - V) + int s : eps(V)``.  The stiffness ``A H^-1 A'``, H the complementary energy in the degrees of freedom
@@ -23,31 +23,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.facet_table import FacetTable, facet_table, facet_vertices
+from hemivar.certificates.continuous.prisms import KINDS, Solids, prism_squares, prisms, room, tolerance
 from hemivar.certificates.continuous.split_element import pulled_back, split_element, voigt
 from hemivar.fem.directed_matrix import directed_matrix
-from hemivar.mesh.build import box
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["FacetConstants", "equilibrated_blocks", "facet_constants"]
 
-#: How often a cell in the plane, a cell in space and a prism are cut in halves.
+#: How often a cell in the plane and a cell in space are cut in halves.
 _HALVINGS = {2: 2, 3: 1}
-_PRISM_HALVINGS = 2
 #: Digits to which two shapes are one.
 _DIGITS = 9
-#: Part of a compliance by which it may differ from an isotropic one and count as such.
-_ISOTROPIC = 1e-12
-#: Heights of prisms that are tried, in terms of the root of twice the area of the facet.
-_HEIGHTS = (1.0, 0.7, 0.5, 0.25)
-#: Part of a size by which two bodies may overlap and count as disjoint.
-_TOUCHING = 1e-9
+#: Kinds that are tried, one after another, where facets lie in a plane and where they meet at angles.
+_PRISMS, _FRUSTA = (0, 1, 2, 3, 4), (3, 4, 2)
+#: Part of a compliance that is rounding.
+_ROUNDING = 1e-13
 
 
 def equilibrated_blocks(compliance: Array, jacobian: Array, *, loaded: bool = False) -> Array:
@@ -117,12 +115,13 @@ class FacetConstants:
 
     #: ``kappa_F^2``.
     squares: Array  # (k,)
-    #: Facets with the same number have a region in common.
-    regions: IntArray  # (k,)
+    #: One where the regions of two facets have inner points in common, on the diagonal too.
+    together: sp.csr_array  # (k, k)
 
     def total(self, weights: Array | float = 1.0) -> float:
-        """The largest sum over a region of ``weight kappa_F^2``, weights (k,)."""
-        return float(np.bincount(self.regions, weights * self.squares).max(initial=0.0))
+        """The largest sum of ``weight kappa_F^2`` over what the region of a facet overlaps, weights (k,)."""
+        weighted = weights * self.squares
+        return float((self.together @ weighted)[weighted > 0.0].max(initial=0.0))
 
 
 def facet_constants(table: FacetTable, compliance: Array, facets: IntArray) -> FacetConstants:
@@ -130,10 +129,68 @@ def facet_constants(table: FacetTable, compliance: Array, facets: IntArray) -> F
 
     ``compliance`` is (M or 1, v, v); ``facets`` is (k,).
     """
-    dim = table.dim
-    owner = table.owners[facets, 0]
-    if dim == 3 and len(compliance) == 1 and (found := _above(table, compliance[0], facets)) is not None:
-        return FacetConstants(found, np.arange(len(facets)))
+    if table.dim == 2:
+        every = np.arange(len(facets))
+        return FacetConstants(_of_cells(table, compliance, facets), _pairs(table, facets, every))
+    found = _in_space(table, compliance, facets, _PRISMS)
+    if found.together.nnz == len(facets):
+        return found
+    return min(found, _in_space(table, compliance, facets, _FRUSTA), key=FacetConstants.total)
+
+
+def _in_space(table: FacetTable, compliance: Array, facets: IntArray, kinds: tuple[int, ...]) -> FacetConstants:
+    """With prisms or frusta of the first kind that has room, and with cells where none has."""
+    corners, owner = table.mesh.points[table.facets[facets]], table.owners[facets, 0]
+    outer, between = np.flatnonzero(~table.interior), _between(table, compliance)
+    kind = room(table, facets, np.concatenate([outer, between]), kinds)
+    own = np.broadcast_to(compliance, (len(table.cells), *compliance.shape[1:]))[owner]
+    if len(between) and (kind < 0).any():
+        none = np.flatnonzero(kind < 0)
+        own = own.copy()
+        own[none], kind[none] = softest(compliance), room(table, facets[none], outer, kinds)
+    top, height = np.array(KINDS)[kind].T
+    up = -(height * np.sqrt(2.0 * table.measures[facets]))[:, None] * table.normals[facets]
+    on, off = np.flatnonzero(kind >= 0), np.flatnonzero(kind < 0)
+    squares = np.empty(len(facets))
+    squares[on] = prism_squares(kind[on], corners[on], up[on], own[on])
+    if len(off):
+        squares[off] = _of_cells(table, compliance, facets[off])
+    near, standing = tolerance(table.mesh.points), prisms(corners[on], up[on], top[on])
+    both = standing.meeting(standing, near)
+    mixed = standing.meeting(Solids.simplices(table.mesh.points[table.cells[owner[off]]]), near)
+    rows = np.concatenate([on[both[0]], on[mixed[0]], off[mixed[1]]])
+    columns = np.concatenate([on[both[1]], off[mixed[1]], on[mixed[0]]])
+    prismatic = sp.coo_array((np.ones(len(rows)), (rows, columns)), shape=2 * (len(facets),))
+    return FacetConstants(squares, sp.csr_array(prismatic + _pairs(table, facets, off)))
+
+
+def _between(table: FacetTable, compliance: Array) -> IntArray:
+    """Facets with another material on either side."""
+    inner = np.flatnonzero(table.interior)
+    one, other = np.broadcast_to(compliance, (len(table.cells), *compliance.shape[1:]))[table.owners[inner].T]
+    return np.asarray(inner[(one != other).any(axis=(1, 2))])
+
+
+def softest(compliance: Array) -> Array:
+    """A compliance (v, v) that is not below any of these (M, v, v)."""
+    some = np.unique(compliance, axis=0)
+    most = some[np.argmax(np.trace(some, axis1=1, axis2=2))]
+    root = np.linalg.cholesky(most)
+    relative = np.linalg.solve(root, np.linalg.solve(root, some).transpose(0, 2, 1))
+    return np.asarray((1.0 + _ROUNDING) * max(1.0, float(np.linalg.eigvalsh(relative).max())) * most)
+
+
+def _pairs(table: FacetTable, facets: IntArray, some: IntArray) -> sp.csr_array:
+    """Which of some of the facets, by their places, belong to one cell."""
+    owner = np.unique(table.owners[facets[some], 0], return_inverse=True)[1]
+    shape = (len(facets), len(facets))
+    of_cell = sp.csr_array(sp.coo_array((np.ones(len(some)), (some, owner)), shape=shape))
+    return sp.csr_array(of_cell @ of_cell.T)
+
+
+def _of_cells(table: FacetTable, compliance: Array, facets: IntArray) -> Array:
+    """``kappa^2`` (k,) of the cells at facets."""
+    dim, owner = table.dim, table.owners[facets, 0]
     local = np.argmax(table.cell_facets[owner] == facets[:, None], axis=1)
     # the vertex opposite to the facet first, lengths in units of the cell
     order = np.array([[i, *(a for a in range(dim + 1) if a != i)] for i in range(dim + 1)])[local]
@@ -149,7 +206,7 @@ def facet_constants(table: FacetTable, compliance: Array, facets: IntArray) -> F
         found = _of_triangles(shape[first], unit)
     else:
         found = np.array([_of_tetrahedron(s, m) for s, m in zip(shape[first], unit, strict=True)])
-    return FacetConstants(found[number.ravel()] * size * softness, owner)
+    return np.asarray(found[number.ravel()] * size * softness)
 
 
 # ---- cells ---------------------------------------------------------------------------------------------------------
@@ -277,195 +334,3 @@ def _without_linear_part(mesh: Mesh, compliance: Array) -> float:
     L = np.einsum("f,ca,fak,ij->fcikj", root, mass_root(dim), functions, np.eye(dim)).reshape(R.shape[0], -1)
     free = la.null_space(L.T, rcond=1e-10)
     return float(la.eigvalsh(free.T @ system.answers(R) @ free)[-1])
-
-
-# ---- prisms --------------------------------------------------------------------------------------------------------
-
-
-def _above(table: FacetTable, compliance: Array, facets: IntArray) -> Array | None:
-    """``kappa^2`` (k,) of the prisms above facets, or above those of the last even mesh that they are parts of.
-
-    What is linear on a facet is linear on its parts, so that these see no more together than the facet does.
-    """
-    own = _prismatic(table, compliance, facets)
-    mesh = table.mesh
-    while mesh.parent is not None and (np.bincount(mesh.parent.cells) < 8).any():
-        mesh = mesh.parent.mesh
-    if mesh is table.mesh:
-        return own
-    coarse = facet_table(mesh)
-    outer = np.flatnonzero(~coarse.interior)
-    middles = table.mesh.points[table.facets[facets]].mean(axis=1)
-    whole = outer[_containing(mesh.points[coarse.facets[outer]], coarse.normals[outer], middles, table.normals[facets])]
-    chosen, number = np.unique(whole, return_inverse=True)
-    before = _prismatic(coarse, compliance, chosen)
-    if own is None or before is None:
-        return own if before is None else before[number]
-    worst = np.zeros(len(chosen))
-    np.maximum.at(worst, number, own)
-    return np.where(worst <= before, worst, before)[number]
-
-
-def _containing(triangles: Array, normals: Array, points: Array, outward: Array) -> IntArray:
-    """The triangle (m, 3, 3) of outer normal (m, 3) on which each point (k, 3) of outer normal (k, 3) lies.
-
-    Where two bodies touch the triangle of the same body has the same normal.
-    """
-    first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    dual = np.linalg.pinv(np.stack([first, second], axis=2))
-    offset = points[:, None] - triangles[:, 0]
-    inside = np.einsum("mij,kmj->kmi", dual, offset)
-    least = np.minimum(inside.min(axis=2), 1.0 - inside.sum(axis=2))
-    away = np.abs(np.einsum("mi,kmi->km", normals, offset)) / np.linalg.norm(first, axis=1)
-    turned = 1.0 - outward @ normals.T
-    return np.asarray(np.argmax(np.minimum(least, 0.0) - away - turned, axis=1), dtype=np.int64)
-
-
-def _prismatic(table: FacetTable, compliance: Array, facets: IntArray) -> Array | None:
-    """``kappa^2`` (k,) of the prisms above facets, None if they are not disjoint parts of the body."""
-    heights = _heights(table, facets)
-    if heights is None:
-        return None
-    corners = table.mesh.points[table.facets[facets]]
-    return _of_prisms(corners, -heights[:, None] * table.normals[facets], compliance)
-
-
-def _of_prisms(corners: Array, inward: Array, compliance: Array) -> Array:
-    """``kappa^2`` of the triangles (k, 3, 3) for the prisms between them and their shifts (k, 3)."""
-    size = np.linalg.norm(inward, axis=1)
-    softness = float(np.abs(compliance).max())
-    unit = compliance / softness
-    ratio = _poisson_ratio(unit)
-    shapes = _prism_shapes(corners, inward / size[:, None], size) if ratio is None else _triangles(corners, size)
-    _, first, number = np.unique(shapes, axis=0, return_index=True, return_inverse=True)
-    if ratio is None:
-        found = [_of_prism(corners[k] / size[k], inward[k] / size[k], unit) for k in first]
-    else:
-        found = [_of_isotropic_prism(tuple(lengths), ratio) for lengths in shapes[first].tolist()]
-    return np.asarray(np.array(found)[number.ravel()] * size * softness / (1.0 - 0.5**_PRISM_HALVINGS))
-
-
-def _triangles(corners: Array, size: Array) -> Array:
-    """Lengths of the edges (k, 3) of triangles, ascending."""
-    edges = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
-    return np.round(np.sort(np.linalg.norm(edges, axis=2), axis=1) / size[:, None], _DIGITS)
-
-
-def _prism_shapes(corners: Array, inward: Array, size: Array) -> Array:
-    """Numbers (k, 9) of prisms that are the same for two that translations, or turning the triangle, make one."""
-    edges = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]  # opposite to each corner
-    order = np.argsort(np.round(np.linalg.norm(edges, axis=2) / size[:, None], _DIGITS), axis=1, kind="stable")
-    ordered = np.take_along_axis(corners, order[:, :, None], axis=1)
-    plane = ((ordered[:, 1:] - ordered[:, :1]) / size[:, None, None]).reshape(len(corners), 6)
-    plane = np.round(plane, _DIGITS)
-    leading = plane[np.arange(len(plane)), np.argmax(plane != 0.0, axis=1)]
-    plane = plane * np.sign(leading)[:, None]  # turned round it has the same constant
-    return np.hstack([plane, np.round(inward, _DIGITS)])
-
-
-def _poisson_ratio(compliance: Array) -> float | None:
-    """Of an isotropic compliance (6, 6) in space, None of another."""
-    normal, cross = compliance[0, 0], compliance[0, 1]
-    same = np.zeros((6, 6))
-    same[:3, :3] = cross
-    same[np.diag_indices(6)] = np.repeat([normal, 2.0 * (normal - cross)], 3)
-    return float(-cross / normal) if np.abs(compliance - same).max() <= _ISOTROPIC * normal else None
-
-
-def _of_prism(base: Array, up: Array, compliance: Array) -> float:
-    """The worse of the prism and the one above the triangle turned round, as both have the same parts."""
-    return max(_without_linear_part(_prism(corners, up), compliance) for corners in (base, -base))
-
-
-@lru_cache(maxsize=1 << 10)
-def _of_isotropic_prism(lengths: tuple[float, float, float], ratio: float) -> float:
-    """Of a prism of height one above a triangle of such sides, of an isotropic material that is the softest there is.
-
-    The triangle turned round has its prism, as seen in a mirror.
-    """
-    a, b, c = lengths
-    along = (a * a + c * c - b * b) / (2.0 * c)
-    base = np.array([[0.0, 0.0, 0.0], [c, 0.0, 0.0], [along, math.sqrt(max(a * a - along * along, 0.0)), 0.0]])
-    return _without_linear_part(_prism(base, np.array([0.0, 0.0, 1.0])), _isotropic(ratio))
-
-
-def _isotropic(ratio: float) -> Array:
-    """The compliance (6, 6) whose largest entry is one."""
-    unit = np.zeros((6, 6))
-    unit[:3, :3] = -ratio
-    unit[np.diag_indices(6)] = np.repeat([1.0, 2.0 * (1.0 + ratio)], 3)
-    return unit / np.abs(unit).max()
-
-
-def _prism(base: Array, up: Array) -> Mesh:
-    """A prism above a triangle (3, 3), cut into tetrahedra, the triangle called loaded."""
-    cube = box((1.0, 1.0, 1.0), 1)
-    at = cube.points[cube.cells]
-    half = cube.cells[(at[:, :, 1] <= at[:, :, 0]).all(axis=1)]
-    used, cells = np.unique(half, return_inverse=True)
-    x = cube.points[used]
-    across = x[:, :1] * (base[1] - base[0]) + x[:, 1:2] * (base[2] - base[1])
-    mesh = Mesh.oriented(base[0] + across + x[:, 2:] * up, cells.reshape(-1, 4))
-    floor = (x[mesh.boundary_facets][:, :, 2] == 0.0).all(axis=1)
-    return mesh.with_boundaries({"loaded": mesh.boundary_facets[floor]}).refined(_PRISM_HALVINGS)
-
-
-def _heights(table: FacetTable, facets: IntArray) -> Array | None:
-    """Heights (k,) of prisms above the facets that lie in the body and are disjoint; None if there are none."""
-    mesh = table.mesh
-    corners, normals = mesh.points[table.facets[facets]], table.normals[facets]
-    size = np.sqrt(2.0 * table.measures[facets])
-    outer = mesh.points[table.facets[~table.interior]]
-    for part in _HEIGHTS:
-        heights = part * size
-        prisms = np.concatenate([corners, corners - (heights[:, None] * normals)[:, None]], axis=1)
-        if not (_meets(prisms, normals, outer).any() or _overlap(prisms, normals)):
-            return np.asarray(heights)
-    return None
-
-
-def _boxes_meet(one: Array, other: Array, tolerance: float) -> tuple[IntArray, IntArray]:
-    """Pairs of point sets (k, ., 3) and (m, ., 3) whose boxes have inner points in common."""
-    low, high = one.min(axis=1) + tolerance, one.max(axis=1) - tolerance
-    apart: BoolArray = np.zeros((len(one), len(other)), dtype=bool)
-    for axis in range(3):
-        apart |= high[:, axis, None] <= other[:, :, axis].min(axis=1)
-        apart |= low[:, axis, None] >= other[:, :, axis].max(axis=1)
-    first, second = np.nonzero(~apart)
-    return first, second
-
-
-def _meets(prisms: Array, normals: Array, triangles: Array) -> BoolArray:
-    """Which pairs of prisms (k, 6, 3) and triangles (m, 3, 3) have inner points of the prism in common."""
-    tolerance = _TOUCHING * float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-    first, second = _boxes_meet(prisms, triangles, tolerance)
-    prism, triangle, normal = prisms[first], triangles[second], normals[first]
-    sides = prism[:, [1, 2, 0]] - prism[:, :3]
-    edges = triangle[:, [1, 2, 0]] - triangle
-    ribs = np.concatenate([sides, normal[:, None]], axis=1)
-    axes = np.concatenate(
-        [
-            normal[:, None],
-            np.cross(sides, normal[:, None]),
-            np.cross(edges[:, :1], edges[:, 1:2]),
-            np.cross(ribs[:, :, None], edges[:, None]).reshape(len(first), 12, 3),
-        ],
-        axis=1,
-    )
-    length = np.linalg.norm(axes, axis=2, keepdims=True)
-    axes = axes / np.where(length > 0.0, length, 1.0)
-    mine, other = np.einsum("pvi,pai->pav", prism, axes), np.einsum("pvi,pai->pav", triangle, axes)
-    apart = mine.max(axis=2) <= other.min(axis=2) + tolerance
-    apart |= mine.min(axis=2) >= other.max(axis=2) - tolerance
-    return np.asarray(~(apart & (axes != 0.0).any(axis=2)).any(axis=1))
-
-
-def _overlap(prisms: Array, normals: Array) -> bool:
-    """Whether prisms above facets of different planes may overlap: by their boxes."""
-    tolerance = _TOUCHING * float(np.ptp(prisms.reshape(-1, 3), axis=0).max())
-    first, second = _boxes_meet(prisms, prisms, tolerance)
-    ahead = first < second
-    first, second = first[ahead], second[ahead]
-    level = np.einsum("pi,pi->p", normals[first], prisms[first, 0] - prisms[second, 0])
-    same = (np.einsum("pi,pi->p", normals[first], normals[second]) > 1.0 - 1e-12) & (np.abs(level) <= tolerance)
-    return bool((~same).any())

@@ -64,7 +64,7 @@ from hemivar.certificates.continuous.bare_body import (
     softened,
     too_many_cells,
 )
-from hemivar.certificates.continuous.coarsening import LOSS
+from hemivar.certificates.continuous.coarsening import LOSS, shapes
 from hemivar.certificates.continuous.facet_constants import equilibrated_blocks, facet_constants, mass_root
 from hemivar.certificates.continuous.facet_table import FacetTable, facet_table
 from hemivar.certificates.continuous.split_element import pulled_back
@@ -80,8 +80,8 @@ __all__ = ["LowerBound", "LowerBounds", "TraceFlexibility", "TraceRange", "lower
 
 #: Modes of the method of Lehmann, at most.
 _MODES = {2: 6, 3: 24}
-#: Loads on the contact boundary up to which all of them are answered at once.
-_DENSE = 600
+#: Loads on the contact boundary up to which all of them are answered at once, and all eigenvalues are found.
+_DENSE, _DIRECT = 2500, 600
 #: Part of the largest energy below which displacements are not told apart.
 _DEPENDENT = 1e-10
 #: Part of a trace that is rounding where supports hold it.
@@ -98,8 +98,14 @@ _MOST = {2: 20_000, 3: 2_500}
 _PART = {2: 40, 3: 56}
 #: Cells of a mesh that is tried before its parts.
 _FIRST = {2: 800, 3: 48}
+#: How often fewer cells are sought by chance, and the shape of the worst one from which on they are not.
+_SEEDS, _GOOD = 5, {2: 0.0, 3: 0.6}
+#: Shape of the worst cell below which few cells do not serve in space, and that which cells keep then.
+_BAD, _BETTER = 0.25, 0.4
 #: Part of the value of displacements from which on a bound is not improved.
 _SHARP = {2: 0.95, 3: 0.85}
+#: The same in space for the mesh itself if its cells are not more than some; of many it must be far worse.
+_ENOUGH, _SOME = 0.6, 1_000
 
 
 @dataclass(frozen=True)
@@ -213,7 +219,7 @@ class TraceFlexibility:
 
     def _modes(self, root: Array, count: int) -> tuple[Array, Array]:
         """Largest values of the flexibility under weighted loads, not below the exact ones, and their loads."""
-        if self._answers is not None:
+        if self._answers is not None and len(root) <= _DIRECT:
             n = len(root)
             found = la.eigh(root[:, None] * self._answers * root, subset_by_index=[n - count, n - 1])
             return np.asarray(found[0][::-1]), np.asarray(found[1][:, ::-1])
@@ -479,7 +485,7 @@ def _found(bare: ContactProblem, cells: int, names: Sides) -> LowerBounds:
             found = new if found is None else found.or_better(new)
             if found.sharpness >= _SHARP[dim]:
                 return found
-    if _FIRST[dim] < own <= _MOST[dim]:
+    if _FIRST[dim] < own <= _MOST[dim] and (found is None or found.sharpness < _enough(dim, own)):
         new = _on(bare, cells, names)
         found = new if found is None else found.or_better(new)
     if found is None:
@@ -487,15 +493,48 @@ def _found(bare: ContactProblem, cells: int, names: Sides) -> LowerBounds:
     return found
 
 
+def _enough(dim: int, cells: int) -> float:
+    """The sharpness from which on a bound is not improved by a mesh of so many cells."""
+    return _SHARP[dim] if dim == 2 else _ENOUGH if cells <= _SOME else 0.4 * _ENOUGH
+
+
 def _parts_of(bare: ContactProblem) -> Iterator[tuple[ContactProblem, bool]]:
-    """Parts of a body, and whether they are all of it: of as few cells as possible, and of some."""
+    """Parts of a body, and whether they are all of it: of as few cells as possible, and of some.
+
+    In space curved boundaries leave bad cells to those; a part of more and better ones takes their place.
+    """
     dim = bare.mesh.dim
     some, whole = part_of_body(bare, _PART[dim], LOSS)
-    few, same = part_of_body(some, 0, LOSS)
+    few, same = _of_few(some)
+    if dim == 3 and _least_shape(few) < _BAD:
+        better, all_of_it = part_of_body(bare, 0, LOSS, least=_BETTER)
+        if 1.5 * better.mesh.number_of_cells > bare.mesh.number_of_cells <= _MOST[dim]:
+            return  # the mesh itself is as good
+        if better.mesh.number_of_cells <= _MOST[dim]:
+            yield better, all_of_it
+            return
     if few.mesh.number_of_cells > _MOST[dim]:
         yield part_of_body(softened(bare), 0, LOSS)[0], False
     yield few, whole and same
-    yield some, whole
+    if few.mesh.number_of_cells < some.mesh.number_of_cells:
+        yield some, whole
+
+
+def _least_shape(body: ContactProblem) -> float:
+    return float(shapes(body.mesh.points, body.mesh.cells)[1].min())
+
+
+def _of_few(some: ContactProblem) -> tuple[ContactProblem, bool]:
+    """The best of some parts of as few cells as possible: that whose worst cell is best."""
+    best, found = -1.0, (some, True)
+    for seed in range(_SEEDS):
+        part, whole = part_of_body(some, 0, LOSS, seed)
+        shape = _least_shape(part)
+        if shape > best:
+            best, found = shape, (part, whole)
+        if best >= _GOOD[some.mesh.dim]:
+            break
+    return found
 
 
 def _on(body: ContactProblem, cells: int, names: Sides, whole: bool = True) -> LowerBounds:
@@ -566,23 +605,23 @@ def _is_held(table: FacetTable, held: Array) -> bool:
 
 
 def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
-    """Refined everywhere, in the plane up to half the cells, there once where it touches, then where supports end.
+    """Refined everywhere, then where it touches; in the plane where supports end, too.
 
-    In space it is refined where it touches as long as few facets do.
+    In the plane it is refined everywhere up to half the cells.  In space it is refined where it touches up to half as
+    many cells more, as long as few facets do: cells that are halved grow worse, and so does what facets do not see.
     """
     mesh, dim = problem.mesh, problem.mesh.dim
     cells = max(cells, mesh.number_of_cells + cells // 2)
     while (finer := mesh.refined()).number_of_cells <= cells // (2 if dim == 2 else 1):
         mesh = finer
-    for where in ("touching", "ends", "ends", "ends") if dim == 2 else ("touching", "touching", "ends", "ends"):
+    for where in ("touching", "ends", "ends", "ends") if dim == 2 else ("touching", "touching"):
         touching = np.concatenate([mesh.boundaries[name] for name in problem.contact])
         if where == "touching" and len(touching) >= _FACETS[dim]:
             continue
         marked = np.zeros(mesh.number_of_nodes, dtype=bool)
         marked[touching if where == "touching" else _ends(problem, mesh)] = True
-        least = dim if where == "touching" and dim == 3 else 1
-        finer = mesh.refined_where(marked[mesh.cells].sum(axis=1) >= least)
-        if finer.number_of_cells <= cells:
+        finer = mesh.refined_where(marked[mesh.cells].sum(axis=1) >= (1 if dim == 2 else dim))
+        if finer.number_of_cells <= (cells if dim == 2 else cells + cells // 2):
             mesh = finer
     return replace(problem, mesh=mesh)
 
