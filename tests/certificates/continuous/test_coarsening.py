@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +15,10 @@ from scipy.spatial import Delaunay
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.bare_body import bare_body, cell_tensors, part_of_body, softened
+from hemivar.certificates.continuous.bare_body import PART, bare_body, cell_tensors, part_of_body, softened
 from hemivar.certificates.continuous.coarsening import LOSS, coarsened, shapes
 from hemivar.certificates.continuous.facet_table import facet_table
-from hemivar.certificates.continuous.lower_bounds import _on, lower_bounds
+from hemivar.certificates.continuous.lower_bounds import _least_shape, _of_few, _on, lower_bounds
 from hemivar.certificates.continuous.trace_bounds import body_bound, guaranteed_trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import shape_values
@@ -233,6 +234,76 @@ def test_meshes_of_many_cells_have_constants(dim: int) -> None:
     coarse = held(rectangle((1.0, 1.0), (8, 8)) if dim == 2 else box((1.0, 1.0, 1.0), (3, 3, 3)))
     assert (0.95 if dim == 2 else 0.6) * galerkin(coarse) < found.both.lower < galerkin(coarse)
     assert 0.0 < body_bound(problem) < 4.0 * np.pi**2
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_shapes_of_simplices(dim: int) -> None:
+    """By their edges, in any units; regular ones have one."""
+    rng = np.random.default_rng(dim)
+    points = rng.normal(size=(30, dim)) + 100.0
+    cells = np.array([rng.permutation(30)[: dim + 1] for _ in range(20)])
+    first, second = np.triu_indices(dim + 1, 1)
+    squares = np.sum((points[cells[:, first]] - points[cells[:, second]]) ** 2, axis=(1, 2))
+    volume, shape = shapes(points, cells)
+    factor = {2: 4.0 * np.sqrt(3.0), 3: 12.0 * 3.0 ** (2.0 / 3.0)}[dim]
+    np.testing.assert_allclose(shape, np.sign(volume) * factor * np.abs(volume) ** (2.0 / dim) / squares, rtol=1e-10)
+    regular = np.vstack([np.zeros(dim), np.eye(dim)])
+    root = np.linalg.cholesky(0.5 * (np.eye(dim) + 1.0))
+    assert abs(shapes(regular @ root, np.arange(dim + 1)[None])[1][0]) == pytest.approx(1.0)
+
+
+def test_cells_keep_the_shape_that_is_asked_for() -> None:
+    """Where it was better."""
+    mesh = box((1.0, 1.0, 1.0), 4)
+    points = mesh.points.copy()
+    points[:, 2] += 0.3 * (1.0 - points[:, 2]) * np.sum((points[:, :2] - 0.5) ** 2, axis=1)
+    mesh = Mesh.trusted(points, mesh.cells, mesh.boundaries, {})
+    none = np.zeros(mesh.number_of_cells, dtype=np.int64)
+    free, kept = (coarsened(mesh, labels_of(mesh), none, 0, least=least) for least in (0.0, 0.35))
+    before = shapes(mesh.points, mesh.cells)[1].min()
+    assert shapes(kept.points, kept.cells)[1].min() >= min(0.35, 0.99 * before)
+    assert len(free.cells) < len(kept.cells) < mesh.number_of_cells
+    assert shapes(free.points, free.cells)[1].min() < 0.35
+
+
+def test_few_cells_are_the_best_of_some_tries() -> None:
+    made = []
+    for seed in range(8):
+        some, _ = part_of_body(bare_body(held(scattered(3, 60, seed))), PART[3], LOSS)
+        first, _ = part_of_body(some, 0, LOSS)
+        best, whole = _of_few(some)
+        assert whole
+        assert best.mesh.volumes.sum() == pytest.approx(1.0, rel=1e-9)
+        made.append((_least_shape(best), _least_shape(first)))
+        assert made[-1][0] >= made[-1][1]
+    assert any(best > first for best, first in made)
+
+
+def test_a_part_is_made_once_for_all_constants(monkeypatch: pytest.MonkeyPatch) -> None:
+    module, made = sys.modules[part_of_body.__module__], []
+
+    def counted(mesh: Mesh, *given: object) -> object:
+        made.append(mesh.number_of_cells)
+        return coarsened(mesh, *given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(module, "coarsened", counted)
+    mesh = box((1.0, 1.0, 1.0), 5)
+    problem = held(Mesh.trusted(mesh.points, mesh.cells, mesh.boundaries, {}))  # it knows no coarser one
+    workspace = hv.systems.Workspace()
+    for law in (hv.Compliance(1.0), hv.Compliance(2.0)):
+        given = replace(problem, contact={"bottom": hv.Contact(law)})
+        guaranteed_trace_bounds(hv.discretize(given), workspace)
+    assert made.count(problem.mesh.number_of_cells) == 1
+
+
+def test_curved_bodies_take_better_cells() -> None:
+    """Few cells at a curved contact boundary are bad; those that keep their shape, or the mesh itself, serve."""
+    mesh = box((1.0, 1.0, 1.0), 5)
+    points = mesh.points.copy()
+    points[:, 2] += 0.5 * (1.0 - points[:, 2]) * np.sum((points[:, :2] - 0.5) ** 2, axis=1)
+    problem = held(Mesh.trusted(points, mesh.cells, mesh.boundaries, {}))
+    found, value = lower_bounds(problem), galerkin(problem)
+    assert 0.4 * value < found.both.lower < value
 
 
 def test_the_best_of_two_meshes_counts() -> None:

@@ -23,8 +23,10 @@ from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Plane
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
+from hemivar.systems.workspace import Workspace
 
 __all__ = [
+    "PART",
     "bare_body",
     "cell_tensors",
     "contact_normals",
@@ -37,6 +39,8 @@ __all__ = [
     "too_many_cells",
 ]
 
+#: Cells of the part that is made of a body, by dimension.
+PART = {2: 40, 3: 56}
 #: Part of a facet by which another one must lie over it.
 _OVER = 1e-6
 #: Part of the boundary within which a facet is flat.
@@ -85,13 +89,13 @@ def contact_sides(problem: ContactProblem, name: str) -> tuple[str, ...]:
 
 
 def part_of_body(
-    bare: ContactProblem, target: int, loss: float, seed: int = 0, least: float = 0.0
+    bare: ContactProblem, target: int, loss: float, seed: int = 0, least: float = 0.0, kept: Workspace | None = None
 ) -> tuple[ContactProblem, bool]:
     """About so many cells of good shape that make a part of a body, and whether it is all of it.
 
     The part has the contact boundary and the supports of the body, so that its trace constants are not above those of
     the body.  ``loss``, ``seed`` and ``least`` are those of
-    :func:`hemivar.certificates.continuous.coarsening.coarsened`.
+    :func:`hemivar.certificates.continuous.coarsening.coarsened`; a workspace keeps its cells.
     """
     mesh, table = bare.mesh, facet_table(bare.mesh)
     names = [*bare.contact, *bare.supports]
@@ -101,7 +105,12 @@ def part_of_body(
     kinds, labels = np.unique(on, axis=0, return_inverse=True)
     labels = labels.ravel()[1:]
     tensors, groups = cell_tensors(bare)
-    left = coarsened(mesh, labels, groups, target, loss, seed, least)
+    numbers = np.array([target, loss, seed, least])
+    left = Workspace.given(kept).once(
+        "part of a body",
+        (mesh.points, mesh.cells, labels, groups, numbers),
+        lambda: coarsened(mesh, labels, groups, target, loss, seed, least),
+    )
     used, cells = np.unique(left.cells, return_inverse=True)
     facets = np.searchsorted(used, left.facets)
     outer = left.labels >= 0  # the others lie between materials
@@ -125,10 +134,10 @@ def softened(bare: ContactProblem) -> ContactProblem:
     return replace(bare, material=Material.tensor((1.0 - _CONSTANT) * least * softest))
 
 
-def too_many_cells(mesh: Mesh, left: int, most: int) -> str:
+def too_many_cells(cells: int, left: int, most: int) -> str:
     """Why there are no constants of a body, in words."""
     return (
-        f"the coarsest mesh of the body has {mesh.number_of_cells} cells, and {left} are needed to keep its contact "
+        f"the coarsest mesh of the body has {cells} cells, and {left} are needed to keep its contact "
         f"boundary, supports and materials and the shape where it is curved; lower bounds of trace constants are "
         f"computed on up to {most}: begin with a coarser mesh and refine it"
     )

@@ -35,8 +35,10 @@ _LESS = 0.8
 _FEW = 6000
 #: Rounds of choosing nodes that share no cell.
 _CHOICES = 5
-#: Part of the nodes that must go in a round for another one.
+#: Part of the cells that must go in a round for another one.
 _PROGRESS = 0.02
+#: Up to so many cells share an edge on average, and tell of it from both ends.
+_REPEATED = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +168,10 @@ def _pinched(cells: IntArray, owners: IntArray, facets: IntArray) -> BoolArray:
 def shapes(points: Array, cells: IntArray) -> tuple[Array, Array]:
     """Volumes and shapes (n,), 1 for regular simplices and negative for inverted ones."""
     dim = points.shape[1]
-    volume = signed_volumes(points, cells)
-    squares = sum(np.sum((points[cells[:, i]] - points[cells[:, j]]) ** 2, axis=1) for i, j in EDGES[dim])
+    volume, squares = signed_volumes(points, cells), np.zeros(len(cells))
+    for x in points.T:  # the sum of the squares of all edges, by those from the first corner
+        sides = x[cells[:, 1:]] - x[cells[:, :1]]
+        squares += (dim + 1) * np.einsum("ni,ni->n", sides, sides) - sides.sum(axis=1) ** 2
     if dim == 2:
         return volume, 4.0 * np.sqrt(3.0) * volume / squares
     return volume, np.sign(volume) * 12.0 * np.abs(3.0 * volume) ** (2.0 / 3.0) / squares
@@ -233,17 +237,19 @@ class _State:
         for level, (simplices, edges) in enumerate(ways):
             ends = np.concatenate([simplices[:, [i, j]] for i, j in edges])
             ends = np.concatenate([ends, ends[:, ::-1]])
-            ends = ends[self.dims[ends[:, 0]] == self.dim - level]
-            key = np.unique(ends[:, 0] * len(self.points) + ends[:, 1])
-            found.append(np.stack([key // len(self.points), key % len(self.points)]))
-        node, onto = np.concatenate(found, axis=1)
-        if len(node) <= _FEW:
-            return node, onto
-        length = np.linalg.norm(self.points[node] - self.points[onto], axis=1) * (1.0 + random.random(len(node)))
-        order = np.lexsort([length, node])
-        first = np.ones(len(order), dtype=bool)
-        first[1:] = node[order[1:]] != node[order[:-1]]
-        return node[order[first]], onto[order[first]]
+            found.append(ends[self.dims[ends[:, 0]] == self.dim - level])
+        node, onto = np.concatenate(found).T
+        count = len(self.points)
+        if len(node) <= _REPEATED * _FEW:
+            key = np.unique(node * count + onto)
+            node, onto = key // count, key % count
+        if len(node) > _FEW:
+            length = np.linalg.norm(self.points[node] - self.points[onto], axis=1) * (1.0 + random.random(len(node)))
+            least = np.full(count, np.inf)
+            np.minimum.at(least, node, length)
+            nodes, first = np.unique(np.where(length == least[node], node, count), return_index=True)
+            node, onto = nodes[nodes < count], onto[first[nodes < count]]
+        return node, onto
 
     def _judged(
         self,
@@ -257,7 +263,7 @@ class _State:
         """Which nodes may go, and what that cuts off."""
         count = len(node)
         who, cell = stars
-        volume, shape = shapes(self.points, self.cells[cell])
+        volume, shape = (values[cell] for values in shapes(self.points, self.cells))
         before, total = np.full(count, np.inf), np.bincount(who, volume, count)
         np.minimum.at(before, who, shape)
         new = np.where(self.cells[cell] == node[who, None], onto[who, None], self.cells[cell])

@@ -53,6 +53,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.arguments import whole_number
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.bare_body import (
+    PART,
     bare_body,
     cell_tensors,
     contact_normals,
@@ -94,8 +95,6 @@ _CELLS = {2: 800, 3: 600}
 _FACETS = {2: 1 << 20, 3: 24}
 #: Cells beyond which the systems would be too large.
 _MOST = {2: 20_000, 3: 2_500}
-#: Cells of the part that is made of a body.
-_PART = {2: 40, 3: 56}
 #: Cells of a mesh that is tried before its parts.
 _FIRST = {2: 800, 3: 48}
 #: How often fewer cells are sought by chance, and the shape of the worst one from which on they are not.
@@ -470,16 +469,16 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
     sizes = np.array([len(side) for side in sides] + [len(one) for one in apart])
     body = (bare.mesh.points, bare.mesh.cells, tensors, groups, held, touching, normals, kind)
     parts = (*body, sizes, np.concatenate(apart))
-    return workspace.once("lower bounds of trace constants", parts, lambda: _found(bare, most, sides))
+    return workspace.once("lower bounds of trace constants", parts, lambda: _found(bare, most, sides, workspace))
 
 
-def _found(bare: ContactProblem, cells: int, names: Sides) -> LowerBounds:
+def _found(bare: ContactProblem, cells: int, names: Sides, kept: Workspace | None = None) -> LowerBounds:
     """The best of the mesh itself and of parts of the body, one after another until one is sharp enough."""
     dim, own = bare.mesh.dim, bare.mesh.number_of_cells
     found = _on(bare, cells, names) if own <= _FIRST[dim] else None
     if found is not None and found.sharpness >= _SHARP[dim]:
         return found
-    for part, whole in _parts_of(bare):
+    for part, whole in _parts_of(bare, kept):
         if part.mesh.number_of_cells <= _MOST[dim]:
             new = _on(part, cells, names, whole)
             found = new if found is None else found.or_better(new)
@@ -489,7 +488,7 @@ def _found(bare: ContactProblem, cells: int, names: Sides) -> LowerBounds:
         new = _on(bare, cells, names)
         found = new if found is None else found.or_better(new)
     if found is None:
-        raise ProblemError(too_many_cells(bare.mesh, part.mesh.number_of_cells, _MOST[dim]))
+        raise ProblemError(too_many_cells(own, part.mesh.number_of_cells, _MOST[dim]))
     return found
 
 
@@ -498,13 +497,13 @@ def _enough(dim: int, cells: int) -> float:
     return _SHARP[dim] if dim == 2 else _ENOUGH if cells <= _SOME else 0.4 * _ENOUGH
 
 
-def _parts_of(bare: ContactProblem) -> Iterator[tuple[ContactProblem, bool]]:
+def _parts_of(bare: ContactProblem, kept: Workspace | None = None) -> Iterator[tuple[ContactProblem, bool]]:
     """Parts of a body, and whether they are all of it: of as few cells as possible, and of some.
 
     In space curved boundaries leave bad cells to those; a part of more and better ones takes their place.
     """
     dim = bare.mesh.dim
-    some, whole = part_of_body(bare, _PART[dim], LOSS)
+    some, whole = part_of_body(bare, PART[dim], LOSS, kept=kept)
     few, same = _of_few(some)
     if dim == 3 and _least_shape(few) < _BAD:
         better, all_of_it = part_of_body(bare, 0, LOSS, least=_BETTER)

@@ -28,6 +28,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.bare_body import (
+    PART,
     bare_body,
     cell_tensors,
     contact_sides,
@@ -36,6 +37,7 @@ from hemivar.certificates.continuous.bare_body import (
     part_of_body,
     too_many_cells,
 )
+from hemivar.certificates.continuous.coarsening import LOSS
 from hemivar.certificates.continuous.facet_constants import equilibrated_blocks, mass_root
 from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.joined_sides import joined_sides, touch
@@ -226,18 +228,15 @@ def _eigenvalues(problem: DiscreteProblem, energy: EnergyNorm) -> tuple[float, f
 def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> float:
     """Lower bound of ``inf a(v, v) / |v|^2`` over the displacements that vanish where supports hold them."""
     bare = bare_body(problem)
-    if bare.mesh.number_of_cells > _MANY[bare.mesh.dim]:
-        bare, _ = part_of_body(bare, _CELLS[bare.mesh.dim], 0.0)
-    if bare.mesh.number_of_cells > _MOST[bare.mesh.dim]:
-        raise ProblemError(too_many_cells(problem.mesh, bare.mesh.number_of_cells, _MOST[bare.mesh.dim]))
-    while bare.mesh.number_of_cells < _CELLS[bare.mesh.dim]:
-        bare = replace(bare, mesh=bare.mesh.refined())
-    table = facet_table(bare.mesh)
     tensors, groups = cell_tensors(bare)
-    stiffness = tensors if len(tensors) == 1 else tensors[groups]
-    held = held_facets(bare, table)
+    parts = (bare.mesh.points, bare.mesh.cells, tensors, groups, held_facets(bare, facet_table(bare.mesh)))
 
     def find() -> float:
+        few = _of_few_cells(bare, workspace)
+        table = facet_table(few.mesh)
+        tensors, groups = cell_tensors(few)
+        stiffness = tensors if len(tensors) == 1 else tensors[groups]
+        held = held_facets(few, table)
         dim, count = table.dim, len(table.cells)
         compliance = pulled_back(np.asarray(np.linalg.inv(stiffness), dtype=float), table.jacobian, table.sizes)
         blocks = equilibrated_blocks(compliance, table.jacobian, loaded=True)
@@ -260,10 +259,20 @@ def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> f
         kappa = float(local_constants(table, stiffness).cell.max())
         return (math.sqrt(mu) + missed_part(dim) * kappa) ** -2
 
-    if workspace is None:
-        return find()
-    parts = (bare.mesh.points, bare.mesh.cells, stiffness, held)
-    return workspace.once("lower bound over the body", parts, find)
+    return find() if workspace is None else workspace.once("lower bound over the body", parts, find)
+
+
+def _of_few_cells(bare: ContactProblem, workspace: Workspace | None) -> ContactProblem:
+    """The same body on some cells."""
+    dim, count = bare.mesh.dim, bare.mesh.number_of_cells
+    if count > _MANY[dim]:
+        part, whole = part_of_body(bare, PART[dim], LOSS, kept=workspace)
+        bare = part if whole else part_of_body(bare, PART[dim], 0.0)[0]
+    if bare.mesh.number_of_cells > _MOST[dim]:
+        raise ProblemError(too_many_cells(count, bare.mesh.number_of_cells, _MOST[dim]))
+    while bare.mesh.number_of_cells < _CELLS[dim]:
+        bare = replace(bare, mesh=bare.mesh.refined())
+    return bare
 
 
 def body_constants(problem: DiscreteProblem, workspace: Workspace) -> TraceBounds:
