@@ -320,6 +320,51 @@ def test_the_best_of_two_meshes_counts() -> None:
     assert both[0] <= 2.0 / found.both.lower * (1.0 + 1e-9)
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_cuts_between_names_do_not_matter(dim: int) -> None:
+    """Of contacts whatever their laws, and of supports of one kind; a name may be both."""
+    mesh = rectangle((1.0, 1.0), (8, 8)) if dim == 2 else box((1.0, 1.0, 1.0), (5, 5, 3))
+    mesh = sided(Mesh.trusted(mesh.points, mesh.cells, {}, {}))
+    low, left = mesh.boundaries["bottom"], mesh.boundaries["left"]
+    rng = np.random.default_rng(1)
+    parts = {f"low {k}": some for k, some in enumerate(np.array_split(rng.permutation(low), 7))}
+    holds = {f"left {k}": some for k, some in enumerate(np.array_split(rng.permutation(left), 4))}
+    holds["left 0"] = np.concatenate([holds["left 0"], holds["left 1"][:1]])  # one facet has two names
+    cut = mesh.with_boundaries({**parts, **holds})
+    contact = {name: hv.Contact(hv.Compliance(1.0 + k)) for k, name in enumerate(parts)}
+    given = hv.ContactProblem(mesh=cut, material=LAME, supports=dict.fromkeys(holds, hv.Clamped()), contact=contact)
+    plain, found = lower_bounds(held(mesh)), lower_bounds(given)
+    for part in ("both", "normal", "tangential"):
+        assert getattr(found, part).lower == pytest.approx(getattr(plain, part).lower, rel=1e-6)
+    bare = bare_body(given)
+    assert (list(bare.contact), list(bare.supports)) == (["low 0"], ["left 0, held"])
+    assert len(bare.mesh.boundaries["left 0, held"]) == len(left)
+    assert body_bound(given) == pytest.approx(body_bound(held(mesh)), rel=1e-3)
+
+
+def test_names_that_differ_stay_apart() -> None:
+    """Supports of other kinds, contacts with other normals, and a boundary that is held and touches."""
+    mesh = rectangle((1.0, 1.0), (7, 7))
+    low = mesh.boundaries["bottom"]
+    names = {"a": low[:2], "b": low[2:4], "c": low[4:5], "d": low[5:]}
+    mesh = mesh.marked(names)
+    upward = hv.mechanics.Plane((0.0, 0.0), (0.0, 2.0))
+    slope = hv.mechanics.Plane((0.0, 0.0), (0.1, 1.0))
+    contact = {
+        "a": FREE,
+        "b": hv.Contact(hv.laws.NoContact(), obstacle=upward),
+        "c": hv.Contact(hv.laws.NoContact(), obstacle=slope),
+        "d": hv.Contact(hv.laws.NoContact(), obstacle=hv.mechanics.Plane((0.0, -1.0), (0.0, 1.0))),
+    }
+    supports = {"left": hv.Clamped(), "right": hv.Roller(), "a": hv.Fixed(x=0.0), "top": hv.Prescribed((0.0, 1.0))}
+    bare = bare_body(held(mesh, contact=contact, supports=supports))
+    assert list(bare.contact) == ["a", "b", "c"]
+    assert list(bare.supports) == ["left, held", "right, held", "a, held"]
+    assert len(bare.mesh.boundaries["b"]) == 4
+    assert len(bare.mesh.boundaries["a"]) == 2
+    assert len(bare.mesh.boundaries["left, held"]) == 14
+
+
 def test_a_body_may_have_any_number_of_named_supports() -> None:
     """One name for each of 80 edges; a boundary that names cut up keeps more of its nodes."""
     mesh = rectangle((1.0, 1.0), (4, 80))
@@ -393,4 +438,4 @@ def test_a_curved_side_that_is_held_stays() -> None:
     rim = mesh.boundary_facets[(at > 2.0 - 1e-9).all(axis=1)]
     part, whole = part_of_body(bare_body(held(mesh.with_boundaries({**mesh.boundaries, "left": rim}))), 0, LOSS)
     assert whole
-    assert len(part.mesh.boundaries["left"]) == 12
+    assert len(part.mesh.boundaries["left, held"]) == 12

@@ -5,7 +5,9 @@ A body that is not linear is replaced by the linear one of ``C_low``, in whose e
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -39,6 +41,7 @@ __all__ = [
     "too_many_cells",
 ]
 
+T = TypeVar("T")
 #: Cells of the part that is made of a body, by dimension.
 PART = {2: 40, 3: 56}
 #: Part of a facet by which another one must lie over it.
@@ -52,27 +55,74 @@ _DIGITS = 13
 
 
 def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProblem:
-    """Supports at rest, no loads, contact boundaries without a law; the directions of contact stay."""
+    """Supports at rest, no loads, contact boundaries without a law; the directions of contact stay.
+
+    On the coarsest mesh boundaries that are alike then have one name, the first of theirs, but for sides where bodies
+    touch.
+    """
     if problem.material.axisymmetric:
         raise ProblemError("lower bounds of trace constants are available for plane and 3D bodies only; leave them out")
     mesh = problem.mesh
     while coarsest and mesh.parent is not None:
         mesh = mesh.parent.mesh
     supports = {name: _at_rest(support) for name, support in problem.supports.items()}
-    return replace(
+    contact = {
+        side: Contact(NoContact(), obstacle=contact.obstacle, normals=contact.normals)
+        for name, contact in problem.contact.items()
+        for side in contact_sides(problem, name)
+    }
+    bare = replace(
         problem,
         mesh=mesh,
         material=lower_elasticity(problem.material),
         supports=supports,
-        contact={
-            side: Contact(NoContact(), obstacle=contact.obstacle, normals=contact.normals)
-            for name, contact in problem.contact.items()
-            for side in contact_sides(problem, name)
-        },
+        contact=contact,
         tractions={},
         body_force=(0.0,) * mesh.dim,
         order=1,
     )
+    apart = [side for name in problem.contact if problem.contact[name].against for side in problem.pair(name)]
+    return _joined(bare, apart) if coarsest else bare
+
+
+def _joined(bare: ContactProblem, apart: list[str]) -> ContactProblem:
+    """Boundaries that are alike under one name, but for contacts that are to stay apart."""
+    alike = {name: name if name in apart else _directions(contact) for name, contact in bare.contact.items()}
+    contact, touching = _merged(bare.mesh, bare.contact, alike)
+    supports, holding = _merged(bare.mesh, bare.supports, bare.supports)
+    boundaries = touching | {f"{name}, held": facets for name, facets in holding.items()}
+    mesh = Mesh.trusted(bare.mesh.points, bare.mesh.cells, boundaries, bare.mesh.regions)
+    return replace(
+        bare, mesh=mesh, contact=contact, supports={f"{name}, held": support for name, support in supports.items()}
+    )
+
+
+def _merged(
+    mesh: Mesh, stated: Mapping[str, T], alike: Mapping[str, object]
+) -> tuple[dict[str, T], dict[str, IntArray]]:
+    """Boundaries of one kind under the first of their names, and their facets: cuts between them do not matter."""
+    kinds: list[object] = []
+    members: list[list[str]] = []
+    for name in stated:
+        if alike[name] not in kinds:
+            kinds.append(alike[name])
+            members.append([])
+        members[kinds.index(alike[name])].append(name)
+    facets = {names[0]: np.concatenate([mesh.boundaries[name] for name in names]) for names in members}
+    return {name: stated[name] for name in facets}, {name: _once(some) for name, some in facets.items()}
+
+
+def _once(facets: IntArray) -> IntArray:
+    """Facets without those that are there twice."""
+    first = np.unique(np.sort(facets, axis=1), axis=0, return_index=True)[1]
+    return np.asarray(facets[np.sort(first)])
+
+
+def _directions(contact: Contact) -> object:
+    """The same for contacts whose normals are found alike."""
+    if isinstance(contact.obstacle, Plane) and _is_plane(contact):
+        return np.asarray(contact.obstacle.normal).tolist()
+    return contact.normals is Normals.BODY
 
 
 def _at_rest(support: Support | ScalarData) -> Support | ScalarData:

@@ -57,7 +57,6 @@ from hemivar.certificates.continuous.bare_body import (
     bare_body,
     cell_tensors,
     contact_normals,
-    contact_sides,
     facet_cover,
     has_constant_normals,
     held_facets,
@@ -456,7 +455,8 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
             "the supports do not constrain the body: rigid motions move the contact boundary without energy and no "
             "trace constant exists; add a support"
         )
-    sides = tuple(contact_sides(problem, name) for name in problem.contact)
+    pairs = tuple(problem.pair(name) for name, contact in problem.contact.items() if contact.against)
+    sides = (*pairs, *((name,) for name in bare.contact if not any(name in pair for pair in pairs)))
     pieces = int(_parts(table).max()) + 1 if any(len(side) > 1 for side in sides) else 1
     most = pieces * _CELLS[bare.mesh.dim] if cells is None else cells
     if workspace is None:
