@@ -17,12 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.adapt.goals import Goal, GoalKind
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, IntArray
+from hemivar.certificates.continuous.bare_body import contact_sides
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.supports import stated_supports
 from hemivar.linear.factorisation import factorise
+from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["Functional", "functionals", "linear_forces", "nodal_forces", "strained", "work"]
 
@@ -42,7 +45,8 @@ class Functional:
     tractions : array, shape (F, d, d)
         Moments of the traction whose work a mean displacement is; zero for forces.
     rest : array, shape (F, d, d)
-        omega at the nodes of the facets of contact boundaries: what of q is not in ``a(u, w) - L(w)``.
+        omega at the nodes of the facets of contact boundaries, its jump where bodies touch: what of q is not in
+        ``a(u, w) - L(w)``.
     why : str
         Why nothing bounds it; empty if something does.
     """
@@ -101,9 +105,11 @@ def functionals(goal: Goal, data: BodyData, discrete: DiscreteProblem) -> tuple[
     if goal.kind is GoalKind.DISPLACEMENT:
         return tuple(_mean(goal, data, axis) for axis in goal.axes)
     assert discrete.field is not None
-    basis, K = discrete.field.basis, discrete.stiffness
+    basis, lift, K = discrete.field.basis, discrete.field.lift, discrete.stiffness
+    facets = np.flatnonzero(data.contact >= 0)
     touching = np.zeros(data.table.mesh.number_of_nodes, dtype=bool)
-    touching[data.table.facets[data.contact >= 0]] = True
+    for side in (data.table.facets, data.table.others):
+        touching[side[facets]] = True
     dim = data.table.dim
     rows = np.repeat(touching, dim).astype(float)
     given = np.asarray(abs(basis).T @ rows) > _NONE
@@ -111,8 +117,8 @@ def functionals(goal: Goal, data: BodyData, discrete: DiscreteProblem) -> tuple[
     factor = factorise(K[free][:, free], np.zeros(0, dtype=np.int64)) if free.size else None
     found = []
     for axis in goal.axes:
-        wanted, held, on = _wanted(goal, data, axis)
-        values = basis.T @ (np.where(touching[:, None], wanted, 0.0) - held).ravel()
+        wanted, held, jump = _wanted(goal, data, axis)
+        values = lift @ (np.where(touching[:, None], wanted, 0.0) - held).ravel()
         y = np.where(given, values, 0.0)
         start = held + np.asarray(basis @ y).reshape(held.shape)
         if factor is not None:
@@ -120,8 +126,7 @@ def functionals(goal: Goal, data: BodyData, discrete: DiscreteProblem) -> tuple[
             y[free] = -factor.solve_interior(push[free])
         field = held + np.asarray(basis @ y).reshape(held.shape)
         rest = np.zeros(data.facet_loads.shape)
-        facets = np.flatnonzero(data.contact >= 0)
-        rest[facets] = field[data.table.facets[facets]] - wanted[data.table.facets[facets]] * on[facets, None, None]
+        rest[facets] = data.jump(field, facets) - jump[facets, None]
         loose = np.eye(dim) - data.unknown[facets]
         rest[facets] = np.einsum("fij,faj->fai", loose, rest[facets])
         rest[np.abs(rest) < _NONE] = 0.0
@@ -140,21 +145,28 @@ def strained(data: BodyData, field: Array) -> tuple[Array, Array]:
     return strain, np.einsum("mijkl,mkl->mij", mean, strain, optimize=True)
 
 
-def _wanted(goal: Goal, data: BodyData, axis: int) -> tuple[Array, Array, BoolArray]:
-    """What w should be at contact nodes (N, d), what it is in the directions that are held (N, d), and the facets (F,)
-    on which it should be it."""
+def _contact(goal: Goal, problem: ContactProblem) -> tuple[int, bool]:
+    """The number of the contact whose force is asked for, and whether that on the side without contact points is."""
+    every = [contact_sides(problem, name) for name in problem.contact]
+    number = next(number for number, sides in enumerate(every) if goal.boundary in sides)
+    return number, goal.boundary != every[number][0]
+
+
+def _wanted(goal: Goal, data: BodyData, axis: int) -> tuple[Array, Array, Array]:
+    """What w should be at contact nodes (N, d), what it is in the directions that are held (N, d), and what contact
+    facets should see of it (F, d)."""
     mesh, dim = data.table.mesh, data.table.dim
-    wanted, held = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape)
+    wanted, held, jump = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape), np.zeros((len(data.contact), dim))
     if goal.kind is GoalKind.CONTACT_FORCE:
-        number = list(data.problem.contact).index(goal.boundary)
+        number, other = _contact(goal, data.problem)
         on = data.contact == number
-        wanted[np.unique(data.table.facets[on])] = np.eye(dim)[axis]
-        return wanted, held, on
+        wanted[np.unique((data.table.others if other else data.table.facets)[on])] = np.eye(dim)[axis]
+        jump[on] = (-1.0 if other else 1.0) * np.eye(dim)[axis]
+        return wanted, held, jump
     supports = stated_supports(data.problem)
     number = supports.names.index(goal.boundary) if goal.boundary in supports.names else -1
     own = np.where((supports.owner == number)[:, :, None], supports.directions, 0.0)
-    held = np.einsum("nqd,nq->nd", own, own[:, :, axis])
-    return wanted, held, np.zeros(len(data.table.facets), dtype=bool)
+    return wanted, np.einsum("nqd,nq->nd", own, own[:, :, axis]), jump
 
 
 def _hindrance(goal: Goal, data: BodyData, axis: int, field: Array) -> str:
@@ -163,8 +175,7 @@ def _hindrance(goal: Goal, data: BodyData, axis: int, field: Array) -> str:
     outer = np.flatnonzero(~table.interior & data.unknown.any(axis=(1, 2)))
     should = np.zeros((len(outer), table.dim))
     if goal.kind is GoalKind.CONTACT_FORCE:
-        number = list(data.problem.contact).index(goal.boundary)
-        here = data.contact[outer] == number
+        here = data.contact[outer] == _contact(goal, data.problem)[0]
         if np.abs(np.einsum("fij,j->fi", data.unknown[outer], unit)[here]).max(initial=0.0) > _NONE:
             return f"a support constrains contact '{goal.boundary}' along {'xyz'[axis]}, where force of both is one"
     else:
@@ -181,6 +192,10 @@ def _mean(goal: Goal, data: BodyData, axis: int) -> Functional:
     table = data.table
     dim = table.dim
     facets = np.unique(table.numbers(data.problem.mesh.boundaries[goal.boundary]))
+    if table.cut[facets].any():
+        raise ProblemError(
+            f"bodies touch on '{goal.boundary}', where no mean displacement is bounded; name a boundary where none do"
+        )
     measures = table.measures[facets]
     tractions = np.zeros(data.facet_loads.shape)
     tractions[facets, :, axis] = (measures / measures.sum() / dim)[:, None]

@@ -38,7 +38,7 @@ from hemivar.certificates.continuous.contact_traces import ContactTraces, contac
 from hemivar.certificates.continuous.exact_distance import ExactDistance
 from hemivar.certificates.continuous.fenchel import exact_gap
 from hemivar.certificates.continuous.sweeps import PatchSmoother
-from hemivar.certificates.continuous.touching_bodies import refuse_touching
+from hemivar.certificates.continuous.touching_bodies import on_facets, refuse_touching
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.discrete.problem import DiscreteProblem
@@ -156,7 +156,7 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
     Raises
     ------
     ProblemError
-        Elements are not linear, or bodies touch one another.
+        Elements are not linear, or bodies touch one another whose facets do not coincide, or without a bound.
     """
     expect(goal, Goal, "the goal", "give what goal_named(...) returns")
     expect(solution, Solution, "the solution", "give what solve(...) returns")
@@ -166,7 +166,7 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
     if data.problem.order != 1:
         raise ProblemError("quantities of interest are bounded for linear elements only; use order = 1")
     if discrete.origin is not None:
-        refuse_touching(discrete.origin)
+        refuse_touching(discrete.origin, "" if data.problem.contact else distance.why)
     parts = functionals(goal, data, discrete)
     traces = contact_traces(data)
     reasons = [] if distance.guaranteed else list(distance.reasons)
@@ -250,7 +250,7 @@ def _rest(part: Functional, traces: ContactTraces | None, distance: float, const
     if moved > 0.0:
         total += moved * distance / math.sqrt(constants.both) if constants.both > 0.0 else math.inf
     if not math.isfinite(total):
-        return math.inf, "the contact boundary ends at a support, and the law does not bound the force there"
+        return math.inf, "the contact boundary ends at a support or a tip, and the law does not bound the force there"
     return total, why
 
 
@@ -295,7 +295,8 @@ class _Dual:
         K = solution.problem.stiffness
         bend = _bend(solution)
         B = solution.problem.contact.trace
-        self._factor = factorise(K if bend is None else sp.csr_array(K + B.T @ bend @ B), _NONE)
+        self._bend = None if bend is None else sp.csr_array(bend @ B)
+        self._factor = factorise(K if self._bend is None else sp.csr_array(K + B.T @ self._bend), _NONE)
 
     def estimate(self, part: Functional, centre: float) -> tuple[float, float, Array]:
         """The corrected value, by how much it may be off, and what each cell adds."""
@@ -307,10 +308,10 @@ class _Dual:
         z = np.asarray(basis @ y).reshape(data.displacement.shape)
         value, ends = centre - work(data, z), np.zeros(0)
         if traces is not None:
-            value -= float(self._work(traces, z[data.table.facets]).sum())
-            ends = self._work(traces, part.rest)
+            value -= float(self._work(traces, data.jump(z, traces.facets)).sum())
+            ends = self._work(traces, part.rest[traces.facets])
             value += float(ends.sum())
-        answer = _swept(_answering(data, z - part.field, part.tractions, data.contact), traces)
+        answer = self._answer(_answering(data, z - part.field, part.tractions, data.contact), y)
         cross = _product(self._stress, answer)
         eta_z = np.sqrt(np.maximum(answer.misfit, 0.0))
         size = float(np.linalg.norm(eta_z))
@@ -321,9 +322,18 @@ class _Dual:
             np.add.at(cells, owner, np.sqrt(self._rho / self._both) * eta_z[owner] + np.abs(ends))
         return value + 0.5 * cross, min(whole, float(cells.sum())), cells
 
+    def _answer(self, data: BodyData, y: Array) -> AdmissibleStress:
+        """A stress that balances the data; where bodies touch under what the law answers to unknowns y (n,)."""
+        if not data.table.cut.any():
+            return _swept(data, self._traces)
+        assert self._bend is not None
+        contact = self._discrete.contact
+        forces = np.asarray(self._bend @ y).reshape(contact.shape)
+        return _swept(data.under(on_facets(data, data.problem, contact, forces)), None)
+
     def _work(self, traces: ContactTraces, nodal: Array) -> Array:
-        """``int zeta . v``, (k,), of values (F, d, d) at the nodes of the facets."""
-        local = np.einsum("fqa,fai,fqci->fqc", traces.barycentric, nodal[traces.facets], traces.frames, optimize=True)
+        """``int zeta . v``, (k,), of values (k, d, d) at the nodes of the facets."""
+        local = np.einsum("fqa,fai,fqci->fqc", traces.barycentric, nodal, traces.frames, optimize=True)
         return traces.integral(np.einsum("fqc,fqc->fq", self._zeta, local))
 
 

@@ -172,6 +172,11 @@ class ExactDistance:
         """The distance over ``|u_h|_a``; 0 where both are."""
         return self.over_norm(self.distance)
 
+    @property
+    def why(self) -> str:
+        """The reasons in one line."""
+        return "; ".join(self.reasons)
+
     def over_norm(self, size: float) -> float:
         """A size in the energy norm over ``|u_h|_a``; 0 where both are, inf where the latter alone is."""
         if self.energy_norm > 0.0:

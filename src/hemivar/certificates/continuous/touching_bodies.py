@@ -19,7 +19,7 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData, body_data
-from hemivar.certificates.continuous.joined_sides import touch
+from hemivar.certificates.continuous.joined_sides import joined_sides, touch
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
@@ -29,21 +29,23 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.supports import stated_supports
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["contact_moments", "refuse_touching", "shared_anew", "touching_bodies"]
+__all__ = ["contact_moments", "on_facets", "refuse_touching", "shared_anew", "touching_bodies"]
 
 
-def refuse_touching(problem: ContactProblem) -> None:
-    """Refuse quantities of interest of bodies that touch.
+def refuse_touching(problem: ContactProblem, reason: str = "") -> None:
+    """Refuse quantities of interest of bodies that touch, but where facets coincide and there is no other reason.
 
     Raises
     ------
     ProblemError
     """
-    if touch(problem):
-        raise ProblemError(
-            "quantities of interest are bounded for bodies on foundations, and these touch one another; give no goal, "
-            "and the distance to the exact solution is estimated"
-        )
+    if not touch(problem) or (joined_sides(problem) is not None and not reason):
+        return
+    why = reason or "the facets of these two do not coincide"
+    raise ProblemError(
+        "quantities of interest of bodies that touch are bounded where the distance to the exact solution is, and "
+        f"{why}; give no goal, and that distance is estimated"
+    )
 
 
 def touching_bodies(problem: ContactProblem, displacement: Array) -> tuple[BodyData, float]:
@@ -66,7 +68,7 @@ def touching_bodies(problem: ContactProblem, displacement: Array) -> tuple[BodyD
     law = discrete.law.frozen(
         discrete.local(_unknowns(discrete, displacement)), forces / discrete.contact.weights[:, None]
     )
-    return data.under(_on_facets(data, problem, discrete.contact, forces)), _constant(discrete.with_(law=law))
+    return data.under(on_facets(data, problem, discrete.contact, forces)), _constant(discrete.with_(law=law))
 
 
 def contact_moments(data: BodyData) -> Array:
@@ -75,7 +77,7 @@ def contact_moments(data: BodyData) -> Array:
     The bodies of the data are in equilibrium with them.
     """
     discrete, forces = _contact_forces(data.problem, data.displacement)
-    return _on_facets(data, data.problem, discrete.contact, forces)
+    return on_facets(data, data.problem, discrete.contact, forces)
 
 
 def shared_anew(data: BodyData, moments: Array, wanted: Array) -> Array:
@@ -95,7 +97,7 @@ def shared_anew(data: BodyData, moments: Array, wanted: Array) -> Array:
     return out
 
 
-def _on_facets(data: BodyData, problem: ContactProblem, contact: ContactPoints, forces: Array) -> Array:
+def on_facets(data: BodyData, problem: ContactProblem, contact: ContactPoints, forces: Array) -> Array:
     """Moments (F, l, d) of local forces (m, d) of contact points on the facets of the data.
 
     Where two bodies touch along one facet of the data, those of its first side are the moments.
