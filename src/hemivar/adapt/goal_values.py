@@ -245,7 +245,8 @@ def _rest(part: Functional, traces: ContactTraces | None, distance: float, const
         total += float(traces.integral((np.where(on, c0, 0.0) + np.where(on, grown, 0.0)) * weight).sum())
         rates.append(np.where(on, c1, 0.0) * weight)
     if across.any():
-        rates[0] = rates[0] + traces.coupling() * across  # both grow with the same part of the error
+        coupled = np.where(across > 0.0, traces.coupling(), 0.0)
+        rates[0] = rates[0] + coupled * across  # both grow with the same part of the error
     moved = math.sqrt(float(traces.integral(rates[0] ** 2 + rates[1] ** 2).sum()))
     if moved > 0.0:
         total += moved * distance / math.sqrt(constants.both) if constants.both > 0.0 else math.inf
