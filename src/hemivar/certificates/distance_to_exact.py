@@ -63,6 +63,8 @@ class DistanceToExact:
     unseen : str
         Rigid motions that supports leave to the body, in words.  The bound is one in the seminorm of the energy, which
         does not see them; the laws are convex, and solutions differ by no more than such motions.
+    loose : str
+        Those of them by which solutions may differ, in words.
     """
 
     bound: float
@@ -81,6 +83,7 @@ class DistanceToExact:
     conditions: tuple[str, ...] = ()
     unique: bool = False
     unseen: str = ""
+    loose: str = ""
 
     @classmethod
     def none(cls, reason: str, seconds: float = 0.0) -> DistanceToExact:
@@ -125,6 +128,7 @@ class DistanceToExact:
         made = [f"{blank}made of {', '.join(parts)}{took}"]
         if self.unseen:
             made.append(f"{blank}but for rigid motions, which the energy does not see: {self.unseen}")
+            made += [f"{blank}{self._left}"] if self.guaranteed else []
         if self.unique and self.constant > 0.0:
             made.append(f"{blank}the continuous problem has exactly one solution, for c < 1")
         if self.advice:
@@ -146,6 +150,13 @@ class DistanceToExact:
         """The parts in the unit of the bound, by name."""
         names = ("misfit", "contact", "oscillation", "algebraic", "correction")
         return {name: getattr(self, name) for name in names if math.isfinite(getattr(self, name))}
+
+    @property
+    def _left(self) -> str:
+        """By what the solutions of a convex problem differ, of a body that moves without energy."""
+        if self.unique:
+            return "the continuous problem has exactly one solution: contact leaves no rigid motion"
+        return f"solutions of the continuous problem differ at most by: {self.loose}"
 
     def _shares(self) -> tuple[dict[str, float], float]:
         """What the parts make of a bound without softening, the gap counted as contact, and by what that multiplies."""
@@ -189,6 +200,7 @@ class DistanceToExact:
             "conditions": list(self.conditions),
             "unique": self.unique,
             "unseen": self.unseen,
+            "loose": self.loose,
         }
 
 

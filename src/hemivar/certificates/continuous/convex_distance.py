@@ -34,6 +34,7 @@ from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.conjugate_sweeps import Sweeps
 from hemivar.certificates.continuous.contact_traces import ContactTraces
 from hemivar.certificates.continuous.fenchel import FenchelGap, fenchel_gap, near_multiplier
+from hemivar.certificates.continuous.loose_motions import loose_motions
 from hemivar.certificates.continuous.oscillation import local_constants
 from hemivar.certificates.continuous.sweeps import PatchSmoother
 from hemivar.certificates.continuous.touching_bodies import contact_moments
@@ -74,8 +75,9 @@ class BalancedStress:
     missed: Array  # (M,)
     #: ``|R|`` in the dual of the discrete energy norm, R the forces of nodes that are left; rounding.
     algebraic: float
-    #: The rigid motions that are not seen, in words; empty where there is none.
+    #: The rigid motions that are not seen, and those by which solutions may differ, in words; empty where none is.
     unseen: str
+    loose: str
 
 
 def not_convex(problem: ContactProblem) -> str:
@@ -95,7 +97,8 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> Ba
     body, joined = BareStiffness(data), bool(data.table.cut.any())
     loads = _gathered(data, data.loads) + data.at_nodes(np.arange(len(data.facet_loads)), data.facet_loads)
     shared = unsettled(data.under(contact_moments(data)) if joined else data).moments
-    found = _best(*(_Multipliers(at, body, loads, at.interpolated(shared)) for at in (traces.rough, traces)))
+    rough, fine = (_Multipliers(at, body, loads, at.interpolated(shared)) for at in (traces.rough, traces))
+    found = _best(rough, fine)
     if found is None:
         return None
     gap, force = found
@@ -108,7 +111,9 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> Ba
     if sweeps.kinds:
         stress = sweeps.lower(PatchSmoother(stress))
     algebraic = float(np.sqrt(max(float(np.sum(body.solve(left, _ROUGH) * left)), 0.0)))
-    return BalancedStress(stress, paid, missed, algebraic, body.motions_in_words)
+    every = np.eye(len(fine.works))
+    unseen, loose = map(body.in_words, (every, loose_motions(rough.traces, rough.moves, rough.works, rough.size)))
+    return BalancedStress(stress, paid, missed, algebraic, unseen, loose)
 
 
 def _best(rough: _Multipliers, fine: _Multipliers) -> tuple[FenchelGap, Array] | None:
@@ -152,15 +157,20 @@ class _Multipliers:
         return np.asarray(np.einsum("fqa,fqci,fain->fqcn", traces.shapes, traces.frames, at_nodes, optimize=True))
 
     @cached_property
-    def _size(self) -> float:
+    def works(self) -> Array:
+        """What the loads work on the motions, (n,)."""
+        return np.asarray(np.einsum("nim,ni->m", self.body.motions, self.loads))
+
+    @cached_property
+    def size(self) -> float:
         """What works of forces on motions are compared with; a body between others has no loads."""
         forces = np.abs(self.loads).sum() + np.einsum("fq,fqc->", self.traces.weights, np.abs(self.target))
         return float(np.abs(self.body.motions).max(initial=0.0) * forces)
 
     def _off(self, zeta: Array) -> Array:
         """What multipliers (k, q, d) work on the motions more than the loads do, (n,)."""
-        wanted = np.einsum("nim,ni->m", self.body.motions, self.loads)
-        return np.asarray(np.einsum("fq,fqc,fqcn->n", self.traces.weights, zeta, self.moves, optimize=True) - wanted)
+        found = np.einsum("fq,fqc,fqcn->n", self.traces.weights, zeta, self.moves, optimize=True)
+        return np.asarray(found - self.works)
 
     def nearest(self, weight: float, q: Array) -> tuple[FenchelGap, Array] | None:
         """The one that is nearest to the target by a weight, and its q, from some q (n,); None where none was found."""
@@ -173,7 +183,7 @@ class _Multipliers:
 
         wish, zeta, off = at(q)
         for _ in range(_STEPS):
-            if float(np.abs(off).max(initial=0.0)) <= _BALANCED * self._size:
+            if float(np.abs(off).max(initial=0.0)) <= _BALANCED * self.size:
                 break
             change = -la.lstsq(weight * self._slope(wish, zeta, weight).reshape(count, count), off, cond=1e-12)[0]
             for _ in range(12):
@@ -184,7 +194,7 @@ class _Multipliers:
             else:
                 break
             q, (wish, zeta, off) = q + change, near
-        if float(np.abs(off).max(initial=0.0)) > 1e3 * _BALANCED * self._size:
+        if float(np.abs(off).max(initial=0.0)) > 1e3 * _BALANCED * self.size:
             return None
         return fenchel_gap(traces, wish, weight, unknown_gaps(traces)), q
 
@@ -297,12 +307,10 @@ class BareStiffness:
         """What of unknowns (n,) is orthogonal to the motions."""
         return np.asarray(unknowns - self._kernel @ (self._kernel.T @ unknowns))
 
-    @property
-    def motions_in_words(self) -> str:
-        """All of them."""
+    def in_words(self, coefficients: Array) -> str:
+        """Motions by their coefficients (n, m); of each the part of the body that moves most is told."""
         words = []
-        for group in self._groups:
-            for number in range(group.coefficients.shape[2]):
-                moved = group.coefficients[:, :, number]
-                words.append(describe(moved[int(np.argmax(np.linalg.norm(moved, axis=1)))])[1:-1])
+        for one in coefficients.T:
+            moved = np.concatenate([group.coefficients @ one[group.columns] for group in self._groups])
+            words.append(describe(moved[int(np.argmax(np.linalg.norm(moved, axis=1)))])[1:-1])
         return ", ".join(words)

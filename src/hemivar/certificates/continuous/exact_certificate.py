@@ -87,6 +87,7 @@ def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
         conditions=found.conditions if math.isfinite(found.distance) else (),
         unique=found.unique and math.isfinite(found.distance),
         unseen=found.unseen if math.isfinite(found.distance) else "",
+        loose=found.loose if math.isfinite(found.distance) else "",
         misfit=parts.misfit,
         contact=parts.contact,
         oscillation=parts.oscillation,

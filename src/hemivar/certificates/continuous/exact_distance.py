@@ -142,10 +142,12 @@ class ExactDistance:
         are other reasons.
     unique : bool
         Whether the continuous problem is shown to have exactly one solution: c is below one, too, with the weak
-        convexity constants of the normal and of the tangential law everywhere, and the distance is guaranteed.
+        convexity constants of the normal and of the tangential law everywhere, and the distance is guaranteed; or laws
+        are convex, and solutions differ by no rigid motion.
     unseen : str
-        The rigid motions that supports leave to a body, in words: the seminorm does not see them, and the solutions of
-        a convex problem differ by no more.
+        The rigid motions that supports leave to a body, in words: the seminorm does not see them.
+    loose : str
+        Those by which the solutions of a convex problem may differ.
     """
 
     distance: float
@@ -164,6 +166,7 @@ class ExactDistance:
     conditions: tuple[str, ...] = ()
     unique: bool = False
     unseen: str = ""
+    loose: str = ""
 
     __repr__ = brief
 
@@ -292,7 +295,7 @@ def _without_constants(
     return ExactDistance(
         value + correction, float(np.sqrt(data.energy)), parts, 0.0, 1, proved, (*reasons, *conditions), stress, cells,
         rest.missed, table.facets[traces.facets], np.zeros(len(traces.facets)), balanced.gap,
-        tuple(conditions) if not reasons else (), proved and not balanced.unseen, balanced.unseen,
+        tuple(conditions) if not reasons else (), proved and not balanced.loose, balanced.unseen, balanced.loose,
     )  # fmt: skip
 
 
