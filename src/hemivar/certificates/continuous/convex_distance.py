@@ -97,7 +97,8 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> Ba
     body, joined = BareStiffness(data), bool(data.table.cut.any())
     loads = _gathered(data, data.loads) + data.at_nodes(np.arange(len(data.facet_loads)), data.facet_loads)
     shared = unsettled(data.under(contact_moments(data)) if joined else data).moments
-    rough, fine = (_Multipliers(at, body, loads, at.interpolated(shared)) for at in (traces.rough, traces))
+    lack = loads - _gathered(data, data.forces)
+    rough, fine = (_Multipliers(at, body, loads, lack, at.interpolated(shared)) for at in (traces.rough, traces))
     found = _best(rough, fine)
     if found is None:
         return None
@@ -147,6 +148,7 @@ class _Multipliers:
     traces: ContactTraces
     body: BareStiffness
     loads: Array  # (nodes, d)
+    lack: Array  # (nodes, d): of them what the stress of the displacement does not balance
     target: Array  # (k, q, d)
 
     @cached_property
@@ -209,9 +211,8 @@ class _Multipliers:
 
     def unbalanced(self, gap: FenchelGap) -> Array:
         """Forces of nodes (nodes, d) that a multiplier and the stress of the displacement do not balance."""
-        data, traces = self.traces.data, self.traces
-        taken = data.at_nodes(traces.facets, traces.moments(gap.multiplier))
-        return np.asarray(self.loads - taken - _gathered(data, data.forces))
+        traces = self.traces
+        return np.asarray(self.lack - traces.data.at_nodes(traces.facets, traces.moments(gap.multiplier)))
 
     def cost(self, gap: FenchelGap) -> float:
         """About what the square of the bound grows by."""
@@ -239,9 +240,10 @@ def _missed(traces: ContactTraces, zeta: Array) -> Array:
 
 def _gathered(data: BodyData, cells: Array) -> Array:
     """Nodal sums (nodes, d) of what cells have at their nodes, (M, l, d)."""
-    found = np.zeros(data.displacement.shape)
-    np.add.at(found, data.cell_nodes, cells)
-    return found
+    nodes, count = data.cell_nodes.ravel(), len(data.displacement)
+    return np.stack(
+        [np.bincount(nodes, weights=one.ravel(), minlength=count) for one in np.moveaxis(cells, 2, 0)], axis=1
+    )
 
 
 class BareStiffness:
