@@ -172,6 +172,14 @@ def test_a_margin_of_minus_infinity_is_explained() -> None:
     text = "\n".join(certify(free, np.array([0.5, 0.5])).lines())
     assert "margin            uniqueness is not known: " in text
     assert "the supports alone do not constrain the body" in text
+    mesh, pressed = hv.rectangle((2.0, 1.0), (4, 2)), {"top": (0.0, -1.0)}
+    block = hv.ContactProblem(
+        mesh, hv.Material.young(1e3, 0.3), {"bottom": hv.Contact(Compliance(50.0))}, {"left": hv.Roller()},
+        tractions=pressed,
+    )  # fmt: skip
+    text = "\n".join(certify(hv.solve(block)).lines())
+    assert "margin            none, and the solution is the only one all the same: the supports alone" in text
+    assert "not known" not in text
     held = DiscreteProblem.of_arrays(np.eye(1), one, np.eye(1), one, none, ContactLaw(Capped(2.0, 0.1)))
     text = "\n".join(certify(held, np.array([1.0])).lines())
     assert "margin            uniqueness is not known: " in text

@@ -73,7 +73,8 @@ def claims(certificate: Certificate) -> list[Claim]:
     guessed = "" if c.proved else ", an estimate"
     margin = f"{_text(c.margin)}{guessed} ({', '.join(parts)})"
     if c.margin == -math.inf and not c.left_out:
-        margin = f"uniqueness is not known: {_without_margin(constants)}"
+        known = "none, and the solution is the only one all the same" if c.unique else "uniqueness is not known"
+        margin = f"{known}: {_without_margin(constants)}"
     say("margin", margin, c.margin, bounded, doubt)
     say("distance", _distance(c), c.error_bound_relative, doubt=doubt)
     found += [] if c.exact is None else [Claim(line[:_LABEL].rstrip(), line[_LABEL:]) for line in c.exact.lines()]
