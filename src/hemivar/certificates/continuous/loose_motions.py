@@ -121,12 +121,15 @@ def _plain(columns: Array) -> Array:
 
 
 def _balances(along: Array, traces: ContactTraces, moves: Array, resisted: Array, works: Array, size: float) -> bool:
-    """Whether friction may balance the loads along motions with these coefficients (n, m), as far as is looked."""
-    slips, rubbed = moves[:, :, 1:] @ along, (resisted > 0.0) & (traces.weights > 0.0)
-    still = along @ _vanishing(slips[rubbed].reshape(-1, along.shape[1]), float(np.abs(moves).max()))
+    """Whether friction may balance the loads along motions with these coefficients (n, m), as far as is looked.
+
+    Slips of rigid motions are largest at corners of facets, which are among the points.
+    """
+    slips = moves[:, :, 1:] @ along
+    still = along @ _vanishing(slips[resisted > 0.0].reshape(-1, along.shape[1]), float(np.abs(moves).max()))
     tried = np.column_stack([along, along @ (along.T @ works), still @ (still.T @ works)])
     found = np.linalg.norm(moves[:, :, 1:] @ tried, axis=2)
     with np.errstate(invalid="ignore"):
-        most = np.where(found > 0.0, resisted[:, :, None] * found, 0.0)
-    friction = np.einsum("fq,fqm->m", traces.weights, np.where(rubbed[:, :, None], most, 0.0))
+        most = np.where(found > 0.0, resisted[:, :, None] * found, 0.0).max(axis=1)
+    friction = traces.weights.sum(axis=1) @ most
     return bool((np.abs(works @ tried) <= friction + _ROUNDING * size * np.linalg.norm(tried, axis=0)).all())
