@@ -412,8 +412,5 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart |
 
 def _least(law: VectorLaw, r: Array, lam: Array) -> Array:
     """What a must be above, (m, 2)."""
-    parts = law.weak_convexity if law.depends_on_whole_state else law.frozen(r, lam).weak_convexity
-    alpha = np.stack([np.broadcast_to(part, len(r)) for part in parts], axis=1)
-    if law.depends_on_whole_state:
-        alpha = np.repeat(alpha.max(axis=1, keepdims=True), 2, axis=1) + np.reshape(law.lipschitz, (-1, 1))
-    return alpha
+    parts = (law if law.depends_on_whole_state else law.frozen(r, lam)).curve_above
+    return np.stack([np.broadcast_to(part, len(r)) for part in parts], axis=1)

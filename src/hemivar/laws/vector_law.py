@@ -533,14 +533,22 @@ class VectorLaw(PickleMixin, ABC):
         jacobian = np.where(free[:, :, None] & free[:, None, :], np.linalg.inv(stiff), 0.0)
         return OnGraph(r, p - each * r, jacobian)
 
-    def is_curve(self, a: Array, components: int) -> bool:
-        """Whether :meth:`on_graph` has one answer: ``a (m, 2)`` is above :attr:`weak_convexity`.
+    @property
+    def curve_above(self) -> tuple[Array, Array]:
+        """Stiffness for the normal and the tangential part, above which :meth:`on_graph` has one answer, (m,) or (1,).
 
-        For laws of the whole state their Lipschitz constant counts too.
+        It is :attr:`weak_convexity`; for laws of the whole state the larger one and their Lipschitz constant.
         """
-        more = self.lipschitz if self.depends_on_whole_state else 0.0
-        alphas = self.weak_convexity[: min(components, 2)]
-        return all(bool((a[:, k] > alpha + more).all()) for k, alpha in enumerate(alphas))
+        normal, tangential = self.weak_convexity
+        if not self.depends_on_whole_state:
+            return normal, tangential
+        both = np.maximum(normal, tangential) + self.lipschitz
+        return both, both
+
+    def is_curve(self, a: Array, components: int) -> bool:
+        """Whether :meth:`on_graph` has one answer: ``a (m, 2)`` is :attr:`curve_above`."""
+        least = self.curve_above[: min(components, 2)]
+        return all(bool((a[:, k] > one).all()) for k, one in enumerate(least))
 
     def chart(self, a: Array, components: int) -> Chart | None:
         """:meth:`on_graph` with one stiffness, for many questions; None where it tells nothing.

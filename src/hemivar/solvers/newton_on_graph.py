@@ -103,7 +103,7 @@ class GraphEquation:
         """
         law, pair, d = system.law, 1.0 / system.compliance, system.active.shape[1]
         if law.depends_on_whole_state:
-            least = [np.broadcast_to(alpha + law.lipschitz, pair[:, 0].shape) for alpha in law.weak_convexity]
+            least = [np.broadcast_to(one, len(pair)) for one in law.curve_above]
             pair = np.maximum(pair, _ABOVE * np.stack(least, axis=1))
         chart = law.chart(pair, d) if law.is_curve(pair, d) else None
         if system.vectors.largest(float(chart is None))[0] or chart is None:

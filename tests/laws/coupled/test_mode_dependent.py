@@ -179,6 +179,21 @@ def block(law: ModeDependentGlue, load: tuple[float, float] = (60.0, 60.0), cell
     )
 
 
+@pytest.mark.parametrize(("strength", "shear"), [(0.4, 1.5), (1.2, 0.4)])
+def test_a_chart_is_as_stiff_in_either_direction_as_the_steeper_one_needs(strength: float, shear: float) -> None:
+    law = ModeDependentGlue(strength, shear, 20.0, BenzeggaghKenane(0.05, 0.1, 2.0)).at(None)
+    least = np.stack([alpha + law.lipschitz for alpha in law.weak_convexity], axis=1)
+    assert least.max() > 1.02 * least.min()
+    between, above = 1.01 * least, np.full((1, 2), 1.01 * least.max())
+    assert not law.is_curve(between, 2)
+    assert law.is_curve(above, 2)
+    p = np.array([[-3.0, 1.0]])
+    on = law.on_graph(p, above)
+    np.testing.assert_allclose(above * on.r + on.multiplier, p, rtol=1e-12)
+    with pytest.raises(hv.errors.ProblemError, match="is a curve for stiffnesses above"):
+        law.on_graph(p, between)
+
+
 def test_a_body_is_solved_by_newtons_method() -> None:
     found = hv.solve(block(soft()))
     again = hv.solve(block(soft()), hv.solvers.FixedPoint(hv.solvers.NonsmoothMultigrid(), relaxation=0.8))

@@ -337,9 +337,9 @@ class ModeDependentGlue(Glue):
         Raises
         ------
         ProblemError
-            ``a`` is not above the weak convexity plus :attr:`lipschitz`: there may be several such pairs.
+            ``a`` is not :attr:`curve_above`: there may be several such pairs.
         """
-        enough = np.max([a_least + self.lipschitz for a_least in self.weak_convexity], axis=0)
+        enough = self.curve_above[0]
         if not (a > enough[:, None]).all():
             raise ProblemError(
                 f"law '{self.name}' is a curve for stiffnesses above {float(enough.max()):.6g}, its weak convexity "
