@@ -37,6 +37,7 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("task", "jobs"): "other processes",
     ("body", "plane"): "plane, linear",
     ("body", "quadratic"): "quadratic elements",
+    ("body", "axisymmetric"): "body of revolution",
     ("body", "resting"): "held by contact",
     ("body", "parts"): "two parts",
     ("body", "pair"): "two bodies that touch",

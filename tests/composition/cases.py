@@ -203,6 +203,12 @@ def _glued(contact: hv.Contact, up: float) -> hv.ContactProblem:
     )
 
 
+def _revolved(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """A disc whose rim is held; its left side is the axis, and nothing damps it."""
+    steel = hv.Material.lame(40.0, 40.0, "axisymmetric", density=10.0)
+    return _plane(contact, up, material=steel, supports={"right": hv.Clamped()})
+
+
 def _resting(contact: hv.Contact, up: float) -> hv.ContactProblem:
     """A block that nothing but its foundation holds against the load."""
     return _plane(contact, 0.25 * up, supports={"left": hv.Roller()})
@@ -296,6 +302,7 @@ def _mixed(contact: hv.Contact, up: float) -> FormProblem:
 BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "plane": _plane,
     "quadratic": lambda contact, up: _plane(contact, up, order=2),
+    "axisymmetric": _revolved,
     "nonlinear": _nonlinear,
     "space": _space,
     "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),

@@ -65,11 +65,15 @@ _NO_BOUND = (
     "The distance to the exact solution is bounded for elastic bodies, without bedding, and for one component on "
     "supports; adaptive solves are for bodies."
 )
+_NO_BOUND_REVOLVED = "Bodies of revolution have no bound of the distance to the exact solution and no adaptive solve."
 _NO_BOUND_RESTING = (
     "The distance to the exact solution is bounded for bodies held by contact only where laws are convex, with "
     "separate opening and slip, and do not depend on the solution."
 )
 _NO_BOUND_FALLS = "The distance to the exact solution of a membrane is bounded where no law drops discontinuously."
+_NO_BOUND_DROPS = (
+    "Beside orthotropic friction the distance to the exact solution is bounded where no law drops discontinuously."
+)
 _NOT_CONVEX = ("softening", "adhesive", "cohesion", "saw-tooth", "function", *COUPLED)
 _NO_BOUND_OF_LAW = (
     "The distance to the exact solution is not bounded for Coulomb's law; and for glue that depends on the mode "
@@ -94,6 +98,7 @@ RULES = (
     Rule("drops discontinuously", _NO_PATH, ("path",), ("space", "nonlinear"), ("saw-tooth",)),
     Rule("drops discontinuously", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
+    Rule("bounded for plane and 3D bodies", _NO_BOUND_REVOLVED, _BOUNDS, ("axisymmetric",)),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), _NOT_CONVEX),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),
     Rule(
@@ -105,6 +110,14 @@ RULES = (
         ("saw-tooth",),
     ),
     Rule("drops discontinuously", _NO_BOUND_FALLS, ("exact",), ("membrane",), ("saw-tooth",)),
+    Rule(
+        "drops discontinuously, so c is infinite",
+        _NO_BOUND_DROPS,
+        _BOUNDS,
+        ("space",),
+        ("saw-tooth",),
+        ("orthotropic",),
+    ),
     Rule("is a ScalarProblem; give a ContactProblem", _NO_BOUND, ("adaptive",), SCALAR),
     Rule("there is no bound", _NO_BOUND_OF_LAW, _BOUNDS, _ON_FOUNDATIONS, friction=("coulomb",)),
     Rule("depend on the mode adds", _NO_BOUND_OF_LAW, _BOUNDS, _ON_FOUNDATIONS, normal=("mode-dependent",)),
