@@ -68,7 +68,17 @@ kernels = Extension(
     "hemivar.kernels._compiled",
     sources=[
         f"{KERNELS}/{name}.cpp"
+<<<<<<< HEAD
         for name in ("active_sets", "api", "cells", "cycle", "laws", "mesh_sums", "panels", "patches", "pool", "set_up")
+=======
+        for name in ("active_sets", "api", "cells", "cycle", "mesh_sums", "panels", "patches", "pool", "set_up", "stars")
+    ],
+    depends=[
+        f"{KERNELS}/{name}.hpp"
+        for name in (
+            "active_sets", "cells", "lanes", "levels", "memory", "mesh_sums", "panels", "patches", "pool", "stars", "wide",
+        )  # fmt: skip
+>>>>>>> 797fb44d (Tractions around vertices and facets of meshes come from the compiled kernels, one star at a time)
     ],
     depends=sorted(str(header.relative_to(HERE)) for header in (HERE / KERNELS).glob("*.hpp")),
     language="c++",

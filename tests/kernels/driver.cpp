@@ -1,5 +1,6 @@
 // The compiled kernels by themselves, for the sanitizers of a compiler: a square by bilinear levels, two unknowns a node;
-// matrices of a square of triangles and of a cube of tetrahedra; patches of squares and cubes cut into simplices.
+// matrices of a square of triangles and of a cube of tetrahedra; patches and stars of squares and cubes cut into
+// simplices.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -17,6 +18,7 @@
 #include "panels.hpp"
 #include "patches.hpp"
 #include "pool.hpp"
+#include "stars.hpp"
 
 using namespace hemivar;
 
@@ -511,6 +513,92 @@ void add_up_simplices(int dim, int inner, bool slopes) {
     check(std::abs(value[1] - value[2] - 2.0 * expected) < 1e-9 * value[0], "slopes are not those of the energies");
 }
 
+// Facets and stars of cells whose vertices rise, with numbers that are made up.
+struct Stars {
+    int64_t dim, cells, nodes, facets, corners = dim + 1, size = cells * corners * dim;
+    std::vector<int64_t> vertices, numbers, owners, ends, others, start, pairs, every;
+    std::vector<int32_t> place;
+    std::vector<double> signs, forces, loads, given, unknown, dear, missed, ones;
+    std::vector<uint8_t> interior, contact;
+
+    Stars(int64_t dim, int64_t nodes, const std::vector<int64_t>& given_cells)
+        : dim(dim), cells(static_cast<int64_t>(given_cells.size()) / (dim + 1)), nodes(nodes), vertices(given_cells),
+          numbers(size / dim), start(nodes + 1), pairs(size / dim), every(nodes), place(size / dim), signs(size / dim),
+          forces(size), loads(size, 0.1), dear(cells), missed(nodes * dim, 0.3) {
+        const Facets table(static_cast<int>(dim), nodes, cells, vertices.data(), nullptr);
+        facets = table.count;
+        owners.resize(2 * facets);
+        ends.resize(facets * dim);
+        others.resize(facets * dim);
+        table.get(vertices.data(), numbers.data(), signs.data(), owners.data(), ends.data(), others.data());
+        list_stars(static_cast<int>(corners), nodes, cells, vertices.data(), start.data(), pairs.data(), place.data());
+        given.assign(facets * dim * dim, 0.2);
+        unknown.assign(given.size(), 0.0);
+        ones.assign(cells + facets, 1.0);
+        interior.resize(facets);
+        contact.resize(facets);
+        for (int64_t k = 0; k < nodes; ++k) every[k] = k;
+        for (int64_t k = 0; k < size; ++k) forces[k] = std::sin(1.0 + static_cast<double>(k));
+        for (int64_t cell = 0; cell < cells; ++cell) dear[cell] = 1.0 + 0.1 * static_cast<double>(cell % 7);
+        for (int64_t facet = 0; facet < facets; ++facet) {
+            interior[facet] = owners[2 * facet + 1] >= 0;
+            contact[facet] = !interior[facet] && facet % 3 == 0;
+            for (int64_t i = 0; i < dim; ++i) {
+                unknown[(facet * dim + i) * dim + i] = interior[facet] || (facet % 3 == 1 && i == 0);
+            }
+        }
+    }
+    StarBody body() const {
+        return {dim, dim, corners, nodes, nodes, cells, facets, vertices.data(), numbers.data(), owners.data(),
+                interior.data(), contact.data(), ones.data(), ones.data(), dear.data(), forces.data(), loads.data(),
+                nullptr, given.data(), unknown.data(), given.data(), missed.data(), start.data(), pairs.data(),
+                place.data()};
+    }
+};
+
+// As many facets as there are, the same bits with any threads, no cell out of balance.
+void settle_simplices(int dim, int n) {
+    const Cut mesh(dim, n, false);
+    const int64_t nodes = static_cast<int64_t>(mesh.points.size()) / dim;
+    std::vector<std::vector<double>> found;
+    for (int threads : {1, 4}) {
+        Pool::set_threads(threads);
+        const Stars stars(dim, nodes, mesh.cells);
+        check(stars.facets == mesh.body().facets, "a facet is missing");
+        std::vector<double> moments(stars.given.size()), shared(moments.size(), 0.0), defect(stars.size), lost(stars.size);
+        check(settle_stars(stars.body(), moments.data(), defect.data(), lost.data()) == -1, "cells are said to be apart");
+        share_on_contact(stars.body(), nodes, stars.every.data(), shared.data());
+        for (int64_t k = 0; k < stars.size; ++k) {
+            const int64_t cell = k / (stars.corners * dim), corner = k / dim % stars.corners;
+            double left = stars.forces[k] - stars.loads[k] - defect[k];
+            for (int64_t side = 0; side < stars.corners; ++side) {
+                if (side == corner) continue;
+                const int64_t at = cell * stars.corners + side, node = corner - (corner > side);
+                left -= stars.signs[at] * moments[(stars.numbers[at] * dim + node) * dim + k % dim];
+            }
+            check(std::abs(left) < 1e-11, "a cell is out of balance at a node");
+        }
+        check(square(moments) > 1e-6 && square(shared) > 1e-6, "no moment at all");
+        found.push_back(moments);
+        for (const auto& more : {defect, lost, shared, stars.signs}) {
+            found.back().insert(found.back().end(), more.begin(), more.end());
+        }
+    }
+    check(found[0] == found[1], "bits of tractions depend on the number of threads");
+}
+
+void refuse_stars() {
+    const Stars apart(2, 5, {0, 1, 2, 0, 3, 4});
+    std::vector<double> moments(apart.given.size()), defect(apart.size), lost(apart.size);
+    const int64_t found = settle_stars(apart.body(), moments.data(), defect.data(), lost.data());
+    check(found == 0, "cells that meet at a vertex alone are not told");
+    Stars wrong(2, 4, {0, 1, 2, 1, 2, 3});
+    std::swap(wrong.place[1], wrong.place[3]);
+    check(refused([&] { settle_stars(wrong.body(), moments.data(), defect.data(), lost.data()); }), "wrong stars");
+    check(refused([] { Stars(2, 3, {1, 0, 2}); }), "places that fall are taken");
+    check(refused([] { Stars(2, 3, {0, 1, 3}); }), "a node that is not there is taken");
+}
+
 }  // namespace
 
 int main() {
@@ -535,6 +623,9 @@ int main() {
     Body wrong(3, 2);
     wrong.cells[7] = wrong.nodes;
     check(refused([&] { Edges(wrong.simplices()); }), "a node that is not there is taken");
+    for (int n : {1, 8}) settle_simplices(2, n);
+    for (int n : {1, 5}) settle_simplices(3, n);
+    refuse_stars();
     const int64_t pairs[] = {0, 1, 0, 1};
     check(refused([&] { Graph(2, 2, pairs); }), "an edge is taken twice");
     const std::vector<int> sizes{7, 15, 31, 63};

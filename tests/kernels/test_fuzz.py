@@ -215,12 +215,53 @@ print(raised, done)
 """
 
 
+_FUZZ_STARS = """
+import contextlib
+from hemivar.certificates.continuous.compiled_stars import CompiledStars
+from hemivar.certificates.continuous.facet_table import facet_table
+from hemivar.kernels import mesh_facets, mesh_stars
+from hemivar.mesh import box, rectangle
+
+raised = done = 0
+for turn in range(int(sys.argv[2])):
+    mesh = rectangle((1.0, 1.0), 2) if rng.uniform() < 0.5 else box((1.0, 1.0, 1.0), 1)
+    table, d, N = facet_table(mesh), mesh.dim, mesh.number_of_nodes
+    M, F = len(table.cells), len(table.facets)
+    start, pairs, place = table.stars
+    given = dict(cell_nodes=table.cells, cell_facets=table.cell_facets, owners=table.owners, interior=table.interior,
+                 contact=rng.uniform(size=F) < 0.3, measures=table.measures, volumes=table.volumes, dear=np.ones(M),
+                 forces=rng.standard_normal((M, d + 1, d)), loads=np.zeros((M, d + 1, d)), given=np.zeros((F, d, d)),
+                 unknown=np.tile(np.eye(d), (F, 1, 1)), start=start, pairs=pairs, place=place)
+    if rng.uniform() < 0.5:
+        given |= dict(own=np.zeros((M, d + 1, d, d)), pressures=np.zeros((F, d, d)), missed=np.ones((N, d)))
+    cells, placed, second = np.array(table.cells), np.array(table.cells), rng.uniform(size=table.cells.shape) < 0.3
+    vertices = np.arange(N)
+    for _ in range(rng.integers(3)):
+        name = str(rng.choice([*given, "cells", "placed", "second", "vertices"]))
+        with contextlib.suppress(Exception):
+            if name in given:
+                given[name] = spoiled(given[name])
+            else:
+                vars()[name] = spoiled(vars()[name])
+    nodes = int(rng.choice([N, N, N, N, N - 1, 0, -1, N + 1, 2**40]))
+    for work in (lambda: CompiledStars(library, N, given).settled(),
+                 lambda: CompiledStars(library, N, given).on_contact(vertices),
+                 lambda: mesh_facets(cells, placed, nodes, second), lambda: mesh_stars(cells, nodes)):
+        try:
+            work()
+            done += 1
+        except (ValueError, TypeError, OverflowError, IndexError, MemoryError, AttributeError):
+            raised += 1
+print(raised, done)
+"""
+
+
 @built
 @pytest.mark.parametrize("seed", [1, slow(2)])
 @pytest.mark.parametrize(
     ("script", "turns"),
-    [(_FUZZ, 1500), (_FUZZ_SUMS, 1500), (_FUZZ_PATCHES, 2000)],
-    ids=["levels", "sums", "patches"],
+    [(_FUZZ, 1500), (_FUZZ_SUMS, 1500), (_FUZZ_PATCHES, 2000), (_FUZZ_STARS, 1000)],
+    ids=["levels", "sums", "patches", "stars"],
 )
 def test_no_wrong_array_ends_the_process(script: str, turns: int, seed: int) -> None:
     environment = os.environ | {"HEMIVAR_KERNELS": "auto", "HEMIVAR_NUM_THREADS": "2", "OMP_NUM_THREADS": "1"}

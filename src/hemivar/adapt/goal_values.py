@@ -40,7 +40,7 @@ from hemivar.certificates.continuous.fenchel import exact_gap
 from hemivar.certificates.continuous.sweeps import PatchSmoother
 from hemivar.certificates.continuous.touching_bodies import on_facets, refuse_touching
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
-from hemivar.certificates.continuous.vertex_moments import unsettled
+from hemivar.certificates.continuous.vertex_moments import shared_on_contact
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.linear.factorisation import Factorisation, factorise
@@ -267,11 +267,11 @@ def _answering(data: BodyData, field: Array, tractions: Array, contact: IntArray
 
 def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:
     """The stress of data, improved; with traces the forces on contact facets are those of the nodes, interpolated."""
-    pressures, start = None, unsettled(data)
+    pressures = None
     if traces is not None:
         own = replace(traces, data=data)
-        pressures = own.on_facets(-own.moments(own.interpolated(start.moments)))
-    return Sweeps.usual(data.table.dim).lower(PatchSmoother(admissible_stress(data, pressures, start)))
+        pressures = own.on_facets(-own.moments(own.interpolated(shared_on_contact(data))))
+    return Sweeps.usual(data.table.dim).lower(PatchSmoother(admissible_stress(data, pressures)))
 
 
 # ---- second order --------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Compiled kernels: a library in C++ with its own threads. Where it was not built, pyamg and SciPy serve."""
 
 from hemivar.kernels.library import Kernels, expect_list, kernels, threads
-from hemivar.kernels.mesh_sums import BlockGraph, mesh_edges
+from hemivar.kernels.mesh_sums import BlockGraph, mesh_edges, mesh_facets, mesh_stars
 
-__all__ = ["BlockGraph", "Kernels", "expect_list", "kernels", "mesh_edges", "threads"]
+__all__ = ["BlockGraph", "Kernels", "expect_list", "kernels", "mesh_edges", "mesh_facets", "mesh_stars", "threads"]

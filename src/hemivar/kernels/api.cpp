@@ -12,6 +12,7 @@
 #include "panels.hpp"
 #include "patches.hpp"
 #include "pool.hpp"
+#include "stars.hpp"
 
 #ifdef _WIN32
 #define HEMIVAR_API extern "C" __declspec(dllexport)
@@ -100,7 +101,7 @@ int two_sums(int64_t n, double* out, const Term& term) {
 
 }  // namespace
 
-HEMIVAR_API int hv_abi() { return 8; }
+HEMIVAR_API int hv_abi() { return 9; }
 
 HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
 
@@ -387,6 +388,34 @@ HEMIVAR_API int hv_cells(const CellElement* element, const CellStresses* body) {
 
 HEMIVAR_API int hv_unresolved(const CellBubbles* body, double* square) {
     return guarded([&] { *square = unresolved_square(*body); });
+}
+
+HEMIVAR_API int hv_facets_new(int dim, int64_t nodes, int64_t cells, const int64_t* placed, const uint8_t* second,
+                              Facets** made) {
+    return guarded([&] { *made = new Facets(dim, nodes, cells, placed, second); });
+}
+
+HEMIVAR_API void hv_facets_free(Facets* facets) { delete facets; }
+
+HEMIVAR_API int64_t hv_facets_count(const Facets* facets) { return facets->count; }
+
+HEMIVAR_API int hv_facets_get(const Facets* facets, const int64_t* vertices, int64_t* numbers, double* signs,
+                              int64_t* owners, int64_t* nodes, int64_t* others) {
+    return guarded([&] { facets->get(vertices, numbers, signs, owners, nodes, others); });
+}
+
+HEMIVAR_API int hv_stars(int corners, int64_t nodes, int64_t cells, const int64_t* vertices, int64_t* start,
+                         int64_t* pairs, int32_t* place) {
+    return guarded([&] { list_stars(corners, nodes, cells, vertices, start, pairs, place); });
+}
+
+HEMIVAR_API int hv_settle_stars(const StarBody* body, double* moments, double* defect, double* missed,
+                                int64_t* pinched) {
+    return guarded([&] { *pinched = settle_stars(*body, moments, defect, missed); });
+}
+
+HEMIVAR_API int hv_share_on_contact(const StarBody* body, int64_t count, const int64_t* vertices, double* moments) {
+    return guarded([&] { share_on_contact(*body, count, vertices, moments); });
 }
 
 // On Windows an extension must have one; nobody imports it.

@@ -17,7 +17,7 @@ from hemivar.basics.types import AnyArray, Array
 __all__ = ["Kernels", "expect_list", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
-_ABI = 8
+_ABI = 9
 #: With a dot inside, so that nothing that lists the modules of a package takes the library for one.
 _NAMES = ("_compiled.kernels.so", "_compiled.kernels.pyd")
 #: Most threads that are ever taken.
@@ -79,6 +79,13 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_strains": ([*[c_int64] * 3, *[c_void_p] * 8], c_int),
     "hv_cells": ([c_void_p, c_void_p], c_int),
     "hv_unresolved": ([c_void_p, c_void_p], c_int),
+    "hv_facets_new": ([c_int, c_int64, c_int64, *[c_void_p] * 3], c_int),
+    "hv_facets_free": ([c_void_p], None),
+    "hv_facets_count": ([c_void_p], c_int64),
+    "hv_facets_get": ([c_void_p] * 7, c_int),
+    "hv_stars": ([c_int, c_int64, c_int64, *[c_void_p] * 4], c_int),
+    "hv_settle_stars": ([c_void_p] * 5, c_int),
+    "hv_share_on_contact": ([c_void_p, c_int64, c_void_p, c_void_p], c_int),
 }
 
 

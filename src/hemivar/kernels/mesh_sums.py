@@ -1,4 +1,4 @@
-"""Edges of meshes, and matrices of blocks on their nodes and edges, by the compiled kernels; every array is checked."""
+"""Edges and facets of meshes, and matrices of blocks on nodes and edges, by the compiled kernels; all is checked."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import DTypeLike
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.kernels.library import Kernels, kernels
 
-__all__ = ["BlockGraph", "mesh_edges"]
+__all__ = ["BlockGraph", "mesh_edges", "mesh_facets", "mesh_stars"]
 
 #: Most entries of a matrix with 32-bit indices.
 _MOST = np.iinfo(np.int32).max
@@ -57,6 +57,103 @@ def mesh_edges(cells: IntArray, nodes: int) -> tuple[IntArray, IntArray] | None:
     finally:
         call.hv_edges_free(made)
     return edges, numbers
+
+
+def mesh_facets(
+    cells: IntArray, placed: IntArray, nodes: int, second: BoolArray | None = None
+) -> tuple[IntArray, Array, IntArray, IntArray, IntArray] | None:
+    """The facets of a mesh; None where no kernels are compiled.
+
+    Facet i of a cell is opposite to its vertex i.  Facets are in the order of the places of their nodes.
+
+    Parameters
+    ----------
+    cells : int array, shape (M, d + 1)
+        Nodes.
+    placed : int array, shape (M, d + 1)
+        Places of these nodes, rising in each cell.
+    nodes : int
+        How many places there are.
+    second : bool array, shape (M, d + 1), optional
+        Facets of which the cell is the second one.
+
+    Returns
+    -------
+    numbers : int array, shape (M, d + 1)
+        Of the facets of the cells.
+    signs : array, shape (M, d + 1)
+        +1 in the first cell of a facet, -1 in the second one.
+    owners : int array, shape (F, 2)
+        The cells of each facet; -1 for none.
+    facets, others : int arrays, shape (F, d)
+        Nodes in the first and in the second cell; the same where there is none.
+
+    Raises
+    ------
+    ValueError
+        An array is not what it should be.
+    """
+    library = kernels()
+    if library is None:
+        return None
+    call, at, dim = library.call, library.address, _corners(cells) - 1
+    for name, array in (("cells", cells), ("places", placed)):
+        _expect(name, array, np.int64, (len(cells), dim + 1))
+    if second is not None:
+        _expect("which are second", second, np.bool_, placed.shape)
+    made = ctypes.c_void_p()
+    last = None if second is None else at(second)
+    status = call.hv_facets_new(dim, nodes, len(cells), at(placed), last, ctypes.addressof(made))
+    if status == 1:
+        library.check(status)
+    if status:
+        raise ValueError(f"places of cells must rise, from 0 to {nodes - 1}")
+    try:
+        count = call.hv_facets_count(made)
+        numbers, signs = np.empty(cells.shape, dtype=np.int64), np.empty(cells.shape)
+        owners, facets, others = (np.empty((count, width), dtype=np.int64) for width in (2, dim, dim))
+        library.check(call.hv_facets_get(made, at(cells), at(numbers), at(signs), at(owners), at(facets), at(others)))
+    finally:
+        call.hv_facets_free(made)
+    return numbers, signs, owners, facets, others
+
+
+def mesh_stars(cells: IntArray, nodes: int) -> tuple[IntArray, IntArray, AnyArray] | None:
+    """The cells around each node of a mesh; None where no kernels are compiled.
+
+    Parameters
+    ----------
+    cells : int array, shape (M, d + 1)
+    nodes : int
+
+    Returns
+    -------
+    start : int array, shape (nodes + 1,)
+        Where the pairs of each node begin.
+    pairs : int array, shape (M (d + 1),)
+        ``cell (d + 1) + vertex``, node after node.
+    place : int32 array, shape (M (d + 1),)
+        Of each pair among those of its node.
+
+    Raises
+    ------
+    ValueError
+        An array is not what it should be.
+    """
+    library = kernels()
+    if library is None:
+        return None
+    corners, at = _corners(cells), library.address
+    _expect("cells", cells, np.int64, (len(cells), corners))
+    if nodes < 0:
+        raise ValueError(f"there cannot be {nodes} nodes")
+    start, pairs = np.empty(nodes + 1, dtype=np.int64), np.empty(cells.size, dtype=np.int64)
+    place = np.empty(cells.size, dtype=np.int32)
+    status = library.call.hv_stars(corners, nodes, len(cells), at(cells), at(start), at(pairs), at(place))
+    if status == 2:
+        raise ValueError(f"nodes of cells must be between 0 and {nodes - 1}")
+    library.check(status)
+    return start, pairs, place
 
 
 class BlockGraph:

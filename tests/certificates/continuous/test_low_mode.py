@@ -12,7 +12,7 @@ from hemivar.certificates.continuous.contact_traces import contact_traces
 from hemivar.certificates.continuous.exact_distance import exact_distance
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
-from hemivar.certificates.continuous.vertex_moments import unsettled
+from hemivar.certificates.continuous.vertex_moments import shared_on_contact
 from hemivar.laws import Logarithmic, Softening, ThresholdCompliance
 from hemivar.mechanics import Contact, ContactProblem
 from hemivar.solvers import solve
@@ -102,7 +102,7 @@ def test_the_mode_of_the_discrete_problem_sees_next_to_nothing() -> None:
     traces = contact_traces(data)
     assert traces is not None
     count = len(traces.facets)
-    zeta = traces.allowed(traces.interpolated(unsettled(data).moments))
+    zeta = traces.allowed(traces.interpolated(shared_on_contact(data)))
     modes = SoftModes(traces)
     mode = modes.softest(np.zeros(count), np.full(count, 3.0))
     theta, seen = mode.theta, modes.seen(mode, zeta)

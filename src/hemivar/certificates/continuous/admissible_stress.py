@@ -26,7 +26,7 @@ from hemivar.certificates.continuous.split_element import (
     voigt,
     voigt_map,
 )
-from hemivar.certificates.continuous.vertex_moments import Tractions, UnsettledTractions, equilibrated
+from hemivar.certificates.continuous.vertex_moments import Tractions, equilibrated
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mesh.keys import EDGES
@@ -163,12 +163,9 @@ def _linear_at_nodes(piece: int, dim: int, order: int) -> Array:
     return np.vstack([corners, *middle])
 
 
-def admissible_stress(
-    data: BodyData, pressures: Array | None = None, start: UnsettledTractions | None = None
-) -> AdmissibleStress:
+def admissible_stress(data: BodyData, pressures: Array | None = None) -> AdmissibleStress:
     """The stress of tractions in equilibrium vertex by vertex.
 
     ``pressures`` is (F, k, d).
     """
-    given = np.zeros(data.facet_loads.shape) if pressures is None else pressures
-    return AdmissibleStress(data, equilibrated(data, given, start))
+    return AdmissibleStress(data, equilibrated(data, pressures))

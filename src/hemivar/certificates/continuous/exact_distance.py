@@ -46,7 +46,7 @@ from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
 from hemivar.certificates.continuous.touching_bodies import contact_moments, shared_anew, touching_bodies
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
-from hemivar.certificates.continuous.vertex_moments import unsettled
+from hemivar.certificates.continuous.vertex_moments import shared_on_contact
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
@@ -367,14 +367,14 @@ def improved_stress(
 def _first_stress(data: BodyData, traces: ContactTraces | None, constants: TraceBounds) -> AdmissibleStress:
     """Before any sweep."""
     joined = bool(data.table.cut.any())
-    own = contact_moments(data) if joined else np.zeros(0)
-    start = unsettled(data.under(own) if joined else data)
+    own = contact_moments(data) if joined else None
     if traces is None:
-        return admissible_stress(data, None, start)
-    pressures = traces.on_facets(-traces.moments(_first_multiplier(data, traces, constants, start.moments)))
-    if joined:
+        return admissible_stress(data) if own is None else replace(admissible_stress(data.under(own)), data=data)
+    shared = shared_on_contact(data, own)
+    pressures = traces.on_facets(-traces.moments(_first_multiplier(data, traces, constants, shared)))
+    if own is not None:
         return replace(admissible_stress(data.under(shared_anew(data, own, pressures))), data=traces.data)
-    return replace(admissible_stress(data, pressures, start), data=traces.data)
+    return replace(admissible_stress(data, pressures), data=traces.data)
 
 
 def _first_multiplier(data: BodyData, traces: ContactTraces, constants: TraceBounds, shared: Array) -> Array:

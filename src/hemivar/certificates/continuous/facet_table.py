@@ -15,7 +15,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
+from hemivar.kernels import mesh_facets, mesh_stars
 from hemivar.mesh.keys import EDGES, facet_keys, pair_keys
 from hemivar.mesh.mesh import Mesh
 
@@ -128,6 +129,22 @@ class FacetTable:
         return self.edge_numbers(self.cells, EDGES[self.dim])
 
     @cached_property
+    def stars(self) -> tuple[IntArray, IntArray, AnyArray]:
+        """Where the pairs of each vertex begin, (N + 1,), these pairs, and the place of each pair among those.
+
+        A pair of a cell and a vertex of it has the number ``cell (d + 1) + vertex``.
+        """
+        found = mesh_stars(self.cells, self.mesh.number_of_nodes)
+        if found is not None:
+            return found
+        vertex = self.cells.ravel()
+        count = np.bincount(vertex, minlength=self.mesh.number_of_nodes)
+        start, pairs = np.concatenate([[0], np.cumsum(count)]), np.argsort(vertex, kind="stable")
+        place = np.empty(len(pairs), dtype=np.int32)
+        place[pairs] = np.arange(len(pairs)) - np.repeat(start[:-1], count)
+        return start, pairs, place
+
+    @cached_property
     def _keys(self) -> IntArray:
         return facet_keys(self.places[self.facets], self.mesh.number_of_nodes)
 
@@ -177,12 +194,37 @@ def facet_table(mesh: Mesh, places: IntArray | None = None, second: IntArray | N
     places = np.arange(count) if places is None else places
     cells = np.asarray(mesh.cells, dtype=np.int64)
     cells = np.take_along_axis(cells, np.argsort(places[cells], axis=1), axis=1)
+    last = None
+    if second is not None:
+        last = np.isin(facet_keys(cells[:, facet_vertices(dim)].reshape(-1, dim), count), facet_keys(second, count))
+        last = last.reshape(cells.shape)
+    found = mesh_facets(cells, np.asarray(places[cells], dtype=np.int64), count, last)
+    numbers, signs, owners, facets, others = _facets(cells, places, count, last) if found is None else found
+    corner = mesh.points[cells]
+    jacobian = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
+    return FacetTable(
+        mesh,
+        places,
+        cells,
+        facets,
+        others,
+        numbers,
+        signs,
+        owners,
+        jacobian,
+        _gradients(jacobian),
+        math.factorial(dim) * np.asarray(mesh.volumes),
+    )
+
+
+def _facets(
+    cells: IntArray, places: IntArray, count: int, last: BoolArray | None
+) -> tuple[IntArray, Array, IntArray, IntArray, IntArray]:
+    """Numbers and signs of the facets of cells, owners, and nodes of the facets in either owner, by NumPy."""
+    dim = cells.shape[1] - 1
     every = cells[:, facet_vertices(dim)].reshape(-1, dim)
     keys = facet_keys(places[every], count)
-    last = np.zeros(len(every), dtype=bool)
-    if second is not None:
-        last = np.isin(facet_keys(every, count), facet_keys(second, count))
-    order = np.lexsort((last, keys)) if last.any() else np.argsort(keys, kind="stable")
+    order = np.argsort(keys, kind="stable") if last is None else np.lexsort((last.ravel(), keys))
     new = np.ones(len(order), dtype=bool)
     new[1:] = keys[order[1:]] != keys[order[:-1]]
     number = np.empty(len(order), dtype=np.int64)
@@ -194,18 +236,4 @@ def facet_table(mesh: Mesh, places: IntArray | None = None, second: IntArray | N
     facets = every[order[new]]
     others = facets.copy()
     others[number[order[~new]]] = every[order[~new]]
-    corner = mesh.points[cells]
-    jacobian = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
-    return FacetTable(
-        mesh,
-        places,
-        cells,
-        facets,
-        others,
-        number.reshape(-1, dim + 1),
-        signs.reshape(-1, dim + 1),
-        owners,
-        jacobian,
-        _gradients(jacobian),
-        math.factorial(dim) * np.asarray(mesh.volumes),
-    )
+    return number.reshape(cells.shape), signs.reshape(cells.shape), owners, facets, others

@@ -17,27 +17,25 @@ P. Ladeveze and D. Leguillon, SIAM J. Numer. Anal. 20 (1983); compared with othe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
+from hemivar.certificates.continuous.compiled_stars import CompiledStars
 from hemivar.certificates.continuous.facet_table import FacetTable, facet_vertices
 from hemivar.errors import ProblemError
-from hemivar.mesh.keys import equal_rows
 
-__all__ = ["Tractions", "UnsettledTractions", "equilibrated", "unsettled"]
+__all__ = ["Tractions", "equilibrated", "shared_on_contact"]
 
 #: Part of the largest projection below which no facet at a vertex takes up a force along a direction.
 _FREE = 1e-10
 #: Least ease of a facet at a vertex over the largest one there.
 _APART = 1e-4
-#: Numbers of the matrices solved together, and cells and facets that are looked at together: they fit a cache.
-_ENTRIES, _CELLS = 1 << 19, 1 << 12
-#: Vertices whose cells hang together in the same way for which one matrix is factored.
-_MANY = 64
+#: Numbers of the matrices solved together: they fit a cache.
+_ENTRIES = 1 << 19
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +51,55 @@ class Tractions:
     missed: Array  # (M, l, d)
 
 
+def equilibrated(data: BodyData, pressures: Array | None = None) -> Tractions:
+    """Tractions in equilibrium on every cell and at every node of it.
+
+    ``pressures`` (F, k, d) are those on contact facets that are near to the tractions; by default none.
+    """
+    compiled = CompiledStars.of(data, _dear(data), pressures)
+    if compiled is None:
+        return _Unsettled.of(data, pressures).settled(data)
+    pinched, *found = compiled.settled()
+    if pinched >= 0:
+        raise _pinched(pinched, data.table.mesh.points)
+    return Tractions(*found)
+
+
+def shared_on_contact(data: BodyData, stated: Array | None = None) -> Array:
+    """Moments (F, k, d) of contact facets that share the forces of the nodes there; zero on all other facets.
+
+    With ``stated`` contact tractions (F, k, d) these are taken, but for components that supports hold.
+    """
+    touched = data.contact >= 0
+    if stated is not None:
+        facets, found = np.flatnonzero(touched), np.zeros(stated.shape)
+        own = data.cell_moments[data.table.owners[facets, 0], _sides(data)[facets, 0]]
+        given = (data.facet_loads + stated)[facets]
+        found[facets] = given + np.einsum("fij,faj->fai", data.unknown[facets], own - given)
+        return found
+    compiled = CompiledStars.of(data, _dear(data))
+    if compiled is not None:
+        return compiled.on_contact(np.unique(data.table.facets[touched]))
+    return np.where(touched[:, None, None], _Unsettled.of(data, None).moments, 0.0)
+
+
+def _dear(data: BodyData) -> Array:
+    """About what the square of a moment costs each cell in misfit, times that of the measure of its facet, (M,)."""
+    return np.asarray(np.linalg.norm(data.compliance, axis=(1, 2)) * data.table.volumes)
+
+
+def _pinched(vertex: int, points: Array) -> ProblemError:
+    place = ", ".join(f"{x:.6g}" for x in points[vertex])
+    return ProblemError(
+        f"cells around the node {vertex}, x = ({place}), meet there and share no facet; join them through facets"
+    )
+
+
+# ---- by NumPy ------------------------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
-class UnsettledTractions:
+class _Unsettled:
     """Tractions near to those of a displacement, in equilibrium with its nodes but not on cells."""
 
     #: The mean of both sides inside; those that share the forces of the nodes on contact facets.
@@ -68,100 +113,57 @@ class UnsettledTractions:
     sides: IntArray  # (F, 2)
     #: By what a unit of potential changes the moments of a facet at its vertices.
     ease: Array  # (F, d)
-    _stars: _Stars
+    stars: _Stars
 
-    def pressed(self, data: BodyData, pressures: Array) -> UnsettledTractions:
-        """With pressures (F, k, d) on contact facets that were none: what they leave to the nodes is shared there."""
-        dim = data.table.dim
+    @classmethod
+    def of(cls, data: BodyData, pressures: Array | None) -> _Unsettled:
+        """With pressures (F, k, d) on contact facets: what they leave to the nodes is shared there."""
+        table, dim = data.table, data.table.dim
+        sides = _sides(data)
+        dear = _dear(data)[table.owners] * (table.owners >= 0)
+        ease = _eases(table, dear.sum(axis=1) / table.measures**2)
+        dear /= dear.sum(axis=1, keepdims=True)
+        stars = _Stars.of(data, ease)
+        own, (first, second) = data.cell_moments, table.owners.T  # of the stress of each cell, outward
+        inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
+        moments = np.array(own[first, sides[:, 0]])
+        moments[inside] *= dear[inside, :1, None]
+        moments[inside] -= dear[inside, 1:, None] * own[second[inside], sides[inside, 1]]
+        given = data.facet_loads[outer] + (0.0 if pressures is None else pressures[outer])
+        moments[outer] = given + np.einsum("fij,faj->fai", data.unknown[outer], moments[outer] - given)
+        lack = data.forces - data.loads
+        outward = table.of_cells(moments)
+        for facet, nodes in enumerate(facet_vertices(dim, data.order)):
+            lack[:, nodes] -= outward[:, facet]
+
+        # what is missing along directions that no facet at the node takes up
+        nodes, free = data.cell_nodes, _free_directions(data, stars)
+        total = np.zeros((len(free), dim))
+        np.add.at(total, nodes, lack)
+        total = np.einsum("nij,nj->ni", free, total)
         contact = _Contact.of(data)
-        own = np.einsum("fij,faj->fai", np.eye(dim) - data.unknown[contact.facets], pressures[contact.facets])
-        total = np.zeros(data.displacement.shape)
-        np.add.at(total, contact.nodes, own)
-        change = own - contact.shared(total, _free_directions(data, self._stars))
-        moments, lack = self.moments.copy(), self.lack.copy()
-        contact.add(data, change, self.sides, moments, lack)
-        return replace(self, moments=moments, lack=lack)
+        contact.add(data, contact.share[:, :, None] * total[contact.nodes], sides, moments, lack)
+        total[contact.nodes] = 0.0
+        around = np.bincount(nodes.ravel(), weights=np.repeat(table.volumes, nodes.shape[1]), minlength=len(total))
+        share = (table.volumes[:, None] / around[nodes])[:, :, None]
+        defect = total[nodes] * share
+        missed = -np.einsum("nij,nj->ni", free, data.varying.missed)
+        missed[contact.nodes] = 0.0
+        return cls(moments, lack - defect, defect, missed[nodes] * share, sides, ease, stars)
 
     def settled(self, data: BodyData) -> Tractions:
         """The nearest tractions in equilibrium on cells."""
         table, dim = data.table, data.table.dim
-        members = facet_vertices(dim)
-        lack = self.lack[:, : dim + 1]
-        potential = self._stars.solve(lack.reshape(-1, dim))
-        ease = self.ease[:, :, None]
-        moments = self.moments.copy()
-        first, second = self.sides.T
-        inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
-        start = (dim + 1) * table.owners
-        for at in range(0, len(inside), _CELLS):
-            here = inside[at : at + _CELLS]
-            change = np.take(potential, start[here, 0][:, None] + members[first[here]], axis=0)
-            change -= np.take(potential, start[here, 1][:, None] + members[second[here]], axis=0)
-            moments[here, :dim] += ease[here] * change
-        change = potential[start[outer, 0][:, None] + members[first[outer]]]
-        moments[outer, :dim] += ease[outer] * np.einsum("fij,faj->fai", data.unknown[outer], change)
+        potential = self.stars.solve(self.lack[:, : dim + 1].reshape(-1, dim)).reshape(-1, dim + 1, dim)
+        moments, members, (first, second) = self.moments.copy(), facet_vertices(dim), self.sides.T
+        change = potential[table.owners[:, :1], members[first]]
+        inside = np.flatnonzero(table.interior)
+        change[inside] -= potential[table.owners[inside, 1:], members[second[inside]]]
+        moments[:, :dim] += self.ease[:, :, None] * np.einsum("fij,faj->fai", data.unknown, change)
         if data.order == 2:
             middle = facet_vertices(dim, 2)[first, dim]
             moments[:, dim] += np.einsum("fij,fj->fi", data.unknown, self.lack[table.owners[:, 0], middle])
         return Tractions(moments, self.defect, self.missed)
-
-
-def unsettled(data: BodyData) -> UnsettledTractions:
-    """Tractions near to those of a displacement."""
-    table = data.table
-    dim = table.dim
-    sides = _sides(data)
-    dear = _dear(data)[table.owners, sides] * (table.owners >= 0)
-    ease = _eases(table, dear.sum(axis=1))
-    dear /= dear.sum(axis=1, keepdims=True)
-    stars = _Stars.of(data, ease)
-    own = data.cell_moments  # of the stress of each cell, outward
-    first, second = table.owners.T
-    moments = np.ascontiguousarray(own[first, sides[:, 0]])  # else each look at a part copies the whole
-    inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
-    for start in range(0, len(inside), _CELLS):
-        here = inside[start : start + _CELLS]
-        both = moments[here], -own[second[here], sides[here, 1]]
-        moments[here] = sum(part * one for part, one in zip(dear[here].T[:, :, None, None], both, strict=True))
-    given = data.facet_loads[outer]
-    moments[outer] = given + np.einsum("fij,faj->fai", data.unknown[outer], moments[outer] - given)
-
-    lack = data.forces - data.loads
-    members = facet_vertices(dim, data.order)
-    for start in range(0, len(lack), _CELLS):
-        part = slice(start, start + _CELLS)
-        outward = table.of_cells(moments, part)
-        for facet in range(dim + 1):
-            for place, node in enumerate(members[facet]):
-                lack[part, node] -= outward[:, facet, place]
-
-    # what is missing along directions that no facet at the node takes up
-    nodes, free = data.cell_nodes, _free_directions(data, stars)
-    total = np.zeros((len(free), dim))
-    for c in range(dim):
-        total[:, c] = np.bincount(nodes.ravel(), weights=lack[:, :, c].ravel(), minlength=len(total))
-    total = np.einsum("nij,nj->ni", free, total)
-    contact = _Contact.of(data)
-    contact.add(data, contact.share[:, :, None] * total[contact.nodes], sides, moments, lack)
-    total[contact.nodes] = 0.0
-    around = np.bincount(nodes.ravel(), weights=np.repeat(table.volumes, nodes.shape[1]), minlength=len(total))
-    share = (table.volumes[:, None] / around[nodes])[:, :, None]
-    defect = np.take(total, nodes, axis=0) * share
-    lack -= defect
-    missed = np.zeros(defect.shape)
-    if data.varying.missed.any():
-        total = -np.einsum("nij,nj->ni", free, data.varying.missed)
-        total[contact.nodes] = 0.0
-        missed = np.take(total, nodes, axis=0) * share
-    return UnsettledTractions(moments, lack, defect, missed, sides, ease, stars)
-
-
-def equilibrated(data: BodyData, pressures: Array, start: UnsettledTractions | None = None) -> Tractions:
-    """Tractions in equilibrium on every cell and at every node of it.
-
-    ``pressures`` is (F, k, d).
-    """
-    return (unsettled(data) if start is None else start).pressed(data, pressures).settled(data)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,10 +181,6 @@ class _Contact:
         weights = np.repeat(measures, nodes.shape[1])
         size = np.bincount(nodes.ravel(), weights=weights, minlength=len(data.displacement))
         return cls(facets, nodes, measures[:, None] / size[nodes])
-
-    def shared(self, total: Array, free: Array) -> Array:
-        """What nodes (n, d) have along free directions (n, d, d), shared among facets: (k, l, d)."""
-        return np.asarray(self.share[:, :, None] * np.einsum("faij,faj->fai", free[self.nodes], total[self.nodes]))
 
     def add(self, data: BodyData, change: Array, sides: IntArray, moments: Array, lack: Array) -> None:
         """Add moments (k, l, d) to those of facets, and take them off what cells lack, in place."""
@@ -204,13 +202,6 @@ def _free_directions(data: BodyData, stars: _Stars) -> Array:
     for nodes in (data.opposite, data.facet_nodes):
         middle[nodes[:, dim] - len(stars.free)] = loose
     return np.concatenate([stars.free, middle])
-
-
-def _dear(data: BodyData) -> Array:
-    """About what the square of a moment on each facet costs each cell in misfit, (M, d + 1)."""
-    table = data.table
-    size = np.linalg.norm(data.compliance, axis=(1, 2))
-    return np.asarray((size * table.volumes)[:, None] / table.measures[table.cell_facets] ** 2)
 
 
 def _eases(table: FacetTable, dear: Array) -> Array:
@@ -235,14 +226,7 @@ def _sides(data: BodyData) -> IntArray:
 class _Stars:
     """The cells around the vertices: pairs of a cell and a vertex of it, numbered ``cell (d + 1) + vertex``."""
 
-    #: The vertex of each pair, and its place among the pairs of that vertex.
-    vertex: IntArray  # (pairs,)
-    place: IntArray  # (pairs,)
-    #: Cells around each vertex.
-    count: IntArray  # (N,)
-    #: Pairs vertex after vertex, in their places, and where those of each vertex begin.
-    order: IntArray  # (pairs,)
-    first: IntArray  # (pairs,)
+    table: FacetTable
     #: Pairs of two cells at the ends of each facet inside, for each of its vertices; vertex after vertex.
     joined: IntArray  # (k, 2)
     #: Where those of each vertex begin.
@@ -258,14 +242,7 @@ class _Stars:
     @classmethod
     def of(cls, data: BodyData, eases: Array) -> _Stars:
         table = data.table
-        dim, corners = table.dim, table.dim + 1
-        nodes = table.mesh.number_of_nodes
-        vertex = table.cells.ravel()
-        order = np.argsort(vertex, kind="stable")
-        count = np.bincount(vertex, minlength=nodes)
-        place = np.empty(len(vertex), dtype=np.int64)
-        first = np.cumsum(count) - count
-        place[order] = np.arange(len(vertex)) - np.repeat(first, count)
+        dim, corners, nodes, vertex = table.dim, table.dim + 1, table.mesh.number_of_nodes, table.cells.ravel()
         members = facet_vertices(dim)
         pair = np.empty((len(table.facets), 2, dim), dtype=np.int64)
         cell, side = np.divmod(np.arange(table.cell_facets.size), corners)
@@ -287,16 +264,16 @@ class _Stars:
         loose = (size < _FREE * dim).astype(float)
         free[some] = np.einsum("kin,kn,kjn->kij", axes, loose, axes)
         facets_first = np.concatenate([[0], np.cumsum(np.bincount(vertex[joined[:, 0]], minlength=nodes))])
-        return cls(vertex, place, count, order, first, joined, facets_first, held, block, ease, free)
+        return cls(table, joined, facets_first, held, block, ease, free)
 
     def solve(self, lack: Array) -> Array:
         """Potentials (pairs, d) whose differences over facets bring each pair what it lacks, shape (pairs, d)."""
         nodes, dim = self.free.shape[:2]
         coupled = np.zeros(nodes, dtype=bool)
-        coupled[self.vertex[self.held]] = True
-        out = np.zeros(lack.shape)
-        for size in np.unique(self.count):
-            for group, components in ((self.count == size) & ~coupled, 1), ((self.count == size) & coupled, dim):
+        coupled[self.table.cells.ravel()[self.held]] = True
+        out, counts = np.zeros(lack.shape), np.diff(self.table.stars[0])
+        for size in np.unique(counts):
+            for group, components in ((counts == size) & ~coupled, 1), ((counts == size) & coupled, dim):
                 chosen = np.flatnonzero(group)
                 step = max(_ENTRIES // (size * components) ** 2, 1)
                 for start in range(0, len(chosen), step):
@@ -305,39 +282,30 @@ class _Stars:
 
     def _solve(self, chosen: IntArray, size: int, components: int, lack: Array, out: Array) -> None:
         """Vertices with the same number of cells; one system for all components, or one that couples them."""
-        dim = self.free.shape[1]
-        pairs = self.order[self.first[chosen][:, None] + np.arange(size)]
+        dim, (first, order, place) = self.free.shape[1], self.table.stars
+        pairs = order[first[chosen][:, None] + np.arange(size)]
         at, joined = _ranges(self.facets_first, chosen)
         joined, ease = self.joined[joined], self.ease[joined]
         graph = np.zeros((len(chosen), size, size))
-        one, two = self.place[joined[:, 0]], self.place[joined[:, 1]]
+        one, two = place[joined[:, 0]], place[joined[:, 1]]
         graph[at, one, two] = graph[at, two, one] = -ease
         diagonal = np.arange(size)
         graph[:, diagonal, diagonal] = -graph.sum(axis=2)
         right = np.take(lack, pairs, axis=0)
         if components == 1:
-            number = _alike(at, one * size + two, len(chosen), ease)
-            found = np.empty(right.shape)
-            for kind in range(int(number.max(initial=-1)) + 1):  # stars that hang together in the same way
-                same = np.flatnonzero(number == kind)
-                flat = right[same].transpose(1, 0, 2).reshape(size, -1)
-                flat = np.linalg.solve(graph[same[0]] + 1.0 / size, flat)
-                found[same] = flat.reshape(size, len(same), dim).transpose(1, 0, 2)
-            rest = np.flatnonzero(number < 0)
-            found[rest] = np.linalg.solve(graph[rest] + 1.0 / size, right[rest])
-        else:
-            full = np.einsum("kab,ij->kaibj", graph, np.eye(dim))
-            full += (self.free / size)[chosen][:, None, :, None, :]
-            row = np.full(len(self.free), -1, dtype=np.int64)
-            row[chosen] = np.arange(len(chosen))
-            at = row[self.vertex[self.held]]
-            here = at >= 0
-            held = np.zeros((len(chosen), size, dim, dim))
-            np.add.at(held, (at[here], self.place[self.held[here]]), self.block[here])
-            full[:, diagonal, :, diagonal] += held.transpose(1, 0, 2, 3)
-            flat = full.reshape(len(chosen), size * dim, size * dim)
-            found = np.linalg.solve(flat, right.reshape(len(chosen), -1, 1)).reshape(right.shape)
-        out[pairs] = found
+            out[pairs] = np.linalg.solve(graph + 1.0 / size, right)
+            return
+        full = np.einsum("kab,ij->kaibj", graph, np.eye(dim))
+        full += (self.free / size)[chosen][:, None, :, None, :]
+        row = np.full(len(self.free), -1, dtype=np.int64)
+        row[chosen] = np.arange(len(chosen))
+        at = row[self.table.cells.ravel()[self.held]]
+        here = at >= 0
+        held = np.zeros((len(chosen), size, dim, dim))
+        np.add.at(held, (at[here], place[self.held[here]]), self.block[here])
+        full[:, diagonal, :, diagonal] += held.transpose(1, 0, 2, 3)
+        flat = full.reshape(len(chosen), size * dim, size * dim)
+        out[pairs] = np.linalg.solve(flat, right.reshape(len(chosen), -1, 1)).reshape(right.shape)
 
 
 def _ranges(first: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
@@ -345,21 +313,6 @@ def _ranges(first: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
     count = first[chosen + 1] - first[chosen]
     at = np.repeat(np.arange(len(chosen)), count)
     return at, np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count) + first[chosen][at]
-
-
-def _alike(at: IntArray, pairs: IntArray, count: int, ease: Array) -> IntArray:
-    """Numbers (count,) from 0 on, the same for those with the same pairs; -1 for those that have few like them.
-
-    ``at`` says in order whose each pair is.
-    """
-    many = np.bincount(at, minlength=count)
-    if not len(at) or many.min() != many.max():
-        return np.full(count, -1)
-    eases = ease.reshape(count, -1)
-    rounded = np.rint(eases / eases.max(axis=1, keepdims=True) * 1e9).astype(np.int64)
-    number = equal_rows(np.concatenate([pairs.reshape(count, -1), rounded], axis=1))
-    size = np.bincount(number)
-    return np.where(size >= _MANY, np.cumsum(size >= _MANY) - 1, -1)[number]
 
 
 def _refuse_pinched(joined: IntArray, vertex: IntArray, nodes: int, points: Array) -> None:
@@ -371,7 +324,4 @@ def _refuse_pinched(joined: IntArray, vertex: IntArray, nodes: int, points: Arra
         return
     _, first = np.unique(label, return_index=True)
     bad = int(np.argmax(np.bincount(vertex[first], minlength=nodes) > 1))
-    place = ", ".join(f"{x:.6g}" for x in points[bad])
-    raise ProblemError(
-        f"cells around the node {bad}, x = ({place}), meet there and share no facet; join them through facets"
-    )
+    raise _pinched(bad, points)
