@@ -131,7 +131,7 @@ class CompiledPatches:
             given("points", points, (len(points), dim)),
             numbers("cell_facets", cell_facets, (count, corners), facets),
             numbers("facet_nodes", facet_nodes, (facets, places), len(points)),
-            numbers("alike", alike, (count,), None),
+            numbers("alike", alike, (count,), count),
         )
         inner = element.energies.shape[1] - element.moments
         self._body = _Body(dim, places, inner, count, facets, *map(library.address, self._arrays))
