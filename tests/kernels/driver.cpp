@@ -518,10 +518,10 @@ struct Stars {
     int64_t dim, cells, nodes, facets, corners = dim + 1, size = cells * corners * dim;
     std::vector<int64_t> vertices, numbers, owners, ends, others, start, pairs, every;
     std::vector<int32_t> place;
-    std::vector<double> signs, forces, loads, given, unknown, dear, missed, ones;
+    std::vector<double> signs, forces, loads, given, unknown, dear, missed, ones, measures;
     std::vector<uint8_t> interior, contact;
 
-    Stars(int64_t dim, int64_t nodes, const std::vector<int64_t>& given_cells)
+    Stars(int64_t dim, int64_t nodes, const std::vector<int64_t>& given_cells, const std::vector<double>& points = {})
         : dim(dim), cells(static_cast<int64_t>(given_cells.size()) / (dim + 1)), nodes(nodes), vertices(given_cells),
           numbers(size / dim), start(nodes + 1), pairs(size / dim), every(nodes), place(size / dim), signs(size / dim),
           forces(size), loads(size, 0.1), dear(cells), missed(nodes * dim, 0.3) {
@@ -531,6 +531,14 @@ struct Stars {
         ends.resize(facets * dim);
         others.resize(facets * dim);
         table.get(vertices.data(), numbers.data(), signs.data(), owners.data(), ends.data(), others.data());
+        if (!points.empty()) {
+            const size_t square = static_cast<size_t>(dim * dim);
+            std::vector<double> matrix(cells * square), slopes(size), normals(facets * dim);
+            measures.resize(facets);
+            measure_simplices(static_cast<int>(dim), cells, points.data(), vertices.data(), numbers.data(), signs.data(),
+                              matrix.data(), slopes.data(), normals.data(), measures.data());
+            check(*std::min_element(measures.begin(), measures.end()) > 0.0, "a facet without an area");
+        }
         list_stars(static_cast<int>(corners), nodes, cells, vertices.data(), start.data(), pairs.data(), place.data());
         given.assign(facets * dim * dim, 0.2);
         unknown.assign(given.size(), 0.0);
@@ -563,7 +571,7 @@ void settle_simplices(int dim, int n) {
     std::vector<std::vector<double>> found;
     for (int threads : {1, 4}) {
         Pool::set_threads(threads);
-        const Stars stars(dim, nodes, mesh.cells);
+        const Stars stars(dim, nodes, mesh.cells, mesh.points);
         check(stars.facets == mesh.body().facets, "a facet is missing");
         std::vector<double> moments(stars.given.size()), shared(moments.size(), 0.0), defect(stars.size), lost(stars.size);
         check(settle_stars(stars.body(), moments.data(), defect.data(), lost.data()) == -1, "cells are said to be apart");
@@ -580,7 +588,7 @@ void settle_simplices(int dim, int n) {
         }
         check(square(moments) > 1e-6 && square(shared) > 1e-6, "no moment at all");
         found.push_back(moments);
-        for (const auto& more : {defect, lost, shared, stars.signs}) {
+        for (const auto& more : {defect, lost, shared, stars.signs, stars.measures}) {
             found.back().insert(found.back().end(), more.begin(), more.end());
         }
     }

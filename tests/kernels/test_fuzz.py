@@ -219,7 +219,7 @@ _FUZZ_STARS = """
 import contextlib
 from hemivar.certificates.continuous.compiled_stars import CompiledStars
 from hemivar.certificates.continuous.facet_table import facet_table
-from hemivar.kernels import mesh_facets, mesh_stars
+from hemivar.kernels import mesh_facets, mesh_geometry, mesh_stars
 from hemivar.mesh import box, rectangle
 
 raised = done = 0
@@ -235,9 +235,9 @@ for turn in range(int(sys.argv[2])):
     if rng.uniform() < 0.5:
         given |= dict(own=np.zeros((M, d + 1, d, d)), pressures=np.zeros((F, d, d)), missed=np.ones((N, d)))
     cells, placed, second = np.array(table.cells), np.array(table.cells), rng.uniform(size=table.cells.shape) < 0.3
-    vertices = np.arange(N)
+    vertices, points, numbers, signs = np.arange(N), np.array(mesh.points), table.cell_facets, table.signs
     for _ in range(rng.integers(3)):
-        name = str(rng.choice([*given, "cells", "placed", "second", "vertices"]))
+        name = str(rng.choice([*given, "cells", "placed", "second", "vertices", "points", "numbers", "signs"]))
         with contextlib.suppress(Exception):
             if name in given:
                 given[name] = spoiled(given[name])
@@ -246,7 +246,8 @@ for turn in range(int(sys.argv[2])):
     nodes = int(rng.choice([N, N, N, N, N - 1, 0, -1, N + 1, 2**40]))
     for work in (lambda: CompiledStars(library, N, given).settled(),
                  lambda: CompiledStars(library, N, given).on_contact(vertices),
-                 lambda: mesh_facets(cells, placed, nodes, second), lambda: mesh_stars(cells, nodes)):
+                 lambda: mesh_facets(cells, placed, nodes, second), lambda: mesh_stars(cells, nodes),
+                 lambda: mesh_geometry(points, cells, numbers, signs, F)):
         try:
             work()
             done += 1

@@ -404,6 +404,14 @@ HEMIVAR_API int hv_facets_get(const Facets* facets, const int64_t* vertices, int
     return guarded([&] { facets->get(vertices, numbers, signs, owners, nodes, others); });
 }
 
+HEMIVAR_API int hv_measure_simplices(int dim, int64_t cells, const double* points, const int64_t* vertices,
+                                     const int64_t* numbers, const double* signs, double* jacobian, double* gradients,
+                                     double* normals, double* measures) {
+    return guarded([&] {
+        measure_simplices(dim, cells, points, vertices, numbers, signs, jacobian, gradients, normals, measures);
+    });
+}
+
 HEMIVAR_API int hv_stars(int corners, int64_t nodes, int64_t cells, const int64_t* vertices, int64_t* start,
                          int64_t* pairs, int32_t* place) {
     return guarded([&] { list_stars(corners, nodes, cells, vertices, start, pairs, place); });

@@ -11,7 +11,7 @@ from numpy.typing import DTypeLike
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.kernels.library import Kernels, kernels
 
-__all__ = ["BlockGraph", "mesh_edges", "mesh_facets", "mesh_stars"]
+__all__ = ["BlockGraph", "mesh_edges", "mesh_facets", "mesh_geometry", "mesh_stars"]
 
 #: Most entries of a matrix with 32-bit indices.
 _MOST = np.iinfo(np.int32).max
@@ -116,6 +116,53 @@ def mesh_facets(
     finally:
         call.hv_facets_free(made)
     return numbers, signs, owners, facets, others
+
+
+def mesh_geometry(
+    points: Array, cells: IntArray, numbers: IntArray, signs: Array, facets: int
+) -> tuple[Array, Array, Array, Array] | None:
+    """Derivatives of cells, and normals of facets; None where no kernels are compiled.
+
+    Parameters
+    ----------
+    points : array, shape (N, d)
+    cells : int array, shape (M, d + 1)
+    numbers : int array, shape (M, d + 1)
+        Of the facets of the cells, as :func:`mesh_facets` gives them.
+    signs : array, shape (M, d + 1)
+    facets : int
+        How many facets there are.
+
+    Returns
+    -------
+    jacobian : array, shape (M, d, d)
+        B of ``x = B x^ + x_0``.
+    gradients : array, shape (M, d + 1, d)
+        Of the barycentric coordinates.
+    normals : array, shape (F, d)
+        Times the measures, outward from the first cell; of facets without a cell there is none.
+    measures : array, shape (F,)
+
+    Raises
+    ------
+    ValueError
+        An array is not what it should be.
+    """
+    library = kernels()
+    if library is None:
+        return None
+    call, at, dim = library.call, library.address, _corners(cells) - 1
+    _expect("points", points, np.float64, (len(points), dim))
+    for name, array, end in (("nodes of cells", cells, len(points)), ("numbers of facets", numbers, facets)):
+        _expect(name, array, np.int64, cells.shape)
+        if array.size and not (array.min() >= 0 and array.max() < end):
+            raise ValueError(f"{name} must be between 0 and {end - 1}")
+    _expect("signs", signs, np.float64, cells.shape)
+    jacobian, gradients = np.empty((len(cells), dim, dim)), np.empty((*cells.shape, dim))
+    normals, measures = np.zeros((facets, dim)), np.zeros(facets)
+    given, made = (points, cells, numbers, signs), (jacobian, gradients, normals, measures)
+    library.check(call.hv_measure_simplices(dim, len(cells), *map(at, given), *map(at, made)))
+    return made
 
 
 def mesh_stars(cells: IntArray, nodes: int) -> tuple[IntArray, IntArray, AnyArray] | None:

@@ -123,6 +123,72 @@ void Facets::get(const int64_t* vertices, int64_t* numbers, double* signs, int64
              : list_facets<3>(*this, vertices, numbers, signs, owners, nodes, others);
 }
 
+namespace {
+
+// The rows of the inverse of a matrix, which are gradients; returns its determinant.
+double invert(const double (&B)[2][2], double (*inverse)[2]) {
+    const double size = B[0][0] * B[1][1] - B[0][1] * B[1][0];
+    inverse[0][0] = B[1][1] / size;
+    inverse[0][1] = -B[0][1] / size;
+    inverse[1][0] = -B[1][0] / size;
+    inverse[1][1] = B[0][0] / size;
+    return size;
+}
+
+double invert(const double (&B)[3][3], double (*inverse)[3]) {
+    for (int i = 0; i < 3; ++i) {  // cross products of columns
+        const int p = (i + 1) % 3, q = (i + 2) % 3;
+        for (int j = 0; j < 3; ++j) {
+            const int r = (j + 1) % 3, s = (j + 2) % 3;
+            inverse[i][j] = B[r][p] * B[s][q] - B[s][p] * B[r][q];
+        }
+    }
+    const double size = B[0][0] * inverse[0][0] + B[1][0] * inverse[0][1] + B[2][0] * inverse[0][2];
+    for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) inverse[i][j] /= size;
+    }
+    return size;
+}
+
+template <int D>
+void measure(int64_t cell, const double* points, const int64_t* vertices, const int64_t* numbers, const double* signs,
+             double* jacobian, double* gradients, double* normals, double* measures) {
+    const int64_t* mine = vertices + cell * (D + 1);
+    double B[D][D], (*slope)[D] = reinterpret_cast<double (*)[D]>(gradients + cell * (D + 1) * D);
+    for (int i = 0; i < D; ++i) {
+        for (int k = 0; k < D; ++k) B[i][k] = points[mine[k + 1] * D + i] - points[mine[0] * D + i];
+    }
+    std::copy(&B[0][0], &B[0][0] + D * D, jacobian + cell * D * D);
+    const double size = std::abs(invert(B, slope + 1)) / (D == 2 ? 1.0 : 2.0);  // dim times the volume
+    for (int i = 0; i < D; ++i) {
+        slope[0][i] = 0.0;
+        for (int k = 1; k <= D; ++k) slope[0][i] -= slope[k][i];
+    }
+    for (int side = 0; side <= D; ++side) {
+        const int64_t at = cell * (D + 1) + side, facet = numbers[at];
+        if (signs[at] < 0.0) continue;
+        double square = 0.0;
+        for (int i = 0; i < D; ++i) {
+            const double normal = -size * slope[side][i];
+            normals[facet * D + i] = normal;
+            square += normal * normal;
+        }
+        measures[facet] = std::sqrt(square);
+    }
+}
+
+}  // namespace
+
+void measure_simplices(int dim, int64_t cells, const double* points, const int64_t* vertices, const int64_t* numbers,
+                       const double* signs, double* jacobian, double* gradients, double* normals, double* measures) {
+    by_pieces(cells, [&](int64_t from, int64_t to) {
+        for (int64_t cell = from; cell < to; ++cell) {
+            (dim == 2 ? measure<2> : measure<3>)(cell, points, vertices, numbers, signs, jacobian, gradients, normals,
+                                                 measures);
+        }
+    });
+}
+
 void list_stars(int corners, int64_t nodes, int64_t cells, const int64_t* vertices, int64_t* start, int64_t* pairs,
                 int32_t* place) {
     const int64_t count = cells * corners;

@@ -26,6 +26,11 @@ struct Facets {
              int64_t* others) const;
 };
 
+// Of cells with these vertices and facets: B of `x = B x^ + x_0`, the gradients of the barycentric coordinates, and the
+// normals of the facets times their measures, outward from the first cell, and these.
+void measure_simplices(int dim, int64_t cells, const double* points, const int64_t* vertices, const int64_t* numbers,
+                       const double* signs, double* jacobian, double* gradients, double* normals, double* measures);
+
 // The cells of each vertex as `cell corners + corner`, in order; where they start; and the place of each among them.
 void list_stars(int corners, int64_t nodes, int64_t cells, const int64_t* vertices, int64_t* start, int64_t* pairs,
                 int32_t* place);

@@ -16,7 +16,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
-from hemivar.kernels import mesh_facets, mesh_stars
+from hemivar.kernels import mesh_facets, mesh_geometry, mesh_stars
 from hemivar.mesh.keys import EDGES, facet_keys, pair_keys
 from hemivar.mesh.mesh import Mesh
 
@@ -62,6 +62,10 @@ class FacetTable:
     jacobian: Array  # (M, d, d)
     #: Of the barycentric coordinates.
     gradients: Array  # (M, d + 1, d)
+    #: Normals of the facets times their measures, outward from the first cell.
+    area_normals: Array  # (F, d)
+    #: Lengths or areas of the facets.
+    measures: Array  # (F,)
     #: ``J = |det B|``.
     sizes: Array  # (M,)
 
@@ -89,18 +93,6 @@ class FacetTable:
         return self.gradients[:, 1:]
 
     @cached_property
-    def area_normals(self) -> Array:
-        """Normals of the facets times their measures, shape (F, d), outward from the first cell."""
-        cell = self.owners[:, 0]
-        local = np.argmax(self.cell_facets[cell] == np.arange(len(self.facets))[:, None], axis=1)
-        return np.asarray(-self.dim * self.volumes[cell, None] * self.gradients[cell, local])
-
-    @cached_property
-    def measures(self) -> Array:
-        """Lengths or areas of the facets, shape (F,)."""
-        return np.asarray(np.linalg.norm(self.area_normals, axis=1))
-
-    @property
     def normals(self) -> Array:
         """Unit normals of the facets, shape (F, d), outward from the first cell."""
         return np.asarray(self.area_normals / self.measures[:, None])
@@ -191,30 +183,34 @@ def facet_table(mesh: Mesh, places: IntArray | None = None, second: IntArray | N
         The facets, by their nodes, whose cells are second ones.
     """
     dim, count = mesh.dim, mesh.number_of_nodes
-    places = np.arange(count) if places is None else places
-    cells = np.asarray(mesh.cells, dtype=np.int64)
-    cells = np.take_along_axis(cells, np.argsort(places[cells], axis=1), axis=1)
-    last = None
+    cells, last = np.asarray(mesh.cells, dtype=np.int64), None
+    if places is None:
+        placed = cells = np.sort(cells, axis=1)
+        places = np.arange(count)
+    else:
+        cells = np.take_along_axis(cells, np.argsort(places[cells], axis=1), axis=1)
+        placed = np.asarray(places[cells], dtype=np.int64)
     if second is not None:
         last = np.isin(facet_keys(cells[:, facet_vertices(dim)].reshape(-1, dim), count), facet_keys(second, count))
         last = last.reshape(cells.shape)
-    found = mesh_facets(cells, np.asarray(places[cells], dtype=np.int64), count, last)
+    found = mesh_facets(cells, placed, count, last)
     numbers, signs, owners, facets, others = _facets(cells, places, count, last) if found is None else found
-    corner = mesh.points[cells]
+    points = np.ascontiguousarray(mesh.points)
+    shape = mesh_geometry(points, cells, numbers, signs, len(facets)) or _geometry(points, cells, owners, numbers)
+    sizes = math.factorial(dim) * np.asarray(mesh.volumes)
+    return FacetTable(mesh, places, cells, facets, others, numbers, signs, owners, *shape, sizes)
+
+
+def _geometry(points: Array, cells: IntArray, owners: IntArray, numbers: IntArray) -> tuple[Array, Array, Array, Array]:
+    """Jacobians and gradients of cells, normals and measures of facets, by NumPy."""
+    corner = points[cells]
     jacobian = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
-    return FacetTable(
-        mesh,
-        places,
-        cells,
-        facets,
-        others,
-        numbers,
-        signs,
-        owners,
-        jacobian,
-        _gradients(jacobian),
-        math.factorial(dim) * np.asarray(mesh.volumes),
-    )
+    gradients, dim = _gradients(jacobian), points.shape[1]
+    cell = owners[:, 0]
+    local = np.argmax(numbers[cell] == np.arange(len(owners))[:, None], axis=1)
+    volumes = np.abs(np.linalg.det(jacobian)) / math.factorial(dim)
+    normals = -dim * volumes[cell, None] * gradients[cell, local]
+    return jacobian, gradients, normals, np.asarray(np.linalg.norm(normals, axis=1))
 
 
 def _facets(
