@@ -11,6 +11,8 @@ from hemivar.basics.types import Array
 from hemivar.certificates.continuous.body_data import body_data
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
 from hemivar.certificates.continuous.fenchel import fenchel_gap, following, one_sided
+from hemivar.certificates.continuous.varying_gaps import gap_ranges
+from hemivar.formula import Formula
 from hemivar.gallery.survey_problems import survey, survey_cube
 from hemivar.laws import (
     Compliance,
@@ -223,3 +225,49 @@ def test_a_multiplier_of_the_law_has_no_gap(name: str, dim: int) -> None:
     for part in (gap.normal, gap.tangential, gap.normal_gap, gap.tangential_gap):
         assert np.abs(part).max() < 1e-12 * size
     assert gap.multiplier == pytest.approx(allowed, abs=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_one_frame_for_a_facet_gives_what_frames_at_its_points_give(dim: int) -> None:
+    """A slip, a belt and forces turned once for each facet, and at every point by obstacles with these normals."""
+    stated = survey("5.1", 3) if dim == 2 else survey_cube("5.1", 2)
+    contact = Contact(ThresholdCompliance(0.3, 2.0), Tresca(0.4), belt=(0.7, 0.2, 0.1)[:dim])
+    problem = replace(stated, contact={"bottom": contact})
+    data = body_data(problem, bent(problem))
+    traces = contact_traces(data)
+    assert traces is not None
+    assert traces.axes.shape[1] == 1
+    moments = np.random.default_rng(0).normal(size=data.facet_loads.shape)
+    parts = np.random.default_rng(1).uniform(size=(*traces.weights.shape, 2))
+    other = replace(traces, axes=np.array(traces.frames))
+    forces = traces.forces(moments)
+    for one, two in (
+        (forces, other.forces(moments)),
+        (traces.interpolated(moments), other.interpolated(moments)),
+        (traces.moments(forces), other.moments(forces)),
+        (traces.mass(parts), other.mass(parts)),
+    ):
+        assert one == pytest.approx(two, abs=1e-13 * np.abs(two).max())
+    # by hand: the trace less the belt along the tangents, the rest by the definition of each
+    places = np.einsum("kqa,kai->kqi", traces.barycentric, data.displacement[data.facet_nodes[traces.facets]])
+    slip = np.einsum("kqci,kqi->kqc", traces.frames[:, :, 1:], places - np.array(contact.belt))
+    assert traces.local[..., 1:] == pytest.approx(slip, abs=1e-12)
+    nodal = np.linalg.solve(
+        (np.ones((dim, dim)) + np.eye(dim)) / (dim * (dim + 1)),
+        (data.facet_loads - moments)[traces.facets] / data.table.measures[traces.facets, None, None],
+    )
+    expected = np.einsum("kqa,kai,kqci->kqc", traces.barycentric, nodal, traces.frames)
+    assert forces == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
+
+
+def test_a_gap_that_is_a_number_has_the_range_of_its_formula() -> None:
+    """A linear penetration is largest at the corners of a facet."""
+    for stated in (survey("5.1", 3), survey_cube("5.1", 2)):
+        ranges = []
+        for gap in (0.05, Formula("0.05")):
+            contact = Contact(Signorini(), Tresca(0.4), gap=gap)
+            problem = replace(stated, contact={"bottom": contact})
+            ranges += gap_ranges(body_data(problem, bent(problem)))
+        number, formula = ranges
+        for part in ("unknown", "above", "below"):
+            assert getattr(number, part) == pytest.approx(getattr(formula, part), abs=1e-12)

@@ -28,9 +28,10 @@ from hemivar.certificates.continuous.varying_gaps import gap_ranges
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.laws import VectorLaw
+from hemivar.laws import ContactLaw, VectorLaw
 from hemivar.laws.coupled.joined import join_laws
 from hemivar.laws.normal_and_friction import NormalAndFriction
+from hemivar.laws.vector_law import lengths
 from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.obstacles import obstacle_contact
 
@@ -125,8 +126,8 @@ class ContactTraces:
     #: They sum to the measures of the facets, and are not negative. The corners of the facet, and along quadratic
     #: traces the places of extreme displacements, are there with none: constants of the law must hold there too.
     weights: Array  # (k, q)
-    #: Normal and tangents at the points.
-    frames: Array  # (k, q, d, d)
+    #: Normal and tangents at the points; one set for each facet where they are the same all over it.
+    axes: Array  # (k, q or 1, d, d)
     #: Penetration and slip; what misses a kink by rounding is put there.
     local: Array  # (k, q, d)
     #: At the k q points; what depends on the state is taken there.
@@ -141,10 +142,22 @@ class ContactTraces:
         """That of every part, of which the points are those of one part after the other; None where the law splits."""
         return None if self.law.splits else PART_RULES[self.data.table.dim]
 
+    @property
+    def frames(self) -> Array:
+        """Normal and tangents at the points, shape (k, q, d, d)."""
+        return np.broadcast_to(self.axes, (*self.weights.shape, *self.axes.shape[2:]))
+
     @cached_property
     def loose(self) -> Array:
         """Projections (k, d, d) on the components that no support holds."""
         return np.asarray(np.eye(self.data.table.dim) - self.data.unknown[self.facets])
+
+    @cached_property
+    def values(self) -> tuple[Array, Array]:
+        """Of a law that splits, j of the penetration and of the size of the slip at the points, (k q,) each."""
+        assert isinstance(self.law, ContactLaw)
+        r = self.local.reshape(-1, self.local.shape[-1])
+        return self.law.normal.value(r[:, 0]), self.law.tangential.value(lengths(r[:, 1:]))
 
     @cached_property
     def rough(self) -> ContactTraces:
@@ -163,8 +176,7 @@ class ContactTraces:
         data = self.data
         left = data.facet_loads[self.facets] - moments[self.facets]
         inverse = np.linalg.inv(facet_mass(data.table.dim, data.order))
-        nodal = np.einsum("f,ab,fbi->fai", 1.0 / data.table.measures[self.facets], inverse, left)
-        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.shapes, nodal, self.frames, optimize=True))
+        return self._at_points(inverse @ left / data.table.measures[self.facets, None, None])
 
     def interpolated(self, moments: Array) -> Array:
         """Force of the foundation, reversed, interpolated between nodal values, in local components (k, q, d).
@@ -176,18 +188,25 @@ class ContactTraces:
         share = shares(data.order, data.table.dim)[:, None] * data.table.measures[self.facets][:, None, None]
         nodal = left / share
         held = np.zeros(len(data.displacement), dtype=bool)
-        outer = ~data.table.interior & (data.contact < 0) & data.unknown.any(axis=(1, 2))
-        held[data.facet_nodes[outer]] = True
+        outer = np.flatnonzero(~data.table.interior & (data.contact < 0))
+        held[data.facet_nodes[outer[data.unknown[outer].any(axis=(1, 2))]]] = True
         known = ~held[data.facet_nodes[self.facets]]
         count = np.maximum(known.sum(axis=1), 1)[:, None]
         mean = np.einsum("fa,fai->fi", known.astype(float), nodal) / count
-        nodal = np.where(known[:, :, None], nodal, mean[:, None])
-        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.shapes, nodal, self.frames, optimize=True))
+        return self._at_points(np.where(known[:, :, None], nodal, mean[:, None]))
+
+    def _at_points(self, nodal: Array) -> Array:
+        """Local components (k, q, d) at the points of fields with these values (k, l, d) at the nodes."""
+        if self.axes.shape[1] == 1:
+            return np.asarray(self.shapes @ (nodal @ self.axes[:, 0].transpose(0, 2, 1)))
+        return np.asarray(np.einsum("fqi,fqci->fqc", self.shapes @ nodal, self.axes))
 
     def moments(self, forces: Array) -> Array:
         """Moments (k, l, d) of forces in local components (k, q, d), in the coordinates of the mesh."""
-        found = np.einsum("fq,fqa,fqc,fqci->fai", self.weights, self.shapes, forces, self.frames, optimize=True)
-        return np.asarray(found)
+        weighted, shapes = self.weights[:, :, None] * forces, self.shapes.transpose(0, 2, 1)
+        if self.axes.shape[1] == 1:
+            return np.asarray(shapes @ weighted @ self.axes[:, 0])
+        return np.asarray(shapes @ np.einsum("fqc,fqci->fqi", weighted, self.axes))
 
     def on_facets(self, moments: Array) -> Array:
         """Moments (F, l, d) of all facets: these (k, l, d) on contact facets, zero on others."""
@@ -198,6 +217,13 @@ class ContactTraces:
     def mass(self, parts: Array) -> Array:
         """``int w phi_a phi_b`` (k, l, d, l, d) for parts w (k, q, 2) along the normal and along tangents."""
         dim = self.data.table.dim
+        if self.axes.shape[1] == 1:
+            shapes, axes = self.shapes, self.axes[:, 0]
+            weighted = (self.weights[:, :, None] * parts).transpose(2, 0, 1)
+            normal, tangential = (shapes.transpose(0, 2, 1) @ (part[:, :, None] * shapes) for part in weighted)
+            along, across = (one.transpose(0, 2, 1) @ one for one in (axes[:, :1], axes[:, 1:]))
+            pairs = (normal, along), (tangential, across)
+            return np.asarray(sum(one[:, :, None, :, None] * two[:, None, :, None, :] for one, two in pairs))
         every = np.concatenate([parts[..., :1], np.repeat(parts[..., 1:], dim - 1, axis=2)], axis=2)
         found = np.einsum(
             "fq,fqc,fqa,fqb,fqci,fqcj->faibj",
@@ -268,24 +294,31 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
             barycentric = np.broadcast_to(points, (len(facets), *points.shape))
             share = np.broadcast_to(weights, (len(facets), len(weights)))
         local, frames, places = local_traces(data, name, facets, barycentric)
-        law = data.problem.contact[name].law.at(places.reshape(-1, dim)).in_frames(frames.reshape(-1, dim, dim))
+        law = data.problem.contact[name].law.at(places.reshape(-1, dim))
+        law = law.in_frames(np.broadcast_to(frames, (*places.shape, dim)).reshape(-1, dim, dim))
         found.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
+    one = all(part[3].shape[1] == 1 for part in found)
     width = max(part[1].shape[1] for part in found)
     law = join_laws([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in found])
     facets = np.concatenate([part[0] for part in found])
-    barycentric = np.concatenate([_padded(part[1], width) for part in found])
+    barycentric = _joined([_padded(part[1], width) for part in found])
     shapes = shape_values(data.order, barycentric)
-    weights = np.concatenate([_padded(part[2], width, 0.0) for part in found])
-    frames = np.concatenate([_padded(part[3], width) for part in found])
+    weights = _joined([_padded(part[2], width, 0.0) for part in found])
+    axes = _joined([part[3] if one else _padded(part[3], width) for part in found])
     local = np.concatenate([_padded(part[4], width) for part in found]).reshape(-1, dim)
     near = _ROUNDING * _scale(data, local)
     local = law.frozen_at(local).snap_to_kinks(local, near)
     inside = law.admissible(local)
     beyond = float(np.abs(inside - local).max(initial=0.0))
     return ContactTraces(
-        data, facets, barycentric, shapes, weights, frames, inside.reshape(frames.shape[:3]), law.frozen_at(inside),
+        data, facets, barycentric, shapes, weights, axes, inside.reshape(*weights.shape, dim), law.frozen_at(inside),
         law, beyond,
     )  # fmt: skip
+
+
+def _joined(parts: list[Array]) -> Array:
+    """Arrays one behind the other; a single one as it is, which may repeat its numbers without a copy."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _filled(part: tuple[IntArray, Array, Array, Array, Array, VectorLaw], width: int) -> IntArray:
@@ -322,28 +355,41 @@ def _extent(data: BodyData) -> float:
 
 
 def local_traces(data: BodyData, name: str, facets: IntArray, barycentric: Array) -> tuple[Array, Array, Array]:
-    """Penetration and slip (k, q, d), frames (k, q, d, d) and places (k, q, d) of points (k, q, d) on facets."""
+    """Penetration and slip (k, q, d), frames and places (k, q, d) of points (k, q, d) on facets.
+
+    Frames are (k, q, d, d), or (k, 1, d, d) where those of a facet are the same at all of its points.
+    """
     table, contact = data.table, data.problem.contact[name]
     dim = table.dim
-    places = np.einsum("fqa,fai->fqi", barycentric, table.mesh.points[table.facets[facets]])
-    shapes = shape_values(data.order, barycentric)
-    moved = np.einsum("fqa,fai->fqi", shapes, data.jump(data.displacement, facets))
-    normals = np.broadcast_to(table.normals[facets][:, None], places.shape)
+    places = barycentric @ table.mesh.points[table.facets[facets]]
+    moved = shape_values(data.order, barycentric) @ data.jump(data.displacement, facets)
+    normals = table.normals[facets][:, None]
     flat = places.reshape(-1, dim)
     if contact.obstacle is None:
         gap = DataField(contact.gap, f"gap of contact '{name}'").at(flat)
     else:
         assert contact.normals is not None
         turned, gap = obstacle_contact(
-            contact.obstacle, contact.normals, flat, normals.reshape(-1, dim), f"contact '{name}'"
+            contact.obstacle,
+            contact.normals,
+            flat,
+            np.broadcast_to(normals, places.shape).reshape(-1, dim),
+            f"contact '{name}'",
         )
         normals = turned.reshape(places.shape)
         gap = np.where(np.isfinite(gap), gap, _FAR * _extent(data))
-    frames = _frames(normals.reshape(-1, dim)).reshape(*places.shape, dim)
-    local = np.einsum("fqci,fqi->fqc", frames, moved)
+    frames = _frames(normals.reshape(-1, dim)).reshape(*normals.shape, dim)
+
+    def components(vectors: Array) -> Array:
+        if frames.shape[1] == 1:
+            return np.asarray(vectors @ frames[:, 0].transpose(0, 2, 1))
+        return np.asarray(np.einsum("fqci,fqi->fqc", frames, vectors))
+
+    local = components(moved)
     local[..., 0] -= gap.reshape(local.shape[:2])
     belt = DataField(contact.belt, f"belt of contact '{name}'", dim).at(flat).reshape(places.shape)
-    local[..., 1:] -= np.einsum("fqci,fqi->fqc", frames[..., 1:, :], belt)
+    if belt.any():
+        local[..., 1:] -= components(belt)[..., 1:]
     return local, frames, places
 
 
@@ -361,7 +407,7 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray, rule: PartRule |
     """Barycentric coordinates (k, q, 2) and shares (k, q) of points between the kinks on edges."""
     at_nodes = np.broadcast_to([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]], (len(facets), 3, 2))
     ends, frames, places = local_traces(data, name, facets, at_nodes)
-    law = data.problem.contact[name].law.at(places.mean(axis=1)).in_frames(frames[:, 2])
+    law = data.problem.contact[name].law.at(places.mean(axis=1)).in_frames(frames[:, -1])
     parts = _PARTS if data.order == 1 else _MORE_PARTS
     first, last, middle = ends.transpose(1, 0, 2)
     bend = np.zeros(first.shape) if data.order == 1 else 2.0 * (first + last - 2.0 * middle)
@@ -418,7 +464,10 @@ def _move_corners(data: BodyData, moved: Array, facets: IntArray, excess: Array,
     """Move corners of facets (k,) along their normals by ``excess (k, d)``, in place; not what supports hold."""
     table = data.table
     near = _ROUNDING * _scale(data, data.displacement)
-    outer = np.flatnonzero(~table.interior & data.unknown.any(axis=(1, 2)))
+    if not (excess > near).any():
+        return
+    outer = np.flatnonzero(~table.interior)
+    outer = outer[data.unknown[outer].any(axis=(1, 2))]
     normals, nodes = table.normals[facets], table.facets[facets]
     held = np.zeros((len(moved), table.dim, table.dim))
     for corner in table.facets[outer].T:
@@ -459,7 +508,7 @@ def admissible_displacement(data: BodyData) -> Array:
         domain = data.problem.contact[name].law.at(places[:, 2]).penetrations
         first, last, middle = local[..., 0].T
         beyond = middle - 0.5 * (first + last)
-        normal = frames[:, 2, 0]
+        normal = frames[:, -1, 0]
         held = np.einsum("fi,fij,fj->f", normal, data.unknown[facets], normal) > _HELD
         for end, sign in ((domain.upper, 1.0), (domain.lower, -1.0)):
             reach = (np.sqrt(np.maximum(sign * (end - value), 0.0)) for value in (first, last))

@@ -419,10 +419,12 @@ def _multiplier(
     traces: ContactTraces, forces: Array, weight: float | None, paying: tuple[BoolArray, BoolArray]
 ) -> Array:
     """zeta (k, q, d) for forces (k, q, d), as :class:`_Choice` describes it."""
-    exact = exact_gap(traces, forces).multiplier
     if weight is None:
-        return exact
-    return fenchel_gap(traces, forces, weight).only(paying, traces, forces, exact).multiplier
+        return exact_gap(traces, forces).multiplier
+    found = fenchel_gap(traces, forces, weight)
+    if paying[0].all() and paying[1].all():
+        return found.multiplier
+    return found.only(paying, traces, forces, exact_gap(traces, forces).multiplier).multiplier
 
 
 def _best_gap(

@@ -112,13 +112,13 @@ def fenchel_gap(traces: ContactTraces, forces: Array, weight: float, wide: Array
     p, near = near_multiplier(traces, forces, weight)
     zeta = near.reshape(r.shape)
     work = (zeta + every * r) * (r - p)
-    normal = _fall(law.normal, alpha[:, 0], r[:, 0], p[:, 0]) - work[:, 0]
+    known, size, length = traces.values, lengths(r[:, 1:]), lengths(p[:, 1:])
+    normal = _fall(law.normal, alpha[:, 0], r[:, 0], p[:, 0], known[0]) - work[:, 0]
     for off in () if wide is None else (-wide, wide):
         end = law.admissible(np.column_stack([r[:, 0] + np.repeat(off, shape[1]), r[:, 1:]]))[:, 0]
         apart = _fall(law.normal, alpha[:, 0], end, p[:, 0]) - zeta[:, 0] * (end - p[:, 0])
         normal = np.maximum(normal, apart)
-    sizes = (np.sqrt(np.einsum("mi,mi->m", part[:, 1:], part[:, 1:])) for part in (r, p))
-    tangential = _fall(law.tangential, alpha[:, 1], *sizes) - work[:, 1:].sum(axis=1)
+    tangential = _fall(law.tangential, alpha[:, 1], size, length, known[1]) - work[:, 1:].sum(axis=1)
     within = _within(law, p)
     normal, tangential = (np.where(one, part, np.inf) for one, part in zip(within.T, (normal, tangential), strict=True))
     gaps = (traces.integral(np.maximum(part, 0.0).reshape(shape)) for part in (normal, tangential))
@@ -237,9 +237,10 @@ def _convexity(traces: ContactTraces) -> tuple[Array, Array]:
     return alpha, np.column_stack([alpha[:, :1], np.repeat(alpha[:, 1:], traces.local.shape[-1] - 1, axis=1)])
 
 
-def _fall(law: Superpotential, alpha: Array, r: Array, p: Array) -> Array:
-    """``jh(r) - jh(p)``."""
-    return np.asarray(law.value(r) - law.value(p) + 0.5 * alpha * (r - p) * (r + p))
+def _fall(law: Superpotential, alpha: Array, r: Array, p: Array, value: Array | None = None) -> Array:
+    """``jh(r) - jh(p)``; ``value`` is j(r) where it is known."""
+    known = law.value(r) if value is None else value
+    return np.asarray(known - law.value(p) + 0.5 * alpha * (r - p) * (r + p))
 
 
 def one_sided(law: Superpotential, r: Array, zeta: Array) -> Array:
@@ -292,6 +293,8 @@ def one_sided_constants(traces: ContactTraces, zeta: Array) -> tuple[Array, Arra
     if not isinstance(traces.law, ContactLaw):
         normal, tangential = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
         return normal.reshape(shape), tangential.reshape(shape)
+    if not any(np.any(part) for part in traces.law.weak_convexity):
+        return np.zeros(shape), np.zeros(shape)
     r, force = traces.local.reshape(-1, traces.local.shape[-1]), zeta.reshape(-1, zeta.shape[-1])
     normal = one_sided(traces.law.normal, r[:, 0], force[:, 0]).reshape(shape)
     size, along = radial_parts(r[:, 1:], force[:, 1:])

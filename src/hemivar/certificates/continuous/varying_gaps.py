@@ -44,7 +44,12 @@ def gap_known(contact: Contact) -> bool:
     if contact.obstacle is not None:
         return isinstance(contact.obstacle, Plane)
     given = contact.gap.value if isinstance(contact.gap, Instant) else contact.gap
-    return isinstance(given, Formula) or not callable(given)
+    return isinstance(given, Formula) or _is_number(contact)
+
+
+def _is_number(contact: Contact) -> bool:
+    given = contact.gap.value if isinstance(contact.gap, Instant) else contact.gap
+    return not isinstance(given, Formula) and not callable(given)
 
 
 def gap_ranges(data: BodyData) -> list[GapRange]:
@@ -58,7 +63,8 @@ def gap_ranges(data: BodyData) -> list[GapRange]:
 
 def _range(data: BodyData, name: str, contact: Contact, facets: IntArray) -> GapRange:
     table, dim = data.table, data.table.dim
-    parts = _parts(dim)
+    # where both are linear on a facet, its corners tell all
+    parts = np.eye(dim)[None] if data.order == 1 and _is_number(contact) else _parts(dim)
     count, pieces = len(facets), len(parts)
     pairs = np.array(EDGES[dim - 1] if dim > 2 else ((0, 1),))
     corners = np.einsum("pab,fbi->fpai", parts, table.mesh.points[table.facets[facets]]).reshape(-1, dim, dim)
