@@ -66,11 +66,6 @@ class KernelsWheel(bdist_wheel):
 
 kernels = Extension(
     "hemivar.kernels._compiled",
-    sources=[
-        f"{KERNELS}/{name}.cpp"
-<<<<<<< HEAD
-        for name in ("active_sets", "api", "cells", "cycle", "laws", "mesh_sums", "panels", "patches", "pool", "set_up")
-=======
         for name in ("active_sets", "api", "cells", "cycle", "mesh_sums", "panels", "patches", "pool", "set_up", "stars")
     ],
     depends=[
@@ -78,9 +73,12 @@ kernels = Extension(
         for name in (
             "active_sets", "cells", "lanes", "levels", "memory", "mesh_sums", "panels", "patches", "pool", "stars", "wide",
         )  # fmt: skip
->>>>>>> 797fb44d (Tractions around vertices and facets of meshes come from the compiled kernels, one star at a time)
     ],
     depends=sorted(str(header.relative_to(HERE)) for header in (HERE / KERNELS).glob("*.hpp")),
+=======
+    sources=sorted(f"{KERNELS}/{path.name}" for path in (HERE / KERNELS).glob("*.cpp")),
+    depends=sorted(f"{KERNELS}/{path.name}" for path in (HERE / KERNELS).glob("*.hpp")),
+>>>>>>> e00ae8c3 (Stars read their arrays as patches do; the kernels are built of all sources in their folder)
     language="c++",
     optional=True,
 )

@@ -205,7 +205,7 @@ def test_arrays_of_another_body_are_refused() -> None:
         CompiledStars(library, len(data.displacement), turned).settled()
     for name, wrong, told in (
         ("forces", arrays["forces"][:-1], "forces must have shape"),
-        ("owners", arrays["owners"] + 1000, "owners must be from 0"),
+        ("owners", arrays["owners"] + 1000, "owners must be from -1 to"),
         ("start", arrays["start"][::-1], "start must rise"),
         ("interior", np.ones_like(arrays["interior"]), "two owners"),
         ("cell_nodes", arrays["cell_nodes"][:, :2], "no elements"),

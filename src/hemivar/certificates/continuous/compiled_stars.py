@@ -10,6 +10,7 @@ import numpy as np
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.kernels import Kernels, kernels
+from hemivar.kernels.read_arrays import given, numbers, rising
 
 __all__ = ["CompiledStars"]
 
@@ -18,9 +19,8 @@ _ARRAYS = (
     "cell_nodes", "cell_facets", "owners", "interior", "contact", "measures", "volumes", "dear", "forces", "loads",
     "own", "given", "unknown", "pressures", "missed", "start", "pairs", "place",
 )  # fmt: skip
-#: Of those that are no numbers of float64.
-_KINDS: dict[str, type] = dict.fromkeys(("cell_nodes", "cell_facets", "owners", "start", "pairs"), np.int64)
-_KINDS |= {"interior": np.bool_, "contact": np.bool_, "place": np.int32}
+#: Of those that are neither numbers of float64 nor of int64.
+_KINDS: dict[str, type] = {"interior": np.bool_, "contact": np.bool_, "place": np.int32}
 
 
 class _Body(ctypes.Structure):
@@ -49,15 +49,18 @@ class CompiledStars:
             "unknown": (facets, dim, dim), "pressures": on_facets, "missed": (nodes, dim), "start": (vertices + 1,),
             "pairs": (cells * corners,), "place": (cells * corners,),
         }  # fmt: skip
-        self._arrays = {name: _given(name, one, _KINDS.get(name, float), shapes[name]) for name, one in arrays.items()}
-        _expect_numbers("cell_nodes", self._arrays["cell_nodes"], 0, nodes)
-        _expect_numbers("cell_facets", self._arrays["cell_facets"], 0, facets)
-        _expect_numbers("owners", self._arrays["owners"][:, 0], 0, cells)
-        _expect_numbers("owners", self._arrays["owners"][:, 1], -1, cells)
-        _expect_numbers("pairs", self._arrays["pairs"], 0, cells * corners)
-        start = self._arrays["start"]
-        if start[0] != 0 or start[-1] != cells * corners or (start[1:] < start[:-1]).any():
-            raise ValueError(f"start must rise from 0 to {cells * corners}")
+        ends = {"cell_nodes": nodes, "cell_facets": facets, "owners": cells, "pairs": cells * corners, "start": None}
+        self._arrays: dict[str, AnyArray] = {}
+        for name, one in arrays.items():
+            if name in ends:
+                self._arrays[name] = numbers(name, one, shapes[name], ends[name], -1 if name == "owners" else 0)
+            elif name in _KINDS:
+                self._arrays[name] = _exactly(name, one, _KINDS[name], shapes[name])
+            else:
+                self._arrays[name] = given(name, one, shapes[name])
+        rising("start", self._arrays["start"], cells * corners)
+        if (self._arrays["owners"][:, 0] < 0).any():
+            raise ValueError("every facet must have a first owner")
         if (self._arrays["interior"] & (self._arrays["owners"][:, 1] < 0)).any():
             raise ValueError("facets inside must have two owners")
         self._library, self._vertices = library, vertices
@@ -108,8 +111,7 @@ class CompiledStars:
 
     def on_contact(self, vertices: IntArray) -> Array:
         """Moments (F, k, d) that share the forces of the nodes on contact facets at these vertices; zero elsewhere."""
-        some = _given("vertices", vertices, np.int64, (len(vertices),))
-        _expect_numbers("vertices", some, 0, self._vertices)
+        some = numbers("vertices", vertices, (len(vertices),), self._vertices)
         moments, at = np.zeros(self._shapes[0]), self._library.address
         call = self._library.call.hv_share_on_contact
         self._check(call(ctypes.addressof(self._body), len(some), at(some), at(moments)))
@@ -121,15 +123,7 @@ class CompiledStars:
         self._library.check(status)
 
 
-def _given(name: str, array: AnyArray, kind: type, shape: tuple[int, ...]) -> AnyArray:
-    """A contiguous array of this kind and shape."""
-    given = np.asarray(array)
-    whole = np.issubdtype(kind, np.integer)
-    if given.shape != shape or (whole and given.dtype.kind not in "iu") or (kind is np.bool_) != (given.dtype == bool):
-        raise ValueError(f"{name} must have shape {shape} and numbers of {np.dtype(kind)}, not {given.shape}")
-    return np.require(given, kind, ["C", "A"])
-
-
-def _expect_numbers(name: str, array: AnyArray, least: int, end: int) -> None:
-    if array.size and not (array.min() >= least and array.max() < end):
-        raise ValueError(f"{name} must be from {least} to {end - 1}")
+def _exactly(name: str, array: AnyArray, kind: type, shape: tuple[int, ...]) -> AnyArray:
+    if array.dtype != kind or array.shape != shape:
+        raise ValueError(f"{name} must be an array of {np.dtype(kind)} of shape {shape}")
+    return np.require(array, kind, ["C", "A"])
