@@ -253,7 +253,7 @@ void null_space(double (&A)[D][D], double (&out)[D][D]) {
 struct Skyline {
     std::vector<int64_t> at;  // entry 0 of a row, were it there
     std::vector<int> low;     // first entry of each row
-    std::vector<double> entry;
+    std::vector<double> entry, inverse;  // the latter of the diagonal
 
     // `low` has been set.
     void lay_out() {
@@ -267,8 +267,9 @@ struct Skyline {
     }
     double& operator()(int i, int j) { return entry[at[i] + j]; }
 
-    // L D L' in its place, with the diagonal of D.
+    // L D L' in its place.
     void factor() {
+        inverse.resize(low.size());
         for (int i = 0; i < static_cast<int>(low.size()); ++i) {
             double* row = entry.data() + at[i];
             for (int j = low[i]; j < i; ++j) {
@@ -278,10 +279,11 @@ struct Skyline {
                 row[j] = sum;
             }
             for (int j = low[i]; j < i; ++j) {
-                const double scaled = row[j] / entry[at[j] + j];
+                const double scaled = row[j] * inverse[j];
                 row[i] -= scaled * row[j];
                 row[j] = scaled;
             }
+            inverse[i] = 1.0 / row[i];
         }
     }
 
@@ -295,7 +297,7 @@ struct Skyline {
             }
         }
         for (int i = 0; i < size; ++i) {
-            for (int c = 0; c < N; ++c) x[i * N + c] /= entry[at[i] + i];
+            for (int c = 0; c < N; ++c) x[i * N + c] *= inverse[i];
         }
         for (int i = size - 1; i >= 0; --i) {
             for (int k = low[i]; k < i; ++k) {

@@ -18,6 +18,7 @@ from hemivar.certificates.continuous.vertex_moments import Tractions, equilibrat
 from hemivar.kernels import kernels
 from hemivar.mechanics import Clamped, ContactProblem, Fixed, Roller
 from hemivar.mesh import box, rectangle
+from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
 from .bodies import BODIES, anisotropic, plane_mesh, space_mesh
@@ -188,6 +189,15 @@ def test_facets_and_stars_are_those_of_numpy(name: str, monkeypatch: pytest.Monk
     for mine, theirs in zip(found.stars, expected.stars, strict=True):
         np.testing.assert_array_equal(mine, theirs)
     assert found.cut.any() == (name == "joined")
+    with pytest.raises(ValueError, match="read-only"):
+        found.jacobian[0] = 0.0
+
+
+def test_edges_of_cells_are_those_of_their_nodes() -> None:
+    for mesh in (plane_mesh(), renumbered(space_mesh())):
+        table = facet_table.facet_table(mesh)
+        ends = np.array(EDGES[mesh.dim])
+        assert np.array_equal(np.sort(mesh.edges[table.cell_edges], axis=2), table.cells[:, ends])
 
 
 def test_arrays_of_another_body_are_refused() -> None:

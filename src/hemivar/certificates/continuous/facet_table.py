@@ -17,7 +17,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.kernels import mesh_facets, mesh_geometry, mesh_stars
-from hemivar.mesh.keys import EDGES, facet_keys, pair_keys
+from hemivar.mesh.keys import EDGES, facet_keys, pair_keys, sorted_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["FacetTable", "facet_table", "facet_vertices"]
@@ -69,6 +69,11 @@ class FacetTable:
     #: ``J = |det B|``.
     sizes: Array  # (M,)
 
+    def __post_init__(self) -> None:
+        for array in vars(self).values():
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
+
     @property
     def dim(self) -> int:
         """Space dimension d."""
@@ -118,7 +123,14 @@ class FacetTable:
     @cached_property
     def cell_edges(self) -> IntArray:
         """The edges of the cells by their numbers, in the order of ``EDGES``, shape (M, e)."""
-        return self.edge_numbers(self.cells, EDGES[self.dim])
+        if not np.array_equal(self.places, np.arange(len(self.places))):
+            return self.edge_numbers(self.cells, EDGES[self.dim])
+        # the mesh knows them, for vertices in another order
+        first, second = np.array(EDGES[self.dim]).T
+        local = np.zeros((self.dim + 1, self.dim + 1), dtype=np.int64)
+        local[first, second] = local[second, first] = np.arange(len(first))
+        rank = np.argsort(self.mesh.cells, axis=1)
+        return np.take_along_axis(self.mesh.cell_edges, local[rank[:, first], rank[:, second]], axis=1)
 
     @cached_property
     def stars(self) -> tuple[IntArray, IntArray, AnyArray]:
@@ -138,7 +150,7 @@ class FacetTable:
 
     @cached_property
     def _keys(self) -> IntArray:
-        return facet_keys(self.places[self.facets], self.mesh.number_of_nodes)
+        return sorted_keys(self.places[self.facets], self.mesh.number_of_nodes)
 
     def numbers(self, facets: IntArray) -> IntArray:
         """Numbers (k,) of facets given by their nodes (k, d), in any order and on either side."""
