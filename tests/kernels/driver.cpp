@@ -595,6 +595,22 @@ void settle_simplices(int dim, int n) {
     check(found[0] == found[1], "bits of tractions depend on the number of threads");
 }
 
+// Kinds of rows, more than the first table holds.
+void number_rows() {
+    std::vector<double> rows, more;
+    for (int i = 0; i < 6000; ++i) {
+        for (int k = 0; k < 3; ++k) rows.push_back(i % 3 == 0 ? 0.0 : 1.0 + i % 2000 * (k + 1));
+        more.push_back(i < 3000 ? 1.0 : 1.0 + 1e-13);
+    }
+    std::vector<int64_t> found(more.size());
+    number_alike(static_cast<int64_t>(more.size()), {{3, rows.data()}, {1, more.data()}}, 1e-9, found.data());
+    for (size_t i = 1; i < found.size(); ++i) {
+        const bool same = std::equal(&rows[3 * i], &rows[3 * i] + 3, &rows[0]);
+        check((found[i] == found[0]) == same, "rows that differ have one number, or equal ones two");
+        if (i >= 2000 && i % 3 != 0 && (i - 2000) % 3 != 0) check(found[i] == found[i - 2000], "equal rows differ");
+    }
+}
+
 void refuse_stars() {
     const Stars apart(2, 5, {0, 1, 2, 0, 3, 4});
     std::vector<double> moments(apart.given.size()), defect(apart.size), lost(apart.size);
@@ -634,6 +650,7 @@ int main() {
     for (int n : {1, 8}) settle_simplices(2, n);
     for (int n : {1, 5}) settle_simplices(3, n);
     refuse_stars();
+    number_rows();
     const int64_t pairs[] = {0, 1, 0, 1};
     check(refused([&] { Graph(2, 2, pairs); }), "an edge is taken twice");
     const std::vector<int> sizes{7, 15, 31, 63};

@@ -219,7 +219,7 @@ _FUZZ_STARS = """
 import contextlib
 from hemivar.certificates.continuous.compiled_stars import CompiledStars
 from hemivar.certificates.continuous.facet_table import facet_table
-from hemivar.kernels import mesh_facets, mesh_geometry, mesh_stars
+from hemivar.kernels import alike_rows, mesh_facets, mesh_geometry, mesh_stars
 from hemivar.mesh import box, rectangle
 
 raised = done = 0
@@ -247,7 +247,8 @@ for turn in range(int(sys.argv[2])):
     for work in (lambda: CompiledStars(library, N, given).settled(),
                  lambda: CompiledStars(library, N, given).on_contact(vertices),
                  lambda: mesh_facets(cells, placed, nodes, second), lambda: mesh_stars(cells, nodes),
-                 lambda: mesh_geometry(points, cells, numbers, signs, F)):
+                 lambda: mesh_geometry(points, cells, numbers, signs, F),
+                 lambda: alike_rows(points, points * 2.0, 1e-9)):
         try:
             work()
             done += 1

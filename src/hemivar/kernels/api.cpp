@@ -412,6 +412,15 @@ HEMIVAR_API int hv_measure_simplices(int dim, int64_t cells, const double* point
     });
 }
 
+HEMIVAR_API int hv_number_alike(int64_t rows, int64_t width, const double* values, int64_t more, const double* others,
+                                double tolerance, int64_t* out) {
+    return guarded([&] {
+        std::vector<Block> blocks{{width, values}};
+        if (others != nullptr) blocks.push_back({more, others});
+        number_alike(rows, blocks, tolerance, out);
+    });
+}
+
 HEMIVAR_API int hv_stars(int corners, int64_t nodes, int64_t cells, const int64_t* vertices, int64_t* start,
                          int64_t* pairs, int32_t* place) {
     return guarded([&] { list_stars(corners, nodes, cells, vertices, start, pairs, place); });

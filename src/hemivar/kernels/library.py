@@ -84,6 +84,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_facets_count": ([c_void_p], c_int64),
     "hv_facets_get": ([c_void_p] * 7, c_int),
     "hv_measure_simplices": ([c_int, c_int64, *[c_void_p] * 8], c_int),
+    "hv_number_alike": ([c_int64, c_int64, c_void_p, c_int64, c_void_p, c_double, c_void_p], c_int),
     "hv_stars": ([c_int, c_int64, c_int64, *[c_void_p] * 4], c_int),
     "hv_settle_stars": ([c_void_p] * 5, c_int),
     "hv_share_on_contact": ([c_void_p, c_int64, c_void_p, c_void_p], c_int),

@@ -332,4 +332,49 @@ void Graph::rows(int c, const uint8_t* free, const double* diagonal, const doubl
     });
 }
 
+void number_alike(int64_t rows, const std::vector<Block>& blocks, double tolerance, int64_t* out) {
+    int64_t width = 0;
+    for (const Block& block : blocks) width += block.width + 1;
+    std::vector<int64_t> kinds, row(width);        // rounded entries, and the logarithm of the largest one
+    std::vector<int64_t> table(1 << 10, -1);       // kinds by a hash of these
+    std::vector<uint64_t> hashes;
+    const auto place = [&](uint64_t hash) {
+        size_t at = hash & (table.size() - 1);
+        while (table[at] >= 0 && (hashes[table[at]] != hash ||
+                                  !std::equal(row.begin(), row.end(), kinds.begin() + table[at] * width))) {
+            at = (at + 1) & (table.size() - 1);
+        }
+        return at;
+    };
+    for (int64_t i = 0; i < rows; ++i) {
+        int64_t* to = row.data();
+        uint64_t hash = 0x9e3779b97f4a7c15;
+        for (const Block& block : blocks) {
+            const double* from = block.values + i * block.width;
+            double size = std::numeric_limits<double>::min();
+            for (int64_t k = 0; k < block.width; ++k) size = std::max(size, std::abs(from[k]));
+            for (int64_t k = 0; k < block.width; ++k) *to++ = std::llrint(from[k] / size / tolerance);
+            *to++ = std::llrint(std::log2(size) / tolerance);
+        }
+        for (int64_t one : row) {
+            hash = (hash ^ static_cast<uint64_t>(one)) * 0xff51afd7ed558ccd;
+            hash ^= hash >> 32;
+        }
+        size_t at = place(hash);
+        if (table[at] < 0) {
+            table[at] = static_cast<int64_t>(hashes.size());
+            hashes.push_back(hash);
+            kinds.insert(kinds.end(), row.begin(), row.end());
+        }
+        out[i] = table[at];
+        if (2 * hashes.size() <= table.size()) continue;
+        table.assign(4 * table.size(), -1);
+        for (size_t kind = 0; kind < hashes.size(); ++kind) {  // all of them differ
+            size_t free = hashes[kind] & (table.size() - 1);
+            while (table[free] >= 0) free = (free + 1) & (table.size() - 1);
+            table[free] = static_cast<int64_t>(kind);
+        }
+    }
+}
+
 }  // namespace hemivar

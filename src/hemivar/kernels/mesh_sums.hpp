@@ -56,4 +56,12 @@ struct Graph {
               int32_t* indices, double* data) const;
 };
 
+// Numbers of rows in the order in which they come: the same where all blocks of two rows are, but for a part `tolerance`
+// of the largest entry of each.
+struct Block {
+    int64_t width;
+    const double* values;
+};
+void number_alike(int64_t rows, const std::vector<Block>& blocks, double tolerance, int64_t* out);
+
 }  // namespace hemivar

@@ -11,7 +11,7 @@ from numpy.typing import DTypeLike
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.kernels.library import Kernels, kernels
 
-__all__ = ["BlockGraph", "mesh_edges", "mesh_facets", "mesh_geometry", "mesh_stars"]
+__all__ = ["BlockGraph", "alike_rows", "mesh_edges", "mesh_facets", "mesh_geometry", "mesh_stars"]
 
 #: Most entries of a matrix with 32-bit indices.
 _MOST = np.iinfo(np.int32).max
@@ -201,6 +201,39 @@ def mesh_stars(cells: IntArray, nodes: int) -> tuple[IntArray, IntArray, AnyArra
         raise ValueError(f"nodes of cells must be between 0 and {nodes - 1}")
     library.check(status)
     return start, pairs, place
+
+
+def alike_rows(values: Array, others: Array | None, tolerance: float) -> IntArray | None:
+    """Numbers (n,) of rows: the same where two are, but for a part of the largest entry; None without kernels.
+
+    Parameters
+    ----------
+    values : array, shape (n, q)
+    others : array, shape (n, p), optional
+        What has to be alike, too, over the largest entry of its own.
+    tolerance : float
+        This part.
+
+    Raises
+    ------
+    ValueError
+        An array is not what it should be.
+    """
+    library = kernels()
+    if library is None:
+        return None
+    blocks = [values] if others is None else [values, others]
+    for name, block in zip(("rows", "other rows"), blocks, strict=False):
+        if block.ndim != 2:
+            raise ValueError(f"{name} must have two dimensions, not {block.ndim}")
+        _expect(name, block, np.float64, (len(values), block.shape[1]))
+    if not tolerance > 0.0:
+        raise ValueError(f"the tolerance must be positive, not {tolerance}")
+    out, at = np.empty(len(values), dtype=np.int64), library.address
+    more = (0, None) if others is None else (others.shape[1], at(others))
+    call = library.call.hv_number_alike
+    library.check(call(len(values), values.shape[1], at(values), *more, tolerance, at(out)))
+    return out
 
 
 class BlockGraph:

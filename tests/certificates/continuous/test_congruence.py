@@ -9,6 +9,7 @@ from hemivar.basics.types import IntArray
 from hemivar.certificates.continuous.body_data import BodyData, body_data
 from hemivar.certificates.continuous.compiled_patches import congruent_cells
 from hemivar.gallery.survey_problems import survey_cube
+from hemivar.kernels import alike_rows, kernels
 from hemivar.mechanics import ContactProblem, Material
 from hemivar.mesh import box, rectangle
 from hemivar.mesh.keys import equal_rows
@@ -72,6 +73,28 @@ def test_rows_that_sum_to_the_same_are_told_apart() -> None:
     assert number[0] == number[2] != number[4]
     assert len({number[0], number[1], number[4]}) == 3  # two rows of such a sum need not be found to be equal
     assert number[1] not in (number[0], number[4])
+
+
+@pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
+def test_kernels_find_the_parts_that_numpy_finds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of meshes with few kinds and with one for each cell, of materials that vary; rows of zeros, and none."""
+    varying = Material.lame(lambda x: 4.0 + np.floor(3.0 * x[:, 0]), 3.0)
+    bodies = [data_on(mesh, material) for mesh in (CUBE, shaken(CUBE)) for material in (None, varying)]
+    bodies.append(data_on(rectangle((1.0, 1.0), 40)))
+    found = [congruent_cells(data) for data in bodies]
+    monkeypatch.setattr("hemivar.certificates.continuous.compiled_patches.alike_rows", lambda *_: None)
+    for mine, data in zip(found, bodies, strict=True):
+        assert _same_parts(mine, congruent_cells(data))
+    rows = np.array([[0.0, 0.0], [1.0, 2.0], [0.0, 0.0], [2.0, 4.0], [1.0, 2.0 + 1e-12], [1.0, 2.0 + 1e-6]])
+    other = np.array([[1.0], [1.0], [1.0], [1.0], [1.0], [1.0]])
+    assert alike_rows(rows, other, 1e-9) == pytest.approx([0, 1, 0, 2, 1, 3])
+    assert alike_rows(rows, other * np.arange(6.0)[:, None], 1e-9) == pytest.approx(np.arange(6))
+    empty = alike_rows(np.zeros((0, 4)), None, 1e-9)
+    assert empty is not None
+    assert len(empty) == 0
+    for wrong, tolerance in ((rows.T, 1e-9), (rows[0], 1e-9), (rows.astype(int), 1e-9), (rows, 0.0)):
+        with pytest.raises(ValueError, match="must"):
+            alike_rows(wrong, None, tolerance)
 
 
 def _same_parts(first: IntArray, second: IntArray) -> bool:

@@ -13,7 +13,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.patches import priorities
 from hemivar.certificates.continuous.split_element import SplitElement
-from hemivar.kernels import Kernels, kernels
+from hemivar.kernels import Kernels, alike_rows, kernels
 from hemivar.kernels.read_arrays import given, numbers, rising
 from hemivar.mesh.keys import equal_rows
 
@@ -234,10 +234,11 @@ def congruent_cells(data: BodyData) -> IntArray:
 
     Cells of the regular meshes of boxes, and those that uniform refinement makes of one cell, are of a few kinds.
     """
-    parts = [_rounded(data.table.jacobian.reshape(len(data.table.cells), -1))]
+    parts = [data.table.jacobian.reshape(len(data.table.cells), -1)]
     if len(data.sweep_compliance) > 1:
-        parts.append(_rounded(data.sweep_compliance.reshape(len(data.sweep_compliance), -1)))
-    return equal_rows(np.concatenate(parts, axis=1))
+        parts.append(np.ascontiguousarray(data.sweep_compliance).reshape(len(parts[0]), -1))
+    found = alike_rows(parts[0], parts[1] if len(parts) > 1 else None, _TOLERANCE)
+    return equal_rows(np.concatenate([_rounded(part) for part in parts], axis=1)) if found is None else found
 
 
 def _rounded(values: Array) -> IntArray:
