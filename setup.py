@@ -66,19 +66,8 @@ class KernelsWheel(bdist_wheel):
 
 kernels = Extension(
     "hemivar.kernels._compiled",
-        for name in ("active_sets", "api", "cells", "cycle", "mesh_sums", "panels", "patches", "pool", "set_up", "stars")
-    ],
-    depends=[
-        f"{KERNELS}/{name}.hpp"
-        for name in (
-            "active_sets", "cells", "lanes", "levels", "memory", "mesh_sums", "panels", "patches", "pool", "stars", "wide",
-        )  # fmt: skip
-    ],
-    depends=sorted(str(header.relative_to(HERE)) for header in (HERE / KERNELS).glob("*.hpp")),
-=======
     sources=sorted(f"{KERNELS}/{path.name}" for path in (HERE / KERNELS).glob("*.cpp")),
     depends=sorted(f"{KERNELS}/{path.name}" for path in (HERE / KERNELS).glob("*.hpp")),
->>>>>>> e00ae8c3 (Stars read their arrays as patches do; the kernels are built of all sources in their folder)
     language="c++",
     optional=True,
 )

@@ -96,15 +96,10 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> Ba
     """Of a displacement in the domain of the law; None where no tractions that the law allows balance the loads."""
     body, joined = BareStiffness(data), bool(data.table.cut.any())
     loads = _gathered(data, data.loads) + data.at_nodes(np.arange(len(data.facet_loads)), data.facet_loads)
-<<<<<<< HEAD
-    shared = unsettled(data.under(contact_moments(data)) if joined else data).moments
+    shared = shared_on_contact(data, contact_moments(data) if joined else None)
     lack = loads - _gathered(data, data.forces)
     rough, fine = (_Multipliers(at, body, loads, lack, at.interpolated(shared)) for at in (traces.rough, traces))
     found = _best(rough, fine)
-=======
-    shared = shared_on_contact(data, contact_moments(data) if joined else None)
-    found = _best(*(_Multipliers(at, body, loads, at.interpolated(shared)) for at in (traces.rough, traces)))
->>>>>>> 797fb44d (Tractions around vertices and facets of meshes come from the compiled kernels, one star at a time)
     if found is None:
         return None
     gap, force = found
