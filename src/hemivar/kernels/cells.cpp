@@ -165,6 +165,11 @@ HEMIVAR_INLINE void settle(const Tables& t, const Work& w) {
     }
 }
 
+// The moments of the next cells, which stand apart.
+HEMIVAR_INLINE void fetch_moments(const Tables& t, const CellStresses& b, int64_t first, int64_t last) {
+    for (int64_t k = first * t.corners; k < last * t.corners; ++k) fetch(b.moments + b.cell_facets[k] * t.block, t.block);
+}
+
 template <int V>
 HEMIVAR_INLINE void add_up(const Tables& t, const CellStresses& b, int64_t piece) {
     std::vector<double> room((t.numbers() + 1) * kEight);
@@ -173,6 +178,7 @@ HEMIVAR_INLINE void add_up(const Tables& t, const CellStresses& b, int64_t piece
     const int64_t end = std::min(b.cells, (piece + 1) * kPiece);
     for (int64_t first = piece * kPiece; first < end; first += kEight) {
         const int64_t count = std::min(kEight, end - first);
+        fetch_moments(t, b, first + kEight, std::min(end, first + 2 * kEight));
         fill<V>(t, b, first, count, w);
         t.loading.times(w.given, w.degrees, 0, t.loading.rows);
         if (t.e.inner) settle<V>(t, w);
