@@ -140,7 +140,8 @@ def body(dim):
     kind = list(PatchKind)[rng.integers(3)]
     v, count, facets = len(element.values[0, 0]), len(table.cells), len(table.facets)
     root = rng.standard_normal((count, v, v))
-    made = dict(compliance=root @ root.transpose(0, 2, 1), inverse=table.inverse, signs=table.signs,
+    upper = (root @ root.transpose(0, 2, 1))[:, *element.upper]
+    made = dict(compliance=upper, gradients=table.gradients, signs=table.signs,
                 cell_facets=table.cell_facets, facet_nodes=table.facets, points=mesh.points, alike=np.arange(count))
     patches = cell_patches(table, kind)
     ordered = dict(patches=patches, chosen=rng.uniform(size=int(patches.max()) + 1) < 0.9)
