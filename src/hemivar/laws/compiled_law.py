@@ -119,8 +119,9 @@ class CompiledLaw:
     def of(cls, normal: Superpotential, friction: Friction) -> Self | None:
         """None where the kernels are not there, or do not know such a law."""
         library = kernels()
-        own, profile = (None, None) if library is None else (normal.laid_out, friction.profile.laid_out)
-        if library is None or own is None or profile is None:
+        profile = None if library is None else friction.profile.laid_out
+        own = None if profile is None else normal.laid_out
+        if library is None or profile is None or own is None:
             return None
         slip = profile.times(friction.bounds)
         return cls(library, own, slip) if own.fits and slip.fits else None
