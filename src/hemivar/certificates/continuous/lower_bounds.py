@@ -98,10 +98,14 @@ _MOST = {2: 20_000, 3: 2_500}
 _FIRST = {2: 800, 3: 48}
 #: How often fewer cells are sought by chance, and the shape of the worst one from which on they are not.
 _SEEDS, _GOOD = 5, {2: 0.0, 3: 0.6}
+#: Digits of shapes that are one.
+_DIGITS = 6
+#: Cells of a body up to which they are sought from its own mesh.
+_AGAIN = 2_000
 #: Shape of the worst cell below which few cells do not serve in space, and that which cells keep then.
 _BAD, _BETTER = 0.25, 0.4
 #: Part of the value of displacements from which on a bound is not improved.
-_SHARP = {2: 0.95, 3: 0.85}
+_SHARP = {2: 0.95, 3: 0.8}
 #: The same in space for the mesh itself if its cells are not more than some; of many it must be far worse.
 _ENOUGH, _SOME = 0.6, 1_000
 
@@ -504,7 +508,7 @@ def _parts_of(bare: ContactProblem, kept: Workspace | None = None) -> Iterator[t
     """
     dim = bare.mesh.dim
     some, whole = part_of_body(bare, PART[dim], LOSS, kept=kept)
-    few, same = _of_few(some)
+    (few, same), *others = _of_few(bare, some)
     if dim == 3 and _least_shape(few) < _BAD:
         better, all_of_it = part_of_body(bare, 0, LOSS, least=_BETTER)
         if 1.5 * better.mesh.number_of_cells > bare.mesh.number_of_cells <= _MOST[dim]:
@@ -514,7 +518,8 @@ def _parts_of(bare: ContactProblem, kept: Workspace | None = None) -> Iterator[t
             return
     if few.mesh.number_of_cells > _MOST[dim]:
         yield part_of_body(softened(bare), 0, LOSS)[0], False
-    yield few, whole and same
+    for part, all_of_some in [(few, same), *others]:
+        yield part, whole and all_of_some
     if few.mesh.number_of_cells < some.mesh.number_of_cells:
         yield some, whole
 
@@ -523,17 +528,20 @@ def _least_shape(body: ContactProblem) -> float:
     return float(shapes(body.mesh.points, body.mesh.cells)[1].min())
 
 
-def _of_few(some: ContactProblem) -> tuple[ContactProblem, bool]:
-    """The best of some parts of as few cells as possible: that whose worst cell is best."""
-    best, found = -1.0, (some, True)
+def _of_few(bare: ContactProblem, some: ContactProblem) -> list[tuple[ContactProblem, bool]]:
+    """The best two parts of as few cells as possible, those whose worst cells are best; whether they are all of some.
+
+    Where few are left in some already, others are made of the body itself if it has not too many.
+    """
+    dim, cells = some.mesh.dim, some.mesh.number_of_cells
+    again = bare if cells < PART[dim] // 2 and bare.mesh.number_of_cells <= _AGAIN else some
+    found: dict[float, tuple[ContactProblem, bool]] = {}
     for seed in range(_SEEDS):
-        part, whole = part_of_body(some, 0, LOSS, seed)
-        shape = _least_shape(part)
-        if shape > best:
-            best, found = shape, (part, whole)
-        if best >= _GOOD[some.mesh.dim]:
+        part = part_of_body(again if seed else some, 0, LOSS, seed)
+        found.setdefault(round(_least_shape(part[0]), _DIGITS), part)
+        if max(found) >= _GOOD[dim]:
             break
-    return found
+    return [found[shape] for shape in sorted(found, reverse=True)[:2]]
 
 
 def _on(body: ContactProblem, cells: int, names: Sides, whole: bool = True) -> LowerBounds:
