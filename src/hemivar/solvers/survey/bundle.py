@@ -15,12 +15,16 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, Interval, Superpotential, separable
 from hemivar.solvers.base import Solver, State
-from hemivar.solvers.controls import Budget
+from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.newton_on_graph import FEW_ROUNDS, NewtonCache, active_set_newton
 from hemivar.solvers.status import Status
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["CuttingPlanes", "ProximalBundle"]
+
+#: Residual, relative to the load, of the minimiser of a model.
+_EXACT = 1e-13
 
 
 @dataclass(frozen=True)
@@ -319,4 +323,9 @@ def _minimise_model(
         idle = idle + 1 if state.energy == before else 0
         if idle == 2 or model.residual(state.r, state.lam).below(0.0, 1e-15):
             break
+    if weight == 0.0:  # energies tell points apart up to the root of rounding; from there on slopes do
+        controls = Controls(atol=0.0, rtol=_EXACT)
+        found = active_set_newton(model, state.r, state.lam, controls, NewtonCache(), rounds=FEW_ROUNDS)
+        if found is not None:
+            return found.local, state.evaluations + found.evaluations
     return state.r, state.evaluations
