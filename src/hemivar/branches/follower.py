@@ -99,7 +99,7 @@ class Track:
 _SAME, _CHANGES = 1e-6, 8
 
 #: Load that hardly changes, beside the motion, and how many times longer steps may then be.
-_STILL, _ON_THE_SPOT = 1e-6, 50.0
+_STILL, _ON_THE_SPOT = 1e-3, 50.0
 
 #: A number that tells by its sign on which side of a change a point of a segment lies, by theta, segment, t and border.
 Measure: TypeAlias = Callable[[Array, AnyArray, float, Array], float]

@@ -12,7 +12,7 @@ Components that a support holds are a part of it: a stiff spring pulls their r t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -42,8 +42,8 @@ _NEAR, _TELL, _ROUNDED = 2e-9, 5e-9, 1e-12
 _JUMP = 1e-4
 #: Rounding of derivatives at most, far below a jump.
 _FAR_AWAY = 1e-5
-#: Part of the stiffness that is none.
-_NEUTRAL = 1e-13
+#: Part of the stiffness that is none, and below which only contact holds a body.
+_NEUTRAL, _FREE = 1e-13, 1e-9
 #: Parts of a reach in which a corner is searched one after the other.
 _PARTS = (1e-2, 1e-1, 1.0)
 #: Pairs that are remembered.
@@ -77,10 +77,13 @@ class GraphChart(Curves):
     system : CondensedProblem
     a : array (m, 2)
         Stiffness (force per area and length) of the chart, for the normal and the tangential part.
+    first : array (m, c)
+        Where the path begins, in the chart of its own stiffness.
     """
 
     system: CondensedProblem
     a: Array
+    first: Array
 
     @property
     def law(self) -> VectorLaw:
@@ -95,11 +98,23 @@ class GraphChart(Curves):
     def length(self) -> float:
         """A typical displacement under the load; gaps do not count, for points far away may never close theirs."""
         free, moved = self.system.free, self.system.displaced
-        held = self.system.matrix + 1e-3 * np.diag(self.system.diagonal.ravel())
+        held = self.system.matrix + np.diag(self._springs)
         u = la.solve(held[np.ix_(free, free)], moved.load[free], assume_a="pos") if free.size else moved.load[free]
         fixed = np.where(moved.active, 0.0, self.system.fixed + self.system.problem.offset)
         size = max(float(np.abs(u).max(initial=0.0)), float(np.abs(fixed).max(initial=0.0)))
         return size if size > 0.0 else self.system.length_scale
+
+    @cached_property
+    def _springs(self) -> Array:
+        """Stiffness (n,) that holds a body for the estimate of its displacement: where nothing else does, the law's."""
+        free, size = self.system.free, self.system.diagonal.ravel()
+        scale = np.sqrt(size[free])
+        scaled = self.system.matrix[np.ix_(free, free)] / scale[:, None] / scale
+        if not free.size or la.eigvalsh(scaled, subset_by_index=[0, 0])[0] > _FREE:
+            return 1e-3 * size
+        slope = np.diagonal(self.pairs(self.first.ravel())[2], axis1=1, axis2=2).clip(0.0, 1.0)
+        law = np.minimum(1.0, (1.0 - slope) / np.maximum(slope, 1e-300))
+        return np.asarray(np.maximum(1e-3 * size, self._weighed * law.ravel()))
 
     @property
     def weights(self) -> Array:
@@ -219,10 +234,7 @@ class GraphChart(Curves):
         weighed = np.zeros((m, c, m, c))
         every = np.arange(m)
         weighed[every, :, every, :] = self._weight[:, :, None] * slope
-        J = self._jacobian(slope)
-        force, motion = la.eigvals(J, weighed.reshape(self.size, -1), homogeneous_eigvals=True)
-        felt = np.abs(force) > _NEUTRAL * np.linalg.norm(J)  # else the body is free to move, and no energy falls
-        flexible = motion[felt] / force[felt]
+        flexible = _flexibilities(self._jacobian(slope), weighed.reshape(self.size, -1))
         return int((flexible.real < -1e-10 * np.abs(flexible).max(initial=0.0)).sum())
 
     def _moving(self, slope: Array) -> tuple[Array, Array]:
@@ -407,7 +419,22 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart |
             f"separable law; give the drop a slope"
         )
     a = np.maximum((_ABOVE if known is None else _FAR_ABOVE) * alpha, 1.0 / system.compliance)
-    return GraphChart(system, a if known is None else np.maximum(a, known.a))
+    if known is not None:
+        return replace(known, a=np.maximum(a, known.a))
+    return GraphChart(system, a, r + lam / spread(a, r.shape[1]))
+
+
+def _flexibilities(stiff: Array, weighed: Array) -> Array:
+    """Eigenvalues of ``stiff^-1 weighed``, but for motions that nothing resists."""
+    try:
+        found = np.linalg.eigvals(np.linalg.solve(stiff, weighed))
+        if np.abs(found).max(initial=0.0) * _NEUTRAL * np.linalg.norm(stiff) < np.linalg.norm(weighed):
+            return np.asarray(found)
+    except np.linalg.LinAlgError:
+        pass
+    force, motion = la.eigvals(stiff, weighed, homogeneous_eigvals=True)
+    felt = np.abs(force) > _NEUTRAL * np.linalg.norm(stiff)
+    return np.asarray(motion[felt] / force[felt])
 
 
 def _least(law: VectorLaw, r: Array, lam: Array) -> Array:
