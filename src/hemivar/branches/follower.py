@@ -98,8 +98,8 @@ class Track:
 #: Part of a distance by which two changes may differ and be one; changes of stability that a step is searched for.
 _SAME, _CHANGES = 1e-6, 8
 
-#: Load that hardly changes, beside the motion, and how many times longer steps may then be.
-_STILL, _ON_THE_SPOT = 1e-3, 50.0
+#: Load that hardly changes, beside the motion, and how many times longer steps may then be, beside that as well.
+_STILL, _ON_THE_SPOT = 1e-3, 20.0
 
 #: A number that tells by its sign on which side of a change a point of a segment lies, by theta, segment, t and border.
 Measure: TypeAlias = Callable[[Array, AnyArray, float, Array], float]
@@ -199,7 +199,8 @@ class Follower:
                 track.ended = PathEnd.UPPER_END if t >= self.high else PathEnd.LOWER_END
                 break
             if new.event is None:
-                largest = self.largest_step * chain.length * (_ON_THE_SPOT if self.still(tangent) else 1.0)
+                still, gone = self.still(tangent), float(np.abs(theta).max())
+                largest = self.largest_step * (_ON_THE_SPOT * max(chain.length, gone) if still else chain.length)
                 step = min(largest, 1.5 * new.length if new.easy else new.length)
             segment = new.segment
             tangent = self.tangent(theta, segment, t, new.border)
