@@ -65,7 +65,9 @@ def save_card(figure: Figure, path: Path) -> None:
 
 #: The gallery: its sections, from the first solution to data of one's own; what is not named here comes last.
 SECTIONS = {
-    "First steps": ("first_solution", "weighted_block", "units", "law_in_space", "all_methods", "warm_start"),
+    "First steps": (
+        "first_solution", "weighted_block", "units", "law_in_space", "all_methods", "warm_start", "retaining_wall",
+    ),
     "Laws": ("own_laws", "weakening_friction", "delamination", "mixed_mode", "broken_foundation"),
     "Several solutions": ("convexity_and_margin", "three_solutions", "trace_constants"),
     "Bodies that touch": ("two_cylinders", "two_spheres", "press_fit", "three_blocks", "wheel_on_rail"),

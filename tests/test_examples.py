@@ -256,6 +256,15 @@ def test_press_fit_is_lame_of_second_order() -> None:
     assert found["around_axis"] == pytest.approx(54.08653846, rel=5e-4)
 
 
+def test_a_retaining_wall_slides_and_topples_where_statics_says() -> None:
+    found = run("retaining_wall")
+    area, push = 4.0 * (3.2 + 1.0) / 2.0, 9.81 * 4.0**2 / 2.0
+    assert found["path"].limit_load == pytest.approx(0.7 * 24.0 * area / push, rel=1e-8)
+    arm = 3.2 - (4.0 * 0.5 + 4.4 * (1.0 + 2.2 / 3.0)) / area  # of the weight about the toe: rectangle and triangle
+    assert found["tipping"].limit_load == pytest.approx(24.0 * area * arm / (push * 4.0 / 3.0), rel=1e-8)
+    assert found["found"].carried < found["tipping"].limit_load < found["found"].not_carried
+
+
 def test_rubber_bearing_is_a_thin_film() -> None:
     """The film with Tresca's friction, integrated by hand; the free side is felt less in thinner strips."""
     forces = run("rubber_bearing")["forces"]
