@@ -1,6 +1,6 @@
 r"""
-Retaining wall: how far the water may rise
-==========================================
+Retaining wall: safe from sliding and toppling
+==============================================
 
 A concrete wall stands on rock, held by its weight and friction alone. Water presses on its back. The weight stays, the
 push of the water grows: at which multiple of it does the wall slide, and when does it topple? Both have closed forms.
