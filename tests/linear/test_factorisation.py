@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import pickle
+import resource
+import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -257,3 +260,28 @@ def test_wrong_triangles_are_refused_at_the_door() -> None:
             sweeps.backward(wrong)
     with pytest.raises(TypeError, match="this process"):
         pickle.dumps(sweeps)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs Linux's count of pages")
+def test_memory_of_factors_is_given_back() -> None:
+    """SciPy gives it back in the thread that made them only, and large ones are made beside the main thread."""
+
+    def used() -> int:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+    matrix = sp.csr_array(sp.kronsum(sp.kronsum(line(20), line(20)), line(20)))
+    kept = np.arange(40)
+    factors = SuperLUFactorisation(matrix, kept)
+    size = 12 * (factors._factor.triangles()[0].nnz * 2)  # type: ignore[union-attr]
+    del factors
+    began = used()
+    for _ in range(5):
+        SuperLUFactorisation(matrix, kept)
+    time.sleep(0.1)
+    assert size > 20e6
+    assert used() - began < 1.5 * size
+
+
+def line(count: int) -> sp.csr_array:
+    """Second differences, and one more on the diagonal."""
+    return sp.csr_array(sp.diags_array([-1.0, 3.0, -1.0], offsets=[-1, 0, 1], shape=(count, count)))

@@ -220,15 +220,15 @@ def test_a_factorisation_is_left_at_once(tmp_path: Path) -> None:
         """
         import sys, time
         from hemivar import cli
-        from hemivar.linear import factorisation
+        from hemivar.linear import factorisation, superlu
 
         def splu(*arguments, **options):
             print("factorising", flush=True)
             time.sleep(300)
 
-        factorisation._QUICK = 10  # in a thread of its own, whatever the size
+        superlu._QUICK = 10  # in a thread of its own, whatever the size
         factorisation.pardiso_available = lambda: False  # which would leave splu to the certificate
-        factorisation.spla.splu = splu
+        superlu.spla.splu = splu
         sys.exit(cli.main(["solve", "part.toml", "--method", "newton", "--json", "a.json"]))
         """,
         tmp_path,

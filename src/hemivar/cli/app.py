@@ -101,8 +101,8 @@ def _guarded(arguments: list[str] | None, out: Stream) -> int:
 
 def _leave(code: int) -> None:
     """End the process at once if a factorisation that was interrupted still runs; otherwise do nothing."""
-    factorisation = sys.modules.get("hemivar.linear.factorisation")
-    if factorisation is not None and factorisation.abandoned_work():
+    superlu = sys.modules.get("hemivar.linear.superlu")
+    if superlu is not None and superlu.abandoned_work():
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

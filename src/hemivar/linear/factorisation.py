@@ -2,40 +2,30 @@
 
 from __future__ import annotations
 
-import atexit
-import threading
 import weakref
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.kernels import Kernels, kernels
-from hemivar.linear.condensed_load import CondensedLoad, singular_interior
-from hemivar.linear.definite import positive_pivots
+from hemivar.linear.condensed_load import CondensedLoad
 from hemivar.linear.pardiso import PardisoFactorisation, pardiso_available
+from hemivar.linear.superlu import LUFactors, superlu
 
 __all__ = [
     "CondensedLoad",
     "Factorisation",
     "PanelSweeps",
     "SuperLUFactorisation",
-    "abandoned_work",
     "factorise",
 ]
 
-_Result = TypeVar("_Result")
 #: Entries a row up to which a matrix is taken for one of the plane: linear elements have 14 there, quadratic ones 23,
 #: and linear ones in space 45. Fields of one component in space, such as temperatures, have 15 and go with the plane.
 _PLANE = 30
-#: Matrices up to this size are factorised in less time than a thread of its own is worth.
-_QUICK = 5_000
-#: Factorisations that were interrupted.
-_abandoned: list[threading.Thread] = []
 
 
 class Factorisation(Protocol):
@@ -98,7 +88,7 @@ class SuperLUFactorisation:
         rank[_fill_reducing_order(matrix)] = np.arange(n)
         self._order = np.concatenate([others[np.argsort(rank[others])], kept[np.argsort(rank[kept])]])
         permuted = sp.csc_array((matrix + sp.diags_array(shift))[self._order][:, self._order])
-        self._factor: spla.SuperLU | None = _superlu(permuted, "NATURAL")
+        self._factor: LUFactors | None = superlu(permuted, "NATURAL")
         in_order = self._trailing_product(self._factor, kept.size)
         if in_order is None:
             in_order = self._schur_by_solves(self._factor, kept.size)
@@ -109,16 +99,16 @@ class SuperLUFactorisation:
         if self._halves is not None:
             self._factor = None
 
-    def _halved(self, factor: spla.SuperLU, first: int) -> _TriangularFactors | None:
+    def _halved(self, factor: LUFactors, first: int) -> _TriangularFactors | None:
         """Both sweeps by themselves, if the factors are those of a symmetric elimination, the kept unknowns last."""
         n, compiled = self._order.size, kernels()
-        columns = factor.perm_c
-        if compiled is None or not (np.array_equal(factor.perm_r, columns) and np.all(columns[first:] >= first)):
+        columns = factor.columns
+        if compiled is None or not (factor.symmetric and np.all(columns[first:] >= first)):
             return None
-        pivots = factor.U.diagonal()[:first]
+        full, upper = factor.triangles()
+        pivots = upper.diagonal()[:first]
         if not np.all(pivots != 0.0):
             return None
-        full = factor.L
         end = int(full.indptr[first])
         columns_before = full.data[:end], full.indices[:end], full.indptr[: first + 1]
         in_order = sp.csr_array(sp.csc_array(columns_before, shape=(n, first)))  # half the time that sorting rows takes
@@ -127,21 +117,19 @@ class SuperLUFactorisation:
         return _TriangularFactors(sweeps, pivots, order, np.searchsorted(self._kept, order[first:]), np.argsort(order))
 
     @staticmethod
-    def _trailing_product(factor: spla.SuperLU, count: int) -> Array | None:
+    def _trailing_product(factor: LUFactors, count: int) -> Array | None:
         """The product of the trailing factors, if elimination kept the chosen unknowns last."""
-        first = factor.shape[0] - count
-        columns = factor.perm_c
-        if not (np.array_equal(factor.perm_r, columns) and np.all(columns[first:] >= first)):
+        first, columns = factor.n - count, factor.columns
+        if not (factor.symmetric and np.all(columns[first:] >= first)):
             return None
-        lower = sp.csc_array(factor.L)[:, first:][first:].toarray()
-        upper = sp.csc_array(factor.U)[:, first:][first:].toarray()
+        lower, upper = (sp.csc_array(half)[:, first:][first:].toarray() for half in factor.triangles())
         index = columns[first:] - first
         product = (lower @ upper)[np.ix_(index, index)]
         return np.asarray(0.5 * (product + product.T))
 
     @staticmethod
-    def _schur_by_solves(factor: spla.SuperLU, count: int, block: int = 64) -> Array:
-        n = factor.shape[0]
+    def _schur_by_solves(factor: LUFactors, count: int, block: int = 64) -> Array:
+        n = factor.n
         last = np.arange(n - count, n)
         inverse = np.empty((count, count))
         for start in range(0, count, block):
@@ -158,7 +146,8 @@ class SuperLUFactorisation:
         if self._factor is None:
             assert self._halves is not None
             return bool(np.all(self._halves.pivots > 0.0))
-        return positive_pivots(self._factor)  # with the shift on the kept unknowns, which only adds to it
+        # With the shift on the kept unknowns, which only adds to it.
+        return bool(self._factor.symmetric and np.all(self._factor.triangles()[1].diagonal() > 0.0))
 
     def _solve(self, rhs: Array) -> Array:
         assert self._factor is not None
@@ -270,63 +259,6 @@ class PanelSweeps:
         return self.kernels.address(x)
 
 
-def _superlu(matrix: sp.csc_array, ordering: str) -> spla.SuperLU:
-    def factorise() -> spla.SuperLU:
-        return spla.splu(
-            matrix,
-            permc_spec=ordering,
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True, "Equil": False},
-        )
-
-    try:
-        return _interruptible(factorise) if matrix.shape[0] > _QUICK else factorise()
-    except RuntimeError as error:
-        if "singular" in str(error):
-            raise singular_interior() from error
-        if "memory" in str(error).lower() or "malloc" in str(error).lower():
-            raise MemoryError(str(error)) from error
-        raise
-
-
-def abandoned_work() -> bool:
-    """Whether a factorisation that was interrupted is still running; a process that cannot wait ends by os._exit."""
-    return any(worker.is_alive() for worker in _abandoned)
-
-
-def _interruptible(work: Callable[[], _Result]) -> _Result:
-    """Run compiled code that lets go of the interpreter in a thread, so that Ctrl-C is answered before it ends.
-
-    After an interruption the thread is left to itself: the library cannot be stopped in the middle, and what it
-    finds is dropped.  Python must not shut down beside it, so that the end of the process waits for it.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        return work()
-    done = threading.Event()
-    found: list[_Result] = []
-    failed: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            found.append(work())
-        except BaseException as error:
-            failed.append(error)
-        done.set()
-
-    worker = threading.Thread(target=run, daemon=True)
-    try:
-        worker.start()
-        done.wait()
-    except KeyboardInterrupt:
-        if worker.ident is not None:
-            _abandoned.append(worker)
-            atexit.register(worker.join)
-        raise
-    if failed:
-        raise failed[0]
-    return found[0]
-
-
 def _fill_reducing_order(matrix: sp.csr_array) -> IntArray:
     """Minimum degree order of the unknowns, by groups of unknowns with the same pattern."""
     n = matrix.shape[0]
@@ -347,7 +279,7 @@ def _fill_reducing_order(matrix: sp.csr_array) -> IntArray:
     graph = graph + graph.T
     degree = -np.asarray(graph.sum(axis=1)).ravel()
     graph = sp.csc_array(graph + sp.diags_array(2.0 * degree + 1.0))
-    order = np.argsort(_superlu(graph, "MMD_AT_PLUS_A").perm_c)
+    order = np.argsort(superlu(graph, "MMD_AT_PLUS_A").columns)
     rank = np.empty(count, dtype=np.int64)
     rank[order] = np.arange(count)
     return np.argsort(rank[group], kind="stable")

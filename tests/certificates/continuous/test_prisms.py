@@ -69,9 +69,10 @@ ENTRIES = [(h, n, r) for h in range(len(KINDS)) for n in range(len(TRIANGLES)) f
 
 @pytest.mark.parametrize(
     ("kind", "number", "ratio"),
-    [pytest.param(*entry, marks=() if k == 13 else pytest.mark.slow) for k, entry in enumerate(ENTRIES)],
+    [pytest.param(*entry, marks=() if k == 13 else pytest.mark.slow) for k, entry in enumerate(ENTRIES) if k % 12 == 1],
 )
 def test_the_table_is_proved(kind: int, number: int, ratio: int) -> None:
+    """``python -m tests.certificates.continuous.prism_constants`` proves all of it."""
     proved = known(kind, number, ratio)
     assert proved <= SQUARES[kind][number][ratio] <= proved + 2e-4
 
