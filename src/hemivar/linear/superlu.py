@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import os
 import threading
 import weakref
@@ -20,6 +19,8 @@ __all__ = ["LUFactors", "abandoned_work", "superlu"]
 
 #: Matrices up to this size are factorised in less time than a thread of its own is worth.
 _QUICK = 5_000
+#: What the last task finds.
+_END = object()
 
 
 class _Maker:
@@ -30,11 +31,17 @@ class _Maker:
 
     def __init__(self) -> None:
         self._tasks: SimpleQueue[Callable[[], object]] = SimpleQueue()
-        threading.Thread(target=self._serve, daemon=True).start()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+        weakref.finalize(self, self._end)  # runs when Python shuts down, after those of the factors
 
     def _serve(self) -> None:
-        while True:
-            self._tasks.get()()
+        while self._tasks.get()() is not _END:
+            pass
+
+    def _end(self) -> None:
+        self._tasks.put(lambda: _END)
+        self._thread.join()
 
     def result(self, work: Callable[[], spla.SuperLU]) -> list[spla.SuperLU]:
         """What some work finds, alone in a list; after an interruption it is left to itself and dropped.
@@ -55,7 +62,6 @@ class _Maker:
             done.wait()
         except KeyboardInterrupt:
             _abandoned.append(done)
-            atexit.register(done.wait)
             raise
         if failed:
             raise failed[0]
@@ -101,7 +107,7 @@ class LUFactors:
         self.columns: IntArray = np.array(made[0].perm_c)  # what they hold themselves would keep them all
         self.rows: IntArray = np.array(made[0].perm_r)
         if maker is not None:
-            weakref.finalize(self, maker.drop, made).atexit = False
+            weakref.finalize(self, maker.drop, made)
 
     @property
     def symmetric(self) -> bool:
