@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar import gallery
+from hemivar.certificates.continuous.body_data import Kept
 from hemivar.discrete import ContactPoints, Field, Quadratic, Space
 from hemivar.errors import HemivarError
 from hemivar.evolution import SCHEMES
@@ -226,7 +227,7 @@ def unlike(one: object, other: object, where: str = "") -> str | None:
         pairs = [(facets[0], facets[1], f"{where}.boundaries")]
         pairs += [(getattr(one, name), getattr(other, name), f"{where}.{name}") for name in parts]
     elif dataclasses.is_dataclass(one):
-        names = [field.name for field in dataclasses.fields(one)]
+        names = [field.name for field in dataclasses.fields(one) if not isinstance(getattr(one, field.name), Kept)]
         pairs = [(getattr(one, name), getattr(other, name), f"{where}.{name}") for name in names]
     elif isinstance(one, float) and np.isnan(one):
         return None if np.isnan(other) else where  # type: ignore[call-overload]

@@ -67,6 +67,13 @@ class VaryingLoads:
         return [f"{name} {values.doubt}" for name, values in named if values.doubt]
 
 
+class Kept(dict[object, object]):
+    """What can be made again: it does not travel to other processes."""
+
+    def __reduce__(self) -> tuple[type[Kept], tuple[()]]:
+        return Kept, ()
+
+
 @dataclass(frozen=True, eq=False)
 class BodyData:
     """Data of a body for the stresses of one displacement.
@@ -108,7 +115,7 @@ class BodyData:
     #: The stored energy of a material that is not linear.
     stored: CellEnergy | None = None
     #: What belongs to mesh and material, under names; see :meth:`once`.
-    kept: dict[object, object] = field(default_factory=dict)
+    kept: Kept = field(default_factory=Kept, compare=False, repr=False)
 
     @property
     def order(self) -> int:
@@ -305,9 +312,9 @@ def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace
     tensor, weights = law.on(mesh, 2 * order, vertices=None if order == 1 else table.cells)
     stored = None if material.linear else cell_energy(material, mesh, table.cells, 2 * order)
     strains, stresses, forces = _stresses(table, order, u, cell_nodes, tensor, weights, stored)
-    kept: dict[object, object] = {}
+    kept = Kept()
     if workspace is not None and stored is None:
-        kept = workspace.once("patches", (*cells, tensor, weights, np.array(order)), dict)
+        kept = workspace.once("patches", (*cells, tensor, weights, np.array(order)), Kept)
     contact = np.full(len(table.facets), -1, dtype=np.int64)
     for number, name in enumerate(problem.contact):
         contact[table.numbers(mesh.boundaries[name])] = number
