@@ -337,7 +337,7 @@ class ModeDependentGlue(Glue):
         Raises
         ------
         ProblemError
-            ``a`` is not :attr:`curve_above`: there may be several such pairs.
+            ``a`` is too small: there may be several such pairs.
         """
         enough = self.curve_above[0]
         if not (a > enough[:, None]).all():
