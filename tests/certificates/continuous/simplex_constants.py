@@ -22,7 +22,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.facet_constants import equilibrated_blocks, facet_constants
+from hemivar.certificates.continuous.facet_constants import _of_cells, equilibrated_blocks
 from hemivar.certificates.continuous.facet_table import facet_table
 from hemivar.certificates.continuous.split_element import pulled_back
 from hemivar.certificates.continuous.trace_bounds import missed_part
@@ -55,7 +55,7 @@ def simplex_constants(corners: Array, compliance: Array) -> tuple[float, float]:
     cell = (known[_key(corners / size)] + theta / parts * worst) * size
 
     table = facet_table(Mesh.oriented(corners, [list(range(dim + 1))]))
-    squares = [facet_constants(table, compliance[None], np.array([facet])).squares[0] for facet in range(dim + 1)]
+    squares = _of_cells(table, compliance[None], np.arange(dim + 1))
     return cell, math.sqrt(max(squares))
 
 
