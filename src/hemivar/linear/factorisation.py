@@ -146,8 +146,7 @@ class SuperLUFactorisation:
         if self._factor is None:
             assert self._halves is not None
             return bool(np.all(self._halves.pivots > 0.0))
-        # With the shift on the kept unknowns, which only adds to it.
-        return bool(self._factor.symmetric and np.all(self._factor.triangles()[1].diagonal() > 0.0))
+        return self._factor.positive  # with the shift on the kept unknowns, which only adds to it
 
     def _solve(self, rhs: Array) -> Array:
         assert self._factor is not None

@@ -14,6 +14,7 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.linear.condensed_load import singular_interior
+from hemivar.linear.definite import positive_pivots
 
 __all__ = ["LUFactors", "abandoned_work", "superlu"]
 
@@ -113,6 +114,11 @@ class LUFactors:
     def symmetric(self) -> bool:
         """Whether no rows were exchanged."""
         return np.array_equal(self.rows, self.columns)
+
+    @property
+    def positive(self) -> bool:
+        """Whether the matrix is positive definite, as far as rounding lets one see."""
+        return positive_pivots(self._made[0])
 
     def triangles(self) -> tuple[sp.csc_array, sp.csc_array]:
         """L and U."""
