@@ -111,7 +111,7 @@ class NonlinearFollower(GraphFollower):
 def linear_in_place(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
     """The linear body that has the forces and the stiffness of a body at unknowns (n,)."""
     bulk = linear_bulk(problem.bulk, u)
-    return problem.with_(bulk=bulk, load=problem.out_of_balance(u) + bulk.gradient(u))
+    return problem.under(problem.out_of_balance(u) + bulk.gradient(u), bulk=bulk)
 
 
 def _condensed(problem: DiscreteProblem, u: Array) -> CondensedProblem:
@@ -125,7 +125,7 @@ def _under(place: _Place, problem: DiscreteProblem) -> CondensedProblem:
     """The linear body of a place with the forces that another load leaves there."""
     own, u = place.system.problem, place.unknowns
     load = problem.out_of_balance(u) + own.linear.gradient(u)
-    return place.system.for_problem(own.with_(load=load, offset=problem.offset))
+    return place.system.for_problem(own.under(load, offset=problem.offset))
 
 
 def _settled(place: _Place, problem: DiscreteProblem, r: Array) -> tuple[Array, bool]:

@@ -75,8 +75,8 @@ def at_tangent(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
     if isinstance(bulk, Potential):
         found = tangent_problem(problem, u)
     else:
-        found = problem.with_(bulk=Quadratic(bulk.hessian(u)))
-    return found.with_(load=problem.out_of_balance(u) + found.bulk.gradient(u))
+        found = problem.under(None, bulk=Quadratic(bulk.hessian(u)))
+    return found.under(problem.out_of_balance(u) + found.bulk.gradient(u))
 
 
 def lower_bound_by(problem: DiscreteProblem) -> str:

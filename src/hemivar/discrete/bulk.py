@@ -183,8 +183,10 @@ class Quadratic(PickleMixin, Sized):
         sizes += np.abs(load)
         return norm(sizes)
 
-    def check_work(self, load: Array, size: float) -> None:
+    def check_work(self, load: Array, size: float, *, stated: bool = True) -> None:
         """Refuse a load (n,) of norm ``size`` whose work over- or underflows: no energy could be compared with another.
+
+        What an iteration leaves of a load may be zero but for rounding: only a ``stated`` load can be too small.
 
         Raises
         ------
@@ -196,7 +198,7 @@ class Quadratic(PickleMixin, Sized):
             return
         with np.errstate(over="ignore", under="ignore"):
             work = float(np.sum(np.abs(load) * (np.abs(load) / self.diagonal)))
-        if load.any() and not _LEAST_WORK < work < 1.0 / _LEAST_WORK:
+        if load.any() and not (_LEAST_WORK if stated else -1.0) < work < 1.0 / _LEAST_WORK:
             raise ProblemError(
                 f"the largest entry of the load is {np.abs(load).max():.3g} with a stiffness of {largest:.3g}: "
                 f"energies of that size {'over' if work > 1.0 else 'under'}flow; use units that suit the problem"

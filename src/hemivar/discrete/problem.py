@@ -60,7 +60,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
     shown : CoercivityProof or None
         How the body was shown to be held, of which model, load and law; see :attr:`held` and :attr:`limit`.
     law_known : bool
-        The law follows another one of the same points: it is not tried out.
+        Law and load follow those of another problem: neither the law nor the size of the load is tried out.
 
     Raises
     ------
@@ -87,10 +87,14 @@ class DiscreteProblem(PickleMixin, ReprMixin):
                 f"offset has shape {loading.offset.shape}; it needs a row for each contact point with one number for "
                 f"each of its local components, {model.contact.shape}"
             )
-        if isinstance(model.bulk, Quadratic):
-            model.bulk.check_work(loading.load, loading.load_size)
+        self._check_work(stated=not law_known)
         if not law_known:
             _check_law(loading.law, loading.offset)
+
+    def _check_work(self, *, stated: bool) -> None:
+        """Refuse a load whose energy overflows; of a stated one also an energy that underflows."""
+        if isinstance(self.bulk, Quadratic):
+            self.bulk.check_work(self.loading.load, self.loading.load_size, stated=stated)
 
     @classmethod
     def of_arrays(
@@ -234,6 +238,21 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         ProblemError
             As when the problem was made.
         """
+        found = self.under(load, offset=offset, law=law, constant=constant, bulk=bulk)
+        if load is not None or bulk is not None:
+            found._check_work(stated=True)
+        return found
+
+    def under(
+        self,
+        load: Array | None,
+        *,
+        offset: Array | None = None,
+        law: VectorLaw | None = None,
+        constant: float | None = None,
+        bulk: Bulk | None = None,
+    ) -> DiscreteProblem:
+        """As :meth:`with_`, for what a method computes on its way: a load that is zero but for rounding is taken."""
         known = self.loading
         loading = Loading(
             known.load if load is None else load,
@@ -242,7 +261,10 @@ class DiscreteProblem(PickleMixin, ReprMixin):
             known.constant if constant is None else constant,
         )
         model = self.model if bulk is None else replace(self.model, bulk=bulk)
-        return DiscreteProblem(model, loading, self.warnings, self.shown, loading.law is known.law)
+        found = DiscreteProblem(model, loading, self.warnings, self.shown, True)
+        if loading.law is not known.law:
+            _check_law(loading.law, loading.offset)
+        return found
 
     def __repr__(self) -> str:
         contact, names = self.contact, ", ".join(self.contact.names)

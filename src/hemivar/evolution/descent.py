@@ -183,7 +183,7 @@ def downhill(
     looks, solved = _Backoff(), u
     for _ in range(_FLOW_STEPS):
         start, before, here = u, problem.local(u), load + slowed.drag(body, u)
-        solution = by.solved(slow.with_(load=here), u, tight)
+        solution = by.solved(slow.under(here), u, tight)
         u = solution.unknowns
         # What a leap onward leaves out of balance inside the body is no part of the way of a body with free motions.
         way, solved = u - (start if slowed.contact is None else solved), u

@@ -107,7 +107,7 @@ class JumpPaths:
         start = before.local.displacement - stage.origin
         theta, segment = chain.nearest(start, before.multiplier)
         place, pressed = chain.local(theta, segment)
-        line = LoadLine(problem, problem.with_(load=problem.contact_force(pressed), offset=-place))
+        line = LoadLine(problem, problem.under(problem.contact_force(pressed), offset=-place))
         slope = chain.force - chain.out_of_balance(theta, segment, np.zeros(chain.size))
         jumps: list[DissipatedJump] = []
         part = 0.0

@@ -49,8 +49,8 @@ class Coarser:
 
     def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
-        return self.problem.with_(
-            load=self.prolongation.T @ _stated_load(finer) - _initial_forces(self.problem),
+        return self.problem.under(
+            self.prolongation.T @ _stated_load(finer) - _initial_forces(self.problem),
             offset=finer.offset[self.shared],
             law=finer.law.take(self.shared),
         )

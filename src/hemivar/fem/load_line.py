@@ -103,11 +103,11 @@ class LoadLine:
             raise ProblemError(f"the load factor is {factor}; give a finite number")
         loaded, zero = self.loaded, self.unloaded
         if zero is None:
-            return loaded.with_(load=factor * loaded.load)
+            return loaded.under(factor * loaded.load)
         if isinstance(loaded.bulk, Potential) and isinstance(zero.bulk, Potential):
             return self._nonlinear(factor, zero)
-        return self._displaced(factor, zero).with_(
-            load=(1.0 - factor) * zero.load + factor * loaded.load,
+        return self._displaced(factor, zero).under(
+            (1.0 - factor) * zero.load + factor * loaded.load,
             # The energy of prescribed displacements is quadratic in them.
             constant=self._constant(factor, zero),
             offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
@@ -135,8 +135,8 @@ class LoadLine:
         bulk = Potential(last.energy.from_field(field.prescribed.reshape(len(field.nodes), -1)))
         model = replace(displaced.model, bulk=bulk)
         forces = (1.0 - factor) * (zero.load + first.initial_forces) + factor * (loaded.load + last.initial_forces)
-        return replace(loaded, model=model, law_known=True).with_(
-            load=forces - bulk.initial_forces,
+        return replace(loaded, model=model, law_known=True).under(
+            forces - bulk.initial_forces,
             constant=bulk.initial_value + self._constant(factor, zero),
             offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
         )

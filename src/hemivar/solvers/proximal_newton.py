@@ -104,7 +104,7 @@ class ProximalNewton(Solver):
             return None
         bulk = problem.bulk
         linear = bulk.at_rest if isinstance(bulk, Potential) else linear_bulk(bulk, np.zeros(problem.unknowns))
-        return self.inner.refuse(problem.with_(bulk=linear))
+        return self.inner.refuse(problem.under(None, bulk=linear))
 
     def for_tolerance(self, rtol: float) -> Solver:
         return self if self.tolerance is not None else replace(self, tolerance=0.1 * rtol)

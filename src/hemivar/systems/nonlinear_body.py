@@ -194,13 +194,13 @@ class NonlinearBody(OfProblem, OfUnknowns):
             found = tangent_problem(self.problem, x)
         except Softened:
             return None
-        return _LinearProblem(found.with_(load=force + found.bulk.gradient(x)))
+        return _LinearProblem(found.under(force + found.bulk.gradient(x)))
 
     def above_at(self, x: Array, force: Array) -> LinearBody | None:
         return self._linear(self.bulk.upper, x, force) if isinstance(self.bulk, Potential) else None
 
     def _linear(self, bulk: Quadratic, x: Array, force: Array) -> LinearBody:
-        return _LinearProblem(self.problem.with_(bulk=bulk, load=force + bulk.gradient(x)))
+        return _LinearProblem(self.problem.under(force + bulk.gradient(x), bulk=bulk))
 
     def posed_below(self) -> NonlinearBody | None:
         found = self._below
