@@ -109,7 +109,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: hv.Contact(hv.Tresca(0.5)), "the normal law must be a superpotential .*, not a Friction"),
     (lambda: hv.Contact(hv.Signorini), "the normal law must be a superpotential .*, not the class Signorini"),
     (lambda: hv.Contact(hv.Signorini(), 0.5), r"must be a Friction such as Tresca\(0.5\), not 0.5"),
-    (lambda: hv.Contact(hv.Signorini(), gap="0.1"), "gap is not an array of numbers: it is the text"),
+    (lambda: hv.Contact(hv.Signorini(), gap="wide"), "gap: formula .*: 'wide' is not known"),
     (lambda: hv.Contact(hv.Signorini(), obstacle=hv.Plane), "obstacle is the class Plane; pass Plane"),
     (lambda: hv.Controls(rtol="1e-9"), "Controls.rtol is '1e-9'; it must be a number >= 0"),
     (lambda: hv.Controls(rtol=None), "Controls.rtol is None; it must be a number >= 0"),

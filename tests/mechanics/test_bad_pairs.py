@@ -96,7 +96,10 @@ STATED: dict[str, tuple[Callable[[], object], str]] = {
         "supports hold all nodes of 'l:top'; give slave = 'u:bottom'",
     ),
     # gaps, and what a pair has not
-    "a text for a gap": (lambda: two(touching(gap="0.1*x")), "give a number, a function of points, or hemivar.formula"),
+    "a gap that is no formula": (
+        lambda: two(touching(gap="0.1*width")),
+        "gap: formula '0.1*width' at character 5: 'width' is not known",
+    ),
     "a gap that is no number": (lambda: two(touching(gap=np.nan)), "gap: nan is not finite"),
     "a gap beyond numbers": (lambda: two(touching(gap=1e200)), "beyond the range of numbers"),
     "a gap of two columns": (

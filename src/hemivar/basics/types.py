@@ -21,4 +21,4 @@ AnyArray = NDArray[Any]
 Record = dict[str, Any]
 
 #: A number, one number per contact point, or a function of the points ``x (m, d) -> (m,)``.
-Parameter = float | Array | Callable[[Array], Array]
+Parameter = float | str | Array | Callable[[Array], Array]

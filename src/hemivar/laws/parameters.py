@@ -14,6 +14,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import Form, Stated, stated
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
+from hemivar.formula import Formula
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -30,6 +31,7 @@ __all__ = [
     "numbers",
     "parameter",
     "positive",
+    "read_formulas",
     "word",
 ]
 
@@ -38,10 +40,16 @@ PRESSURE, RATE, LENGTH, LINE = "force/area", "force/area/length", "length", "for
 
 
 def parameter(
-    says: str, unit: str, example: object = None, *, least: float | None = None, above: float | None = None
+    says: str,
+    unit: str,
+    example: object = None,
+    *,
+    least: float | None = None,
+    above: float | None = None,
+    most: float | None = None,
 ) -> Mapping[str, Stated]:
-    """The metadata of a parameter: a number or a formula of place and time."""
-    return stated(Form.QUANTITY, says, unit=unit, example=example, least=least, above=above, timed=True)
+    """The metadata of a parameter: a number or a formula of place and time; ``above`` itself is excluded."""
+    return stated(Form.QUANTITY, says, unit=unit, example=example, least=least, above=above, most=most, timed=True)
 
 
 def numbers(says: str, unit: str, example: object = None) -> Mapping[str, Stated]:
@@ -66,6 +74,14 @@ FRICTION = {
 }
 
 
+def read_formulas(owner: DataclassInstance, whose: str) -> None:
+    """Make formulas of the texts among the stated parameters of a dataclass that is being made."""
+    for one in fields(owner):
+        value, said = getattr(owner, one.name), one.metadata.get("stated")
+        if isinstance(value, str) and said is not None and said.form is Form.QUANTITY:
+            object.__setattr__(owner, one.name, Formula(value, f"{one.name} of {whose}"))
+
+
 def evaluate(
     parameter: Parameter,
     points: Array | None,
@@ -73,8 +89,9 @@ def evaluate(
     minimum: float | None = None,
     *,
     above: float | None = None,
+    most: float | None = None,
 ) -> Array:
-    """The values (1,) or (m,) of a parameter at ``points (m, d)``, finite, at least ``minimum`` and ``above`` a limit.
+    """The values (1,) or (m,) of a parameter at ``points (m, d)``, finite, within its limits; ``above`` is excluded.
 
     Without points functions are refused; messages name ``what`` it is, such as ``"q_max of law 'survey'"``.
     """
@@ -96,6 +113,9 @@ def evaluate(
         raise ProblemError(f"{what} is {result[bad][0]:g}{_where(bad, points)}; it must be at least {minimum:g}")
     if above is not None and (result <= above).any():
         raise ProblemError(f"{what} is {result.min():g}; it must be positive")
+    if most is not None and (result > most).any():
+        bad = result > most
+        raise ProblemError(f"{what} is {result[bad][0]:g}{_where(bad, points)}; it must be at most {most:g}")
     return result
 
 
@@ -108,7 +128,9 @@ def field_values(owner: DataclassInstance, points: Array | None, whose: str) -> 
     for one in fields(owner):
         given, said = getattr(owner, one.name), one.metadata.get("stated", Stated(Form.QUANTITY))
         if given is not None or one.default is not None:
-            found[one.name] = evaluate(given, points, f"{one.name} of {whose}", said.least, above=said.above)
+            found[one.name] = evaluate(
+                given, points, f"{one.name} of {whose}", said.least, above=said.above, most=said.most
+            )
     return found
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.parameters import field_values
+from hemivar.laws.parameters import field_values, read_formulas
 from hemivar.laws.piecewise import PiecewiseQuadratic, TabulatedLaw
 from hemivar.laws.superpotential import Superpotential
 
@@ -29,6 +29,9 @@ class ParameterLaw(Superpotential):
 
     See :func:`hemivar.laws.parameters.parameter`.
     """
+
+    def __post_init__(self) -> None:
+        read_formulas(self, f"law '{self.name}'")  # type: ignore[arg-type]
 
     def _values(self, points: Array | None) -> dict[str, Array]:
         found = field_values(self, points, f"law '{self.name}'")  # type: ignore[arg-type]

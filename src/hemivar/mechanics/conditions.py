@@ -14,6 +14,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
+from hemivar.formula import Formula, FormulaArray
 from hemivar.mechanics.instants import at_time, depends_on_time
 
 __all__ = [
@@ -30,8 +31,8 @@ __all__ = [
     "VectorData",
 ]
 
-VectorData = Sequence[float] | Array | Callable[[Array], object] | Callable[[Array, float], object]
-ScalarData = float | Callable[[Array], object] | Callable[[Array, float], object]
+VectorData = Sequence[float | str] | Array | Callable[[Array], object] | Callable[[Array, float], object]
+ScalarData = float | str | Callable[[Array], object] | Callable[[Array, float], object]
 
 
 #: Lengths and material constants are smaller, so that their products are numbers.
@@ -64,19 +65,25 @@ def plain_data(
 
     ``components`` is None where it is not known how many a vector needs.  The number 0 means no vector.
     """
+    if isinstance(value, str):
+        value = Formula(value, name)
+    elif isinstance(value, list | tuple) and any(isinstance(one, str | Formula) for one in value):
+        value = _formulas(value, name)
     if callable(value):
         return value
-    if isinstance(value, str):
-        raise ProblemError(
-            f"{name} is not an array of numbers: it is the text '{value}'; give a number, a function of points, or "
-            f"hemivar.formula.Formula('{value}')"
-        )
     array = check_finite(value, name, most)
     if components == 1 and array.ndim:
         raise ProblemError(f"{name} takes one number or a callable, not shape {array.shape}")
     if components and components > 1:
         _refuse_shape(array, name, components)
     return tuple(array.tolist()) if array.ndim else float(array)
+
+
+def _formulas(entries: Sequence[object], name: str) -> FormulaArray:
+    """A vector some entries of which are formulas."""
+    read = (Formula(one, name) if isinstance(one, str) else one for one in entries)
+    kept = [one if isinstance(one, Formula) else float(check_finite(one, name)) for one in read]
+    return FormulaArray(kept, (len(kept),))
 
 
 def _refuse_shape(array: Array, name: str, components: int) -> None:

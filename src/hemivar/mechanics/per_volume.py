@@ -67,7 +67,7 @@ def checked_quantity(value: object, name: str) -> ScalarData:
     """A quantity that is not negative, a number or a function of the place."""
     refuse_time(value, name)
     plain = plain_data(value, name, 1, LARGEST)
-    if not callable(plain) and plain < 0.0:
+    if isinstance(plain, float) and plain < 0.0:
         raise ProblemError(f"{name} = {plain:g}; it must not be negative")
     return plain
 

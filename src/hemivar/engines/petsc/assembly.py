@@ -124,7 +124,7 @@ def assemble(
     unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)
     elastic = Stiffness(K, ranks, unknown, sign, active)
     admissible, moves = admissible_motions(ranks, nodal, skin, piece, owned)
-    if not callable(stated.bedding) and stated.bedding > 0.0:
+    if isinstance(stated.bedding, float) and stated.bedding > 0.0:
         admissible = admissible[:, :0]
     dependent = ranks.largest(float(law.state_dependent))[0]  # else a solve may start on the coarser mesh
     body = BodyOnRanks(

@@ -17,7 +17,7 @@ from hemivar.laws.coupled.opening import OpeningProblem
 from hemivar.laws.crossings import length_places, level_places
 from hemivar.laws.glue import Glue
 from hemivar.laws.normal import Signorini
-from hemivar.laws.parameters import evaluate, positive
+from hemivar.laws.parameters import evaluate, positive, read_formulas
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import downhill, is_continuous, steepest
@@ -65,6 +65,7 @@ class MixedMode(Glue):
     name: ClassVar[str] = "mixed-mode"  # type: ignore[misc]
 
     def __post_init__(self) -> None:
+        read_formulas(self, f"law '{self.name}'")
         if isinstance(self.cohesion, FractureCriterion):
             raise ProblemError(
                 f"the cohesion of law '{self.name}' is the criterion '{self.cohesion.name}', which has two fracture "

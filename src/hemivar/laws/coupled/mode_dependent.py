@@ -17,7 +17,7 @@ from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion
 from hemivar.laws.coupled.mixed_mode import MixedMode, stated_compression
 from hemivar.laws.glue import Glue
 from hemivar.laws.normal import Signorini
-from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive
+from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive, read_formulas
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, OnGraph, lengths
 
@@ -74,6 +74,7 @@ class ModeDependentGlue(Glue):
     name: ClassVar[str] = "mode-dependent"  # type: ignore[misc]
 
     def __post_init__(self) -> None:
+        read_formulas(self, f"law '{self.name}'")
         if not isinstance(self.criterion, FractureCriterion):
             raise ProblemError(
                 f"the criterion of law '{self.name}' is {described(self.criterion)}; give "

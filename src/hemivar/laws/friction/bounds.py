@@ -21,12 +21,15 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
-from hemivar.formula import ScalarFormula
+from hemivar.formula import Formula, ScalarFormula
 from hemivar.formula.poles import Pole, pole_of_pieces
 from hemivar.formula.smooth import WIDE, supremum_of_pieces
 from hemivar.laws.parameters import evaluate
 
 __all__ = ["CoulombBound", "PenetrationBound", "StackedBound", "StateBound", "stack_bounds"]
+
+#: What messages call it.
+_COEFFICIENT = "coefficient of the Coulomb friction bound"
 
 
 class StateBound(PickleMixin, ABC):
@@ -95,8 +98,12 @@ class CoulombBound(StateBound):
 
     coefficient: Parameter
 
+    def __post_init__(self) -> None:
+        if isinstance(self.coefficient, str):
+            object.__setattr__(self, "coefficient", Formula(self.coefficient, _COEFFICIENT))
+
     def _coefficient(self, points: Array | None) -> Array:
-        return evaluate(self.coefficient, points, "coefficient of the Coulomb friction bound", 0.0)
+        return evaluate(self.coefficient, points, _COEFFICIENT, 0.0)
 
     @cached_property
     def _known(self) -> Array:

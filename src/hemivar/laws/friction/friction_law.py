@@ -17,6 +17,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
+from hemivar.formula import Formula
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
@@ -70,6 +71,8 @@ class Friction(PickleMixin):
     of: SlipMeasure | str | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        if isinstance(self.bound, str):
+            object.__setattr__(self, "bound", Formula(self.bound, f"bound of friction law '{self.name}'"))
         if not isinstance(self.profile, Superpotential):
             raise ProblemError(f"the profile of a friction law must be a superpotential, not {self.profile!r}")
         if self.of is not None:

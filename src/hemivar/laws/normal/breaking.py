@@ -125,6 +125,7 @@ class Adhesive(NamedLaw):
     name: ClassVar[str] = "adhesive"  # type: ignore[misc]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.softening is not None and self.energy is not None:
             raise ProblemError(
                 f"law '{self.name}' has a softening and a fracture energy; give one of the two, for each follows from "
