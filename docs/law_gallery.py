@@ -30,6 +30,9 @@ def own(entry: LawEntry) -> bool:
 
 
 if __name__ == "__main__":
-    for name, laws in (("normal", NORMAL_LAWS), ("friction", FRICTION_LAWS)):
+    for name, laws, x, y in (
+        ("normal", NORMAL_LAWS, "penetration r (length)", "pressure (force per area)"),
+        ("friction", FRICTION_LAWS, "slip (length)", "friction over its bound"),
+    ):
         shown = {key: example(entry) for key, entry in laws.items() if key != "none" and not own(entry)}
-        save(plot_laws(shown), IMAGES / f"laws-{name}.png", dpi=120)
+        save(plot_laws(shown, labels=(x, y)), IMAGES / f"laws-{name}.png", dpi=120)

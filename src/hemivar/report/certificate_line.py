@@ -117,6 +117,10 @@ def _margin(ax: Axes, certificate: Certificate) -> None:
         colour = RED if unproved else GREEN
         ax.barh([0], [max(shown, 0.0)], 0.5, color="none" if sampled else colour, edgecolor=colour, lw=1.0)
     ax.axvline(1.0, color="black", lw=1.0)
+    ax.annotate(
+        "limit", (1.0, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 1), textcoords="offset points",
+        ha="center", va="bottom", fontsize=7.0,
+    )  # fmt: skip
     end = max(_SHORT, 1.25 * shown) if math.isfinite(used) else _SHORT
     ax.set_xlim(0.0, end)
     ax.set_ylim(-0.6, 0.6)

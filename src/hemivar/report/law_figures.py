@@ -99,7 +99,12 @@ def plot_law(
     return fig
 
 
-def plot_laws(laws: Mapping[str, Superpotential], *, columns: int = 4) -> Figure:
+def plot_laws(
+    laws: Mapping[str, Superpotential],
+    *,
+    columns: int = 4,
+    labels: tuple[str, str] = ("penetration or slip (length)", "pressure or friction (force per area)"),
+) -> Figure:
     """Graphs of the subdifferentials of several laws side by side, each under its name.
 
     Parameters
@@ -108,6 +113,8 @@ def plot_laws(laws: Mapping[str, Superpotential], *, columns: int = 4) -> Figure
         With resolved parameters; drawn for their first contact point.
     columns : int
         Graphs in a row.
+    labels : two str
+        What the axes of all graphs show, with their units.
 
     Raises
     ------
@@ -129,6 +136,8 @@ def plot_laws(laws: Mapping[str, Superpotential], *, columns: int = 4) -> Figure
             panel.tick_params(labelsize=6.5)
         for panel in panels[len(laws) :]:
             panel.set_axis_off()
+        fig.supxlabel(labels[0], fontsize=8.0)
+        fig.supylabel(labels[1], fontsize=8.0)
     return fig
 
 
@@ -209,7 +218,8 @@ def law_captions(problem: DiscreteProblem) -> list[str]:
         return lines
     bound = np.asarray(law.friction.at(None).bound)
     if problem.contact.components > 1 and (bound > 0.0).any():
-        lines.append(f"{_proper(law.friction.name)} friction: $h_\\tau$ = {_range(bound)}")
+        name = _proper(law.friction.name).removesuffix("friction").strip()
+        lines.append(f"{name} friction: $h_\\tau$ = {_range(bound)}".strip())
     return lines
 
 
@@ -225,10 +235,11 @@ def _state_dependent(friction: Friction) -> str:
 
 
 def _constants(law: Superpotential) -> str:
-    """``: name = value, ...`` for the numeric fields of a named law; nothing for tables."""
+    """``: name = value, ...`` for the numbers that a law states of itself; nothing for tables and laws of laws."""
     if not is_dataclass(law) or type(law) is PiecewiseQuadratic:
         return ""
-    values = [(f.name, getattr(law, f.name)) for f in fields(law) if not f.name.startswith("_")]
+    house = type(law).__module__.startswith("hemivar.")
+    values = [(f.name, getattr(law, f.name)) for f in fields(law) if (f.metadata or not house) and f.name[0] != "_"]
     numbers = [(name, np.asarray(value)) for name, value in values if isinstance(value, int | float | np.ndarray)]
     parts = [f"{_symbol(name)} = {_range(value)}" for name, value in numbers if value.size]
     return ":\n" + ", ".join(parts) if parts else ""

@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
@@ -79,6 +79,10 @@ def _kind() -> type[Figure]:
         def draw(self, renderer: RendererBase) -> None:
             _shorten(self)
             super().draw(renderer)
+
+        def savefig(self, fname: Any, **options: Any) -> None:
+            """Write it whole: legends beside the axes are on it, unless ``bbox_inches`` is given."""
+            super().savefig(fname, **{"bbox_inches": "tight", "pad_inches": 0.05, **options})
 
         def _repr_png_(self) -> bytes:
             with IMPORTS:

@@ -309,6 +309,7 @@ class SurveyReport:
             parts.append("<p class=warning>The run was interrupted; this is what existed.</p>")
         for key in runs.figures:
             text = f"Figure {key[-1]}. {SURVEY_DATA[key].text}. Method: {CAPTIONS[key]} ({self._shown(key).method})."
+            text += _POWELL if CAPTIONS[key] == "direct optimization" else ""
             parts.append(self._image(key, text))
         if runs.friction:
             parts += [
@@ -377,6 +378,10 @@ _INTRODUCTION = (
     "Arrows show the force on the body; the survey mirrors them at the contact boundary. Its test law is convex, so "
     "the solution is unique and all methods must agree."
 )
+_POWELL = (
+    " Powell's method stops on small changes of the energy and leaves the displacement inaccurate; the exact solution "
+    "is unique."
+)
 _DIFFERENCE = (
     "Difference: distance to the default method in the energy norm, relative. Direct optimization by Powell's method "
     "ends by its own stopping rule, on small changes of the energy, which leaves it inaccurate in the displacement."
@@ -386,11 +391,13 @@ _TABLE_NOTE = (
     "condensed problem; the second one adds the condensation onto the contact boundary, which all methods share, and "
     "the recovery of the other unknowns. The survey's times are of its authors' machine. Every method starts from its "
     "own solution on the coarser mesh. Iterations differ from the survey's, which takes SciPy's own stopping criteria; "
-    "hemivar stops by the residual."
+    "hemivar stops by the residual. Set iterations count how often points are assigned to the sets: the survey solves "
+    "a simplified problem for given sets by an inexact Newton method, hemivar the linear problem of the sets exactly."
 )
 _FIGURE_5 = (
     "Figure 5. Errors in the V-norm against the solutions at h = 1/{0} of each method; {1}. The errors at h = 2/{0} "
     "(shaded) are too small, because the reference shares much of its error with them; they are left out of the orders."
+    " The bound of direct optimization jumps where Powell's method stops early: it sees what is left unsolved."
 )
 _BOUNDS = (
     "The broad lines of Figure 5 are upper bounds of the distance to the exact solution of the continuous problem, in "
