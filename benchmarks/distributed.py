@@ -1,6 +1,6 @@
 """Contact against a linear solve over ranks, strong and weak scaling, and what PETSc sends; run it by mpirun.
 
-    mpirun -n 2 python benchmarks/distributed.py --cells 64              # one line of the tables in docs/scaling.md
+    mpirun -n 2 python benchmarks/distributed.py --cells 64              # one line of the table in docs/evidence.md
     mpirun -n 2 python benchmarks/distributed.py --cells 64 --log log.txt  # with PETSc's own account of messages
 
 The linear problem is the same body under the same load and supports without a foundation, from zero, by PETSc's

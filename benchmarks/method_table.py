@@ -2,7 +2,7 @@
 
     python benchmarks/method_table.py                          print the table as Markdown
     python benchmarks/method_table.py --json methods.json      and write every single run
-    python benchmarks/method_table.py --docs docs/methods-compared.md   put it between the markers of that page
+    python benchmarks/method_table.py --docs docs/evidence.md  put its sums between the markers of that page
     python benchmarks/method_table.py --check                  exit with 1 if a method says "converged" and is wrong
 
 Every normal law is put under every friction law, on the survey's square (cross mesh, clamped at x = 0) and, without
@@ -225,12 +225,26 @@ def report(runs: list[Run], n: int, seconds: float) -> str:
     return "\n".join(lines) + "\n"
 
 
+def summary(runs: list[Run]) -> str:
+    """One row for each method: on how many problems it converged, refused or failed, and how exact it was."""
+    lines = [
+        "| method | converged | refused | failed | wrong | largest residual | largest distance |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    for name in hv.solvers.METHODS:
+        own = [run for run in runs if run.method == name]
+        solved = [run for run in own if run.solved]
+        refused = sum(run.outcome == "refuses" for run in own)
+        worst = max((run.residual or 0.0 for run in solved), default=0.0)
+        far = max((run.difference or 0.0 for run in solved if run.unique), default=0.0)
+        failed, wrong = len(own) - len(solved) - refused, sum(run.wrong for run in own)
+        lines.append(f"| `{name}` | {len(solved)} | {refused} | {failed} | {wrong} | {worst:.0e} | {far:.0e} |")
+    return "\n".join(lines) + "\n"
+
+
 def insert(page: Path, text: str) -> None:
-    """Put the text between the markers of a page, which are appended with a heading where they are missing."""
-    old = page.read_text(encoding="utf-8") if page.exists() else "# Choosing a method\n"
-    if BEGIN not in old:
-        old = f"{old.rstrip()}\n\n## Every method against every law\n\n{BEGIN}\n{END}\n"
-    before, rest = old.split(BEGIN, 1)
+    """Put the text between the markers of a page."""
+    before, rest = page.read_text(encoding="utf-8").split(BEGIN, 1)
     after = rest.split(END, 1)[1]
     page.write_text(f"{before}{BEGIN}\n\n{text}\n{END}{after}", encoding="utf-8")
 
@@ -240,7 +254,7 @@ def main() -> int:
     parser.add_argument("--n", type=int, default=4, help="1/h of the square")
     parser.add_argument("--seconds", type=float, default=5.0, help="time limit of each run")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every run")
-    parser.add_argument("--docs", type=Path, metavar="PAGE", help="put the tables into this page")
+    parser.add_argument("--docs", type=Path, metavar="PAGE", help="put the sums of the tables into this page")
     parser.add_argument("--check", action="store_true", help="exit with 1 if an answer called converged is wrong")
     given = parser.parse_args()
     with warnings.catch_warnings():
@@ -251,7 +265,7 @@ def main() -> int:
     if given.json is not None:
         given.json.write_text(json.dumps([asdict(run) for run in runs], indent=1) + "\n", encoding="utf-8")
     if given.docs is not None:
-        insert(given.docs, text)
+        insert(given.docs, summary(runs))
     wrong = [run for run in runs if run.wrong]
     for run in wrong:
         print(f"WRONG: {run}", file=sys.stderr)

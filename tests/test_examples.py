@@ -31,6 +31,7 @@ from skfem.models.elasticity import linear_elasticity
 import hemivar as hv
 from hemivar.gallery import survey_cube, survey_cube_logarithmic
 from tests.samples import slow
+from tests.test_tutorials import looks_alike
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py") if not path.stem.startswith("_"))
@@ -613,7 +614,7 @@ def test_every_problem_file_solves_with_the_command(tmp_path: Path) -> None:
 
 # ---- documentation -----------------------------------------------------------------------------------------
 
-DOCS = sorted((EXAMPLES.parent / "docs").glob("*.md"))
+DOCS = sorted([*(EXAMPLES.parent / "docs").glob("*.md"), *(EXAMPLES.parent / "docs" / "theory").glob("*.md")])
 OUTPUTS = runpy.run_path(str(EXAMPLES.parent / "docs" / "lesson_outputs.py"))
 README, PAPER = EXAMPLES.parent / "README.md", EXAMPLES.parent / "paper" / "paper.md"
 #: Pages whose code runs for seconds.
@@ -639,6 +640,8 @@ def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     for block, printed, _ in OUTPUTS["run"](page.read_text(encoding="utf-8"), page.name):
         if block["printed"] is not None or page.stem in OUTPUTS["LESSONS"]:
             assert OUTPUTS["same"](block["printed"] or "", printed), f"{page.name}: {block['code']}prints\n{printed}"
+    if page == README:
+        assert looks_alike(tmp_path / "bracket.png", EXAMPLES.parent / "docs" / "images" / "bracket.png")
 
 
 @pytest.mark.parametrize(
@@ -690,13 +693,22 @@ def test_links_and_names_exist(page: Path) -> None:
         assert hasattr(getattr(hv, room), name), f"{page.name} names hemivar.{room}.{name}"
 
 
-def test_every_page_is_in_the_list_of_the_folder_and_in_one_menu_of_the_site() -> None:
-    texts = {page.stem: page.read_text(encoding="utf-8") for page in DOCS}
-    listed = re.findall(r"\]\(([\w-]+)\.md\)", texts.pop("README"))
-    menus = re.findall(r"^```\{toctree\}\n(.*?)^```", "\n".join(texts.values()), re.DOTALL | re.MULTILINE)
-    entries = re.findall(r"^([\w-]+)$", "\n".join(menus), re.MULTILINE)
-    assert sorted(entries) == sorted(texts.keys() - {"index"})
-    assert texts.keys() - {"index", "tutorials", "theory-and-evidence"} <= set(listed)
+def test_every_page_is_in_one_menu_of_the_site_and_answers_a_question() -> None:
+    docs = EXAMPLES.parent / "docs"
+    texts = {page.relative_to(docs).with_suffix("").as_posix(): page.read_text(encoding="utf-8") for page in DOCS}
+    del texts["README"]
+    entries = []
+    for page, text in texts.items():
+        for menu in re.findall(r"^```\{toctree\}\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+            names = re.findall(r"^([\w/-]+)$", menu, re.MULTILINE)
+            entries += [f"theory/{name}" if page.startswith("theory/") else name for name in names]
+    entries = [name for name in entries if not name.startswith("notebooks/")]
+    made = {"gallery/index", "reference/index"}  # with the site
+    assert sorted(set(entries) - made) == sorted(texts.keys() - {"index"})
+    assert len(entries) == len(set(entries))
+    questions = re.findall(r"\]\(([\w/-]+)\.md\)", texts["which"])
+    asked = {page for page in texts if page == "theory/index" or not page.startswith("theory/")}
+    assert asked - {"index", "which", "installation"} <= set(questions)
 
 
 def test_every_method_and_its_options_are_documented() -> None:

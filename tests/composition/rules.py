@@ -84,8 +84,8 @@ _NOT_IN_TIME = "Time integration needs laws without discontinuous drops."
 _BESIDE_COUPLED = (
     "Beside a law of opening and slip together stands the memory of glue alone, no damping and no other one."
 )
-_BOND = "A bond with plastic slip already resists slip: no friction, and no other law of the slip, beside it."
-_RUBBING = "Friction on the damaged share is that of glue which tells its damage, without another one beside it."
+_BOND = "A bond with plastic slip already resists slip: no friction, and no other law of the slip."
+_RUBBING = "Friction on the damaged share is that of glue whose damage is known, and no other."
 _UNDAMAGED = tuple(normal for normal in NORMALS if normal not in ("adhesive", *COUPLED))
 _SCALAR_LAW = "A scalar body has one component: no pressure beside the slip, and no direction of it."
 _ARRAYS = "A problem made of arrays has no continuous problem and, by default, no mesh."

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from runpy import run_path
 
 import pytest
 
@@ -14,6 +13,7 @@ from tests.composition import outcome, rules
 from tests.composition.cases import Row
 from tests.composition.covering import every_pair, few_rows, pairs_of, refused_rows
 from tests.composition.outcome import check
+from tests.composition.page import PAGE, page
 from tests.composition.rules import FACTORS, RULES, matching, statable
 
 #: Laws that are like others of these: with them the pairs are tried in the slow tests only.
@@ -61,9 +61,8 @@ def test_rules_speak_of_levels_that_are_there() -> None:
 
 
 def test_the_page_of_the_docs_says_so() -> None:
-    """``python docs/works_with.py`` writes it anew."""
-    docs = Path(__file__).parents[2] / "docs"
-    assert run_path(str(docs / "works_with.py"))["page"]() == (docs / "works-with.md").read_text(encoding="utf-8")
+    """``python -m tests.composition.page`` writes it."""
+    assert page() == PAGE.read_text(encoding="utf-8")
 
 
 def test_a_fault_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -303,7 +303,7 @@ def _compared(record: dict, problem: Path, verdict: Verdict) -> None:
 def _tolerance(case: Case, folder: Path) -> float:
     """The tolerance that the command line or the problem file ask for."""
     words = list(case.arguments)
-    if "bundle" in words:  # which may certify its error instead (docs/theory.md)
+    if "bundle" in words:  # which may certify its error instead (docs/theory/inequality.md)
         return 1e-6
     if "--rtol" in words:
         return float(words[words.index("--rtol") + 1])

@@ -123,7 +123,7 @@ def _plain_checks(record: Mapping[str, Any], rtol: float, verdict: Verdict) -> N
     verdict.demand(known, f"residual {residual}, parts {parts}")
     if known:
         # what arithmetic leaves behind may be allowed for, but not without end
-        # a method that certifies its own error may leave a residual of 1e-6 (docs/theory.md)
+        # a method that certifies its own error may leave a residual of 1e-6 (docs/theory/inequality.md)
         certified = record.get("method") == "bundle" and record.get("error_bound") is not None
         allowed = (1e-6 if certified else rtol) + (min(rounding / scale, 1e-6) if scale else 0.0)
         verdict.demand(residual <= 1.001 * allowed + 1e-300, f"converged with a residual of {residual:.3g}")

@@ -1,4 +1,4 @@
-"""Guaranteed bound of the distance to the exact discrete solution; the proof is in docs/certificates-theory.md.
+"""Guaranteed bound of the distance to the exact discrete solution; the proof is in docs/theory/certificates.md.
 
 Any admissible pair (v, lam'), lam' in dj(Bv - g), near the given point bounds its error:
 

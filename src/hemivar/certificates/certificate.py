@@ -285,7 +285,7 @@ def certify(
 
     Notes
     -----
-    The bound and its proof are in ``docs/certificates-theory.md``.  It is of the distance to the exact solution of the
+    The bound and its proof are in ``docs/theory/certificates.md``.  It is of the distance to the exact solution of the
     *discrete* problem; what the mesh leaves out is in ``exact``, where it is asked for (``docs/bounds.md``).
     """
     problem, given, multiplier = _pair(problem, displacement, multiplier)

@@ -291,7 +291,7 @@ def largest_bounds(
     """What the friction bound of each contact point is at most in any solution, (m,); inf where that is not known.
 
     Only where the friction also weakens with the slip: elsewhere the answer is of no use, and infinite.  The proof is
-    in docs/certificates-theory.md: the law frozen at a pair bounds the distance of all solutions from it; of those
+    in docs/theory/certificates.md: the law frozen at a pair bounds the distance of all solutions from it; of those
     within ``reach`` if that is finite.
     """
     m, d = problem.contact_points, problem.contact.components

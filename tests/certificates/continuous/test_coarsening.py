@@ -184,7 +184,7 @@ def test_a_slit_stays_open() -> None:
 def test_cells_of_the_mesh_do_not_matter(power: float) -> None:
     """A square of 4 x 4 cells drawn to a corner: its constant is that of the square."""
     found = lower_bounds(held(graded(rectangle((1.0, 1.0), (4, 4)), power)))
-    true = 2.9285  # the table of docs/certificates-theory.md
+    true = 2.9285  # the table of docs/theory/certificates.md
     assert 0.97 * true < found.both.lower < 1.0002 * true
 
 

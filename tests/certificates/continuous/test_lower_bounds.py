@@ -70,7 +70,7 @@ def square() -> LowerBounds:
     return lower_bounds(held(rectangle((1.0, 1.0), (4, 4))))
 
 
-#: Limits of the discrete constants of docs/certificates-theory.md, a third of the last step beyond n = 128.
+#: Limits of the discrete constants of docs/theory/certificates.md, a third of the last step beyond n = 128.
 LIMITS = {1.0: (2.9285, 4.1443, 5.2192), 2.0: (0.42888, 0.51576, 1.56918)}
 
 

@@ -6,7 +6,7 @@ s whose own contact tractions are those of a multiplier zeta (``-s nu`` is its p
     |u - u_h|_a^2 <= eta |u - u_h|_a + G,        |u - u_h|_a <= (eta + sqrt(eta^2 + 4 G)) / 2,
 
 eta the misfit, and ``G = int j(r_h) + j*(zeta) - zeta . r_h``: no term is left that a trace constant would have to
-bound.  The seminorm does not see rigid motions.  Proofs are in docs/bounds-theory.md.
+bound.  The seminorm does not see rigid motions.  Proofs are in docs/theory/bounds.md.
 
 Such tractions balance the loads on rigid motions.  Let t be the interpolated multiplier, rho_q a rigid motion and
 

@@ -14,7 +14,7 @@ For a material with a stored energy W the same holds in the norm of its lower te
 ``eta^2 = 2 int W(eps(u)) + W*(s) - s : eps(u)`` (:mod:`hemivar.certificates.continuous.bulk_gap`).
 
 Each part, normal and tangential, of each facet may do either; c and G then take of each what belongs to its choice.
-Proofs are in docs/bounds-theory.md.
+Proofs are in docs/theory/bounds.md.
 """
 
 from __future__ import annotations

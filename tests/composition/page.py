@@ -1,19 +1,15 @@
-"""The page "What works with what" from the table of the tests: ``python docs/works_with.py`` writes works-with.md."""
+"""The page "What works with what": ``python -m tests.composition.page`` writes docs/works-with.md from the rules."""
 
 from __future__ import annotations
 
 import itertools
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
+from tests.composition.covering import completed
+from tests.composition.rules import FACTORS, matching, statable
 
-from tests.composition.covering import completed  # noqa: E402
-from tests.composition.rules import FACTORS, matching, statable  # noqa: E402
-
-PAGE = ROOT / "docs" / "works-with.md"
+PAGE = Path(__file__).parents[2] / "docs" / "works-with.md"
 
 #: What is written above a table, for each factor.
 FACTOR_NAMES: Mapping[str, str] = {
