@@ -101,7 +101,7 @@ THREE = ROOT / "src" / "hemivar" / "studio" / "static" / "vendor"
 figures_3d.DRAWN.mkdir(parents=True, exist_ok=True)
 html_static_path = ["_static", str(figures_3d.DRAWN), str(THREE)]
 html_css_files = ["site.css"]
-html_js_files = [("figure3d.js", {"type": "module"})]
+html_js_files = [("figure3d.js", {"type": "module"}), "from_disk.js"]
 html_logo = "_static/logo.svg"
 html_favicon = "_static/logo.svg"
 html_show_sourcelink = False
@@ -111,6 +111,7 @@ html_theme_options = {
     "external_links": [{"name": "Versions", "url": f"{_urls['Documentation']}/versions.html"}],
     "show_prev_next": False,
     "navbar_align": "left",
+    "navbar_persistent": ["search-button"],
     "header_links_before_dropdown": 8,
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
