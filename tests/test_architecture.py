@@ -223,7 +223,7 @@ def imports_on_first_use_stand_under_the_lock(files: Files) -> Iterator[str]:
 WRITING = {"write_text", "write_bytes", "savefig", "screenshot", "to_csv", "tofile", "savez", "savetxt", "touch"}
 READING = {"read_text", "read_bytes", "loadtxt", "genfromtxt"}
 #: Where files are opened otherwise: descriptors of the process, files of the system, parallel writers of one file,
-#: arrays that are packed into a stream.
+#: arrays that are packed into a stream, matplotlib's own method of a figure, which users call.
 OPENING = (
     "basics.disk",
     "cli.terminal",
@@ -234,6 +234,7 @@ OPENING = (
     "basics.packed",
     "evolution.march_state",
     "report.on_ranks",
+    "report.picture",
 )
 
 

@@ -6,7 +6,17 @@ __all__ = ["FileError", "HemivarError", "MethodError", "ProblemError", "SupportE
 
 
 class HemivarError(Exception):
-    """Base of all errors raised by hemivar."""
+    """Base of all errors raised by hemivar.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> try:
+    ...     hv.rectangle((1.0, -1.0), 4)
+    ... except hv.HemivarError as error:
+    ...     print(error)
+    size = (1.0, -1.0); every length must be positive
+    """
 
 
 class ProblemError(HemivarError, ValueError):

@@ -10,7 +10,7 @@ from typing import ParamSpec, TypeVar
 from hemivar.basics.arguments import suggest
 from hemivar.errors import ProblemError
 
-__all__ = ["UnknownKeywordError", "known_fields", "known_keywords"]
+__all__ = ["UnknownKeywordError", "known_fields", "known_keywords", "showing_options"]
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
@@ -40,6 +40,23 @@ def known_keywords(function: Callable[Given, Result]) -> Callable[Given, Result]
         return function(*args, **kwargs)
 
     return checked
+
+
+def showing_options(kind: type) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+    """Decorator: ``help`` shows the fields of a dataclass in the place of ``**options``, which are passed on to it."""
+
+    def shown(function: Callable[Given, Result]) -> Callable[Given, Result]:
+        own = inspect.signature(function)
+        taken = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        options = (
+            one.replace(kind=one.KEYWORD_ONLY)
+            for one in inspect.signature(kind).parameters.values()
+            if one.name not in own.parameters
+        )
+        function.__signature__ = own.replace(parameters=[*taken, *options])  # type: ignore[attr-defined]
+        return function
+
+    return shown
 
 
 def known_fields(kind: Class) -> Class:

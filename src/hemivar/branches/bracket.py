@@ -154,6 +154,17 @@ def load_bracket(
         Nothing holds the body even against a small part of its load.
     MethodError, ProblemError
         As :func:`hemivar.solve`.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> block = hv.ContactProblem(
+    ...     hv.rectangle((1.0, 1.0), 2), hv.Material.young(10.0, 0.3),
+    ...     {"bottom": hv.Contact(hv.Adhesive(100.0, 1.0, 50.0))}, {"left": "roller", "right": "roller"},
+    ...     tractions={"top": (0.0, 0.5)})
+    >>> bracket = hv.branches.load_bracket(block, upto=5.0)
+    >>> round(bracket.carried, 2), round(bracket.not_carried, 2)
+    (1.98, 2.0)
     """
     return result_of(bracketing(problem, BracketOptions(upto, max_time, load_names(constant)), workspace=workspace))
 

@@ -156,6 +156,15 @@ def follow_path(
         A law falls at once, in space, coupled, beside a bound that depends on the solution, or in a nonlinear body.
     ProblemError
         The range is empty, no equilibrium was found at its lower end, or a name of ``until`` is not known.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> law = hv.laws.ContactLaw(hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)).at(None)
+    >>> spring = hv.DiscreteProblem.of_arrays([[0.5]], [0.225], [[1.0]], [1.0], [0.0], law)
+    >>> path = hv.follow_path(spring, (0.0, 2.0))
+    >>> [round(fold.load_factor, 3) for fold in path.folds]
+    [1.111, 0.716]
     """
     options = PathOptions(load_factor, max_points, max_time, largest_step, until, load_names(constant))
     return result_of(following(problem, options, unloaded=unloaded, start=start, workspace=workspace))

@@ -148,7 +148,7 @@ def find_solutions(
     controls: Controls | None = None,
     workspace: Workspace | None = None,
 ) -> SolutionSet:
-    """Find the stationary points of the energy: all of them where this is possible, otherwise as many as turn up.
+    """Find the equilibria of a problem; ``exhaustive`` on the result says whether all were found.
 
     If all laws are piecewise quadratic and there are at most ``enumerate_up_to`` combinations of pieces and kinks, all
     are tried and nothing is missed.  If the margin of :func:`hemivar.certificates.smallness` is positive, there is one
@@ -182,6 +182,17 @@ def find_solutions(
     ------
     ProblemError
         ``starts`` or ``max_solutions`` make no sense, or the problem cannot be solved as stated.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> law = hv.laws.ContactLaw(hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)).at(None)
+    >>> spring = hv.DiscreteProblem.of_arrays([[0.5]], [0.225], [[1.0]], [1.0], [0.0], law)
+    >>> found = hv.find_solutions(spring)
+    >>> len(found), found.exhaustive
+    (3, True)
+    >>> [f"{one.penetration[0]:.4f}" for one in found]
+    ['0.4500', '0.0900', '0.1625']
     """
     given = Controls() if controls is None else controls
     options = SolutionsOptions(starts, max_solutions, seed, given, enumerate_up_to)

@@ -287,6 +287,16 @@ def certify(
     -----
     The bound and its proof are in ``docs/theory/certificates.md``.  It is of the distance to the exact solution of the
     *discrete* problem; what the mesh leaves out is in ``exact``, where it is asked for (``docs/bounds.md``).
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> solution = hv.solve(hv.gallery.survey("5.1", 8))
+    >>> certificate = hv.certify(solution, exact=True)
+    >>> certificate.unique, certificate.exact.guaranteed
+    (True, True)
+    >>> print(f"{certificate.exact.relative:.2f}")
+    0.11
     """
     problem, given, multiplier = _pair(problem, displacement, multiplier)
     if factor is not None:

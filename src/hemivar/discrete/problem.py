@@ -66,6 +66,15 @@ class DiscreteProblem(PickleMixin, ReprMixin):
     ------
     ProblemError
         Model and loading do not fit one another, or the work of the load is beyond the range of numbers.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> law = hv.laws.ContactLaw(hv.Signorini()).at(None)
+    >>> spring = hv.DiscreteProblem.of_arrays([[2.0]], [1.0], [[1.0]], [1.0], [0.2], law)
+    >>> solution = hv.solve(spring)  # 2 u + lambda = 1, u <= 0.2
+    >>> solution.unknowns.round(12), solution.pressure.round(12)
+    (array([0.2]), array([0.6]))
     """
 
     model: Model

@@ -66,6 +66,14 @@ class Evolution(PickleMixin):
     ProblemError
         Inertia without density, a velocity without inertia, heat in a material that is not linear, or data that do
         not fit the mesh.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> bar = hv.ContactProblem(
+    ...     hv.rectangle((1.0, 1.0), 2), hv.Material.young(10.0, 0.3, density=1.0),
+    ...     {"bottom": hv.Contact(hv.Compliance(9.0))})
+    >>> drop = hv.Evolution(bar, inertia=True, velocity=(0.0, -1.0))
     """
 
     problem: ContactProblem | FormProblem

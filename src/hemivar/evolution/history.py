@@ -117,6 +117,13 @@ class History(PickleMixin, ReprMixin):
         How far the end is from the solution that is continuous in time, where a theorem says it.
     unkept : str
         Why the checkpoint could not be written in the end; empty if it was, and if none was asked for.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> history = hv.march(hv.gallery.bouncing_block(), until=0.1, step=0.05)
+    >>> history.ended, len(history.rows)
+    ('finished', 3)
     """
 
     discrete: DiscreteEvolution

@@ -11,6 +11,7 @@ from typing import Any
 from hemivar.basics.arguments import expect
 from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_keywords import showing_options
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.errors import FileError, HemivarError
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
@@ -25,6 +26,7 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["Backend", "March", "StepEvent", "march", "marching", "refuse_plan"]
 
 
+@showing_options(March)
 def march(
     evolution: Evolution | DiscreteEvolution | ManufacturedProblem,
     until: float,
@@ -32,7 +34,7 @@ def march(
     workspace: Workspace | None = None,
     **options: Any,
 ) -> History:
-    """Compute an evolution.
+    """Integrate a contact problem in time.
 
     Parameters
     ----------
@@ -40,9 +42,13 @@ def march(
     until : float
         Time at which it ends.
     workspace : Workspace, optional
+        Keeps factors and levels for other runs of the same body.
     **options
-        Those of :class:`March`: ``scheme, step, save, stops, events, jump, method, controls, max_time, checkpoint,
-        resume``.
+        The other fields of :class:`March`.  ``scheme``: how it steps, implicit Euler by default.  ``step``: a length,
+        or an :class:`AdaptiveStep`.  ``save``: which frames are kept.  ``stops``: times at which a step ends.  ``events``:
+        a step ends where one happens.  ``jump``: what happens where a step has several solutions.  ``method``,
+        ``controls``: of each step.  ``max_time``: limit in seconds.  ``checkpoint``, ``resume``: a file from which the
+        run continues.
 
     Returns
     -------
@@ -56,6 +62,16 @@ def march(
         time on, ends the march there: ``history.ended`` is ``"refused"``, and the last of its messages says why.
     FileError
         The checkpoint is that of another evolution.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> block = hv.ContactProblem(
+    ...     hv.rectangle((1.0, 1.0), 4), hv.Material.young(10.0, 0.3), {"bottom": hv.Contact(hv.Compliance(20.0))},
+    ...     {"left": "roller", "right": "roller"}, tractions={"top": ("0", "-t")})
+    >>> history = hv.march(hv.Evolution(block), until=1.0, step=0.25)
+    >>> len(history.frames), round(float(history.frames[-1].displacement.min()), 3)
+    (5, -0.124)
     """
     return result_of(marching(evolution, March(until, **options), workspace=workspace))
 

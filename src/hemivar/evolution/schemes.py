@@ -192,7 +192,14 @@ class Scheme(ABC):
 
 @dataclass(frozen=True)
 class ImplicitEuler(Scheme):
-    """Implicit Euler: the scheme of the literature on hemivariational inequalities; order 1, and it dissipates."""
+    """Implicit Euler: the scheme of the literature on hemivariational inequalities; order 1, and it dissipates.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> hv.evolution.ImplicitEuler().order
+    1
+    """
 
     name: ClassVar[str] = "implicit-euler"
     order: ClassVar[int] = 1

@@ -121,6 +121,11 @@ class AdaptiveStep(StepSizeController):
         A thousandth of the evolution by default.
     least, most : float, optional
         Limits; by default no step is shorter than a millionth of the first one.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> step = hv.evolution.AdaptiveStep(rtol=1e-3, first_step=0.1)
     """
 
     rtol: float = field(default=1e-3, metadata=stated(Form.NUMBER, above=0.0, below=1.0))

@@ -95,6 +95,16 @@ def discretize(
         If supports contradict each other, data have the wrong shape or are not finite, the material is not
         positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
         depend on one another, the body is free to move, or something depends on time.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> problem = hv.discretize(hv.gallery.survey("5.1", 8))
+    >>> problem
+    DiscreteProblem(272 unknowns, 8 contact points of 2 components on bottom, law survey)
+    >>> K, B = problem.stiffness, problem.contact.trace
+    >>> K.shape, B.shape
+    ((272, 272), (16, 272))
     """
     given = ManufacturedProblem.of(problem)
     if isinstance(given, DiscreteProblem):

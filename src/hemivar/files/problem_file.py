@@ -127,6 +127,17 @@ def read_problem(path: str | Path) -> ContactProblem:
     ------
     ProblemError
         If the file cannot be read or does not state a problem; one line that names file, table and key.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> import pathlib
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = hv.write_problem(hv.gallery.survey("5.1", 8), pathlib.Path(folder) / "problem.toml")
+    ...     problem = hv.read_problem(path)
+    >>> hv.solve(problem).status.value
+    'converged'
     """
     return read_problem_file(path).problem
 
@@ -337,6 +348,16 @@ def write_problem(
         ``beside``, an option of a method, ...); one sentence that names it. Nothing is written then.
     FileError
         If a file cannot be written, or a file beside it would take the place of another one.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> import pathlib
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = hv.write_problem(hv.gallery.survey("5.1", 8), pathlib.Path(folder) / "problem.toml")
+    ...     print(path.read_text().splitlines()[0])
+    title = "survey, 5.1"
     """
     path = disk.path_of(path)
     stated = _as_file(problem)

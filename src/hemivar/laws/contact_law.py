@@ -41,6 +41,13 @@ class ContactLaw(NormalAndFriction):
         Normal law j_nu.
     friction : Friction
         Friction law h_tau j_tau; none by default.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> law = hv.laws.ContactLaw(hv.Signorini(), hv.Tresca(0.5)).at(None)
+    >>> law.state_dependent
+    False
     """
 
     normal: Superpotential

@@ -94,7 +94,13 @@ def _refuse_shape(array: Array, name: str, components: int) -> None:
 
 @dataclass(frozen=True)
 class Clamped:
-    """No displacement: ``u = 0``."""
+    """No displacement: ``u = 0``.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> supports = {"left": hv.Clamped()}  # or the word: {"left": "clamped"}
+    """
 
 
 @dataclass(frozen=True)
@@ -103,6 +109,11 @@ class Roller:
 
     Where facets of one boundary meet at less than 45 degrees their normals are averaged at the common node;
     where they meet at a sharper corner both are fixed.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> supports = {"left": hv.Roller(), "top": hv.Fixed(y=-0.1)}
     """
 
 
@@ -118,6 +129,12 @@ class Fixed(CheckedFields, PickleMixin):
     x, y, z : float, callable or None
         Value of the component, or a function of points, shape (k, d), that returns shape (k,); it may depend on time,
         ``f(x, t)``.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> hv.Fixed(y="-0.1*t")  # x is free
+    Fixed(x=None, y=Formula(text='-0.1*t', where='Fixed(y=...)', minimum=None), z=None)
     """
 
     x: ScalarData | None = field(default=None, metadata=_COMPONENT)
@@ -139,6 +156,12 @@ class Prescribed(CheckedFields, PickleMixin):
     value : vector, shape (d,), or callable
         A callable gets points, shape (k, d), and returns displacements, shape (k, d); it may depend on time,
         ``f(x, t)``.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> hv.Prescribed((0.0, -0.1))
+    Prescribed(value=(0.0, -0.1))
     """
 
     value: VectorData = field(
@@ -162,6 +185,11 @@ class Pressure(CheckedFields, PickleMixin):
     ----------
     value : float or callable
         A callable gets points, shape (k, d), and returns shape (k,); it may depend on time, ``f(x, t)``.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> tractions = {"top": hv.Pressure(2.0), "right": (0.0, "-x")}
     """
 
     value: ScalarData = field(

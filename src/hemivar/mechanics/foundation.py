@@ -102,6 +102,13 @@ class Contact(CheckedFields, PickleMixin):
     ProblemError
         If gap and obstacle are both given, or normals of an obstacle that is not; if damping is no law, or memory no
         memory.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> floor = hv.Contact(hv.Signorini(), hv.Coulomb(0.3), gap=0.01)
+    >>> ball = hv.Contact(hv.Signorini(), obstacle=hv.mechanics.Sphere((0.0, -5.0), 5.0))
+    >>> pair = hv.Contact(hv.Signorini(), against="lower:top")
     """
 
     normal: Superpotential | VectorLaw

@@ -34,10 +34,13 @@ def _made(what: str, *constants: object, **named: object) -> Material:
 
 @dataclass(frozen=True, eq=False)
 class Material(PickleMixin):
-    """An elastic material of small strains, linear or with a stored energy.
+    """An elastic material of small strains, made by one of these:
 
-    Make one by :meth:`lame`, :meth:`young`, :meth:`tensor` or :meth:`by_region`, and one that is not linear by
-    :meth:`hencky`, :meth:`ramberg_osgood`, :meth:`locking` or :meth:`potential`. :meth:`describe` shows it.
+    * linear: :meth:`young` (E, nu), :meth:`lame` (lam, mu), :meth:`tensor`; of one component :meth:`gradient`;
+    * with a stored energy: :meth:`hencky`, :meth:`ramberg_osgood`, :meth:`locking`, :meth:`potential`;
+    * different in named regions: :meth:`by_region`.
+
+    :meth:`describe` shows its constants.
 
     Stresses and strains in matrices are ordered xx, yy, xy in 2D and xx, yy, zz, yz, xz, xy in 3D, shear
     strains are engineering ones, ``gamma_xy = 2 eps_xy``.
@@ -53,7 +56,15 @@ class Material(PickleMixin):
         In plane stress V and the springs of branches given by constants are taken each in its own plane form, which is
         exact where they are proportional to the elasticity.
 
-    What does not depend on time takes no notice of them.
+    Statics ignores them.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> steel = hv.Material.young(210e3, 0.3, plane="stress")
+    >>> soil = hv.Material.hencky(bulk=20.0, shear=4.0, softened=0.25, strain=0.05)
+    >>> steel.linear, soil.linear
+    (True, False)
     """
 
     @staticmethod

@@ -100,6 +100,13 @@ class Plane(Obstacle):
         A point of the plane.
     normal : vector, shape (d,)
         Out of the obstacle, towards the body; of any length.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> slope = hv.Plane(point=(0.0, 0.0), normal=(0.1, 1.0))
+    >>> slope.distance([[0.0, 1.0]]).round(3)
+    array([0.995])
     """
 
     point: Sequence[float] | Array = field(metadata=stated(Form.POINT) | kept(_vector, shown="Plane: {}"))
@@ -136,6 +143,12 @@ class Sphere(Obstacle):
         Units of length.
     inside : bool
         The body lies inside: everything beyond the sphere is the obstacle.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> hv.mechanics.Sphere((0.0, -5.0), 5.0).distance([[0.0, 0.1]]).round(3)
+    array([0.1])
     """
 
     center: Sequence[float] | Array = field(metadata=stated(Form.POINT) | kept(_vector, shown="Sphere: {}"))

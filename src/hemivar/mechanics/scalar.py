@@ -60,6 +60,11 @@ def ScalarContact(  # noqa: N802
     ------
     ProblemError
         The law is neither, or its bound depends on the solution.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> obstacle = hv.ScalarContact(hv.Signorini(), level="-0.1 + 0.2*x", side="below")
     """
     if not isinstance(law, Superpotential | Friction):
         raise ProblemError(
@@ -134,6 +139,16 @@ def ScalarProblem(  # noqa: N802
     ProblemError
         If a name is unknown, numbers are not finite, conditions exclude each other, heat has a density or a
         viscosity, or something else a capacity.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> membrane = hv.ScalarProblem(
+    ...     hv.rectangle((1.0, 1.0), 8), 1.0, kind="membrane", source=-4.0,
+    ...     supports={name: 0.0 for name in ("left", "right", "bottom", "top")},
+    ...     area=hv.ScalarContact(hv.Signorini(), level=-0.1, side="below"))
+    >>> round(float(hv.solve(membrane).displacement.min()), 3)
+    -0.1
     """
     material = Material.gradient(coefficient, kind, density=density, viscosity=viscosity, capacity=capacity)
     if not isinstance(area, Contact | Mapping):

@@ -126,6 +126,16 @@ class ContactProblem(PickleMixin, ReprMixin):
     ProblemError
         If a boundary name is unknown, numbers are not finite, or boundaries overlap in a way that makes no
         sense.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> problem = hv.ContactProblem(
+    ...     mesh=hv.rectangle((1.0, 1.0), 4), material=hv.Material.young(10.0, 0.3),
+    ...     contact={"bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.3))}, supports={"left": "clamped"},
+    ...     tractions={"top": (0.0, -1.0)})
+    >>> hv.solve(problem).status.value
+    'converged'
     """
 
     mesh: Mesh

@@ -60,6 +60,13 @@ def rectangle(
     ProblemError
         If a length or a number of cells is not positive, the pattern is unknown, the mesh does not fit into memory, or
         the origin is so far away that rounding spoils the cells.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> mesh = hv.rectangle((40.0, 10.0), (8, 2))
+    >>> len(mesh.points), len(mesh.cells), sorted(mesh.boundaries)
+    (27, 32, ['bottom', 'left', 'right', 'top'])
     """
     if not isinstance(pattern, str) or pattern not in ("cross", "right", "left"):
         raise ProblemError(f"pattern '{pattern}' is unknown; choose 'cross', 'right' or 'left'")
@@ -126,6 +133,13 @@ def box(
     ProblemError
         If a length or a number of cells is not positive, the mesh does not fit into memory, or the origin is so far
         away that rounding spoils the cells.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> mesh = hv.box((1.0, 1.0, 1.0), 2)
+    >>> len(mesh.points), len(mesh.cells), sorted(mesh.boundaries)
+    (27, 48, ['back', 'bottom', 'front', 'left', 'right', 'top'])
     """
     extent, lowest = _lengths(size, 3), _numbers(origin, 3, "origin", "coordinates")
     nx, ny, nz = _counts(cells, 3)

@@ -75,6 +75,14 @@ class Mesh(PickleMixin):
         same side; if a boundary is empty or holds a facet that is not on the outer boundary, or facets lie at one
         place of one part with nodes of their own and without a name; if an interface is empty or holds a facet that is
         not between two cells; if the parent does not lead to these nodes, cells and names.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> points, cells = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[0, 1, 2]]
+    >>> mesh = hv.Mesh.oriented(points, cells).with_boundaries({"bottom": lambda x: x[:, 1] == 0.0})
+    >>> mesh.refined().cells.shape
+    (4, 3)
     """
 
     points: Array

@@ -55,6 +55,13 @@ def read_mesh(path: str | Path) -> Mesh:
     ProblemError
         If the file is missing or cannot be read, does not fit into memory, or holds cells that are of another kind or
         too distorted to be split.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> mesh = hv.read_mesh("bracket.msh")  # doctest: +SKIP
+    >>> sorted(mesh.boundaries)  # doctest: +SKIP
+    ['back', 'hole', 'shelf']
     """
     try:
         name = regular_file(path, "mesh file", 2**62)

@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
@@ -80,9 +80,9 @@ def _kind() -> type[Figure]:
             _shorten(self)
             super().draw(renderer)
 
-        def savefig(self, fname: Any, **options: Any) -> None:
-            """Write it whole: legends beside the axes are on it, unless ``bbox_inches`` is given."""
-            super().savefig(fname, **{"bbox_inches": "tight", "pad_inches": 0.05, **options})
+        def savefig(self, fname: object, **options: object) -> None:
+            """Write it with the legends beside its axes, unless ``bbox_inches`` is given."""
+            super().savefig(fname, **({"bbox_inches": "tight", "pad_inches": 0.05} | options))  # type: ignore[arg-type]
 
         def _repr_png_(self) -> bytes:
             with IMPORTS:
@@ -205,8 +205,10 @@ def paper(
 ) -> Iterator[None]:
     """Context in which every figure is made for print.
 
-    >>> with hemivar.report.paper("84mm", legend="inside"):
-    ...     solution.plot().savefig("figure.pdf", bbox_inches="tight", pad_inches=0.05)
+    >>> import hemivar as hv
+    >>> solution = hv.solve(hv.gallery.survey("5.1", 4))
+    >>> with hv.report.paper("84mm", legend="inside"):
+    ...     figure = solution.plot()  # figure.savefig("figure.pdf") has the width
 
     Parameters
     ----------

@@ -59,6 +59,13 @@ class Controls:
         Limit of the iteration in seconds.
     callback : function, optional
         Called with a :class:`Progress` after every step; return True to stop.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> controls = hv.Controls(rtol=1e-10, max_time=60.0)
+    >>> hv.solve(hv.gallery.survey("5.1", 4), controls=controls).residual.relative <= 1e-10
+    True
     """
 
     rtol: float = 1e-9

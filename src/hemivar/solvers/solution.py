@@ -76,12 +76,20 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     kind : PointKind or None
         What kind of stationary point it is, where it was determined.
     fallbacks : int
-        How often the method had to take another way, see :class:`hemivar.solvers.SemismoothNewton`.
+        How often :class:`hemivar.solvers.SemismoothNewton` replaced its full step by a fallback (a bound that is
+        raised in parts, a damped step); 0 for other methods.
     carried : (float, float) or None
         Where the foundation does not carry the load: the part of it up to which equilibria were found while it grew
         from zero, and the next part, at which none was found.
     remarks : tuple of str
         Which method took over from which, and why; and that a state with less energy exists.  Part of :attr:`warnings`.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> solution = hv.solve(hv.gallery.survey("5.1", 8)).raise_for_status()
+    >>> solution.displacement.shape, solution.pressure.shape
+    ((145, 2), (8,))
     """
 
     problem: DiscreteProblem

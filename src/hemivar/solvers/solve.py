@@ -101,6 +101,13 @@ def solve(
         The method cannot treat this problem, or the memory does not suffice for it.
     ProblemError
         The problem cannot be solved as stated.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> solution = hv.solve(hv.gallery.survey("5.1", 8))
+    >>> solution.status.value, solution.certify().unique
+    ('converged', True)
     """
     discrete = posed(problem, "solve")
     limits = Controls.of(controls, rtol=rtol, max_steps=max_steps, max_time=max_time)

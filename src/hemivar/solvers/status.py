@@ -8,7 +8,22 @@ __all__ = ["STOPPED", "Status"]
 
 
 class Status(Enum):
-    """End state of a solve; the value is its name in files and tables."""
+    """End state of a solve; the value is its name in files and tables, ``remedy`` says what to try.
+
+    ``CONVERGED``: the residual is below the tolerance.  ``INACCURATE``: the method's own rule stopped it above the
+    tolerance.  ``MAX_STEPS``, ``MAX_TIME``: a limit was reached.  ``STALLED``, ``CYCLING``, ``NONFINITE``,
+    ``NOT_CONTRACTING``: the method failed; take another one.  ``UNBOUNDED``: the energy has no lower bound.
+    ``NOT_CARRIED``: no equilibrium was found from the unloaded state; lower the load.  ``INTERRUPTED``,
+    ``OUT_OF_MEMORY``: the best iterate so far is returned.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> hv.solve(hv.gallery.survey("5.1", 8), max_steps=1, method="direct-lbfgs").status
+    <Status.MAX_STEPS: 'max_steps'>
+    >>> hv.Status.CONVERGED.value
+    'converged'
+    """
 
     CONVERGED = "converged"
     INACCURATE = "inaccurate"

@@ -349,22 +349,46 @@ def study(
     checkpoint: str | Path | None = None,
     exact: bool = False,
 ) -> Study:
-    """:func:`studying` to its end, as a value.
+    """Solve a problem on finer and finer meshes, and measure errors and orders of convergence.
+
+    Errors are those against a known solution, or against the solution on the finest mesh.
 
     Parameters
     ----------
     problem : ContactProblem, or path of a problem file
-    refine, known, method, controls, jobs, checkpoint, exact
-        As in :class:`StudyOptions`.
+    refine : int
+        How often the mesh is halved: ``refine + 1`` meshes.
+    known : KnownField or sequence of str, optional
+        The known solution, a formula for each component.
+    method : Solver or str, optional
+        Chosen for the finest mesh by default.
+    controls : Controls, optional
+        Tolerances and limits of each solve.
+    jobs : int
+        Processes that work at once.
+    checkpoint : str or Path, optional
+        A file that keeps the solutions; a second study continues from it.
+    exact : bool
+        Whether the error on each mesh is bounded as well.
 
     Returns
     -------
     Study
+        ``study.levels`` has a solution and its errors for each mesh, ``study.orders`` the observed orders.
 
     Raises
     ------
     ProblemError, MethodError, FileError
-        As :func:`studying`.
+        An option makes no sense, a solve is refused, or the file is that of another study.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> study = hv.study(hv.gallery.survey("5.1", 2), refine=3)
+    >>> [level.solution.problem.unknowns for level in study.levels]
+    [20, 72, 272, 1056]
+    >>> study.reference, round(study.orders["energy"], 1)
+    ('finest mesh', 0.8)
     """
     given = StudyOptions(
         refine, known, method, Controls() if controls is None else controls, jobs, checkpoint, exact=exact

@@ -57,6 +57,14 @@ class MixedMode(Glue):
     ------
     ProblemError
         Phi is not even, jumps, pushes back, or does not let go; the compression pulls or is not convex.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> cohesion = hv.laws.BilinearCohesion(stiffness=1e4, strength=20.0, energy=0.4)
+    >>> glue = hv.laws.MixedMode(cohesion, ratio=1.5)
+    >>> glue.fracture_energy
+    array([0.4])
     """
 
     cohesion: Superpotential

@@ -61,6 +61,12 @@ class ModeDependentGlue(Glue):
     ------
     ProblemError
         A parameter is not positive, or the fracture energy of a mode is less than what is stored at its strength.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> criterion = hv.laws.BenzeggaghKenane(opening=0.4, shear=1.2, exponent=2.0)
+    >>> epoxy = hv.laws.ModeDependentGlue(strength=20.0, shear_strength=18.0, stiffness=7490.0, criterion=criterion)
     """
 
     strength: Parameter = field(metadata=positive("largest traction in opening", PRESSURE, 80.0))

@@ -32,6 +32,12 @@ def Tresca(  # noqa: N802 - a law, named as the others are
     Returns
     -------
     Friction
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> hv.Contact(hv.Signorini(), hv.Tresca(0.5)).friction.acts
+    True
     """
     return Friction(bound, of=of)
 
@@ -52,6 +58,12 @@ def Coulomb(  # noqa: N802 - a law, named as the others are
     Returns
     -------
     Friction
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> hv.Coulomb("0.3 + 0.1*x").state_dependent
+    True
     """
     return Friction(CoulombBound(coefficient), of=of)
 
@@ -95,6 +107,13 @@ def SlipWeakening(  # noqa: N802 - a law, named as the others are
     Returns
     -------
     Friction
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> friction = hv.SlipWeakening(0.5, kinetic=0.7, rate=20.0)
+    >>> friction.profile.derivative([0.01, 1.0]).round(3)  # of the bound
+    array([0.946, 0.7  ])
     """
     return Friction(bound, ExponentialWeakening(static, kinetic, rate), of=of)
 

@@ -39,6 +39,15 @@ class Softening(NamedLaw):
         Penetration of the largest pressure, > 0.
     softening : Parameter
         Rate at which the pressure falls, >= 0 (force per area and length); with 0 it stays.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> law = hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)
+    >>> law.derivative([0.05, 0.1, 0.2])
+    array([0.1 , 0.2 , 0.11])
+    >>> law.weak_convexity
+    array([0.9])
     """
 
     stiffness: Parameter = field(metadata=positive("of the springs", RATE, 2.0))
@@ -113,6 +122,13 @@ class Adhesive(NamedLaw):
     ------
     ProblemError
         Softening and energy are both given; the energy is too small.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> glue = hv.Adhesive(stiffness=100.0, strength=2.0, energy=0.1)
+    >>> glue.derivative([-0.01, -0.02, -0.2]).round(3) + 0.0  # minus the tension at these openings
+    array([-1., -2.,  0.])
     """
 
     stiffness: Parameter = field(metadata=positive("of the glue", RATE, 5.0))

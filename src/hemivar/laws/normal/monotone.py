@@ -32,6 +32,13 @@ class ThresholdCompliance(NamedLaw):
         Threshold pressure, >= 0 (force per area).
     p_const : Parameter
         Stiffness beyond it, >= 0 (force per area and length).
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> law = hv.laws.ThresholdCompliance(q_max=0.3, p_const=2.0)
+    >>> law.subdifferential(0.0)
+    Interval(lower=array([0.]), upper=array([0.3]))
     """
 
     q_max: Parameter = field(metadata=parameter("threshold pressure", PRESSURE, least=0.0))
@@ -47,7 +54,14 @@ class ThresholdCompliance(NamedLaw):
 
 @dataclass(frozen=True, eq=False)
 class Signorini(NamedLaw):
-    """Rigid foundation: j(r) = 0 for r <= 0, +inf for r > 0 (unilateral contact, no penalty)."""
+    """Rigid foundation: j(r) = 0 for r <= 0, +inf for r > 0 (unilateral contact, no penalty).
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> hv.Signorini().subdifferential(0.0)
+    Interval(lower=array([0.]), upper=array([inf]))
+    """
 
     name: ClassVar[str] = "signorini"  # type: ignore[misc]
 
@@ -85,6 +99,12 @@ class Compliance(ParameterLaw):
         Factor >= 0 (force per area and length^exponent).
     exponent : Parameter
         Exponent >= 1; 1 is the linear spring foundation.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> hv.Compliance(20.0, 2.0).derivative([-0.1, 0.1])
+    array([0. , 0.2])
     """
 
     stiffness: Parameter = field(

@@ -402,6 +402,15 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
     ProblemError
         If none or both are given, the text is not a formula (with the character), is not finite somewhere, not
         continuous, or turns too often or within too short a length for its reach.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> law = hv.FormulaLaw(derivative="piecewise((0, r < 0), (r*exp(-r), True))", reach=5.0)
+    >>> law.derivative([-1.0, 1.0]).round(4)
+    array([0.    , 0.3679])
+    >>> float(law.weak_convexity[0].round(4))  # exp(-2): where it falls the most
+    0.1353
     """
     places = np.atleast_1d(real_array(kinks, f"kinks of law '{name}'")).ravel()
     if (potential is None) == (derivative is None):

@@ -339,5 +339,13 @@ def FunctionLaw(  # noqa: N802 - a law, named as the others are
         If neither function is given, or one returns something else than finite numbers, or samples show that they do
         not belong to each other: a derivative that is not that of the potential, a curvature that is not that of the
         derivative, a kink that is not listed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import hemivar as hv
+    >>> law = hv.laws.FunctionLaw(derivative=lambda r: np.where(r > 0.0, 3.0 * r, 0.0), kinks=[0.0])
+    >>> law.derivative([-1.0, 0.5])
+    array([0. , 1.5])
     """
     return _FunctionLaw(potential, derivative, curvature, kinks, reach, even, name)

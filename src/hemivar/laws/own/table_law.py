@@ -113,6 +113,15 @@ def table_law(
     ------
     ProblemError
         Fewer than two rows, entries that are not numbers, falling r (with the row).
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> law = hv.table_law([-1.0, 0.0, 0.1, 0.3], [0.0, 0.0, 0.5, 0.2])
+    >>> law.derivative([0.05, 0.2])
+    array([0.25, 0.35])
+    >>> float(law.weak_convexity[0].round(12))  # the steepest fall
+    1.5
     """
     try:
         extend = Extension(extend)
