@@ -1,9 +1,16 @@
-"""Pages are written in short sentences: at most 20 words on the average, counted without code, tables and formulas."""
+"""Pages are written in short sentences: at most 20 words on the average, counted without code, tables and formulas.
+
+Neither they nor docstrings of what packages export use words that only this project used.
+"""
 
 from __future__ import annotations
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
+
+from tests.sources import PACKAGE
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(
@@ -59,3 +66,42 @@ def test_the_count_knows_what_a_sentence_is() -> None:
     )
     assert [len(words) for words in sentences(text)] == [3, 4]
     assert mean_length("A line of [a link](far/away.md) and `some code`, $x = 1$ too.\n") == 9.0
+
+
+#: Words that say nothing to a reader from outside; messages have more of them (``tests/test_messages.py``).
+HOME_MADE = re.compile(r"\b(anew|told|at hand|booked|put in|beside it|all the same)\b")
+
+
+def docstrings(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """Names and docstrings of what a module exports, members without ``_`` included."""
+    exported = {
+        name.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__"
+        for name in getattr(node.value, "elts", ())
+        if isinstance(name, ast.Constant)
+    }
+
+    def inside(node: ast.AST, outer: bool) -> Iterator[tuple[str, str]]:
+        for one in ast.iter_child_nodes(node):
+            if not isinstance(one, ast.FunctionDef | ast.ClassDef):
+                continue
+            if one.name in exported if outer else one.name[0] != "_":
+                yield one.name, ast.get_docstring(one) or ""
+                yield from inside(one, False)
+
+    return inside(tree, True)
+
+
+def test_pages_and_docstrings_use_words_of_the_field() -> None:
+    pages = ((str(page.relative_to(ROOT)), page.read_text(encoding="utf-8")) for page in PAGES)
+    files = ((path.relative_to(PACKAGE), ast.parse(path.read_text(encoding="utf-8"))) for path in PACKAGE.rglob("*.py"))
+    modules = ((f"{path}: {name}", text) for path, tree in files for name, text in docstrings(tree))
+    found = [f"{place}: {word}" for place, text in (*pages, *modules) for word in HOME_MADE.findall(text)]
+    assert found == []
+
+
+def test_a_home_made_word_is_found_in_a_docstring() -> None:
+    code = '__all__ = ["f"]\n\ndef f():\n    """It is computed anew."""\n\ndef g():\n    """Anew."""\n'
+    (found,) = docstrings(ast.parse(code))
+    assert HOME_MADE.findall(found[1]) == ["anew"]

@@ -285,7 +285,7 @@ def solving_adaptive(
     max_unknowns : int
         No finer mesh is made beyond.
     max_time : float
-        Seconds; the mesh at hand is finished, and none is begun that would not be ready in time, as far as the one
+        Seconds; the current mesh is finished, and none is begun that would not be ready in time, as far as the one
         before tells.
     max_memory : float
         Bytes; no mesh is begun that is predicted to need more, or more than is free.

@@ -15,7 +15,7 @@ __all__ = ["Anderson"]
 _ROUNDED = 1e-12
 #: Evaluations without a smaller change than before after which kinks of the map are taken to mislead what is mixed.
 _PATIENCE = 40
-#: Evaluations near the place with the least change, until all is mixed anew from the best of them.
+#: Evaluations near the place with the least change, until all is mixed again from the best of them.
 _WALK = 10
 #: Part of the change that is gone by there at first, and what it is changed by where that was too far, or well.
 _PART, _SHORTER, _LONGER = 0.25, 0.25, 2.0
@@ -26,10 +26,10 @@ class Anderson:
 
     Of all combinations of the places so far the one whose change by the map would be the least, were the map affine,
     goes on by its change.  For affine maps this does as well as GMRES (Walker and Ni, 10.1137/10078356X): how
-    many places are needed is told by how many directions do not contract, and not by how strongly they do not.
+    many places are needed follows from how many directions do not contract, and not by how strongly they do not.
 
     Kinks of a map may mislead it in circles: where the least change has long been the same, parts of the change at that
-    place are tried, and then all is mixed anew.
+    place are tried, and then all is mixed again.
     """
 
     def __init__(self) -> None:

@@ -33,7 +33,7 @@ def on_demand(
     """``__getattr__``, ``__dir__`` and ``__all__`` of a package whose names are loaded when they are first used.
 
     Which names there are, and where each comes from, stands in ``__init__.pyi`` beside the file of the package.  Names
-    that were ``removed`` are told with what takes their place.
+    that were ``removed`` are named with what replaces them.
     """
     attached, names, public = lazy_loader.attach_stub(package, file)
 

@@ -19,7 +19,7 @@ _CHECK = {2: 320.0, 3: 420.0}
 _DISCRETISE = {(2, 1): 600.0, (3, 1): 850.0, (2, 2): 4200.0, (3, 2): 15000.0}
 #: Less than this is not held against what is free.
 _SMALL = 64.0 * 2.0**20
-#: Taken to be free where that cannot be told.
+#: Taken to be free where that is not known.
 _ASSUMED = 16.0 * 2.0**30
 _UNLIMITED = 2.0**60
 
@@ -65,7 +65,7 @@ def refined_cells(dimension: int, cells: float, times: int) -> float:
 def require(needed: float, what: str, remedy: str = "take fewer cells", *, sharers: int = 1) -> None:
     """Refuse what does not fit into the memory that is free.
 
-    Where it cannot be told what is free (on systems other than Linux), 16 GiB are assumed.
+    Where it is not known what is free (on systems other than Linux), 16 GiB are assumed.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def require(needed: float, what: str, remedy: str = "take fewer cells", *, share
 
 
 def available_bytes() -> float | None:
-    """Bytes that this process may still take, None where that cannot be told.
+    """Bytes that this process may still take, None where that is not known.
 
     The smallest of what the machine has available, what the limits of the control groups of the process leave
     (containers, batch systems), and what the limit of its address space leaves.

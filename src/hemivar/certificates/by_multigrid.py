@@ -411,7 +411,7 @@ class SolveByMultigrid(SolveByCycles):
         """Largest eigenvalue of ``(C' diag(weight) C, K)`` on the displacements that leave the held components at rest.
 
         C (k, n) are ``rows``, the weights (k,) are of either sign, and ``held`` (m, d) are components of the contact
-        points.  None where the trace does not select unknowns, or where the eigenvalue was not told from one.
+        points.  None where the trace does not select unknowns, or where the eigenvalue was not separated from one.
         """
         if not selects(self.problem.contact.trace):
             return None

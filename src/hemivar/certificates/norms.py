@@ -262,7 +262,7 @@ class EnergyNorm:
         weight : array (k,)
             Weights >= 0; rows of weight zero are dropped.
         near : float, optional
-            A value that the eigenvalue must be told apart from.
+            A value that the eigenvalue must be separated from.
         """
         rows = np.flatnonzero((weight > 0.0) & (np.diff(trace.indptr) > 0))
         if not self.by.vectors.total(rows.size)[0]:

@@ -104,7 +104,7 @@ class Engine:
 
     @contextmanager
     def asked_to_end(self) -> Iterator[Callable[[], bool]]:
-        """Ctrl-C, SIGTERM and SIGHUP are told of by a function; Ctrl-C again, some seconds later, ends the step as
+        """Ctrl-C, SIGTERM and SIGHUP are reported by a function; Ctrl-C again, some seconds later, ends the step as
         well."""
         asked: list[float] = []
 
@@ -126,7 +126,7 @@ class Engine:
         more: Mapping[str, object] | None,
         arrays: Path | None = None,
     ) -> object:
-        """Write a solution as JSON, its arrays to a file beside it where one is named."""
+        """Write a solution as JSON, its arrays to a second file where one is named."""
         from hemivar.files import write_json
 
         return write_json(solution, path, certificate, more, arrays)

@@ -95,7 +95,7 @@ class CoercivityResult:
 class CoercivityProof:
     """What was shown of how a body is held, so that it need not be decided again.
 
-    It is known by what it was decided of, the very objects: whatever replaces one of them is decided anew.
+    It is known by what it was decided of, the very objects: whatever replaces one of them is decided again.
 
     Attributes
     ----------

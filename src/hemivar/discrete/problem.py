@@ -371,7 +371,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
     def limit(self) -> str | None:
         """A sentence where the foundation holds the body at rest, but its energy need not have a minimum.
 
-        As glue does that breaks. :func:`hemivar.discretize` finds it; it is decided anew for another load or law. None
+        As glue does that breaks. :func:`hemivar.discretize` finds it; it is decided again for another load or law. None
         where the energy grows along every motion, and where nothing is known.
         """
         shown = self.shown

@@ -143,7 +143,7 @@ def _known_force(problem: DiscreteProblem) -> float:
 def resting_multiplier(law: VectorLaw, offset: Array, compliance: Array) -> Array:
     """What presses on a body that has not moved, (m, d), as far as a body of this ``compliance (m, 2)`` can bear it.
 
-    ``offset (m, d)`` is the gap and what stands beside it in the tangential components.
+    ``offset (m, d)`` is the gap and the offset of the tangential components.
     """
     domain, start = law.penetrations, -offset
     inside = start.copy()

@@ -104,7 +104,7 @@ def sunk_by_a_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, floa
     """How far gaps jump towards the body in a step under a law of impact, and how deep points then are in the obstacle.
 
     Such a law is one of velocities, which no jump has; a gap jumps if it changes in the step by more than three times
-    as much as in the steps beside it, as long as this one.
+    as much as in the neighbouring steps, as long as this one.
 
     Zero where there is none.
     """

@@ -152,7 +152,7 @@ def step_error(stepper: TimeStepper, taken: StepResult, origin: Array, after_kin
 class Margins:
     """Margins of steps; those of laws with the same constants on the same body are computed once.
 
-    Where a law depends on the state, the margin is that of the solution at hand.
+    Where a law depends on the state, the margin is that of the current solution.
     """
 
     def __init__(self, stepper: TimeStepper) -> None:

@@ -170,11 +170,11 @@ class Scheme(ABC):
         ----------
         step : float
         last : float or None
-            Length of the step before it; None if it begins anew. Schemes of one step do not ask.
+            Length of the step before it; None if it begins again. Schemes of one step do not ask.
         """
 
     def massless_rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
-        """The same of a body without mass, whose velocity at the end of a step no step needs: it is only told."""
+        """The same of a body without mass, whose velocity at the end of a step no step needs: it is only reported."""
         return self.rules(step, last)
 
     def uses_initial_acceleration(self, step: float) -> bool:

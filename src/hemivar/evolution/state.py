@@ -159,7 +159,7 @@ class TimeState(PickleMixin):
 
     @property
     def contact_force(self) -> ContactForce:
-        """Contact forces that are told of this moment: those of its displacements, else the last that are known."""
+        """Contact forces that are reported of this moment: those of its displacements, else the last that are known."""
         return ContactForce(self.time, self.multiplier) if self.shown is None else self.shown
 
     @property

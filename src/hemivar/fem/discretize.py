@@ -80,7 +80,7 @@ def discretize(
     problem : ContactProblem
     check_coercivity : bool
         Refuse problems whose energy is not bounded below or not held along a rigid motion. ``False`` lets
-        them pass: a local equilibrium may exist all the same.
+        them pass: a local equilibrium may still exist.
     evolving : bool
         The problem is part of one in time, where somebody else takes care of damping and memory of the contact points,
         which otherwise are refused.

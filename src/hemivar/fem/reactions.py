@@ -34,7 +34,7 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     the foundation at contact nodes that the supports hold entirely, which are no contact points, is part of the
     reactions.
 
-    A node of several supports is booked direction by direction, in the order in which the supports are stated: each
+    A node of several supports is counted direction by direction, in the order in which the supports are stated: each
     takes the force along what it fixes and none before it has fixed.
 
     Parameters

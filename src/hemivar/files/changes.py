@@ -104,7 +104,7 @@ def read_change(text: str) -> Change:
 
 
 def changed(data: Mapping[str, object], changes: Sequence[Change], name: str) -> dict[str, object]:
-    """Tables of a problem file with values put in, in turn; what is given stays as it is.
+    """Tables of a problem file with values replaced, in turn; what is given stays as it is.
 
     Tables that a file may leave out are made.  What is not known in its table is refused where the file is read.
 

@@ -61,7 +61,7 @@ def history_columns(history: History) -> dict[str, Array]:
 def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
     """Write an evolution, by the suffix of the name.
 
-    ``.pvd`` the frames for ParaView, with a folder of VTU files beside it; ``.csv`` and ``.parquet`` the table;
+    ``.pvd`` the frames for ParaView, with a folder of VTU files; ``.csv`` and ``.parquet`` the table;
     ``.json`` the record of :func:`history_record`.
 
     Parameters

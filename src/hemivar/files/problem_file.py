@@ -84,7 +84,7 @@ class ProblemFile:
     heat : Heat or None
         Heat in the body.
     changes : tuple of Change
-        Values that were put in place of those of the file.
+        Values that replaced those of the file.
     """
 
     problem: ContactProblem
@@ -145,14 +145,14 @@ def read_problem(path: str | Path) -> ContactProblem:
 def read_problem_file(path: str | Path, changes: Sequence[Change] = ()) -> ProblemFile:
     """Like :func:`read_problem`, with the settings for the solver and the hierarchy of meshes.
 
-    ``changes`` are put in place of what the file says.
+    ``changes`` replace what the file says.
 
     Parameters
     ----------
     path : str or Path
         Name of the TOML file.
     changes : sequence of Change
-        Values put in place of those of the file.
+        Values that replace those of the file.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def parse_problem_file(
     """Like :func:`parse_problem`, with the settings for the solver and the hierarchy of meshes.
 
     ``place`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
-    ``changes`` are put in place of what the file says, before anything of it is read.
+    ``changes`` replace what the file says, before anything of it is read.
     """
     try:
         data = tomllib.loads(text)
@@ -334,7 +334,7 @@ def write_problem(
     controls : Controls, optional
         Relative tolerance and limits, for the same table.
     beside : bool
-        Whether meshes and tables that come from no file are written too, as files beside it that begin with its name.
+        Whether meshes and tables that come from no file are written too, as files that begin with its name.
 
     Returns
     -------
@@ -347,7 +347,7 @@ def write_problem(
         If the problem holds what a problem file cannot express (a Python function, a mesh of one's own without
         ``beside``, an option of a method, ...); one sentence that names it. Nothing is written then.
     FileError
-        If a file cannot be written, or a file beside it would take the place of another one.
+        If a file cannot be written, or one of these files would take the place of another one.
 
     Examples
     --------

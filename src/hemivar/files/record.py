@@ -71,7 +71,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     ----------
     solution : Solution
     certificate : Certificate, optional
-        Written beside it.
+        Written with it.
 
     Returns
     -------
@@ -262,7 +262,7 @@ def _put_back(record: Record, path: Path) -> None:
 
 
 def read_json(path: str | Path) -> Record:
-    """A record written by :func:`write_json`; what stands in a file beside it comes as NumPy arrays.
+    """A record written by :func:`write_json`; what stands in its second file comes as NumPy arrays.
 
     Parameters
     ----------

@@ -294,7 +294,7 @@ def write_grid(
     cell_data: Mapping[str, Array],
     told: Mapping[str, float],
 ) -> None:
-    """Write a VTU file, silently; states and ``boundary`` become whole numbers, and what is told field data."""
+    """Write a VTU file, silently; states and ``boundary`` become whole numbers, and single values field data."""
     with IMPORTS:
         import meshio
 

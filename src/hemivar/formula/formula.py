@@ -67,7 +67,7 @@ class Formula:
         """Times at which the branch of an ``abs``, ``min`` or ``max`` may change everywhere at once.
 
         What is compared there depends on t alone; where it depends on the place as well, the kink moves through the
-        body, and no time is told.
+        body, and no time is given.
 
         Parameters
         ----------

@@ -139,7 +139,7 @@ def hencky_ring(
     Returns
     -------
     KnownProblem
-        The solution with the least penetration, and beside it the others.
+        The solution with the least penetration, and then the others.
 
     Raises
     ------

@@ -213,7 +213,7 @@ class NormalAndFriction(Glue):
 
 
 def with_friction(law: VectorLaw, what: str) -> NormalAndFriction:
-    """The law as a normal law with friction beside it, whichever way it may point; ``what`` asks for it in messages."""
+    """The law as a normal law with friction, whichever way it may point; ``what`` asks for it in messages."""
     if not isinstance(law, NormalAndFriction):
         raise MethodError(f"{law.not_separable}, and {what} needs a normal law with friction beside it")
     return law

@@ -226,7 +226,7 @@ class PiecewiseQuadratic(TabulatedLaw):
         Parameters
         ----------
         knots : array
-            Unused ones stand at the end and are +inf; what is told about them is not looked at.
+            Unused ones stand at the end and are +inf; what is said about them is not looked at.
         ends : pair of arrays (m,)
             Domain; an end is infinite or one of the knots.
         """

@@ -108,7 +108,7 @@ class VectorLaw(PickleMixin, ABC):
 
     @property
     def not_separable(self) -> str:
-        """Why it is no normal law with radial friction beside it, in words."""
+        """Why it is no normal law with radial friction, in words."""
         return f"law '{self.name}' couples opening and slip"
 
     @abstractmethod
@@ -147,7 +147,7 @@ class VectorLaw(PickleMixin, ABC):
         return self
 
     def damped(self, damping: Superpotential) -> VectorLaw:
-        """The law with another one of the penetration beside it.
+        """The law with another one of the penetration in parallel.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class VectorLaw(PickleMixin, ABC):
 
     @property
     def remembers(self) -> bool:
-        """Whether it is glue, which in time remembers the largest opening unless it is told not to."""
+        """Whether it is glue, which in time remembers the largest opening unless it is asked not to."""
         return False
 
     # ---- at a displacement ------------------------------------------------------------------------------

@@ -51,7 +51,7 @@ def check_memory(unknowns: int, dimension: int, contact: int, many: bool = False
 
 
 def shortage(unknowns: int, contact: int, condensed: bool = True) -> MethodError:
-    """The error for a problem that ran out of memory all the same; ``condensed`` if it was to be factorised."""
+    """The error for a problem that still ran out of memory; ``condensed`` if it was to be factorised."""
     remedy = _REMEDY if condensed else "take fewer cells, or a machine with more memory"
     return MethodError(f"memory ran out for {unknowns} unknowns, {contact} of them on the contact boundary; {remedy}")
 

@@ -129,7 +129,7 @@ class DeformedBody:
 def state_label(solution: Solution, kind: Kind, here: BoolArray) -> str:
     """What a legend says of the points ``here`` (m,), which are all in one pair of states.
 
-    Glue that is pressed is bonded all the same, as long as none of these points has broken.
+    Glue that is pressed is still bonded, as long as none of these points has broken.
     """
     damage = solution.debonding.get("damage")
     if kind.normal is not NormalState.CONTACT or damage is None or not (damage[here] < 1.0).all():

@@ -67,8 +67,8 @@ _FILES_ONLY = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 
 
 def html_of(value: object) -> str:
-    """A fragment of HTML, in which all text is escaped; never an error: what cannot be drawn is told by a table, what
-    cannot be told so by its ``repr``."""
+    """A fragment of HTML, in which all text is escaped; never an error: what cannot be drawn is shown as a table, what
+    cannot be shown so by its ``repr``."""
     with np.errstate(all="ignore"):
         try:
             heading, draw, table = _parts(value)

@@ -83,7 +83,7 @@ class Controls:
         max_steps: int | None = None,
         max_time: float | None = None,
     ) -> Controls:
-        """The controls, with those limits that are given by themselves put in their place.
+        """The controls, with those limits that are given by themselves in their place.
 
         Raises
         ------

@@ -63,7 +63,7 @@ class NonsmoothMultigrid(TruncatedNewton):
     nested : bool
         Start from the solution on the next coarser mesh.
     absolute : float
-        What conjugate gradients may leave beside it, in units of force.
+        What conjugate gradients may leave in addition, in units of force.
     settled : bool
         The contact points of the initial guess lie on the pieces of their laws and at the kinks where they are expected
         in the end: the first step begins with Newton's equation.

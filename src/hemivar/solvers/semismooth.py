@@ -59,7 +59,7 @@ class SemismoothNewton(Solver):
     condensed body it is solved by LU factors, on all unknowns by minimal residuals, preconditioned with the multigrid
     cycle of the law whose bound is frozen.  A step is halved until ``|F|`` falls.  Where it does not, as in a body that
     nothing holds where it starts, or where glue of two energies softens and the whole step does not lower ``|F|``,
-    Newton's equation begins anew where one step of the fixed point leads.  Where that fails, the bound is raised from
+    Newton's equation begins again where one step of the fixed point leads.  Where that fails, the bound is raised from
     zero in parts, each solved from the one before.  Where that fails, too, or where the bound has no derivatives or the
     profile falls at once, the fixed point takes over.  ``solution.fallbacks`` counts.
 

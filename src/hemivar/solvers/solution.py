@@ -340,13 +340,13 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     def to_json(self, path: str | Path, arrays: str | Path | None = None) -> Path:
         """Write :meth:`to_dict` to a file; returns its path.  :func:`hemivar.files.read_solution` reads it back.
 
-        ``arrays``: a file ``.npz`` beside it for the arrays, which a large solution has no place for in a text.
+        ``arrays``: a second file ``.npz`` for the arrays, which a large solution has no place for in a text.
         """
         written: Path = above("Solution.to_json")(self, path, arrays=arrays)
         return written
 
     def to_vtu(self, path: str | Path) -> Path:
-        """Write the body, and beside it its contact boundaries, for ParaView, see :func:`hemivar.files.write_vtu`."""
+        """Write the body, and its contact boundaries to a second file; see :func:`hemivar.files.write_vtu`."""
         written: tuple[Path, ...] = above("Solution.to_vtu")(self, path)
         return written[0]
 

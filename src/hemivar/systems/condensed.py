@@ -246,7 +246,7 @@ class CondensedProblem(OfProblem, PickleMixin):
         return self.couple(change)
 
     def refreshed(self, x: Array, force: Array) -> Array:
-        """The force out of balance, computed anew: it is cheap here, and loses no digits over many steps."""
+        """The force out of balance, computed again: it is cheap here, and loses no digits over many steps."""
         return self.out_of_balance(x)
 
     def newton_equation(self, known: NewtonEquation | None = None) -> DenseNewton:

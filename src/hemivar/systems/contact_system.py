@@ -149,7 +149,7 @@ class ContactSystem(PointSystem, Protocol):
         """The same for a change of the contact points alone, all else being held."""
 
     def refreshed(self, x: Array, force: Array) -> Array:
-        """:meth:`out_of_balance` of a point where it is ``force`` up to rounding; computed anew where that is cheap."""
+        """:meth:`out_of_balance` of a point where it is ``force`` but for rounding; computed again if that is cheap."""
 
     def newton_equation(self, known: NewtonEquation | None = None) -> NewtonEquation:
         """Newton's equation of the system, for one solve; ``known`` is that of the same body on another foundation."""

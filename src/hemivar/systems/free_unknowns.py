@@ -17,7 +17,7 @@ _RESISTED = 1e-9
 def free_unknowns(problem: DiscreteProblem) -> Array | None:
     """Unknowns (n, a) of the motions without deformation, the kernel of K; None where K is not that of a mesh.
 
-    They are told by mesh and supports of a displacement.  A stiffness that resists them is not the one of the mesh
+    They follow from mesh and supports of a displacement.  A stiffness that resists them is not the one of the mesh
     (springs may have been added), and nothing is known.
     """
     field = problem.field

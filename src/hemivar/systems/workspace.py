@@ -78,7 +78,7 @@ class Workspace:
         """What is known of a model, or of the numbers of some arrays, under a name; made on the first call.
 
         What depends on numbers alone is kept through meshes that are refined, and through problems that are stated
-        anew.
+        again.
 
         Parameters
         ----------

@@ -134,7 +134,7 @@ def diagnose(*, limit: float = 30.0) -> Generator[Phase, bool | None, Diagnosis]
     ----------
     limit : float
         Seconds that each optional package may take to be imported, in a process of its own: one that ends its process
-        or hangs is told as broken.
+        or hangs is reported as broken.
 
     Yields
     ------

@@ -61,7 +61,7 @@ def identify(
         What is looked for, and where.
     options : FitOptions, optional
     changes : sequence of Change, optional
-        Values put in place of those of the problem file.
+        Values that replace those of the problem file.
     controls : Controls, optional
         Of the solves.
 

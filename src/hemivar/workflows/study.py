@@ -77,7 +77,7 @@ class StudyOptions:
         Tolerances and limits of each solve; the tolerance must lie far below the errors.
     jobs : int
         Processes that work at once: the finest mesh is made and assembled while the coarser ones are solved.  A script
-        that asks for more than one does so below ``if __name__ == "__main__":``, for each process reads it anew.
+        that asks for more than one does so below ``if __name__ == "__main__":``, for each process reads it again.
     checkpoint : str or Path, optional
         A file to which the solution on every mesh goes when it is done; meshes that it holds are not solved again, also
         where the mesh is now halved more often, or compared with another known solution.

@@ -82,7 +82,7 @@ def read_axis(text: str) -> SweepAxis | Change:
     """The axis that ``key=low:high:count`` asks for, evenly spaced, or ``...:log`` evenly in the logarithm.
 
     The values are rounded to 12 digits; they are whole numbers if the ends and all between are.  What is no range is a
-    value, put in place of the file's.
+    value, which replaces that of the file.
 
     Parameters
     ----------
@@ -126,13 +126,13 @@ class SweepOptions:
         How far to look for solutions at each point; see :func:`hemivar.find_solutions`.
     jobs : int
         Processes that work at once.  A script that asks for more than one does so below
-        ``if __name__ == "__main__":``, for each process reads it anew.
+        ``if __name__ == "__main__":``, for each process reads it again.
     checkpoint : str or Path, optional
         A file to which every point goes when it is done; points that it holds are not computed again.
     must_keep : bool
         Whether the sweep ends where that file cannot be written; else ``Sweep.unkept`` says why.
     changes : sequence of Change
-        Values put in place of those of the problem file at every point.
+        Values that replace those of the problem file at every point.
 
     Raises
     ------

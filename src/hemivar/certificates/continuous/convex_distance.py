@@ -310,7 +310,7 @@ class BareStiffness:
         return np.asarray(unknowns - self._kernel @ (self._kernel.T @ unknowns))
 
     def in_words(self, coefficients: Array) -> str:
-        """Motions by their coefficients (n, m); of each the part of the body that moves most is told."""
+        """Motions by their coefficients (n, m); of each the part of the body that moves most is named."""
         words = []
         for one in coefficients.T:
             moved = np.concatenate([group.coefficients @ one[group.columns] for group in self._groups])

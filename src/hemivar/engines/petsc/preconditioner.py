@@ -44,7 +44,7 @@ class Multigrid:
     ``hemivar_`` and, for one mesh, ``hemivar_amg_`` change them, such as ``-hemivar_amg_pc_type hypre``; those of the
     smoothers before and after the coarser levels begin with ``-hemivar_mg_levels_`` and ``-hemivar_mg_up_``.
 
-    The cycle is set up anew only where other unknowns are held, or the laws have become much stiffer or softer; with
+    The cycle is set up again only where other unknowns are held, or the laws have become much stiffer or softer; with
     second derivatives that are negative left out.
 
     Parameters
@@ -249,7 +249,7 @@ class Multigrid:
 class MultigridForMany:
     """The cycle of multigrid that the solves of a body leave to one another.
 
-    What it is set up for is always what the solve at hand sets up at first, so that no solve depends on those before.
+    What it is set up for is always what the current solve sets up at first, so that no solve depends on those before.
     """
 
     def __init__(self) -> None:

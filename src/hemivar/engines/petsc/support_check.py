@@ -115,7 +115,7 @@ def check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> tuple[str,
 
 
 def check_parts(ranks: Ranks, piece: Piece, state: Callable[[Mesh], ContactProblem], evolving: bool) -> tuple[str, ...]:
-    """As :func:`check_held`, of a body of several parts: on the unrefined mesh, where they are told apart."""
+    """As :func:`check_held`, of a body of several parts: on the unrefined mesh, where they are distinct."""
 
     def look() -> tuple[str, ...]:
         if piece.whole is None:

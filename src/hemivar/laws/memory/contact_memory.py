@@ -186,7 +186,7 @@ class Memory(PickleMixin, ABC):
         return r
 
     def parts_of(self, law: VectorLaw) -> NormalAndFriction:
-        """The law, which must be a normal law with friction beside it."""
+        """The law, which must be a normal law with friction."""
         return with_friction(law, f"the memory '{self.name}'")
 
 

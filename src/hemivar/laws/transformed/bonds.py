@@ -25,7 +25,7 @@ def bonded(
     field: Array | float,
     tau: float,
 ) -> Superpotential:
-    """The law with a bond beside it, which acts in opening, w = -r > 0.
+    """The law with a bond in parallel, which acts in opening, w = -r > 0.
 
     A bonding field beta stores ``stiffness beta^2 w^2/2`` and falls,
     ``viscosity beta' = -(stiffness beta w^2 - energy)+`` (Fremond; Raous, Cangemi, Cocou 1999).  In a step of implicit
