@@ -14,6 +14,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.mortar import Mortar, mortar
+from hemivar.fem.pairing import paired
 from hemivar.fem.rings import facet_shares
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
@@ -98,8 +99,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     weights: Array
     share = shares(order, dim)
     if problem.quadrature is Quadrature.NODAL:
-        nodes, place = np.unique(members.ravel(), return_inverse=True)
-        place = place.ravel()
+        nodes, place, normal = _nodal_normals(problem, name, facets, supports)
         parts = facet_shares(mesh, facets, order, problem.material.axisymmetric)
         weights = np.asarray(np.bincount(place, weights=parts.ravel()), dtype=float)
         if not weights.any():
@@ -107,7 +107,6 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
                 f"contact boundary '{name}' lies on the axis of the body of revolution, where nothing can touch it; "
                 "name another boundary"
             )
-        normal = _nodal_normals(problem, name, nodes, place, supports)
         seen = weights > _ZERO * weights.max()  # the corner of a quadratic facet on the axis of a body has none
         nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
         average, facet, points = _selection(nodes, count), np.full(len(nodes), -1), supports.nodes[nodes]
@@ -142,9 +141,16 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
 
 
-def _nodal_normals(problem: ContactProblem, name: str, nodes: IntArray, place: IntArray, supports: Supports) -> Array:
-    """Unit normals (k, d) at the nodes (k,) of a boundary: means of those of the facets around, by their measures."""
-    normals, measures = problem.mesh.facet_normals(problem.mesh.boundaries[name])
+def _nodal_normals(
+    problem: ContactProblem, name: str, facets: IntArray, supports: Supports, share: Array | float = 1.0
+) -> tuple[IntArray, IntArray, Array]:
+    """Nodes (k,) of facets (f, d), the place among them of each node of a facet (f n,), and unit normals (k, d).
+
+    These are means of those of the facets around, by their measures, of which the ``share`` (f,) counts.
+    """
+    normals, measures = problem.mesh.facet_normals(facets)
+    nodes, place = np.unique(problem.mesh.facet_nodes(facets, problem.order).ravel(), return_inverse=True)
+    measures, place = measures * share, place.ravel()
     size = len(place) // len(measures)
     summed = sum_by(place, np.repeat(normals * measures[:, None], size, axis=0), len(nodes))
     if problem.material.axisymmetric:  # on the axis the other half of the section is the mirror image
@@ -157,20 +163,24 @@ def _nodal_normals(problem: ContactProblem, name: str, nodes: IntArray, place: I
             f"contact boundary '{name}' folds back on itself at node {bad}, x = "
             f"{in_words(supports.nodes[bad])}, so it has no normal there; split it into two boundaries"
         )
-    return unit(summed)
+    return nodes, place, unit(summed)
 
 
 def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> tuple[Mortar, Array]:
-    """The mortar projection of a contact of two bodies, and the normals (m, d) of the slave at its nodes."""
-    mesh, order = problem.mesh, problem.order
+    """The mortar projection of a contact of two bodies, and the normals (m, d) of the slave at its nodes.
+
+    Normals are those of the facets that meet the master.
+    """
+    mesh, order, title = problem.mesh, problem.order, _called(problem, name)
     slave, master = problem.pair(name)
-    nodes, place = np.unique(mesh.facet_nodes(mesh.boundaries[slave], order).ravel(), return_inverse=True)
-    normal = _nodal_normals(problem, slave, nodes, place.ravel(), supports)
+    pieces = paired(mesh, mesh.boundaries[slave], mesh.boundaries[master], title)
+    touching = np.flatnonzero(pieces.covered)
+    facets = mesh.boundaries[slave][touching]
+    nodes, _, normal = _nodal_normals(problem, slave, facets, supports, pieces.covered[touching])
     free = movable(normal[:, None], supports.directions[nodes])[:, 0]
     without = np.zeros(len(supports.nodes), dtype=bool)
     without[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
-    title, ring = _called(problem, name), problem.material.axisymmetric
-    found = mortar(mesh, order, mesh.boundaries[slave], mesh.boundaries[master], without, title, ring)
+    found = mortar(mesh, order, pieces, without, problem.material.axisymmetric)
     if not found.nodes.size:
         raise ProblemError(f"{title}: supports hold all nodes of '{slave}'; give slave = '{master}'")
     return found, normal[np.searchsorted(nodes, found.nodes)]
@@ -348,7 +358,7 @@ def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray
         )
     without, alone = held | taken, slave[(held | taken)[slave].all(axis=1)]
     without[alone] = held[alone]
-    found = mortar(mesh, problem.order, slave, master, without, title)
+    found = mortar(mesh, problem.order, paired(mesh, slave, master, title), without)
     return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump)
 
 
