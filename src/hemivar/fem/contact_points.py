@@ -14,7 +14,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.mortar import Mortar, mortar
-from hemivar.fem.pairing import paired
+from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.rings import facet_shares
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
@@ -39,8 +39,9 @@ __all__ = [
 
 #: Entries of the trace below this are rounding.
 _ZERO = 1e-12
-#: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the largest place or value.
-_ROUNDED = 1e-12
+#: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the size of the mesh or the
+#: largest value; and what that of coordinates makes of it.
+_ROUNDED, _EPSILONS = 1e-12, 8.0 * np.finfo(float).eps
 #: Share of the master's displacements in a jump from which they count where supports hold the slave.
 _SEEN = 1e-2
 #: Overlap of two bodies that is no rounding, of their size, and degrees between facets that a projection can bear.
@@ -197,8 +198,10 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     points = supports.nodes[found.nodes]
     stated = DataField(contact.gap, f"gap of {title}").at(points)
     _refuse_beyond(stated, f"gap of {title}", "unit of length")
-    apart = -np.einsum("kd,kd->k", normal, found.jump @ supports.nodes)
-    apart[np.abs(apart) <= _ROUNDED * np.abs(supports.nodes).max()] = 0.0  # a rigid law would be met beyond its end
+    nodes = supports.nodes - points[0]
+    apart = -np.einsum("kd,kd->k", normal, found.jump @ nodes)
+    rounding = _ROUNDED * np.abs(nodes).max() + _EPSILONS * np.abs(supports.nodes).max()
+    apart[np.abs(apart) <= rounding] = 0.0  # a rigid law would be met beyond its end
     frames, blocked = _adapt(_frames(normal), supports, found.nodes)
     moves = np.linalg.norm(movable(frames, supports.directions[found.nodes]), axis=2) > DEPENDENT
     names, count = tuple(problem.contact), len(points)
@@ -211,6 +214,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
         trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
     )
     said = _pair_warnings(title, float(-apart.min()), supports.nodes, found.turned)
+    said += _lost(title, supports.nodes, found.pieces)
     with error_context(title, contact.normal, contact.friction):
         law, still = contact.law.at(points), np.zeros(points.shape)
         return BoundaryContact(at, stated + apart, still, law, blocked, True, said)
@@ -244,6 +248,19 @@ def _pair_warnings(title: str, overlap: float, nodes: Array, turned: float) -> t
             "the projection of one on the other is inaccurate: refine both boundaries there"
         )
     return tuple(found)
+
+
+def _lost(title: str, nodes: Array, pieces: Pairing) -> tuple[str, ...]:
+    """A sentence on facets of the slave that do not touch what their normals meet, where there are some."""
+    if not len(pieces.lost):
+        return ()
+    place = in_words(nodes[pieces.facets[0][pieces.lost[0]]].mean(axis=0))
+    many = f" and {len(pieces.lost) - 1} others" if len(pieces.lost) > 1 else ""
+    return (
+        f"{title}: before the normal of the facet at x = {place}{many} meets the other boundary, it leaves its own body "
+        "or meets another part of the mesh, so nothing touches there; name the boundary that it meets first, or move "
+        "one of the bodies",
+    )
 
 
 # ---- areas, and one component -----------------------------------------------------------------------------
@@ -327,7 +344,8 @@ def contacts_of_one(
         offset = np.zeros((count, components))
         offset[:, column] = sign * level
         blocked = np.zeros((count, components), dtype=bool)
-        found[place.name] = BoundaryContact(points, offset[:, 0], offset[:, 1:], law, blocked, place.sides is not None)
+        pair = place.sides is not None
+        found[place.name] = BoundaryContact(points, offset[:, 0], offset[:, 1:], law, blocked, pair, place.warnings)
     return [found[name] for name in names]
 
 
@@ -341,6 +359,7 @@ class _Place:
     weights: Array
     sides: tuple[str, str] | None = None
     jump: sp.csr_array | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray) -> _Place:
@@ -359,7 +378,8 @@ def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray
     without, alone = held | taken, slave[(held | taken)[slave].all(axis=1)]
     without[alone] = held[alone]
     found = mortar(mesh, problem.order, paired(mesh, slave, master, title), without)
-    return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump)
+    said = _lost(title, problem.mesh.points, found.pieces)
+    return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump, said)
 
 
 def _places(problem: ContactProblem, count: int, names: list[str]) -> list[_Place]:
