@@ -192,7 +192,7 @@ def _clipped_pieces(view: _View, master: IntArray, first: IntArray, second: IntA
     layer = layer[some]
     d = layer.depths.shape[1]
     both = np.concatenate([layer.corners, np.broadcast_to(np.eye(d), layer.corners.shape)], axis=2)
-    polygon, corners = _clipped(both, range(d), d)
+    polygon, corners = _clipped(both, np.full(len(both), d), range(d), d)
     pieces = _Pieces(first[some], second[some], polygon, corners, layer.depths, layer)
     return pieces.take(corners >= d)
 
@@ -319,7 +319,7 @@ def _apart(one: _Layer, other: _Layer) -> BoolArray:
 def _depths(pieces: _Pieces, layer: _Layer) -> tuple[Array, Array, BoolArray]:
     """Depths (p,) of pieces and of layers in the middle of what they have in common, and whether that is anything."""
     d = layer.depths.shape[1]
-    polygon, corners = _clipped(_beside(pieces.polygon, layer), range(2 * d, 3 * d), d)
+    polygon, corners = _clipped(_beside(pieces.polygon, layer), pieces.corners, range(2 * d, 3 * d), d)
     there = np.arange(polygon.shape[1]) < corners[:, None]
     middle = np.where(there[:, :, None], polygon, 0.0).sum(axis=1) / np.maximum(corners, 1)[:, None]
     mine = np.einsum("pc,pc->p", middle[:, d : 2 * d], pieces.depths)
@@ -390,12 +390,11 @@ def _joined(one: _Pieces, other: _Pieces) -> _Pieces:
 # ---- polygons --------------------------------------------------------------------------------------------------------
 
 
-def _clipped(polygon: Array, axes: Iterable[int], d: int) -> tuple[Array, IntArray]:
+def _clipped(polygon: Array, corners: IntArray, axes: Iterable[int], d: int) -> tuple[Array, IntArray]:
     """Polygons (p, n, c) cut to where their coordinates along ``axes`` are not negative, and their numbers of corners.
 
     After Sutherland and Hodgman (1974), all polygons at once; a segment is a polygon of two corners.
     """
-    corners = np.full(len(polygon), polygon.shape[1])
     for axis in axes:
         polygon, corners = _cut(polygon, corners, axis, closed=d == 3)
     return polygon, corners
