@@ -257,9 +257,9 @@ def _lost(title: str, nodes: Array, pieces: Pairing) -> tuple[str, ...]:
     place = in_words(nodes[pieces.facets[0][pieces.lost[0]]].mean(axis=0))
     many = f" and {len(pieces.lost) - 1} others" if len(pieces.lost) > 1 else ""
     return (
-        f"{title}: before the normal of the facet at x = {place}{many} meets the other boundary, it leaves its own body "
-        "or meets another part of the mesh, so nothing touches there; name the boundary that it meets first, or move "
-        "one of the bodies",
+        f"{title}: the normal of the facet at x = {place}{many} meets the other boundary only behind another part of "
+        "the mesh, or behind its own body, so nothing touches there; name the boundary that it meets first, or move one "
+        "of the bodies",
     )
 
 
@@ -447,6 +447,11 @@ def _check_never_touching(law: VectorLaw, name: str, points: Array) -> None:
 
 def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[BoundaryContact]:
     """Make the displacements of contact points independent at nodes of two boundaries (nodal quadrature)."""
+    founded = np.zeros(len(supports.nodes), dtype=bool)
+    for group in groups:
+        if not group.pair:
+            founded[group.points.node] = True
+    groups = _left_to_glue(groups, founded)
     for later in range(1, len(groups)):
         for earlier in range(later):
             first, second = groups[earlier].points, groups[later].points
@@ -458,8 +463,8 @@ def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[Bou
             alike = np.einsum("kd,kd->k", first.frames[mine, 0], second.frames[theirs, 0]) > SHARP
             # A sharp corner touches both foundations with its normals; two frictions would share its unknowns.
             blocked, other_blocked = groups[earlier].blocked.copy(), groups[later].blocked.copy()
-            blocked[mine[~alike], 1:] = True
-            other_blocked[theirs[~alike], 1:] = True
+            blocked[mine[~alike & ~_apart_too(groups[earlier], groups[later], mine, founded)], 1:] = True
+            other_blocked[theirs[~alike & ~_apart_too(groups[later], groups[earlier], theirs, founded)], 1:] = True
             mine, theirs = mine[alike], theirs[alike]
             if groups[earlier].pair or groups[later].pair:
                 mine = theirs = mine[:0]  # each sees nodes of its own on the other side
@@ -477,6 +482,49 @@ def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[Bou
                 raise ProblemError("every node of a contact boundary belongs to another one; join the two")
             groups[later] = replace(groups[later], blocked=other_blocked).take(rest)
     return groups
+
+
+def _apart_too(group: BoundaryContact, other: BoundaryContact, points: IntArray, founded: BoolArray) -> BoolArray:
+    """Whether contact points (k,) of a pair see nodes that touch no foundation, so that one at theirs takes nothing."""
+    if not group.pair or other.pair:
+        return np.zeros(len(points), dtype=bool)
+    return _sees_others(group, founded)[points]
+
+
+def _sees_others(group: BoundaryContact, founded: BoolArray) -> BoolArray:
+    """Whether the contact points (m,) of a pair see nodes of the master that touch no foundation."""
+    seen = sp.coo_array(group.points.mean)
+    other = (seen.col != group.points.node[seen.row]) & ~founded[seen.col]
+    return np.asarray(np.bincount(seen.row[other], minlength=group.points.count) > 0)
+
+
+def _left_to_glue(groups: list[BoundaryContact], founded: BoolArray) -> list[BoundaryContact]:
+    """Foundations without their points at nodes where glue needs all displacements of both sides.
+
+    That is where both sides touch a foundation, and the one of the slave is not reached at the start: the point beside
+    it has its weight then.
+    """
+    found = list(groups)
+    for glue in groups:
+        if not glue.pair or glue.law.state_dependent:
+            continue
+        needed = glue.points.node[np.broadcast_to(glue.law.rubs, glue.points.count) & ~_sees_others(glue, founded)]
+        for k, group in enumerate(found):
+            leaves = np.isin(group.points.node, needed) & (group.gap > 0.0)
+            if not group.pair and leaves.any() and not leaves.all():
+                found[k] = _handed_on(group, leaves)
+    return found
+
+
+def _handed_on(group: BoundaryContact, leaves: BoolArray) -> BoundaryContact:
+    """A boundary without some of its contact points, whose weights the nearest others have."""
+    assert group.points.points is not None
+    places, rest = group.points.points, np.flatnonzero(~leaves)
+    with IMPORTS:
+        from scipy.spatial import cKDTree
+    nearest = rest[cKDTree(places[rest]).query(places[leaves])[1]]
+    weights = group.points.weights + np.bincount(nearest, group.points.weights[leaves], group.points.count)
+    return replace(group, points=replace(group.points, weights=weights)).take(rest)
 
 
 def _selection(nodes: IntArray, count: int) -> sp.csr_array:
