@@ -258,8 +258,8 @@ def _lost(title: str, nodes: Array, pieces: Pairing) -> tuple[str, ...]:
     many = f" and {len(pieces.lost) - 1} others" if len(pieces.lost) > 1 else ""
     return (
         f"{title}: the normal of the facet at x = {place}{many} meets the other boundary only behind another part of "
-        "the mesh, or behind its own body, so nothing touches there; name the boundary that it meets first, or move one "
-        "of the bodies",
+        "the mesh, or behind its own body, so nothing touches there; name the boundary that it meets first, or move "
+        "one of the bodies",
     )
 
 
