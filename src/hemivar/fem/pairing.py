@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -74,12 +75,14 @@ class _View:
         inner[:, :, d - 1] = 1.0 - inner[:, :, : d - 1].sum(axis=2)
         return _Layer(np.roll(inner, 1, axis=2), depth)
 
-    def columns(self, tree: FacetTree, which: IntArray, low: Array, high: Array) -> tuple[IntArray, IntArray]:
+    def columns(
+        self, tree: FacetTree, which: IntArray, between: tuple[Array, Array] | None = None
+    ) -> tuple[IntArray, IntArray]:
         """Pairs of facets of the slave, of those ``which``, and of facets of a tree that may be seen along normals."""
         corner = self.points[self.facets[which]]
         middle = corner.mean(axis=1)
         radius = np.linalg.norm(corner - middle[:, None], axis=2).max(axis=1)
-        first, second = tree.near(middle, self.normal[which], radius, low, high)
+        first, second = tree.near(middle, self.normal[which], radius, between)
         return which[first], second
 
 
@@ -96,7 +99,7 @@ class _Layer:
     @property
     def over_all(self) -> BoolArray:
         """Whether they are not to one side of an edge of the slave's facet, (k,)."""
-        return np.asarray((self.corners.max(axis=1) > _ROUNDED).all(axis=1))
+        return np.asarray((_largest(self.corners) > _ROUNDED).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,8 +137,7 @@ def paired(mesh: Mesh, slave: IntArray, master: IntArray, names: str) -> Pairing
     rounding = 8.0 * np.finfo(float).eps * float(np.abs(mesh.points).max())
     width = measure ** (1.0 / (mesh.dim - 1))
     view = _View(mesh.points, slave, normal, width, _ONE_PLACE * width + rounding)
-    everywhere = np.full(len(slave), np.inf)
-    first, second = view.columns(FacetTree(mesh.points[master]), np.arange(len(slave)), -everywhere, everywhere)
+    first, second = view.columns(FacetTree(mesh.points[master]), np.arange(len(slave)))
     facing = np.einsum("pd,pd->p", normal[first], mesh.facet_normals(master)[0][second]) < _FACING
     first, second = first[facing], second[facing]
     same, turn = _coinciding(view, first, master[second])
@@ -224,7 +226,7 @@ def _nearest(view: _View, pieces: _Pieces, some: IntArray) -> _Pieces:
     """Pieces without what nearer ones, all among ``some``, hide."""
     one, other = _couples(pieces.slave[some], pieces.slave[some])
     one, other = some[one[one < other]], some[other[one < other]]
-    over = ~_apart(pieces.layer[one], pieces.layer[other])
+    over = ~_apart(pieces.layer, one, pieces.layer, other)
     one, other = np.concatenate([one[over], other[over]]), np.concatenate([other[over], one[over]])
     mine, theirs, common = _depths(pieces.take(one), pieces.layer[other])
     slack, farther = view.slack[pieces.slave[one]], np.abs(mine) - np.abs(theirs)
@@ -261,7 +263,7 @@ class _Surroundings:
         pieces = pieces.take(~unreal)
         owner, facet, layer = self._between(low, high)
         which, by = _couples(pieces.slave, owner)
-        met = ~_apart(pieces.layer[which], layer[by])
+        met = ~_apart(pieces.layer, which, layer, by)
         which, by = which[met], by[met]
         mine, theirs, common = _depths(pieces.take(which), layer[by])
         slack, same = self.view.slack[owner[by]], self.part[facet[by]] == self.own[owner[by]]
@@ -275,8 +277,11 @@ class _Surroundings:
 
     def _between(self, low: Array, high: Array) -> tuple[IntArray, IntArray, _Layer]:
         """What may be between facets of the slave and what they meet: these, facets of the mesh, and how it is seen."""
-        away = np.flatnonzero(((low < -self.view.slack) | (high > self.view.slack)) & (low < np.inf))
-        owner, facet = self.view.columns(self.tree, away, np.minimum(low[away], 0.0), np.maximum(high[away], 0.0))
+        slack = self.view.slack
+        behind, ahead = (low < -slack), (high > slack) & (low < np.inf)
+        away = np.flatnonzero(behind | ahead)
+        start, end = np.where(behind, low + slack, slack)[away], np.where(ahead, high - slack, -slack)[away]
+        owner, facet = self.view.columns(self.tree, away, (start, end))
         cosine = np.einsum("pd,pd->p", self.view.normal[owner], self.normal[facet])
         hides = (np.abs(cosine) > _EDGE_ON) & ~(self.sought[facet] & (cosine < _FACING))
         owner, facet = owner[hides], facet[hides]
@@ -290,7 +295,7 @@ class _Surroundings:
         weights = np.array(_WITHIN[:d]) / sum(_WITHIN[:d])
         place = np.einsum("c,kcb,kbd->kd", weights, pieces.polygon[:, :d, :d], view.points[view.facets[pieces.slave]])
         way, still = view.normal[pieces.slave], np.zeros(len(place))
-        column, facet = self.tree.near(place, way, still, still, still + np.inf)
+        column, facet = self.tree.near(place, way, still, (still, still + np.inf))
         out = np.einsum("pd,pd->p", way[column], self.normal[facet])
         some = (self.part[facet] == self.other[pieces.master[column]]) & (np.abs(out) > _EDGE_ON)
         column, facet, out = column[some], facet[some], out[some]
@@ -310,10 +315,19 @@ def _couples(one: IntArray, other: IntArray) -> tuple[IntArray, IntArray]:
     return np.arange(len(second)) - np.repeat(np.cumsum(count) - count - start, count), second
 
 
-def _apart(one: _Layer, other: _Layer) -> BoolArray:
-    """Whether an edge of one of two simplices (p,) has the other one on its far side."""
-    sides = [a.corners @ np.linalg.inv(b.corners) for a, b in ((one, other), (other, one))]
-    return np.asarray((np.concatenate(sides, axis=2).max(axis=1) <= _LAYERS).any(axis=1))
+def _apart(one: _Layer, i: IntArray, other: _Layer, j: IntArray) -> BoolArray:
+    """Whether an edge of one of two simplices, those ``i (p,)`` and ``j (p,)``, has the other one on its far side."""
+    found = np.zeros(len(i), dtype=bool)
+    for a, b, at, by in ((one, other, i, j), (other, one, j, i)):
+        left = np.flatnonzero(~found)
+        inside = a.corners[at[left]] @ np.linalg.inv(b.corners)[by[left]]
+        found[left] = (_largest(inside) <= _LAYERS).any(axis=1)
+    return found
+
+
+def _largest(corners: Array) -> Array:
+    """The largest of each coordinate (k, c) of corners (k, n, c)."""
+    return reduce(np.maximum, corners.transpose(1, 0, 2))
 
 
 def _depths(pieces: _Pieces, layer: _Layer) -> tuple[Array, Array, BoolArray]:
