@@ -16,6 +16,7 @@ from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.rings import facet_shares
+from hemivar.fem.sharp_corners import handed_on
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
@@ -147,17 +148,17 @@ def _nodal_normals(
 ) -> tuple[IntArray, IntArray, Array]:
     """Nodes (k,) of facets (f, d), the place among them of each node of a facet (f n,), and unit normals (k, d).
 
-    These are means of those of the facets around, by their measures, of which the ``share`` (f,) counts.
+    These are means of those of the facets around, by their measures, of which the ``share`` (f, n) counts.
     """
     normals, measures = problem.mesh.facet_normals(facets)
-    nodes, place = np.unique(problem.mesh.facet_nodes(facets, problem.order).ravel(), return_inverse=True)
-    measures, place = measures * share, place.ravel()
-    size = len(place) // len(measures)
-    summed = sum_by(place, np.repeat(normals * measures[:, None], size, axis=0), len(nodes))
+    members = problem.mesh.facet_nodes(facets, problem.order)
+    nodes, place = np.unique(members.ravel(), return_inverse=True)
+    place, counted = place.ravel(), np.broadcast_to(measures[:, None] * share, members.shape).ravel()
+    summed = sum_by(place, np.repeat(normals, members.shape[1], axis=0) * counted[:, None], len(nodes))
     if problem.material.axisymmetric:  # on the axis the other half of the section is the mirror image
         middle = on_axis(supports.nodes)[nodes] & (np.abs(summed[:, 1]) > np.abs(summed[:, 0]))
         summed[middle, 0] = 0.0
-    fold = np.linalg.norm(summed, axis=1) <= 1e-8 * np.bincount(place, weights=np.repeat(measures, size))
+    fold = np.linalg.norm(summed, axis=1) <= 1e-8 * np.bincount(place, weights=counted)
     if fold.any():
         bad = int(nodes[np.flatnonzero(fold)[0]])
         raise ProblemError(
@@ -175,12 +176,13 @@ def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> t
     mesh, order, title = problem.mesh, problem.order, _called(problem, name)
     slave, master = problem.pair(name)
     pieces = paired(mesh, mesh.boundaries[slave], mesh.boundaries[master], title)
-    touching = np.flatnonzero(pieces.covered)
-    facets = mesh.boundaries[slave][touching]
-    nodes, _, normal = _nodal_normals(problem, slave, facets, supports, pieces.covered[touching])
+    touching, away = np.flatnonzero(pieces.touches), handed_on(mesh, order, pieces)
+    counted = pieces.covered[touching, None] * ~away[touching]
+    nodes, _, normal = _nodal_normals(problem, slave, mesh.boundaries[slave][touching], supports, counted)
     free = movable(normal[:, None], supports.directions[nodes])[:, 0]
-    without = np.zeros(len(supports.nodes), dtype=bool)
-    without[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
+    held = np.zeros(len(supports.nodes), dtype=bool)
+    held[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
+    without = away | held[mesh.facet_nodes(mesh.boundaries[slave], order)]
     found = mortar(mesh, order, pieces, without, problem.material.axisymmetric)
     if not found.nodes.size:
         raise ProblemError(f"{title}: supports hold all nodes of '{slave}'; give slave = '{master}'")
@@ -377,7 +379,8 @@ def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray
         )
     without, alone = held | taken, slave[(held | taken)[slave].all(axis=1)]
     without[alone] = held[alone]
-    found = mortar(mesh, problem.order, paired(mesh, slave, master, title), without)
+    pieces = paired(mesh, slave, master, title)
+    found = mortar(mesh, problem.order, pieces, without[mesh.facet_nodes(slave, problem.order)])
     said = _lost(title, problem.mesh.points, found.pieces)
     return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump, said)
 

@@ -66,8 +66,8 @@ class Mortar:
 def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bool = False) -> Mortar:
     """The projection from the facets of the master to those of the slave.
 
-    ``without (nodes,)`` are nodes that give no multiplier; integrals are over whole rings of a body of revolution where
-    ``ring`` says so.
+    ``without (f, n)`` are the nodes of the slave's facets that give no multiplier there; integrals are over whole rings
+    of a body of revolution where ``ring`` says so.
     """
     slave, master = pieces.facets
     own, other = mesh.facet_nodes(slave, order), mesh.facet_nodes(master, order)
@@ -81,9 +81,9 @@ def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bo
     size = own.shape[1]
     mass = np.zeros((len(slave), size, size))
     np.add.at(mass, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, phi, phi))
-    seen = np.flatnonzero(pieces.covered > _COVERED)
+    seen = np.flatnonzero(pieces.touches)
     dual = np.zeros_like(mass)
-    dual[seen] = _dual(mass[seen], without[own[seen]])
+    dual[seen] = _dual(mass[seen], without[seen])
     # coupling of psi with the slave's and the master's shape functions
     here = np.einsum("fij,fjk->fik", dual, mass)
     there = np.einsum("kij,kjl->kil", dual[pieces.slave], np.einsum("kq,kqi,kql->kil", weight, phi, across))

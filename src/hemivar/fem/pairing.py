@@ -43,12 +43,25 @@ class Pairing:
     on_slave: Array  # (k, d, d)
     on_master: Array  # (k, d, d)
     share: Array  # (k,), of the slave's facet
+    depth: Array  # (k,), ahead of the slave's facet, in the middle
+    slack: Array  # (f,), distance of two places that are one
     lost: IntArray  # slave's facets that lose what their normals meet: something is in between
 
     @cached_property
     def covered(self) -> Array:
         """The share (f,) of each facet of the slave that meets the master."""
         return np.asarray(np.bincount(self.slave, self.share, len(self.facets[0])), dtype=float)
+
+    @property
+    def touches(self) -> BoolArray:
+        """Whether a facet (f,) of the slave meets the master with more than rounding."""
+        return np.asarray(self.covered > _COVERED)
+
+    @cached_property
+    def distance(self) -> Array:
+        """The mean distance (f,) of what each facet of the slave meets, negative where they overlap."""
+        summed = np.bincount(self.slave, self.share * self.depth, len(self.facets[0]))
+        return np.asarray(summed / np.where(self.touches, self.covered, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,9 +172,11 @@ def paired(mesh: Mesh, slave: IntArray, master: IntArray, names: str) -> Pairing
         np.concatenate([whole, simplices[:, :, :d]]),
         np.concatenate([turn, simplices[:, :, d:]]),
         np.concatenate([np.ones(len(turn)), share[big]]),
+        np.concatenate([np.zeros(len(turn)), np.einsum("kcb,kb->k", simplices[:, :, d:], pieces.depths[of]) / d]),
+        view.slack,
         lost,
     )
-    if not found.covered.any():
+    if not found.touches.any():
         raise ProblemError(_nothing(mesh, names, slave[lost]))
     return replace(found, lost=lost[found.covered[lost] < 1.0 - _COVERED])
 
@@ -171,7 +186,7 @@ def _nothing(mesh: Mesh, names: str, lost: IntArray) -> str:
     if not len(lost):
         return said
     place = ", ".join(f"{x:.6g}" for x in mesh.points[lost[0]].mean(axis=0))
-    return f"{said}: at ({place}) another part of the mesh is in between"
+    return f"{said}: at ({place}) another part of the mesh is in between, or the overlap is deeper than the body"
 
 
 def _coinciding(view: _View, first: IntArray, facets: IntArray) -> tuple[IntArray, Array]:
@@ -270,10 +285,13 @@ class _Surroundings:
         leaves = same & (np.einsum("pd,pd->p", self.view.normal[owner[by]], self.normal[facet[by]]) < 0.0)
         hides = common & ((mine > 0.0) | leaves) & (theirs * mine > 0.0)
         hides &= (np.abs(theirs) > slack) & (np.abs(theirs) < np.abs(mine) - slack)
-        which, by, mine, same = which[hides], by[hides], mine[hides], same[hides]
-        lost = (mine > 0.0) & ~same
-        lost[mine < 0.0] = self._within(pieces.take(which[mine < 0.0]))
-        return _without(pieces, which, layer[by]), np.unique(pieces.slave[which[lost]])
+        which, by, mine, theirs, same = which[hides], by[hides], mine[hides], theirs[hides], same[hides]
+        nearest = np.lexsort((np.abs(theirs), which))
+        nearest = nearest[np.unique(which[nearest], return_index=True)[1]]
+        lost = (mine[nearest] > 0.0) & ~same[nearest]
+        back = mine[nearest] < 0.0
+        lost[back] = self._within(pieces.take(which[nearest[back]]))
+        return _without(pieces, which, layer[by]), np.unique(pieces.slave[which[nearest[lost]]])
 
     def _between(self, low: Array, high: Array) -> tuple[IntArray, IntArray, _Layer]:
         """What may be between facets of the slave and what they meet: these, facets of the mesh, and how it is seen."""
