@@ -66,7 +66,7 @@ def paired_with(pieces: Pairing, facet: int, place: Array) -> list[int]:
     return [int(pieces.master[k]) for k in own if (np.linalg.solve(pieces.on_slave[k].T, place) >= 0.0).all()]
 
 
-@pytest.mark.parametrize(("dim", "seed"), [(2, 0), (2, 1), (2, 2), (3, 4), (3, 5), (3, 6)])
+@pytest.mark.parametrize(("dim", "seed"), [(2, 0), (2, 1), (2, 2), (3, 4), (3, 21), (3, 37)])
 def test_each_place_has_the_first_facet_that_a_ray_along_its_normal_meets(dim: int, seed: int) -> None:
     mesh, slave, master, rng = scattered(dim, seed)
     pieces, normal = paired(mesh, slave, master, "blocks"), mesh.facet_normals(slave)[0]
@@ -179,6 +179,17 @@ def test_of_two_layers_the_nearer_hides_the_farther() -> None:
     assert area[~upper].sum() == pytest.approx(0.65, rel=1e-9)
 
 
+@pytest.mark.parametrize(("overlap", "height"), [(-0.3, 1.1), (0.0, 1.1), (0.05, 1.1), (0.15, 1.0)])
+def test_of_plates_in_a_stack_the_nearest_counts(overlap: float, height: float) -> None:
+    """All of their faces are named; a plate begins where the one above ends."""
+    plates = {f"p{k}": hv.rectangle((1.0, 0.1), (3 + k, 1), origin=(0.0, 1.0 - 0.1 * k)) for k in range(3)}
+    mesh = hv.Mesh.assembled({**plates, "s": hv.rectangle((1.0, 0.5), (7, 3), origin=(0.0, 1.1 - overlap))})
+    master = np.concatenate([skin(mesh, name) for name in plates])
+    pieces = paired(mesh, mesh.boundaries["s:bottom"], master, "stack")
+    np.testing.assert_allclose(pieces.covered, 1.0, rtol=1e-9)
+    np.testing.assert_allclose(mesh.points[master[pieces.master], 1], height)
+
+
 def warnings(mesh: hv.Mesh) -> tuple[str, ...]:
     contact = {"u:bottom": hv.Contact(hv.Signorini(), against="l:top", slave="u:bottom")}
     held = {name: hv.Clamped() for name in mesh.boundaries if name in ("u:top", "l:bottom", "m:bottom")}
@@ -274,8 +285,10 @@ def test_an_interface_in_zigzag_that_is_glued_is_no_interface(seed: int) -> None
         upper = middle[:, 1] > 3.0 + rng.uniform(-0.5, 0.5) * (middle[:, 0] - 4.0)
     mesh = mesh.named(mesh.boundaries, {"u": np.flatnonzero(upper), "l": np.flatnonzero(~upper)})
     opened = mesh.opened("cut", between=("u", "l"))
-    pieces = paired(opened, opened.boundaries["cut:u"], opened.boundaries["cut:l"], "sides")
-    assert len(pieces.share) == len(opened.boundaries["cut:u"])
+    turned = opened.rotated(0.3)
+    pieces = paired(turned, turned.boundaries["cut:u"], turned.boundaries["cut:l"], "sides")
+    np.testing.assert_array_equal(np.sort(pieces.slave), np.arange(len(opened.boundaries["cut:u"])))
+    np.testing.assert_array_equal(np.sort(pieces.on_master, axis=2), [[[0.0, 1.0]] * 2] * len(pieces.slave))
     glue = hv.laws.MixedMode(hv.laws.BilinearCohesion(1e6, 1e8, 1e6), 1.0, hv.Compliance(1e6))
     contact = {"cut:u": hv.Contact(glue, against="cut:l"), "left": hv.Contact(hv.Compliance(1.0), gap=50.0)}
     held = {"bottom": hv.Clamped(), "top": hv.Prescribed((0.1, -0.1))}

@@ -282,9 +282,10 @@ class _Surroundings:
         which, by = which[met], by[met]
         mine, theirs, common = _depths(pieces.take(which), layer[by])
         slack, same = self.view.slack[owner[by]], self.part[facet[by]] == self.own[owner[by]]
-        leaves = same & (np.einsum("pd,pd->p", self.view.normal[owner[by]], self.normal[facet[by]]) < 0.0)
-        hides = common & ((mine > 0.0) | leaves) & (theirs * mine > 0.0)
-        hides &= (np.abs(theirs) > slack) & (np.abs(theirs) < np.abs(mine) - slack)
+        along = np.einsum("pd,pd->p", self.view.normal[owner[by]], self.normal[facet[by]])
+        hides = common & ((mine > 0.0) | same & (along < 0.0)) & (theirs * mine > 0.0) & (np.abs(theirs) > slack)
+        # where a body ends ahead, what begins at the same place is behind it
+        hides &= np.abs(theirs) < np.abs(mine) + np.where((mine > 0.0) & (along > 0.0), slack, -slack)
         which, by, mine, theirs, same = which[hides], by[hides], mine[hides], theirs[hides], same[hides]
         nearest = np.lexsort((np.abs(theirs), which))
         nearest = nearest[np.unique(which[nearest], return_index=True)[1]]
@@ -298,7 +299,7 @@ class _Surroundings:
         slack = self.view.slack
         behind, ahead = (low < -slack), (high > slack) & (low < np.inf)
         away = np.flatnonzero(behind | ahead)
-        start, end = np.where(behind, low + slack, slack)[away], np.where(ahead, high - slack, -slack)[away]
+        start, end = np.where(behind, low + slack, slack)[away], np.where(ahead, high + slack, -slack)[away]
         owner, facet = self.view.columns(self.tree, away, (start, end))
         cosine = np.einsum("pd,pd->p", self.view.normal[owner], self.normal[facet])
         hides = (np.abs(cosine) > _EDGE_ON) & ~(self.sought[facet] & (cosine < _FACING))
