@@ -200,11 +200,13 @@ def test_a_facet_that_loses_what_its_normal_meets_is_told() -> None:
     two = {"u": hv.rectangle((1.0, 0.5), (8, 4), origin=(0.0, 1.0)), "l": hv.rectangle((1.0, 0.5), (7, 4))}
     assert not warnings(hv.Mesh.assembled(two))
     between = hv.rectangle((0.5, 0.2), (3, 2), origin=(0.5, 0.6))
-    assert any("x = (0.5625, 1) and 3 others" in one for one in warnings(hv.Mesh.assembled({**two, "m": between})))
+    assert any(
+        "4 of them, the first at x = (0.5625, 1)" in one for one in warnings(hv.Mesh.assembled({**two, "m": between}))
+    )
     thin = hv.rectangle((1.0, 0.05), (8, 1), origin=(0.0, 0.4))
     tilted = thin.moved([[1.0, 0.0], [-0.1, 1.0]])
     deep = hv.Mesh.assembled({"u": tilted, "l": hv.rectangle((1.0, 0.4), (7, 4))})
-    assert any("behind its own body" in one for one in warnings(deep))
+    assert any("the overlap is deeper than the body" in one for one in warnings(deep))
 
 
 def test_a_floor_far_beside_a_near_wall_is_found() -> None:
@@ -245,6 +247,24 @@ def test_thin_bodies_that_touch_by_their_skins_have_a_uniform_pressure(n: int, h
     np.testing.assert_allclose(solution.pressure, 1.0, rtol=1e-9)
     assert solution.normal_force == pytest.approx(4.0, rel=1e-9)
     assert not solution.warnings
+
+
+def test_a_facet_whose_corners_all_belong_to_nearer_sides_is_told() -> None:
+    """The end of a strip that is one facet thick, beside a wall."""
+    parts = {"u": hv.rectangle((2.0, 0.1), (6, 1), origin=(0.0, 0.5)), "l": hv.rectangle((3.0, 0.5), (7, 2))}
+    mesh = hv.Mesh.assembled(
+        {
+            **parts,
+            "w": hv.rectangle((0.5, 1.0), (2, 3), origin=(3.0, 0.0)),
+            "top": hv.rectangle((2.0, 0.5), (5, 2), origin=(0.0, 0.6)),
+        }
+    )
+    master = np.concatenate([mesh.boundaries["l:top"], mesh.boundaries["w:left"], mesh.boundaries["top:bottom"]])
+    mesh = mesh.named({**mesh.boundaries, "u:skin": skin(mesh, "u"), "rest": master}, mesh.regions)
+    held = {name: hv.Clamped() for name in ("l:bottom", "w:right", "top:top")}
+    contact = {"u:skin": hv.Contact(hv.Signorini(), hv.Tresca(0.1), against="rest", slave="u:skin")}
+    said = hv.discretize(hv.ContactProblem(mesh, MATERIAL, contact, held), check_coercivity=False).warnings
+    assert any("1 of them, the first at x = (2, 0.55)" in one for one in said)
 
 
 @pytest.mark.parametrize("clearance", [1e-3, 1.0])

@@ -182,6 +182,8 @@ def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> t
     free = movable(normal[:, None], supports.directions[nodes])[:, 0]
     held = np.zeros(len(supports.nodes), dtype=bool)
     held[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
+    given_up = np.flatnonzero(pieces.touches & away.all(axis=1))
+    pieces = replace(pieces, lost=np.union1d(pieces.lost, given_up))
     without = away | held[mesh.facet_nodes(mesh.boundaries[slave], order)]
     found = mortar(mesh, order, pieces, without, problem.material.axisymmetric)
     if not found.nodes.size:
@@ -257,11 +259,10 @@ def _lost(title: str, nodes: Array, pieces: Pairing) -> tuple[str, ...]:
     if not len(pieces.lost):
         return ()
     place = in_words(nodes[pieces.facets[0][pieces.lost[0]]].mean(axis=0))
-    many = f" and {len(pieces.lost) - 1} others" if len(pieces.lost) > 1 else ""
     return (
-        f"{title}: the normal of the facet at x = {place}{many} meets the other boundary only behind another part of "
-        "the mesh, or behind its own body, so nothing touches there; name the boundary that it meets first, or move "
-        "one of the bodies",
+        f"{title}: facets do not touch what their normals meet, {len(pieces.lost)} of them, the first at x = {place}; "
+        "another part of the mesh is in between, the overlap is deeper than the body, or their corners belong to "
+        "nearer sides: name the boundary that they meet first, or move one of the bodies",
     )
 
 
