@@ -239,8 +239,7 @@ def _range(pieces: _Pieces, count: int) -> tuple[Array, Array]:
 
 def _nearest(view: _View, pieces: _Pieces, some: IntArray) -> _Pieces:
     """Pieces without what nearer ones, all among ``some``, hide."""
-    one, other = _couples(pieces.slave[some], pieces.slave[some])
-    one, other = some[one[one < other]], some[other[one < other]]
+    one, other = (some[rows] for rows in _side_by_side(pieces.take(some)))
     over = ~_apart(pieces.layer, one, pieces.layer, other)
     one, other = np.concatenate([one[over], other[over]]), np.concatenate([other[over], one[over]])
     mine, theirs, common = _depths(pieces.take(one), pieces.layer[other])
@@ -324,6 +323,17 @@ class _Surroundings:
         inner, depth = at[:, : d - 1], at[:, d - 1]
         hit = (inner >= 0.0).all(axis=1) & (inner.sum(axis=1) <= 1.0) & (depth > view.slack[pieces.slave[column]])
         return np.bincount(column, np.where(hit, np.sign(out), 0.0), len(place)) > 0.5
+
+
+def _side_by_side(pieces: _Pieces) -> tuple[IntArray, IntArray]:
+    """Pairs (p,) and (p,) of pieces of one facet of the slave whose first coordinates have something in common."""
+    first = np.clip(pieces.layer.corners[:, :, 0], 0.0, 1.0)
+    low, high = pieces.slave + 0.5 * first.min(axis=1), pieces.slave + 0.5 * first.max(axis=1)
+    order = np.argsort(low, kind="stable")
+    count = np.searchsorted(low[order], high[order], "right") - np.arange(len(order)) - 1
+    one = np.repeat(np.arange(len(order)), count)
+    other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(count) - count, count)
+    return order[one], order[other]
 
 
 def _couples(one: IntArray, other: IntArray) -> tuple[IntArray, IntArray]:
