@@ -16,7 +16,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.fem.columns import FacetTree
+from hemivar.fem.facet_tree import FacetTree
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
