@@ -451,11 +451,7 @@ def _check_never_touching(law: VectorLaw, name: str, points: Array) -> None:
 
 def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[BoundaryContact]:
     """Make the displacements of contact points independent at nodes of two boundaries (nodal quadrature)."""
-    founded = np.zeros(len(supports.nodes), dtype=bool)
-    for group in groups:
-        if not group.pair:
-            founded[group.points.node] = True
-    groups = _left_to_glue(groups, founded)
+    groups = _left_to_glue(groups)
     for later in range(1, len(groups)):
         for earlier in range(later):
             first, second = groups[earlier].points, groups[later].points
@@ -467,8 +463,8 @@ def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[Bou
             alike = np.einsum("kd,kd->k", first.frames[mine, 0], second.frames[theirs, 0]) > SHARP
             # A sharp corner touches both foundations with its normals; two frictions would share its unknowns.
             blocked, other_blocked = groups[earlier].blocked.copy(), groups[later].blocked.copy()
-            blocked[mine[~alike & ~_apart_too(groups[earlier], groups[later], mine, founded)], 1:] = True
-            other_blocked[theirs[~alike & ~_apart_too(groups[later], groups[earlier], theirs, founded)], 1:] = True
+            blocked[mine[~alike], 1:] = True
+            other_blocked[theirs[~alike], 1:] = True
             mine, theirs = mine[alike], theirs[alike]
             if groups[earlier].pair or groups[later].pair:
                 mine = theirs = mine[:0]  # each sees nodes of its own on the other side
@@ -488,33 +484,18 @@ def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[Bou
     return groups
 
 
-def _apart_too(group: BoundaryContact, other: BoundaryContact, points: IntArray, founded: BoolArray) -> BoolArray:
-    """Whether contact points (k,) of a pair see nodes that touch no foundation, so that one at theirs takes nothing."""
-    if not group.pair or other.pair:
-        return np.zeros(len(points), dtype=bool)
-    return _sees_others(group, founded)[points]
+def _left_to_glue(groups: list[BoundaryContact]) -> list[BoundaryContact]:
+    """Foundations without the points that are not reached at the start at nodes where glue holds two bodies together.
 
-
-def _sees_others(group: BoundaryContact, founded: BoolArray) -> BoolArray:
-    """Whether the contact points (m,) of a pair see nodes of the master that touch no foundation."""
-    seen = sp.coo_array(group.points.mean)
-    other = (seen.col != group.points.node[seen.row]) & ~founded[seen.col]
-    return np.asarray(np.bincount(seen.row[other], minlength=group.points.count) > 0)
-
-
-def _left_to_glue(groups: list[BoundaryContact], founded: BoolArray) -> list[BoundaryContact]:
-    """Foundations without their points at nodes where glue needs all displacements of both sides.
-
-    That is where both sides touch a foundation, and the one of the slave is not reached at the start: the point beside
-    it has its weight then.
+    Both would need the same displacements there.  The foundation is left to the point beside it.
     """
     found = list(groups)
     for glue in groups:
         if not glue.pair or glue.law.state_dependent:
             continue
-        needed = glue.points.node[np.broadcast_to(glue.law.rubs, glue.points.count) & ~_sees_others(glue, founded)]
+        holds = glue.points.node[np.broadcast_to(glue.law.rubs, glue.points.count)]
         for k, group in enumerate(found):
-            leaves = np.isin(group.points.node, needed) & (group.gap > 0.0)
+            leaves = np.isin(group.points.node, holds) & (group.gap > 0.0)
             if not group.pair and leaves.any() and not leaves.all():
                 found[k] = _handed_on(group, leaves)
     return found
