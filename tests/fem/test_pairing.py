@@ -335,3 +335,17 @@ def test_a_foundation_that_is_not_reached_takes_nothing_of_the_glue_beside_it(
         found.append(hv.solve(hv.ContactProblem(mesh, MATERIAL, contact, held)))
     np.testing.assert_allclose(found[1].displacement, found[0].displacement, atol=1e-12)
     assert not found[1].warnings
+
+
+def test_nor_does_one_in_space_or_one_that_is_reached_later() -> None:
+    glue = hv.laws.MixedMode(hv.laws.BilinearCohesion(1e3, 1e5, 1e3), 1.0, hv.Compliance(1e3))
+    upper, lower = hv.box((2.0, 2.0, 1.0), (4, 3, 1), origin=(0.0, 0.0, 1.0)), hv.box((2.0, 2.0, 1.0), (3, 4, 1))
+    mesh, pair = hv.Mesh.assembled({"u": upper, "l": lower}), {"u:bottom": hv.Contact(glue, against="l:top")}
+    held = {"l:bottom": hv.Clamped(), "u:top": hv.Prescribed((0.1, 0.0, -0.05))}
+    walls = {side: hv.Contact(hv.Compliance(1.0), gap=50.0) for side in ("u:left", "l:left")}
+    found = [hv.solve(hv.ContactProblem(mesh, MATERIAL, pair | more, held)).displacement for more in ({}, walls)]
+    np.testing.assert_allclose(found[1], found[0], atol=1e-12)
+    plane = stacked(2, 0.0)
+    walls = {side: hv.Contact(hv.Compliance(1.0), gap=lambda x, t: 0.1 - t + 0.0 * x[:, 0]) for side in walls}
+    problem = hv.ContactProblem(plane, MATERIAL, pair | walls, {"l:bottom": hv.Clamped(), "u:top": hv.Clamped()})
+    assert hv.march(hv.Evolution(problem), until=0.2, step=0.1).finished

@@ -449,9 +449,11 @@ def _check_never_touching(law: VectorLaw, name: str, points: Array) -> None:
         )
 
 
-def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[BoundaryContact]:
+def merge_corners(
+    groups: list[BoundaryContact], supports: Supports, contacts: Mapping[str, Contact]
+) -> list[BoundaryContact]:
     """Make the displacements of contact points independent at nodes of two boundaries (nodal quadrature)."""
-    groups = _left_to_glue(groups)
+    groups = _left_to_glue(groups, contacts)
     for later in range(1, len(groups)):
         for earlier in range(later):
             first, second = groups[earlier].points, groups[later].points
@@ -484,18 +486,18 @@ def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[Bou
     return groups
 
 
-def _left_to_glue(groups: list[BoundaryContact]) -> list[BoundaryContact]:
-    """Foundations without the points that are not reached at the start at nodes where glue holds two bodies together.
+def _left_to_glue(groups: list[BoundaryContact], contacts: Mapping[str, Contact]) -> list[BoundaryContact]:
+    """Foundations without the points at nodes where glue holds two bodies together: it needs all displacements there.
 
-    Both would need the same displacements there.  The foundation is left to the point beside it.
+    The foundation is left to the point beside it.  Friction that a pressure brings with it is no glue.
     """
     found = list(groups)
-    for glue in groups:
-        if not glue.pair or glue.law.state_dependent:
+    for glue in (group for group in groups if group.pair and not group.law.state_dependent):
+        contact = contacts[glue.points.names[int(glue.points.boundary[0])]]
+        if not (contact.friction.acts or contact.law is contact.normal):
             continue
-        holds = glue.points.node[np.broadcast_to(glue.law.rubs, glue.points.count)]
         for k, group in enumerate(found):
-            leaves = np.isin(group.points.node, holds) & (group.gap > 0.0)
+            leaves = np.isin(group.points.node, glue.points.node)
             if not group.pair and leaves.any() and not leaves.all():
                 found[k] = _handed_on(group, leaves)
     return found
