@@ -47,9 +47,7 @@ _SAME = 1e-6
 #: Rounds, and the part of |F| that has to be gone after as many: else another way is thought better.
 _PATIENCE, _GAINED = 5, 0.1
 #: Part of the bound by which it is raised first, and the least one.
-_MOVED, _LEAST = 0.25, 1.0 / 512.0
-#: Multiples of the bound from which it is moved to what it is: no friction, or what holds more.
-_BOUNDS = (0.0, 8.0)
+_RAISED, _LEAST = 0.25, 1.0 / 512.0
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,7 @@ class SemismoothNewton(Solver):
     cycle of the law whose bound is frozen.  A step is halved until ``|F|`` falls.  Where it does not, as in a body that
     nothing holds where it starts, or where glue of two energies softens and the whole step does not lower ``|F|``,
     Newton's equation begins anew where one step of the fixed point leads.  Where that fails, the bound is raised from
-    zero in parts, each solved from the one before, or lowered from one that holds more.  Where that fails, too, or where the bound has no derivatives or the
+    zero in parts, each solved from the one before.  Where that fails, too, or where the bound has no derivatives or the
     profile falls at once, the fixed point takes over.  ``solution.fallbacks`` counts.
 
     Where laws soften, a solution must be one that the method inside the fixed point would not leave, the bound being
@@ -184,7 +182,7 @@ class SemismoothNewton(Solver):
             return self._frozen(system, way, state, budget)
         if new is None:
             fallbacks += 1
-            new = self._carried(search, way.start.r, budget) if way.rounds >= 0 else None
+            new = self._raised(search, way.start.r, budget) if way.rounds >= 0 else None
             way = replace(way, rounds=-self.rounds, past=())
         state = replace(state, evaluations=state.evaluations + (1 if new is None else new.cycles), fallbacks=fallbacks)
         if new is None:
@@ -254,24 +252,16 @@ class SemismoothNewton(Solver):
         outer = self.fallback.step(system, way.outer, budget)
         return replace(outer, memory=replace(way, outer=outer), fallbacks=state.fallbacks)
 
-    def _carried(self, search: _Search, start: Array, budget: Budget) -> _Place | None:
-        """The solution to which another bound leads while it is moved to what it is: none, or one that holds more."""
-        for first in _BOUNDS:
-            point = self._moved(search, start, first, budget)
-            if point is not None:
-                return point
-        return None
-
-    def _moved(self, search: _Search, start: Array, first: float, budget: Budget) -> _Place | None:
-        """The solution to which the one with a multiple of the bound leads while it is moved to the bound."""
-        other = search.times(first)
-        point = None if other is None else self._solved(other, start, budget)
-        done, part = 0.0, _MOVED
+    def _raised(self, search: _Search, start: Array, budget: Budget) -> _Place | None:
+        """The solution to which the one without friction leads while the bound is raised to what it is."""
+        first = search.times(0.0)
+        point = None if first is None else self._solved(first, start, budget)
+        done, part = 0.0, _RAISED
         while point is not None and done < 1.0:
             here = min(done + part, 1.0)
-            moved = search.times(first + here * (1.0 - first))
-            assert moved is not None
-            new = self._solved(moved, point.x, budget)
+            raised = search.times(here)
+            assert raised is not None
+            new = self._solved(raised, point.x, budget)
             if new is not None:
                 point, done, part = new, here, 2.0 * part
             elif part <= _LEAST:
