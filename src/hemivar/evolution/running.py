@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar.basics.deadline import check_time
+from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -336,7 +337,11 @@ class TimeLoop:
         if not self.yields:
             return moment
         now = self.stepper.data_from(moment).at(moment.time)
-        taken = self._yielded(moment, self.step_size.step, now, now)
+        try:
+            with limited(Budget(self.plan.max_time)) if self.discrete.vectors.alone else nullcontext():
+                taken = self._yielded(moment, self.step_size.step, now, now)
+        except OutOfTime:  # and so does the first step
+            return moment
         if taken is None:
             return moment
         stated, found = moment.body.displacement, taken.moment.body.displacement
