@@ -169,16 +169,17 @@ class _Group:
             if _holds(touched):
                 return Hold(found, touched, limit)
         rubs = self.growth(friction=True)
-        if rubs.friction.count:
-            by_friction = decide(rubs)
-            if by_friction.verdict is Coercivity.HELD:
-                return Hold(found, touched, friction=BY_FRICTION)
-            if _holds(replace(rubs, friction=rubs.friction.widened(_BETWEEN))):
-                return Hold(found, touched, friction=AT_LIMIT)
-            found = found if by_friction.direction is None else by_friction
-        if self.softens and _holds(self.resistance(friction=True)):
-            return Hold(found, touched, limit, BY_FRICTION)
-        return Hold(found, touched)
+        by_friction = decide(rubs) if rubs.friction.count else found
+        if by_friction.verdict is Coercivity.HELD:
+            return Hold(found, touched, friction=BY_FRICTION)
+        if self.softens:
+            at_rest = decide(self.resistance(friction=True))
+            if at_rest.verdict is Coercivity.HELD:
+                return Hold(found, touched, limit, BY_FRICTION)
+            by_friction = replace(at_rest, growth=at_rest.growth / _SMALL)
+        if _holds(replace(rubs, friction=rubs.friction.widened(_BETWEEN))):
+            return Hold(found, touched, friction=AT_LIMIT)
+        return Hold(found if by_friction.direction is None else by_friction, touched)
 
 
 def _holds(growth: RecessionFunction) -> bool:
