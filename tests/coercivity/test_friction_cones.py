@@ -155,7 +155,7 @@ def test_the_ellipse_of_orthotropic_friction_holds() -> None:
 
 BEDDINGS = {
     "softening": hv.Softening(10.0, 0.6, 1.0),
-    "plateau": hv.laws.ThresholdCompliance(6.0, 10.0),
+    "plateau": hv.laws.Capped(10.0, 0.6, 1.0),
     "smooth": hv.laws.FormulaLaw("6*(sqrt(max(r, 0)^2 + 0.36) - 0.6)"),
     "breaks": hv.laws.Capped(10.0, 0.6, 0.0),
 }
@@ -175,10 +175,10 @@ def test_a_foundation_of_some_strength_holds_by_friction(name: str) -> None:
 
 def test_a_foundation_bears_its_strength_and_no_more_beside_its_friction() -> None:
     """A pressure of one on a plateau of 1.02, and of 0.98."""
-    found = hv.discretize(block((1e-3,), hv.Coulomb(0.5), hv.laws.ThresholdCompliance(1.02, 10.0)))
+    found = hv.discretize(block((1e-3,), hv.Coulomb(0.5), hv.laws.Capped(10.0, 0.102, 1.0)))
     assert BY_FRICTION in found.warnings
     with pytest.raises(hv.errors.SupportError, match="free to move: the loads exceed"):
-        hv.discretize(block((1e-3,), hv.Coulomb(0.5), hv.laws.ThresholdCompliance(0.98, 10.0)))
+        hv.discretize(block((1e-3,), hv.Coulomb(0.5), hv.laws.Capped(10.0, 0.098, 1.0)))
 
 
 def test_friction_that_weakens_holds_at_rest() -> None:
