@@ -1,0 +1,73 @@
+"""The part of a displacement that deforms nothing, of bodies that supports do not hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array
+
+__all__ = ["RigidPart"]
+
+#: Motions that move what is looked at by less than this part of the others are not seen there.
+_SEEN = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPart:
+    """The projection of displacements onto the motions that deform nothing.
+
+    The forces of a stiffness along them are zero but for its rounding, which is no resistance: a body that only
+    friction holds would slide until it balances what friction leaves.  So they are taken off before a product.
+
+    Attributes
+    ----------
+    basis : sparse array (n, a)
+        Orthonormal columns.
+    """
+
+    basis: sp.csr_array
+
+    @classmethod
+    def of(cls, motions: sp.sparray, groups: Sequence[slice]) -> RigidPart:
+        """Of some motions (n, a), those of different groups moving nothing in common."""
+        columns, rows, owners, values, count = sp.csc_array(motions), [], [], [], 0
+        for group in groups:
+            own = columns[:, group]
+            seen = np.unique(own.indices)
+            if not seen.size:
+                continue
+            left, sizes, _ = np.linalg.svd(own[seen].toarray(), full_matrices=False)
+            left = left[:, sizes > _SEEN * sizes[0]]
+            rows.append(np.repeat(seen, left.shape[1]))
+            owners.append(np.tile(count + np.arange(left.shape[1]), seen.size))
+            values.append(left.ravel())
+            count += left.shape[1]
+        if not count:
+            return cls(sp.csr_array((columns.shape[0], 0)))
+        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(owners))
+        return cls(sp.csr_array(entries, shape=(columns.shape[0], count)))
+
+    @property
+    def count(self) -> int:
+        """How many motions there are."""
+        return int(self.basis.shape[1])
+
+    def __call__(self, x: Array) -> Array:
+        """The part of a displacement (n,)."""
+        return np.asarray(self.basis @ (self.basis.T @ x))
+
+    def without(self, x: Array, far: float, origin: Array | float = 0.0) -> tuple[Array, Array]:
+        """``x (n,)`` without the rigid part of the displacement ``x + origin``, and the sizes (n,) of what is left.
+
+        Among these a rigid motion counts as ``far`` as gaps and displacements of supports ask for it: one that goes
+        beyond, as where a body runs away, does not excuse what it leaves.
+        """
+        if not self.count:
+            return x, np.abs(x)
+        rigid = self(x + origin)
+        most, strained = float(np.abs(rigid).max(initial=0.0)), x - rigid
+        return strained, np.abs(strained) + (min(1.0, far / most) if most > 0.0 else 0.0) * np.abs(rigid)
