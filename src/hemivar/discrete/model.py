@@ -105,7 +105,8 @@ class Model(PickleMixin):
         (springs may have been added), and nothing is known.
         """
         field, bulk = self.field, self.bulk.at_rest if isinstance(self.bulk, Potential) else self.bulk
-        if field is None or not field.kernel_known or not isinstance(bulk, Quadratic):
+        known = field is not None and field.kernel_known and self.contact.vectors.alone
+        if field is None or not known or not isinstance(bulk, Quadratic):
             return None
         unknowns = sp.csr_array(field.lift @ self.free_motions.motions)
         force = abs(bulk.stiffness @ unknowns).tocsr()
@@ -117,7 +118,7 @@ class Model(PickleMixin):
         """The projection of unknowns onto :attr:`free_unknowns`; onto nothing where they are not known."""
         motions = self.free_unknowns
         if motions is None:
-            return RigidPart(sp.csr_array((self.unknowns, 0)))
+            return RigidPart.none(self.unknowns)
         return RigidPart.of(motions, [group.columns for group in self.free_motions.groups])
 
     @property

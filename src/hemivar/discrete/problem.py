@@ -412,8 +412,19 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         return self.contact.trace_of(self._checked(unknowns)) - self.offset
 
     def out_of_balance(self, unknowns: Array) -> Array:
-        """What the body leaves of its load, the foundation apart: ``f - bulk'(u)``, shape (n,), of unknowns (n,)."""
-        return np.asarray(self.load - self.bulk.gradient(unknowns))
+        """What the body leaves of its load, the foundation apart: ``f - bulk'(u)``, shape (n,), of unknowns (n,).
+
+        Rigid motions of what supports do not hold leave nothing.
+        """
+        return np.asarray(self.load - self.bulk.gradient(self.strained(unknowns)[0]))
+
+    def strained(self, unknowns: Array) -> tuple[Array, Array]:
+        """Unknowns (n,) without their rigid part, and the sizes (n,) of what is left in an answer.
+
+        See :meth:`hemivar.discrete.rigid_part.RigidPart.without`.
+        """
+        rigid = self.model.rigid_part
+        return rigid.without(unknowns, float(np.abs(self.offset).max(initial=0.0)) if rigid.count else 0.0)
 
     def energy(self, unknowns: Array, multiplier: Array | None = None) -> float:
         """Energy ``E(u)`` of the unknowns, shape (n,), the constant included.

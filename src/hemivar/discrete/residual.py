@@ -248,12 +248,12 @@ def inaccurate_law(problem: DiscreteProblem, displacement: Array, multiplier: Ar
 def balanced(problem: DiscreteProblem, u: Array, stiffness: sp.csr_array | None = None) -> tuple[Array, float]:
     """What the body leaves of its load (n,) at unknowns (n,), and the size of what is added up in it.
 
-    Rigid motions of what supports do not hold leave nothing, and the size is that of the answer that is sought.
+    The size is that of the answer that is sought: rigid motions of what supports do not hold are none of it.
     ``stiffness`` multiplies as that of a linear body does, and faster.
     """
-    strained, sizes = problem.model.rigid_part.without(u, float(np.abs(problem.offset).max(initial=0.0)))
+    strained, sizes = problem.strained(u)
     bulk = problem.bulk
-    force = problem.out_of_balance(strained) if stiffness is None else problem.load - stiffness @ strained
+    force = np.asarray(problem.load - (bulk.gradient(strained) if stiffness is None else stiffness @ strained))
     if isinstance(bulk, Sized):
         return force, bulk.rounding_scale(sizes, problem.load)
     sums = np.asarray(abs(bulk.hessian(u)).sum(axis=1))

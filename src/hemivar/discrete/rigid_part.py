@@ -27,29 +27,32 @@ class RigidPart:
     ----------
     basis : sparse array (n, a)
         Orthonormal columns.
+    groups : tuple of slice
+        The columns of each group of motions.
     """
 
     basis: sp.csr_array
+    groups: tuple[slice, ...] = ()
 
     @classmethod
     def of(cls, motions: sp.sparray, groups: Sequence[slice]) -> RigidPart:
         """Of some motions (n, a), those of different groups moving nothing in common."""
-        columns, rows, owners, values, count = sp.csc_array(motions), [], [], [], 0
+        columns, found, slices, count = sp.csc_array(motions), [], [], 0
         for group in groups:
             own = columns[:, group]
             seen = np.unique(own.indices)
-            if not seen.size:
-                continue
             left, sizes, _ = np.linalg.svd(own[seen].toarray(), full_matrices=False)
-            left = left[:, sizes > _SEEN * sizes[0]]
-            rows.append(np.repeat(seen, left.shape[1]))
-            owners.append(np.tile(count + np.arange(left.shape[1]), seen.size))
-            values.append(left.ravel())
+            left = left[:, sizes > _SEEN * sizes.max(initial=0.0)]
+            place = np.repeat(seen, left.shape[1]), np.tile(np.arange(left.shape[1]), seen.size)
+            found.append(sp.csc_array((left.ravel(), place), shape=(columns.shape[0], left.shape[1])))
+            slices.append(slice(count, count + left.shape[1]))
             count += left.shape[1]
-        if not count:
-            return cls(sp.csr_array((columns.shape[0], 0)))
-        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(owners))
-        return cls(sp.csr_array(entries, shape=(columns.shape[0], count)))
+        return cls(sp.csr_array(sp.hstack(found)), tuple(slices)) if count else cls.none(columns.shape[0])
+
+    @classmethod
+    def none(cls, unknowns: int) -> RigidPart:
+        """Of no motions."""
+        return cls(sp.csr_array((unknowns, 0)))
 
     @property
     def count(self) -> int:

@@ -36,6 +36,7 @@ from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.newton_on_graph import FEW_ROUNDS, NewtonCache, active_set_newton, small_and_convex
 from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
+from hemivar.solvers.sliding import slides
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.solvers.truncated_newton import TruncatedNewton
@@ -201,7 +202,9 @@ class _Task:
         controls = replace(self.controls, max_time=max(self.controls.max_time - spent, 0.0))
         with one_thread(not solver.condenses):
             own = solver.for_tolerance(controls.rtol)
-            return (yield from _run(self.problem, own, controls, self.initial, self.workspace))
+            found = yield from _run(self.problem, own, controls, self.initial, self.workspace)
+        slid = found.status is Status.CONVERGED and slides(found)
+        return replace(found, status=Status.AT_LIMIT) if slid else found
 
     def handed_on(self, solver: Solver, first: Solution, asked: bool) -> Generator[Progress, bool | None, Solution]:
         """What other methods find where the first has failed; the best iterate of all where they fail as well.

@@ -90,7 +90,7 @@ class SchurComplement:
             block = local.T @ S @ local
             matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
         compliance, weights = contact_compliance(problem), problem.contact.weights
-        rigid = RigidPart(sp.csr_array((m * d, 0)))
+        rigid = RigidPart.none(m * d)
         if problem.model.free_unknowns is not None:
             groups = [group.columns for group in problem.model.free_motions.groups]
             rigid = RigidPart.of(B @ problem.model.free_unknowns, groups)
