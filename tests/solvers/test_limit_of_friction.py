@@ -13,7 +13,7 @@ from .pieces_of_friction import Points
 
 
 def block(seed: int, k: int) -> tuple[DiscreteProblem, float, float | None]:
-    """A block that is drawn aside by ``1 - 10^-k`` of what friction can hold, mu, and the stiffness of the foundation."""
+    """A block drawn aside by ``1 - 10^-k`` of what friction can hold, its mu, and the stiffness of its foundation."""
     rng = np.random.default_rng([52, seed])
     mu, units, soft = rng.uniform(0.1, 0.7), float(rng.choice([1e-6, 1.0, 1e9])), bool(rng.integers(2))
     length, cells = rng.uniform(0.5, 2.0), (int(rng.integers(2, 4)), 2)
@@ -47,8 +47,7 @@ def by_hand(problem: DiscreteProblem, mu: float, stiffness: float | None) -> lis
 @pytest.mark.parametrize("number", sampled(range(90), 9))
 def test_a_block_near_the_limit_of_its_friction(number: int) -> None:
     k = 1 + number % 15
-    problem, mu, stiffness = block(number, k)
-    found = hv.solve(problem)
+    found = hv.solve(block(number, k)[0])
     if found.status is hv.Status.AT_LIMIT:
         assert k > 8
         return

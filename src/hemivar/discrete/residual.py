@@ -113,6 +113,10 @@ class Residual:
         """Whether a small residual shows anything: the arithmetic alone leaves less."""
         return self.noise <= 1e-3 * self.scale
 
+    def excused(self, atol: float, rtol: float) -> bool:
+        """Whether it is :meth:`below` what was asked for only because of rounding."""
+        return self.below(atol, rtol) and self.total > atol + rtol * self.scale
+
     def below(self, atol: float, rtol: float) -> bool:
         """Whether the pair solves the problem to ``atol + rtol * scale``, up to rounding.
 

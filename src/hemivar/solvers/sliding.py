@@ -1,66 +1,91 @@
-"""Whether a solution is a slide: friction is at its limit, as nearly as its residual tells."""
+"""Parts that contact alone holds and that have slid: how far, and whether the residual tells where they are."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import contact_compliance, load_scale, residuals
+from hemivar.discrete.residual import contact_compliance
+from hemivar.laws import VectorLaw
 from hemivar.solvers.solution import Solution
+from hemivar.solvers.status import Status
 
-__all__ = ["slides"]
+__all__ = ["told_of_slides"]
 
 #: Part of the largest pressure from which a contact point presses.
 _PRESSED = 1e-9
-#: A residual this many times as large is the same.
-_SAME = 2.0
-#: Part of the load below which a residual does not tell where a part is that has moved by more than its size.
-_UNTOLD = 1e-6
+#: A slide that is doubled must raise what is out of balance along it by this, for the residual to tell where it ends.
+_TOLD = 10.0
 
 
-def slides(solution: Solution) -> bool:
-    """Whether a part that contact alone holds might as well be elsewhere along its contact.
+def told_of_slides(solution: Solution) -> Solution:
+    """A converged solution, with what must be said of parts that contact alone holds.
 
-    It is moved on along the way that it has slid; that leaves the residual as it is where all of its contact slips, and
-    the load is as near to the limit of friction as the residual tells.  Of a part that has moved by more than its own
-    size more is asked.
+    A part is moved on along the way that it has slid.  Where that leaves what is out of balance along it as small as it
+    is, all of its contact slips, and the load is as near to the limit of friction as the solution is to balance: the
+    part may be anywhere on its way.
     """
-    problem, found = solution.problem, solution.residual
-    rigid = problem.model.rigid_part
-    if not rigid.count or problem.contact.components < 2 or not problem.law.rubs.any():
-        return False
-    compliance = contact_compliance(problem)
-    scale = load_scale(problem, compliance)
-    same = _SAME * max(found.total, found.noise)
-    for way, size in _ways(problem, solution):
-        u, moved = solution.unknowns + way, float(np.abs(way).max())
-        r = problem.local(u)
-        of_law = problem.law.frozen(r, solution.multiplier).nearest_multiplier(r, solution.multiplier)
-        there = min(one.total for one in residuals(problem, u, [solution.multiplier, of_law], compliance, scale))
-        if there <= same or (moved > size and there <= _UNTOLD * found.scale):
-            return True
-    return False
+    if solution.status is not Status.CONVERGED:
+        return solution
+    slides = list(_slides(solution.problem, solution))
+    if not all(slide.told(solution) for slide in slides):
+        return replace(solution, status=Status.AT_LIMIT)
+    far = max((slide.far for slide in slides), default=0.0)
+    return replace(solution, remarks=(*solution.remarks, _FAR.format(far))) if far > 1.0 else solution
 
 
-def _ways(problem: DiscreteProblem, solution: Solution) -> list[tuple[Array, float]]:
-    """How each group of parts has slid, as unknowns (n,), by the largest slip at least; and the size of the group."""
-    motions, rigid, field = problem.model.free_motions, problem.model.rigid_part, problem.field
-    assert field is not None
-    m, d = problem.contact.shape
-    trace = np.asarray((problem.contact.trace @ rigid.basis).toarray()).reshape(m, d, rigid.count)
-    pressure = np.abs(solution.multiplier[:, 0])
-    normal = trace[pressure > _PRESSED * pressure.max(initial=0.0), 0]
-    found = []
-    for group, columns in zip(motions.groups, rigid.groups, strict=True):
-        own = rigid.basis[:, columns]
-        along, rows = own.T @ solution.unknowns, normal[:, columns]
-        along = along - np.linalg.lstsq(rows, rows @ along, rcond=_PRESSED)[0]
-        way, slip = np.asarray(own @ along), solution.local[np.abs(trace[:, 1:, columns]).any(axis=(1, 2)), 1:]
-        moved, slipped = float(np.abs(way).max(initial=0.0)), float(np.abs(slip).max(initial=0.0))
-        if moved == 0.0 or slipped == 0.0:
-            continue
-        nodes = np.unique(motions.motions[:, group.columns].indices) // field.components
-        size = float(np.ptp(field.nodes[np.unique(nodes)], axis=0).max())
-        found.append((way * max(1.0, slipped / moved), size))
-    return found
+_FAR = (
+    "a part that contact alone holds has slid by {:.3g} of its own size, and is taken to touch what it touched at the "
+    "start: check friction, loads and supports"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Slide:
+    """How a group of parts has slid without strain, its contact being kept."""
+
+    way: Array  # unknowns (n,)
+    size: float  # of the group
+    slip: float  # its largest one
+
+    @property
+    def far(self) -> float:
+        """How far, in its own sizes."""
+        return float(np.abs(self.way).max()) / self.size
+
+    def told(self, solution: Solution) -> bool:
+        """Whether the balance of the group tells where it is."""
+        problem, lam = solution.problem, solution.multiplier
+        law = problem.law.frozen(solution.local, lam)
+        r = law.fitted(solution.local, lam, contact_compliance(problem))
+        there = problem.contact.trace_of(max(1.0, self.slip / float(np.abs(self.way).max())) * self.way)
+        here, beyond = (self._off(problem, law, at, lam) for at in (r, r + there))
+        return beyond > max(_TOLD * here, solution.residual.noise)
+
+    def _off(self, problem: DiscreteProblem, law: VectorLaw, r: Array, lam: Array) -> float:
+        """What friction at local displacements r, under the pressure of a multiplier, leaves of the load on the way."""
+        rubs = law.nearest_multiplier(r, lam)
+        rubs[:, 0] = lam[:, 0]
+        return abs(float(self.way @ (problem.load - problem.contact_force(rubs)))) / float(np.linalg.norm(self.way))
+
+
+def _slides(problem: DiscreteProblem, solution: Solution) -> Iterator[_Slide]:
+    rigid, field = problem.model.rigid_part, problem.field
+    if not rigid.count or field is None or problem.contact.components < 2 or not problem.law.rubs.any():
+        return
+    free, pressure = problem.model.free_motions, np.abs(solution.multiplier[:, 0])
+    trace = (problem.contact.trace @ rigid.basis).toarray().reshape(*problem.contact.shape, rigid.count)
+    pressed = trace[pressure > _PRESSED * pressure.max(initial=0.0), 0]
+    for group, columns in zip(free.groups, rigid.groups, strict=True):
+        motions, rows = rigid.basis[:, columns].toarray(), pressed[:, columns]
+        along = motions.T @ solution.unknowns
+        way = motions @ (along - np.linalg.lstsq(rows, rows @ along, rcond=_PRESSED)[0])
+        own = np.abs(trace[:, 1:, columns]).any(axis=(1, 2))
+        slip = float(np.abs(solution.local[own, 1:]).max(initial=0.0))
+        if way.any() and slip > 0.0:
+            nodes = np.unique(free.motions[:, group.columns].indices // field.components)
+            yield _Slide(way, float(np.ptp(field.nodes[nodes], axis=0).max()), slip)
