@@ -66,8 +66,8 @@ class RigidPart:
     def without(self, x: Array, far: float, origin: Array | float = 0.0) -> tuple[Array, Array]:
         """``x (n,)`` without the rigid part of the displacement ``x + origin``, and the sizes (n,) of what is left.
 
-        Among these a rigid motion counts as ``far`` as gaps and displacements of supports ask for it: one that goes
-        beyond, as where a body runs away, does not excuse what it leaves.
+        Among these a rigid motion counts as ``far`` as gaps, displacements of supports and laws ask for it: one that
+        goes beyond, as where a body slides away, does not excuse what it leaves.
         """
         if not self.count:
             return x, np.abs(x)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.basics.types import Array
+from hemivar.coercivity.rigid_modes import admitted
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import VectorLaw
@@ -81,9 +82,8 @@ def _slides(problem: DiscreteProblem, solution: Solution) -> Iterator[_Slide]:
     trace = (problem.contact.trace @ rigid.basis).toarray().reshape(*problem.contact.shape, rigid.count)
     pressed = trace[pressure > _PRESSED * pressure.max(initial=0.0), 0]
     for group, columns in zip(free.groups, rigid.groups, strict=True):
-        motions, rows = rigid.basis[:, columns].toarray(), pressed[:, columns]
-        along = motions.T @ solution.unknowns
-        way = motions @ (along - np.linalg.lstsq(rows, rows @ along, rcond=_PRESSED)[0])
+        motions = rigid.basis[:, columns].toarray() @ admitted(pressed[:, columns])
+        way = motions @ (motions.T @ solution.unknowns)
         own = np.abs(trace[:, 1:, columns]).any(axis=(1, 2))
         slip = float(np.abs(solution.local[own, 1:]).max(initial=0.0))
         if way.any() and slip > 0.0:

@@ -221,8 +221,8 @@ class BodyProblem(Body):
     def out_of_balance(self, x: Array) -> Array:
         return super().out_of_balance(self.problem.strained(x)[0])
 
-    def rounding_sizes(self, x: Array) -> Array:
-        return super().rounding_sizes(self.problem.strained(x)[1])
+    def answer_sizes(self, x: Array) -> Array:  # type: ignore[override]
+        return self.rounding_sizes(self.problem.strained(x)[1])
 
     def truncation(self) -> Truncation:
         return _TruncatedBody(self)

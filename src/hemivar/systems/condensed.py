@@ -233,7 +233,7 @@ class CondensedProblem(OfProblem, PickleMixin):
         rigid, flat = self.body.rigid_part, r.ravel()
         if not rigid.count:
             return flat, np.abs(flat)
-        return rigid.without(flat, float(np.abs(self.problem.offset).max()), self._recovery.offset)
+        return rigid.without(flat, self.problem.kept_apart(self.local(r)), self._recovery.offset)
 
     def moved(self, x: Array, r: Array) -> Array:
         """The point with these local displacements; what differs by rounding alone stays, but for what is at a kink."""
@@ -270,6 +270,9 @@ class CondensedProblem(OfProblem, PickleMixin):
 
     def rounding_sizes(self, r: Array) -> Array:
         """Sizes of what is added up in :meth:`out_of_balance`, (m d,)."""
+        return np.asarray(self.body.sizes @ np.abs(r.ravel()) + np.abs(self.load))
+
+    def answer_sizes(self, r: Array) -> Array:  # type: ignore[override]
         return np.asarray(self.body.sizes @ self._strained(r)[1] + np.abs(self.load))
 
     def magnitude(self, r: Array) -> float:

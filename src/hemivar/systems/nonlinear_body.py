@@ -160,9 +160,12 @@ class NonlinearBody(OfProblem, OfUnknowns):
 
     def rounding_sizes(self, x: Array) -> Array:
         """By the stiffness at rest."""
-        sizes = self.at_rest.row_sums * self.problem.strained(x)[1] + np.abs(self.load)
+        sizes = self.at_rest.row_sums * np.abs(x) + np.abs(self.load)
         bulk = self.bulk
         return np.asarray(sizes + bulk.initial_sizes if isinstance(bulk, Potential) else sizes)
+
+    def answer_sizes(self, x: Array) -> Array:  # type: ignore[override]
+        return self.rounding_sizes(self.problem.strained(x)[1])
 
     def stretch(self, change: Array) -> float:
         """By the stiffness at rest."""
