@@ -9,16 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.coercivity.held_at_rest import (
-    BY_FRICTION,
-    IDLE,
-    NO_MINIMUM,
-    PERHAPS_NO_MINIMUM,
-    growths,
-    resistances,
-    with_friction,
-)
-from hemivar.coercivity.recession import Coercivity, CoercivityResult, RecessionFunction, decide, rests
+from hemivar.coercivity.held_at_rest import IDLE, NO_MINIMUM, growths, holds
+from hemivar.coercivity.recession import Coercivity, CoercivityResult, RecessionFunction, rests
 from hemivar.coercivity.rigid_modes import Mechanism, RigidModes, rigid_basis
 from hemivar.errors import SupportError
 
@@ -58,42 +50,33 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
         return problem
     field, contact, motions = problem.field, problem.contact, problem.model.free_motions
     forces = field.lift.T @ problem.load if load is None else load
-    grows = growths(field, contact, problem.law, forces, motions)
-    holds = [decide(growth) for growth in grows]
-    limit: str | None = None
+    limits: list[str] = []
+    friction: list[str] = []
     idle: str | None = None
-    by_friction = False
-    if any(hold.verdict is not Coercivity.HELD for hold in holds):
-        at_rest = resistances(field, contact, problem.loading, forces, motions)
-        rubbed = with_friction(field, contact, problem.law, forces, motions)
-        for group, growth, hold, resistance, rubs in zip(motions.groups, grows, holds, at_rest, rubbed, strict=True):
-            if hold.verdict is Coercivity.HELD:
-                continue
-            if resistance is None or decide(resistance).verdict is not Coercivity.HELD:
-                if problem.unmoved and rests(growth if resistance is None else resistance):
-                    idle = IDLE
-                    continue
-                if rubs is not None and decide(rubs).verdict is Coercivity.HELD:
-                    by_friction = True
-                    continue
-                assert hold.direction is not None or hold.verdict is Coercivity.UNDECIDED
-                raise _refusal(problem, motions, group, hold)
-            limit = NO_MINIMUM if hold.verdict is Coercivity.FALLS else limit or PERHAPS_NO_MINIMUM
-    if by_friction:
-        return replace(problem, warnings=(*problem.warnings, BY_FRICTION), law_known=True)
-    return problem.known_to_be_held(limit, idle)
+    found = holds(field, contact, problem.loading, forces, motions)
+    for group, hold in zip(motions.groups, found, strict=True):
+        if hold.found.verdict is not Coercivity.HELD and hold.limit is None and problem.unmoved and rests(hold.touched):
+            idle = IDLE
+            continue
+        if not hold.held:
+            raise _refusal(problem, motions, group, hold.found)
+        limits += [hold.limit] if hold.limit else []
+        friction += [hold.friction] if hold.friction else []
+    problem = replace(problem, warnings=tuple(dict.fromkeys((*problem.warnings, *friction))), law_known=True)
+    limit = NO_MINIMUM if NO_MINIMUM in limits else next(iter(limits), None)
+    return problem if friction and limit is None else problem.known_to_be_held(limit, idle)
 
 
 def free_growth(problem: DiscreteProblem, motions: RigidModes) -> list[RecessionFunction]:
     """Growth of the energy along the motions of each group of parts."""
     assert problem.field is not None
     forces = problem.field.lift.T @ problem.load
-    return growths(problem.field, problem.contact, problem.law, forces, motions)
+    return growths(problem.field, problem.contact, problem.loading, forces, motions)
 
 
 _REMEDY = "add a support or a law that constrains it"
-#: Motions this small, of the largest of all parts, are none.
-_STILL = 1e-6
+#: Motions this small, of the largest of all parts, are none; and components of one that are not named.
+_STILL, _UNSAID = 1e-6, 1e-3
 
 
 def refuse(hold: CoercivityResult, motion: str, who: str = "the body", remedy: str = _REMEDY) -> None:
@@ -136,7 +119,7 @@ def describe(coefficients: Array) -> str:
         return "(adding a constant)"
     dim = 2 if len(coefficients) == 3 else 3
     names = rigid_basis(np.eye(dim), (np.zeros(dim), np.ones(dim)))[1]
-    coefficients = np.where(np.abs(coefficients) < 1e-6 * np.abs(coefficients).max(), 0.0, coefficients)
+    coefficients = np.where(np.abs(coefficients) < _UNSAID * np.abs(coefficients).max(), 0.0, coefficients)
     words = []
     if np.any(coefficients[:dim]):
         words.append(f"translation {_vector(coefficients[:dim])}")
@@ -159,7 +142,10 @@ def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, ho
         hold = replace(hold, growth=hold.growth / size)
     who, remedy = _words(field, motions, group, part, along)
     if problem.contact_points and problem.law.state_dependent:
-        remedy += " (friction that depends on the solution counts only up to what the pressure provides)"
+        remedy += (
+            " (friction that depends on the solution counts only up to what the pressure provides: where it slides, "
+            "such a motion lifts the body by the coefficient of friction)"
+        )
     try:
         refuse(hold, motion, who, remedy)
     except SupportError as error:

@@ -8,10 +8,11 @@ Along a motion ``s = S z`` without deformation, z in R^a, the energy grows in th
 along each motion, and has a minimiser.  Whether it is does not depend on the basis S, so neither on the frame of the
 body.  Rates of growth that are infinite (a rigid foundation) are linear conditions on z; the others are a sum of
 hinges ``up v_+ + down v_-`` of a row v of B S z and, in space, of lengths ``c |V z|`` of slips.  Where
-``up + down >= 0`` all of it is convex.
+``up + down >= 0`` all of it is convex.  Friction that the pressure bounds takes part as :class:`FrictionCones`.
 
 It is decided on the faces ``z_i = +1`` and ``z_i = -1`` of the unit box, on each of which the minimum is sought by
 cutting planes (Kelley 1960), which for a homogeneous function hold on all faces: a linear programme in a variables.
+A round cone of friction is cut by planes that touch it where the motion points, so that it is met as exactly as rows.
 From its multipliers follows a lower bound of the minimum on the face, exact but for rounding; so "held" is shown by
 these bounds, and "not held" by a motion.  Hinges with ``up + down < 0`` are bounded by their chords, and split by sign
 where that does not decide.
@@ -35,6 +36,7 @@ __all__ = [
     "Coercivity",
     "CoercivityProof",
     "CoercivityResult",
+    "FrictionCones",
     "RecessionFunction",
     "decide",
     "growth_along",
@@ -117,6 +119,58 @@ class CoercivityProof:
 
 
 @dataclass(frozen=True, eq=False)
+class FrictionCones:
+    """Contact points at which the pressure bounds the friction, ``|lam_t| <= mu lam_n`` with ``0 <= lam_n <= F``.
+
+    Along a motion v the forces of the cone, cut off at F, do the work ``F (v_n + mu |v_t|)_+`` at most.  Where F is
+    infinite they do none along ``v_n + mu |v_t| <= 0``, and any along others.  A point that opens pulls by D instead,
+    without friction.
+
+    Attributes
+    ----------
+    normal : array (p, a)
+        ``v_n = normal @ z``.
+    slips : array (p, t, a)
+        ``mu v_t = slips @ z``.
+    capacity, pull : arrays (p,)
+        F and D, weights included; D is finite.
+    """
+
+    normal: Array
+    slips: Array
+    capacity: Array
+    pull: Array
+
+    @classmethod
+    def none(cls, motions: int) -> FrictionCones:
+        """No such points."""
+        return cls(np.zeros((0, motions)), np.zeros((0, 1, motions)), np.zeros(0), np.zeros(0))
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return int(self.pull.size)
+
+    def widened(self, part: float) -> FrictionCones:
+        """Cones of a friction that is larger by a part."""
+        return replace(self, slips=(1.0 + part) * self.slips)
+
+    @property
+    def sizes(self) -> Array:
+        """Largest entries of what moves at each point, (p,)."""
+        reach = np.abs(self.slips).max(axis=(1, 2), initial=0.0)
+        return np.asarray(np.abs(self.normal).max(axis=1, initial=0.0) + reach)
+
+    def along(self, z: Array) -> tuple[Array, Array, Array]:
+        """``v_n`` (p,), ``v_n + mu |v_t|`` (p,), and the plane (p, a) that touches the latter at z."""
+        slip = self.slips @ z
+        size = np.sqrt((slip**2).sum(axis=1))
+        way = slip / np.where(size > 0.0, size, 1.0)[:, None]
+        lift = self.normal @ z
+        return lift, lift + size, self.normal + np.einsum("pt,pta->pa", way, self.slips)
+
+
+@dataclass(frozen=True, eq=False)
 class RecessionFunction:
     """Growth of the energy along the motions ``S z``.
 
@@ -136,6 +190,8 @@ class RecessionFunction:
         Rates of growth of their lengths.
     slack : float
         Displacements up to which a condition counts as kept, of a motion of size one.
+    friction : FrictionCones
+        Points that are none of the rows; none by default.
     """
 
     work: Array
@@ -146,11 +202,17 @@ class RecessionFunction:
     cones: Array
     rates: Array
     slack: float = SLACK
+    friction: FrictionCones = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.friction is None:
+            object.__setattr__(self, "friction", FrictionCones.none(self.work.size))
 
     @property
     def resisted(self) -> RecessionFunction:
         """Where something resists, whichever way and however weakly: growth at the rate one both ways, without load."""
-        rows, slips = self.rows[(self.up > 0.0) | (self.down > 0.0)], self.cones[self.rates > 0.0]
+        rows = np.concatenate([self.rows[(self.up > 0.0) | (self.down > 0.0)], self.friction.normal])
+        slips = self.cones[self.rates > 0.0]
         one, other = np.ones(len(rows)), np.ones(len(slips))
         return RecessionFunction(np.zeros_like(self.work), 0.0, rows, one, one, slips, other, self.slack)
 
@@ -167,15 +229,30 @@ class RecessionFunction:
         lengths[lengths < _AT_REST * largest] = 0.0
         more = np.zeros_like(lengths)
         np.multiply(self.rates, lengths, out=more, where=lengths > 0.0)
-        every = np.concatenate([terms, more])
+        every = np.concatenate([terms, more, self._rubbed(z, _AT_REST * largest)])
         size = self.load * largest + float(np.abs(every[np.isfinite(every)]).sum())
         if np.isposinf(every).any():
             return np.inf, size
         return float(every.sum()) - float(self.work @ z), size
 
+    def _rubbed(self, z: Array, rest: float) -> Array:
+        """What the cones take up along z, (p,); what moves by ``rest`` or less does not."""
+        cones = self.friction
+        lift, reach, _ = cones.along(z)
+        kept = np.where(np.isposinf(cones.capacity), 4.0 * (self.slack + _FEASIBLE), rest)
+        pressed = np.zeros_like(reach)
+        np.multiply(cones.capacity, reach, out=pressed, where=reach > kept)
+        return np.maximum(pressed, cones.pull * np.maximum(-lift, 0.0))
+
 
 def growth_along(
-    law: VectorLaw, local: Array, weights: Array, work: Array, load: float, slack: float = SLACK
+    law: VectorLaw,
+    local: Array,
+    weights: Array,
+    work: Array,
+    load: float,
+    slack: float = SLACK,
+    friction: bool = False,
 ) -> RecessionFunction:
     """Growth of the energy along motions.
 
@@ -192,13 +269,23 @@ def growth_along(
         The size of what cancels in it.
     slack : float
         What rounding makes of a tangential motion: displacements that a rigid foundation lets pass.
+    friction : bool
+        Friction that the pressure bounds counts all the same, by :class:`FrictionCones`.
     """
     up, down, slip = (weights * rate for rate in law.rates)
-    return hinges(local, up, down, slip, work, load, slack)
+    rubbed = law.rubbed(local[:, 1:]) if friction else None
+    return hinges(local, up, down, slip, work, load, slack, rubbed)
 
 
 def hinges(
-    local: Array, up: Array, down: Array, slip: Array | None, work: Array, load: float, slack: float = SLACK
+    local: Array,
+    up: Array,
+    down: Array,
+    slip: Array | None,
+    work: Array,
+    load: float,
+    slack: float = SLACK,
+    rubbed: Array | None = None,
 ) -> RecessionFunction:
     """A growth made of rates.
 
@@ -212,9 +299,19 @@ def hinges(
         Rates along the length of the slip; None where it counts nothing.
     work, load, slack
         As in :func:`growth_along`.
+    rubbed : array (m, d - 1, a), optional
+        The slips times the friction coefficient, where friction counts that the pressure bounds.
     """
     d, a = local.shape[1:]
-    rows, cones, rates = local[:, 0], np.zeros((0, 2, a)), np.zeros(0)
+    rows, cones, rates, friction = local[:, 0], np.zeros((0, 2, a)), np.zeros(0), FrictionCones.none(a)
+    if rubbed is not None:
+        firm = np.isposinf(up)
+        rubs = np.flatnonzero(rubbed.any(axis=(1, 2)) & (firm | ((up > 0.0) & (down >= 0.0) & np.isfinite(down))))
+        pull = np.where(firm, 0.0, down)
+        friction = FrictionCones(rows[rubs], rubbed[rubs], up[rubs], pull[rubs])
+        taken = rubs[~firm[rubs]]
+        up, down = up.copy(), down.copy()
+        up[taken] = down[taken] = 0.0
     if slip is not None:
         hinge = np.flatnonzero((d == 2) | ~np.isfinite(slip))
         for c in range(1, d):
@@ -223,7 +320,7 @@ def hinges(
         cone = np.flatnonzero((slip != 0.0) & (d == 3) & np.isfinite(slip))
         cones, rates = local[cone, 1:], slip[cone]
     counts = (np.abs(rows).max(axis=1, initial=0.0) > _AT_REST) & ((up != 0.0) | (down != 0.0))
-    return RecessionFunction(work, load, rows[counts], up[counts], down[counts], cones, rates, slack)
+    return RecessionFunction(work, load, rows[counts], up[counts], down[counts], cones, rates, slack, friction)
 
 
 def decide(growth: RecessionFunction) -> CoercivityResult:
@@ -283,7 +380,11 @@ def _cut_off(growth: RecessionFunction) -> RecessionFunction:
     for mine, other in ((up, growth.down), (down, growth.up)):
         cut = np.isfinite(mine) & np.isfinite(other) & (mine > limits[0])
         mine[cut] = np.maximum(np.minimum(mine, limits[0]), np.minimum(-other, mine))[cut]
-    return replace(growth, up=up, down=down, rates=np.minimum(growth.rates, limits[1]))
+    cones, size = growth.friction, growth.friction.sizes
+    most = _CUT_OFF * growth.load / np.where(size > 0.0, size, 1.0)
+    capacity = np.where(np.isposinf(cones.capacity), np.inf, np.minimum(cones.capacity, most))
+    friction = replace(cones, capacity=capacity, pull=np.minimum(cones.pull, most))
+    return replace(growth, up=up, down=down, rates=np.minimum(growth.rates, limits[1]), friction=friction)
 
 
 @dataclass(eq=False)
@@ -324,7 +425,18 @@ class _Programme:
             lengths = np.sqrt((slip**2).sum(axis=1))
             push = np.divide(g.rates, lengths, out=np.zeros_like(lengths), where=lengths > 0.0)
             out = out + np.einsum("pta,pt,p->a", g.cones, slip, push * (g.rates > 0.0))
+        if g.friction.count:
+            out = out + self._rubbed(z)
         return out
+
+    def _rubbed(self, z: Array) -> Array:
+        """The part of :meth:`slope` by cones that are cut off."""
+        cones = self.growth.friction
+        lift, reach, planes = cones.along(z)
+        capacity = np.where(np.isposinf(cones.capacity), 0.0, cones.capacity)
+        pressed = (reach > 0.0) & (capacity * reach >= -cones.pull * lift)
+        pulls = np.where(~pressed & (lift < 0.0), cones.pull, 0.0)
+        return np.asarray(planes.T @ np.where(pressed, capacity, 0.0) - cones.normal.T @ pulls)
 
     def violated(self, z: Array) -> bool:
         """Take up the conditions that z violates most; whether there are any."""
@@ -340,6 +452,13 @@ class _Programme:
                 if excess[j] > 2.0 * (g.slack + _FEASIBLE) and key not in self.taken:
                     self.taken.add(key)
                     self.hard.append(sign * g.rows[j])
+                    new = True
+        if g.friction.count:
+            _, reach, planes = g.friction.along(z)
+            reach = np.where(np.isposinf(g.friction.capacity), reach, -np.inf)
+            for j in np.argsort(reach)[: -2 * z.size - 1 : -1]:
+                if reach[j] > 2.0 * (g.slack + _FEASIBLE):
+                    self.hard.append(planes[j])
                     new = True
         return new
 
@@ -433,6 +552,8 @@ def _by_programme(cut: RecessionFunction, growth: RecessionFunction) -> Coercivi
     sizes = np.where(finite, np.abs(np.where(finite, cut.up, 0.0)) + np.abs(np.where(finite, cut.down, 0.0)), 0.0)
     every = float(sizes @ np.abs(cut.rows).max(axis=1, initial=0.0))
     every += float(np.abs(cut.rates) @ np.abs(cut.cones).max(axis=(1, 2), initial=0.0))
+    bounded = np.where(np.isposinf(cut.friction.capacity), 0.0, cut.friction.capacity)
+    every += float((bounded + cut.friction.pull) @ cut.friction.sizes)
     scale = cut.load if cut.load > 0.0 else every if every > 0.0 else 1.0
     enough = _SHOWN[0] * scale + _SHOWN[1] * every
     if endless.any():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
@@ -14,6 +15,7 @@ from hemivar.coercivity.rigid_modes import RigidModes, joined, no_motions
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.potential import Potential
+from hemivar.discrete.rigid_part import RigidPart
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Model", "quadratic"]
 
+#: Motions that a stiffness resists by more than this, relative to its diagonal, are not in its kernel.
+_RESISTED = 1e-9
 _ARRAYS = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) takes plain arrays"
 
 
@@ -92,6 +96,30 @@ class Model(PickleMixin):
             return no_motions(field)
         motions = field.free_motions
         return motions if len(motions.groups) < 2 else joined(motions, sp.csr_array(self.contact.trace @ field.lift))
+
+    @cached_property
+    def free_unknowns(self) -> sp.csr_array | None:
+        """Unknowns (n, a) of the motions without deformation, the kernel of K; None where K is not that of a mesh.
+
+        They are told by mesh and supports of a displacement.  A stiffness that resists them is not the one of the mesh
+        (springs may have been added), and nothing is known.
+        """
+        field, bulk = self.field, self.bulk.at_rest if isinstance(self.bulk, Potential) else self.bulk
+        known = field is not None and field.kernel_known and self.contact.vectors.alone
+        if field is None or not known or not isinstance(bulk, Quadratic):
+            return None
+        unknowns = sp.csr_array(field.lift @ self.free_motions.motions)
+        force = abs(bulk.stiffness @ unknowns).tocsr()
+        force.data /= np.repeat(bulk.diagonal, np.diff(force.indptr))
+        return unknowns if float(force.data.max(initial=0.0)) <= _RESISTED else None
+
+    @cached_property
+    def rigid_part(self) -> RigidPart:
+        """The projection of unknowns onto :attr:`free_unknowns`; onto nothing where they are not known."""
+        motions = self.free_unknowns
+        if motions is None:
+            return RigidPart.none(self.unknowns)
+        return RigidPart.of(motions, [group.columns for group in self.free_motions.groups])
 
     @property
     def linear(self) -> Quadratic:

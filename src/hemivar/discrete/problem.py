@@ -26,6 +26,7 @@ from hemivar.discrete.own_mesh import Location, located, numbered_field
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import polar
 from hemivar.linear.vectors import Vectors
 from hemivar.mesh.mesh import Mesh
 
@@ -443,8 +444,33 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         return self.contact.trace_of(self._checked(unknowns)) - self.offset
 
     def out_of_balance(self, unknowns: Array) -> Array:
-        """What the body leaves of its load, the foundation apart: ``f - bulk'(u)``, shape (n,), of unknowns (n,)."""
-        return np.asarray(self.load - self.bulk.gradient(unknowns))
+        """What the body leaves of its load, the foundation apart: ``f - bulk'(u)``, shape (n,), of unknowns (n,).
+
+        Rigid motions of what supports do not hold leave nothing.
+        """
+        return np.asarray(self.load - self.bulk.gradient(self.strained(unknowns)[0]))
+
+    def strained(self, unknowns: Array) -> tuple[Array, Array]:
+        """Unknowns (n,) without their rigid part, and the sizes (n,) of what is left in an answer.
+
+        See :meth:`hemivar.discrete.rigid_part.RigidPart.without`.
+        """
+        rigid = self.model.rigid_part
+        return rigid.without(unknowns, self.kept_apart(self.local(unknowns)) if rigid.count else 0.0)
+
+    def kept_apart(self, r: Array) -> float:
+        """The largest displacement that gaps or laws ask for at local displacements r (m, c).
+
+        That is an offset, or a displacement by which a law changes its force: not that of a body which slides against
+        friction, or has flown off.
+        """
+        line = self.law.frozen_at(r).linearise(r)
+        bends = line.hessian[:, 0, 0] != 0.0
+        far = np.abs(self.offset).max(initial=0.0), np.abs(r[bends | ~line.smooth[:, 0], 0]).max(initial=0.0)
+        size, way = polar(r[:, 1:])
+        along = np.abs(np.einsum("mi,mij,mj->m", way, line.hessian[:, 1:, 1:], way))
+        bends = along > _ROUNDED * np.abs(line.hessian[:, 1:, 1:]).max(axis=(1, 2), initial=0.0)
+        return float(max(*far, size[bends | ~line.smooth[:, 1]].max(initial=0.0)))
 
     def energy(self, unknowns: Array, multiplier: Array | None = None) -> float:
         """Energy ``E(u)`` of the unknowns, shape (n,), the constant included.

@@ -329,12 +329,12 @@ class ContactLaw(NormalAndFriction):
             return up, down, np.zeros(len(rest))
         return up, down, steepest(self._sure_friction, lengths(rest[:, 1:]), 1.0, size)
 
-    @property
-    def friction_per_pressure(self) -> Array:
-        bound = self.friction.bound
+    def rubbed(self, slips: Array, size: float = np.inf) -> Array:
+        bound, profile = self.friction.bound, self.friction.profile
         if not isinstance(bound, StateBound):
-            return np.zeros(1)
-        return np.asarray(bound.per_pressure * self.friction.profile.recession(np.ones(1)))
+            return np.zeros_like(slips)
+        most = profile.recession(np.ones(1)) if size == np.inf else steepest(profile, np.zeros(1), 1.0, size)
+        return np.asarray((bound.per_pressure * most)[:, None, None] * slips)
 
     @property
     def _sure_friction(self) -> Superpotential:

@@ -321,10 +321,13 @@ class VectorLaw(PickleMixin, ABC):
         up, down, slip = (self.recession(np.array([way])) for way in ([1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]))
         return up, down, slip
 
-    @property
-    def friction_per_pressure(self) -> Array:
-        """What is sure of the friction that a pressure brings with it, far away, as a multiple of it, (m or 1,)."""
-        return np.zeros(1)
+    def rubbed(self, slips: Array, size: float = np.inf) -> Array:
+        """Slips ``(m, c - 1, a)`` of some motions, scaled: their length is the work of friction under a unit pressure.
+
+        It is the friction that a pressure is sure to bring with it far away, or, where a ``size`` is given, the most of
+        it on ways of that length from rest.
+        """
+        return np.zeros_like(slips)
 
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         """The most that the law resists on ways of length ``size`` from ``rest (m, c)``, (m,)."""

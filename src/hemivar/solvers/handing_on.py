@@ -110,6 +110,7 @@ _NEXT: Mapping[Status, tuple[Callable[[Solver, DiscreteProblem], Solver | None],
         Status.INACCURATE: (_elsewhere, _stepped),
         Status.CYCLING: (_elsewhere, _stepped),
         Status.NOT_CONTRACTING: (_relaxed, _stepped, _elsewhere),
+        Status.AT_LIMIT: (_frozen, _elsewhere, _stepped),
         Status.NONFINITE: (_careful, _elsewhere, _stepped),
         Status.UNBOUNDED: (_without_pressure, _careful, _stepped, _elsewhere),
     }

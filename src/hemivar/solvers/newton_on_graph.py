@@ -26,7 +26,7 @@ from scipy.linalg import lapack
 
 from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
-from hemivar.discrete.residual import LoadScale, Residual
+from hemivar.discrete.residual import LoadScale, Residual, balanced
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
 from hemivar.laws.contact_chart import ContactChart
@@ -367,4 +367,4 @@ def _residual(
         tolerance = controls.atol + controls.rtol * found.scale
         if found.noise <= tolerance and found.total <= tolerance:
             return found
-    return of(ForceResidual(problem.load - body.entries @ u, problem.linear.rounding_scale(u, problem.load)))
+    return of(ForceResidual(*balanced(problem, u, body.entries)))

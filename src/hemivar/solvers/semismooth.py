@@ -311,17 +311,17 @@ class _Search:
         """Give the memory of Newton's equation back."""
         self.equation.equation.release()
 
-    def rounding(self, point: GraphPoint) -> float:
-        """What rounding leaves in F."""
+    def rounding(self, point: GraphPoint, sizes: Array | None = None) -> float:
+        """What rounding leaves in F, of an answer, or of what has these sizes."""
         system = self.equation.system
-        own = system.vectors.norms(system.rounding_sizes(point.x), system.weights[:, None] * point.lam)
-        return _ROUNDING * float(own.sum())
+        sizes = system.answer_sizes(point.x) if sizes is None else sizes
+        return _ROUNDING * float(system.vectors.norms(sizes, system.weights[:, None] * point.lam).sum())
 
     def tells(self, point: GraphPoint) -> bool:
         """Whether |F| shows anything: it shows nothing so far away that rounding is a part of the load."""
         system = self.equation.system
         size = float(system.vectors.norms(system.weights[:, None] * point.lam)[0])
-        return self.rounding(point) <= _HIDDEN * system.load_scale.of(size)
+        return self.rounding(point, system.rounding_sizes(point.x)) <= _HIDDEN * system.load_scale.of(size)
 
     def at(
         self, x: Array, before: GraphPoint | None = None, cycles: int = 0, force: Array | None = None

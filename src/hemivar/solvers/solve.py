@@ -36,6 +36,7 @@ from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.newton_on_graph import FEW_ROUNDS, NewtonCache, active_set_newton, small_and_convex
 from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
+from hemivar.solvers.sliding import told_of_slides
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.solvers.truncated_newton import TruncatedNewton
@@ -50,6 +51,11 @@ __all__ = ["default_method", "method_for", "solve", "solving", "suited"]
 _EXCUSED = 1e-6
 #: What a state must have less energy, of all that is added up in it, to be called lower.
 _WORTH = 1e-9
+#: What is said of a residual above the tolerance that rounding explains.
+_ROUNDED = (
+    "the residual is above the tolerance: {:.1e} against forces of {:.1e}, of which rounding of the answer may leave "
+    "{:.1e}"
+)
 #: Ends that a solve beyond the limit of a foundation has, and relative residual up to which they are something else.
 _LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_CONTRACTING), 1e-6
 
@@ -165,7 +171,10 @@ def solving(
         found = yield from task.handed_on(solver, found, asked=given is not None)
     if problem.limit is not None and found.status in _LOST and not found.residual.relative <= _NEAR:
         return replace(found, status=Status.NOT_CARRIED)
-    return replace(found, remarks=(*found.remarks, LOWER)) if given is None and task.below(solver, found) else found
+    said = [LOWER] if given is None and task.below(solver, found) else []
+    if found.status is Status.CONVERGED and found.residual.excused(controls.atol, controls.rtol):
+        said.append(_ROUNDED.format(found.residual.total, found.residual.scale, found.residual.rounding))
+    return replace(found, remarks=(*found.remarks, *said)) if said else found
 
 
 def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
@@ -208,7 +217,8 @@ class _Task:
         controls = replace(self.controls, max_time=max(self.controls.max_time - spent, 0.0))
         with one_thread(not solver.condenses):
             own = solver.for_tolerance(controls.rtol)
-            return (yield from _run(self.problem, own, controls, self.initial, self.workspace))
+            found = yield from _run(self.problem, own, controls, self.initial, self.workspace)
+        return told_of_slides(found)
 
     def handed_on(self, solver: Solver, first: Solution, asked: bool) -> Generator[Progress, bool | None, Solution]:
         """What other methods find where the first has failed; the best iterate of all where they fail as well.

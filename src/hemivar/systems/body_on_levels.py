@@ -221,6 +221,12 @@ class BodyProblem(Body):
     def extent(self) -> float:
         return self.problem.extent
 
+    def out_of_balance(self, x: Array) -> Array:
+        return super().out_of_balance(self.problem.strained(x)[0])
+
+    def answer_sizes(self, x: Array) -> Array:  # type: ignore[override]
+        return self.rounding_sizes(self.problem.strained(x)[1])
+
     def truncation(self) -> Truncation:
         return _TruncatedBody(self)
 

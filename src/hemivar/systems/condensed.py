@@ -226,7 +226,14 @@ class CondensedProblem(OfProblem, PickleMixin):
 
     def out_of_balance(self, r: Array) -> Array:
         """Elastic force ``g - A r`` on the contact points, (m, d); it must equal ``W lambda``."""
-        return (self.load - self.matrix @ r.ravel()).reshape(self.shape)
+        return (self.load - self.matrix @ self._strained(r)[0]).reshape(self.shape)
+
+    def _strained(self, r: Array) -> tuple[Array, Array]:
+        """A point (m d,) without its rigid part, and the sizes of what is left; see :class:`RigidPart`."""
+        rigid, flat = self.body.rigid_part, r.ravel()
+        if not rigid.count:
+            return flat, np.abs(flat)
+        return rigid.without(flat, self.problem.kept_apart(self.local(r)), self._recovery.offset)
 
     def moved(self, x: Array, r: Array) -> Array:
         """The point with these local displacements; what differs by rounding alone stays, but for what is at a kink."""
@@ -264,6 +271,9 @@ class CondensedProblem(OfProblem, PickleMixin):
     def rounding_sizes(self, r: Array) -> Array:
         """Sizes of what is added up in :meth:`out_of_balance`, (m d,)."""
         return np.asarray(self.body.sizes @ np.abs(r.ravel()) + np.abs(self.load))
+
+    def answer_sizes(self, r: Array) -> Array:  # type: ignore[override]
+        return np.asarray(self.body.sizes @ self._strained(r)[1] + np.abs(self.load))
 
     def magnitude(self, r: Array) -> float:
         """Largest displacement or gap of the contact points."""

@@ -93,7 +93,10 @@ class PointSystem(Protocol):
         """What is left of a force of the shape of a point where contact points take up theirs, (m, d); flat."""
 
     def rounding_sizes(self, x: Array) -> Array:
-        """Sizes of what is added up in :meth:`out_of_balance`, flat."""
+        """Sizes of what is added up in ``f - K x``, flat."""
+
+    def answer_sizes(self, x: Array) -> Array:
+        """See :meth:`Equilibrium.answer_sizes`."""
 
     def stretch(self, change: Array) -> float:
         """Energy norm of a difference of two points."""
@@ -166,6 +169,11 @@ class Equilibrium:
         """Largest extent of the body; infinite where it is not known."""
         return np.inf
 
+    def answer_sizes(self: PointSystem, x: Array) -> Array:
+        """Sizes of what is added up in :meth:`PointSystem.out_of_balance` of an answer, flat: motions that deform nothing
+        count as far as gaps and laws ask for them."""
+        return self.rounding_sizes(x)
+
     def law_at(self: PointSystem, x: Array, lam: Array | None = None) -> VectorLaw:
         """The law, with a bound that depends on the solution evaluated at ``x`` and the multiplier ``lam (m, d)``, by
         default what is in equilibrium with ``x``."""
@@ -207,7 +215,7 @@ class Equilibrium:
             self.less_contact(force, contact),
             law_forces(self.law, self.weights, self.local(x), lam, self.material_compliance),
             contact[self.active],
-            self.rounding_sizes(x),
+            self.answer_sizes(x),
         ).tolist()
         return Residual.of(sizes[0], sizes[1], self.load_scale, sizes[2], sizes[3])
 

@@ -15,6 +15,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.bulk import without_zeros
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
+from hemivar.discrete.rigid_part import RigidPart
 from hemivar.errors import ProblemError
 from hemivar.linear.definite import below_zero, indefinite, quotient, refuse_indefinite
 from hemivar.linear.factorisation import CondensedLoad, Factorisation, factorise
@@ -45,6 +46,7 @@ class SchurComplement:
     drift: Array | None  # (k, k): displacement of what no contact point sees, for a force on the kept unknowns
     free_unknowns: Array | None  # (n, a): of the motions without deformation; None where K is not that of a mesh
     stiffness: sp.csr_array  # (n, n): K
+    rigid_part: RigidPart  # of local displacements
 
     vectors: Vectors = field(default=WHOLE, init=False)
 
@@ -88,7 +90,11 @@ class SchurComplement:
             block = local.T @ S @ local
             matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
         compliance, weights = contact_compliance(problem), problem.contact.weights
-        return SchurComplement(factor, kept, matrix, active, compliance, weights, spread, drift, known, K)
+        rigid = RigidPart.none(m * d)
+        if problem.model.free_unknowns is not None:
+            groups = [group.columns for group in problem.model.free_motions.groups]
+            rigid = RigidPart.of(B @ problem.model.free_unknowns, groups)
+        return SchurComplement(factor, kept, matrix, active, compliance, weights, spread, drift, known, K, rigid)
 
     @cached_property
     def sizes(self) -> Array:

@@ -15,20 +15,10 @@ _RESISTED = 1e-9
 
 
 def free_unknowns(problem: DiscreteProblem) -> Array | None:
-    """Unknowns (n, a) of the motions without deformation, the kernel of K; None where K is not that of a mesh.
-
-    They follow from mesh and supports of a displacement.  A stiffness that resists them is not the one of the mesh
-    (springs may have been added), and nothing is known.
-    """
-    field = problem.field
-    if field is None or not field.kernel_known:
-        return None
-    motions = problem.model.free_motions
-    unknowns = np.asarray((field.lift @ motions.motions).toarray())
-    if not motions.count:
-        return unknowns
-    force = np.abs(problem.stiffness @ unknowns)
-    return unknowns if float((force / problem.linear.diagonal[:, None]).max(initial=0.0)) <= _RESISTED else None
+    """:attr:`hemivar.discrete.Model.free_unknowns` as (n, a) numbers; of a linear body."""
+    _ = problem.linear
+    unknowns = problem.model.free_unknowns
+    return None if unknowns is None else np.asarray(unknowns.toarray())
 
 
 def refuse_unseen(problem: DiscreteProblem) -> None:

@@ -164,6 +164,9 @@ class NonlinearBody(OfProblem, OfUnknowns):
         bulk = self.bulk
         return np.asarray(sizes + bulk.initial_sizes if isinstance(bulk, Potential) else sizes)
 
+    def answer_sizes(self, x: Array) -> Array:  # type: ignore[override]
+        return self.rounding_sizes(self.problem.strained(x)[1])
+
     def stretch(self, change: Array) -> float:
         """By the stiffness at rest."""
         return float(np.sqrt(max(float(change @ self.at_rest.gradient(change)), 0.0)))

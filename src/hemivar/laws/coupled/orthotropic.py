@@ -19,6 +19,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw, separable
 from hemivar.laws.crossings import length_places
+from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.friction_law import Friction, OrthotropicFriction
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.normal_and_friction import NormalAndFriction
@@ -254,6 +255,14 @@ class OrthotropicLaw(NormalAndFriction):
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
         up, down, _ = self._plain.strongest(rest[:, :1], size)
         return up, down, np.broadcast_to(self._most, up.shape)
+
+    def rubbed(self, slips: Array, size: float = np.inf) -> Array:
+        bound = self.friction.bound
+        if not isinstance(bound, StateBound):
+            return np.zeros_like(slips)
+        axes = np.stack(np.broadcast_arrays(bound.per_pressure, bound.per_pressure * self.friction.ratios), axis=1)
+        turned = np.broadcast_to(self._frame, (len(slips), 2, 2)) @ slips
+        return np.asarray(axes[:, :, None] * turned)
 
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
         return self._plain.asymptotic_curvature(sign)[0], np.zeros(1)

@@ -1,0 +1,91 @@
+"""Parts that contact alone holds and that have slid: how far, and whether the residual tells where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.coercivity.rigid_modes import admitted
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import contact_compliance
+from hemivar.laws import VectorLaw
+from hemivar.solvers.solution import Solution
+from hemivar.solvers.status import Status
+
+__all__ = ["told_of_slides"]
+
+#: Part of the largest pressure from which a contact point presses.
+_PRESSED = 1e-9
+#: A slide that is doubled must raise what is out of balance along it by this, for the residual to tell where it ends.
+_TOLD = 10.0
+
+
+def told_of_slides(solution: Solution) -> Solution:
+    """A converged solution, with what must be said of parts that contact alone holds.
+
+    A part is moved on along the way that it has slid.  Where that leaves what is out of balance along it as small as it
+    is, all of its contact slips, and the load is as near to the limit of friction as the solution is to balance: the
+    part may be anywhere on its way.
+    """
+    if solution.status is not Status.CONVERGED:
+        return solution
+    slides = list(_slides(solution.problem, solution))
+    if not all(slide.told(solution) for slide in slides):
+        return replace(solution, status=Status.AT_LIMIT)
+    far = max((slide.far for slide in slides), default=0.0)
+    return replace(solution, remarks=(*solution.remarks, _FAR.format(far))) if far > 1.0 else solution
+
+
+_FAR = (
+    "a part that contact alone holds has slid by {:.3g} of its own size, and is taken to touch what it touched at the "
+    "start: check friction, loads and supports"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Slide:
+    """How a group of parts has slid without strain, its contact being kept."""
+
+    way: Array  # unknowns (n,)
+    size: float  # of the group
+    slip: float  # its largest one
+
+    @property
+    def far(self) -> float:
+        """How far, in its own sizes."""
+        return float(np.abs(self.way).max()) / self.size
+
+    def told(self, solution: Solution) -> bool:
+        """Whether the balance of the group tells where it is."""
+        problem, lam = solution.problem, solution.multiplier
+        law = problem.law.frozen(solution.local, lam)
+        r = law.fitted(solution.local, lam, contact_compliance(problem))
+        there = problem.contact.trace_of(max(1.0, self.slip / float(np.abs(self.way).max())) * self.way)
+        here, beyond = (self._off(problem, law, at, lam) for at in (r, r + there))
+        return beyond > max(_TOLD * here, solution.residual.noise)
+
+    def _off(self, problem: DiscreteProblem, law: VectorLaw, r: Array, lam: Array) -> float:
+        """What friction at local displacements r, under the pressure of a multiplier, leaves of the load on the way."""
+        rubs = law.nearest_multiplier(r, lam)
+        rubs[:, 0] = lam[:, 0]
+        return abs(float(self.way @ (problem.load - problem.contact_force(rubs)))) / float(np.linalg.norm(self.way))
+
+
+def _slides(problem: DiscreteProblem, solution: Solution) -> Iterator[_Slide]:
+    rigid, field = problem.model.rigid_part, problem.field
+    if not rigid.count or field is None or problem.contact.components < 2 or not problem.law.rubs.any():
+        return
+    free, pressure = problem.model.free_motions, np.abs(solution.multiplier[:, 0])
+    trace = (problem.contact.trace @ rigid.basis).toarray().reshape(*problem.contact.shape, rigid.count)
+    pressed = trace[pressure > _PRESSED * pressure.max(initial=0.0), 0]
+    for group, columns in zip(free.groups, rigid.groups, strict=True):
+        motions = rigid.basis[:, columns].toarray() @ admitted(pressed[:, columns])
+        way = motions @ (motions.T @ solution.unknowns)
+        own = np.abs(trace[:, 1:, columns]).any(axis=(1, 2))
+        slip = float(np.abs(solution.local[own, 1:]).max(initial=0.0))
+        if way.any() and slip > 0.0:
+            nodes = np.unique(free.motions[:, group.columns].indices // field.components)
+            yield _Slide(way, float(np.ptp(field.nodes[nodes], axis=0).max()), slip)
