@@ -461,7 +461,7 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
         )
     pairs = tuple(problem.pair(name) for name, contact in problem.contact.items() if contact.against)
     sides = (*pairs, *((name,) for name in bare.contact if not any(name in pair for pair in pairs)))
-    pieces = int(_parts(table).max()) + 1 if any(len(side) > 1 for side in sides) else 1
+    pieces = int(table.mesh.parts.cell.max()) + 1 if any(len(side) > 1 for side in sides) else 1
     most = pieces * _CELLS[bare.mesh.dim] if cells is None else cells
     if workspace is None:
         return _found(bare, most, sides)
@@ -564,7 +564,7 @@ def _on(body: ContactProblem, cells: int, names: Sides, whole: bool = True) -> L
 def _jump_sides(problem: ContactProblem, names: Sides) -> JumpSides:
     """Of contacts by the names of their sides, on the facets of a :class:`TraceFlexibility`."""
     table, mesh = facet_table(problem.mesh), problem.mesh
-    part = _parts(table)
+    part = table.mesh.parts.cell
     loaded = np.unique(np.concatenate([table.numbers(mesh.boundaries[name]) for name in problem.contact]))
 
     def of(facets: IntArray) -> IntArray:
@@ -572,13 +572,6 @@ def _jump_sides(problem: ContactProblem, names: Sides) -> JumpSides:
 
     every = tuple(tuple(np.unique(of(table.numbers(mesh.boundaries[name]))) for name in side) for side in names)
     return JumpSides(of(loaded), every)
-
-
-def _parts(table: FacetTable) -> IntArray:
-    """The number of the connected part of each cell, (M,)."""
-    inner = table.owners[table.interior]
-    graph = sp.coo_array((np.ones(len(inner)), inner.T), shape=2 * (len(table.cells),))
-    return np.asarray(sp.csgraph.connected_components(graph, directed=False)[1])
 
 
 def _inverse(found: TraceRange) -> LowerBound:
@@ -590,7 +583,7 @@ def _inverse(found: TraceRange) -> LowerBound:
 def _is_held(table: FacetTable, held: Array) -> bool:
     """Whether supports resist every rigid motion of every connected part."""
     mesh, dim = table.mesh, table.dim
-    label = _parts(table)
+    label = table.mesh.parts.cell
     parts = int(label.max()) + 1
     x = (mesh.points - mesh.points.mean(axis=0)) / float(np.ptp(mesh.points, axis=0).max())
     spins = []

@@ -106,10 +106,8 @@ class _Means:
         return found
 
     def _refuse_loose(self) -> None:
-        inner = self.table.owners[self.table.interior]
-        graph = sp.coo_array((np.ones(len(inner)), inner.T), shape=2 * (len(self.table.cells),))
-        parts, label = sp.csgraph.connected_components(graph, directed=False)
-        if len(np.unique(label[self.table.owners[self.held, 0]])) < parts:
+        parts = self.table.mesh.parts
+        if len(np.unique(parts.cell[self.table.owners[self.held, 0]])) < parts.count:
             raise ProblemError("a part of the body has no support, and contact alone gives no bound; add a support")
 
     @property
