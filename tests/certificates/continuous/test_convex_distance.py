@@ -128,6 +128,30 @@ def test_gaps_that_are_formulas_are_known_between_the_points(law: hv.laws.Superp
     assert "the gap of contact 'bottom' varies" in seen.why
 
 
+#: Ways to write ``((x - 0.56) / 0.001)^2``; the last one is near to it, and intervals do not see that it is above -1.
+NEEDLES = ("(x - 0.56)^2/1e-6", "(x - 0.56)*(x - 0.56)/1e-6", "(x - 0.56)*(x - 0.5599)/1e-6")
+
+
+@pytest.mark.parametrize("square", NEEDLES)
+def test_a_needle_between_the_points_is_bounded_or_told(square: str) -> None:
+    """A solution of its own, with quadratic elements 32 times finer, is 0.01925 away."""
+    contact = {"bottom": hv.Contact(Signorini(), gap=Formula(f"0.02 - 0.02/(1 + {square})"))}
+    held: dict[str, Support] = {"top": hv.Clamped(), "left": hv.Roller(), "right": hv.Roller()}
+    material, mesh = hv.Material.young(10.0, 0.3), hv.rectangle((1.0, 1.0), (4, 4))
+    problem = hv.ContactProblem(mesh, material, contact, held, body_force=(0.0, -0.3))
+    found = hv.solve(problem).certify(exact=True).exact
+    assert found is not None
+    known = square != NEEDLES[2]
+    assert found.guaranteed == known
+    assert found.unique == known
+    assert found.bound >= 0.01925 or not known
+    if not known:
+        assert "the formula of the gap of contact 'bottom' has no bound by intervals near x = (0.625, 0)" in found.why
+        adapted = hv.adapt.solve_adaptive(problem, rtol=0.5, max_unknowns=200)
+        assert not adapted.reached
+        assert adapted.ended == "estimated"
+
+
 def test_what_cannot_be_moved_out_of_a_gap_has_an_estimate() -> None:
     """Between a corner that is held and the next node the gap is negative."""
     mesh = hv.rectangle((2.0, 1.0), (12, 6))

@@ -14,7 +14,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.bulk_gap import strain_sizes
 from hemivar.certificates.continuous.contact_traces import ContactTraces
-from hemivar.certificates.continuous.varying_gaps import gap_known
+from hemivar.certificates.continuous.varying_gaps import unknown_gap
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import refuse_evolution
 from hemivar.fem.supports import stated_supports
@@ -146,9 +146,8 @@ def inexact_data(data: BodyData, formulas: bool = False) -> list[str]:
     if any(callable(value) for value in held):
         found.append("prescribed displacements are functions, which the mesh interpolates")
     for name, contact in problem.contact.items():
-        varies = callable(contact.gap) or not isinstance(contact.obstacle, Plane | None)
-        if varies and not (formulas and gap_known(contact)):
-            found.append(f"the gap of contact '{name}' varies, and is evaluated by a quadrature rule")
+        if why := unknown_gap(data, name, contact, formulas):
+            found.append(why)
         if callable(contact.belt):
             found.append(f"the belt of contact '{name}' varies, and is evaluated by a quadrature rule")
     return found
