@@ -35,6 +35,7 @@ from hemivar.certificates.continuous.contact_traces import (
     admissible_displacement,
     beyond_domain,
     contact_traces,
+    unseen_kinks,
 )
 from hemivar.certificates.continuous.convex_distance import BareStiffness, balanced_stress, not_convex
 from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
@@ -280,7 +281,7 @@ def _without_constants(
         return None
     stress, table = balanced.stress, data.table
     outside, conditions = stated_conditions(inside, traces)
-    reasons = unmet + inexact_data(data, formulas=True) + outside
+    reasons = unmet + inexact_data(data, formulas=True) + unseen_kinks(traces) + outside
     if (beyond := beyond_domain(traces)) > 0.0:
         reasons.append(_left_domain(beyond))
     rest = oscillation(stress, constants.body)
@@ -559,7 +560,7 @@ def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
 
 def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
     """What of the law is not known."""
-    law, coupling, found = traces.law, _coupling(traces, constants), []
+    law, coupling, found = traces.law, _coupling(traces, constants), unseen_kinks(traces)
     if coupling == np.inf:
         found.append(
             "the tractions of the law jump with the mode: there is no bound"
