@@ -39,7 +39,13 @@ from hemivar.certificates.continuous.contact_traces import (
 )
 from hemivar.certificates.continuous.convex_distance import BareStiffness, balanced_stress, not_convex
 from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
-from hemivar.certificates.continuous.hypotheses import fixed_gaps, inexact_data, stated_conditions, unmet_hypotheses
+from hemivar.certificates.continuous.hypotheses import (
+    check_supports,
+    fixed_gaps,
+    inexact_data,
+    stated_conditions,
+    unmet_hypotheses,
+)
 from hemivar.certificates.continuous.joined_sides import joined_sides, touch
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
@@ -98,8 +104,8 @@ class DistanceParts:
     algebraic : float
         What the displacement lacks for equilibrium in the discrete space: rounding, or an unfinished solve.
     correction : float
-        ``|w|_a`` of the w that brings a quadratic trace back into the domain of a rigid law between nodes; the other
-        parts are those of ``u_h + w``.
+        ``|w|_a`` of the w that brings a trace back into the domain of a rigid law between nodes, and nodes where
+        supports hold them; the other parts are those of ``u_h + w``.
     """
 
     misfit: float
@@ -249,16 +255,16 @@ def _of_body(
 ) -> ExactDistance:
     """The bound for bodies on foundations, and for those that touch along facets that coincide."""
     data = body_data(problem, displacement, workspace)
-    inside = admissible_displacement(data)
-    moved = data if np.array_equal(inside, data.displacement) else data.moved(inside)
+    inside = admissible_displacement(data.at(check_supports(problem, data.displacement)))
+    moved = data.at(inside)
     traces = contact_traces(moved)
     known = constants.guaranteed and constants.both > 0.0 and fixed_gaps(problem)
 
     def by_constants() -> ExactDistance:
-        found = _bound(improved_stress(data, traces, constants, sweeps), data, traces, constants, unmet)
+        found = _bound(improved_stress(data, traces, constants, sweeps, moved), data, traces, constants, unmet)
         if not found.missed.sum() > (_MISSED * found.parts.misfit) ** 2:
             return found
-        other = _with_exact_loads(data, traces, constants, sweeps, unmet)
+        other = _with_exact_loads(data, moved, traces, constants, sweeps, unmet)
         # cells are marked by what is missed in them all the same
         return replace(other, missed=found.missed) if other.distance < found.distance else found
 
@@ -301,7 +307,12 @@ def _without_constants(
 
 
 def _with_exact_loads(
-    data: BodyData, traces: ContactTraces | None, constants: TraceBounds, sweeps: Sweeps, unmet: list[str]
+    data: BodyData,
+    moved: BodyData,
+    traces: ContactTraces | None,
+    constants: TraceBounds,
+    sweeps: Sweeps,
+    unmet: list[str],
 ) -> ExactDistance:
     """The bound by a stress that balances ``u_h + w``, where w answers the loads that the discrete problem misses.
 
@@ -311,12 +322,12 @@ def _with_exact_loads(
     w = BareStiffness(data).solve(data.varying.missed)
     exact = exact_loads(data)
     seen = None if traces is None else replace(traces, data=exact_loads(traces.data))
-    stress = improved_stress(exact.moved(data.displacement + w), seen, constants, sweeps, exact)
+    stress = improved_stress(exact.moved(data.displacement + w), seen, constants, sweeps, exact_loads(moved))
     return _bound(stress, data, seen, constants, unmet)
 
 
 def _correction(inside: BodyData, data: BodyData) -> float:
-    """``|w|_a`` of the w that brings a displacement into the domain of the law."""
+    """``|w|_a`` of the w that brings a displacement into the domain of the law, and where supports hold it."""
     if inside.displacement is data.displacement:
         return 0.0
     change = inside.displacement - data.displacement
