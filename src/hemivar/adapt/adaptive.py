@@ -34,7 +34,7 @@ from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_
 from hemivar.certificates.continuous.touching_bodies import refuse_touching
 from hemivar.certificates.continuous.trace_bounds import TraceBounds, body_constants
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.errors import ProblemError
+from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.discretize import discretize
 from hemivar.fem.transfer import interpolate
 from hemivar.mechanics.statement import ContactProblem, expect_body, refuse_areas
@@ -347,6 +347,11 @@ def solving_adaptive(
             if not levels:
                 raise
             ended, refused = AdaptiveEnd.MAX_MEMORY, "memory ran out on the next mesh"
+            break
+        except (MethodError, ProblemError, np.linalg.LinAlgError, ArithmeticError, RuntimeError) as error:
+            if not levels:
+                raise
+            ended, refused = AdaptiveEnd.NO_BOUND, f"on the next mesh: {error}"
             break
     status = levels[-1].solution.status
     note = refused if status is Status.CONVERGED else f"{status.value}: {status.remedy}"

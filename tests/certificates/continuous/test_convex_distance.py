@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.basics.deadline import OutOfTime
 from hemivar.basics.types import Array
 from hemivar.certificates import DistanceToExact, certify
 from hemivar.certificates.continuous import convex_distance
@@ -335,6 +337,41 @@ def test_too_few_cycles_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(convex_distance, "_CYCLES", 2)
     with pytest.raises(MethodError, match=r"2 cycles of multigrid .* of the forces; state the body with cells of"):
         body.solve(force)
+
+
+def poor_by_constants() -> tuple[hv.ContactProblem, Array, TraceBounds]:
+    """Held, and pressed onto springs so stiff that the contact part by constants is most of the bound."""
+    contact = hv.Contact(hv.Compliance(1e5), hv.Tresca(0.3))
+    problem = block(contact, supports={"top": hv.Prescribed((1e-3, -1e-3))}, tractions={})
+    return problem, hv.solve(problem).displacement, TraceBounds(1e-2, 1e-2, 1e-2, 1.0, True, "for this test")
+
+
+@pytest.mark.parametrize("error", [MethodError, MemoryError, OutOfTime, np.linalg.LinAlgError, ZeroDivisionError])
+def test_a_bound_in_hand_outlives_an_attempt_that_fails(
+    error: type[Exception], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, u, constants = poor_by_constants()
+    better = exact_distance(problem, u, constants)
+
+    def fails(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(import_module(exact_distance.__module__), "_without_constants", fails)
+    found = exact_distance(problem, u, constants)
+    assert found.guaranteed, found.reasons
+    assert better.guaranteed, better.reasons
+    assert better.distance < found.distance < np.inf
+
+
+def test_a_bound_is_not_given_for_an_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, u, constants = poor_by_constants()
+    better = exact_distance(problem, u, constants)
+    for worse in (replace(better, guaranteed=False, reasons=("doubts",)), replace(better, distance=np.nan)):
+        module = import_module(exact_distance.__module__)
+        monkeypatch.setattr(module, "_without_constants", lambda *_, one=worse: one)
+        found = exact_distance(problem, u, constants)
+        assert found.guaranteed
+        assert better.distance < found.distance < np.inf
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -19,11 +19,13 @@ Proofs are in docs/bounds-theory.md.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hemivar.basics.arguments import expect
+from hemivar.basics.deadline import OutOfTime
 from hemivar.basics.display import brief
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
@@ -54,6 +56,7 @@ from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
 from hemivar.certificates.continuous.touching_bodies import contact_moments, shared_anew, touching_bodies
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import shared_on_contact
+from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
@@ -264,17 +267,30 @@ def _of_body(
         found = _bound(improved_stress(data, traces, constants, sweeps, moved), data, traces, constants, unmet)
         if not found.missed.sum() > (_MISSED * found.parts.misfit) ** 2:
             return found
-        other = _with_exact_loads(data, moved, traces, constants, sweeps, unmet)
-        # cells are marked by what is missed in them all the same
-        return replace(other, missed=found.missed) if other.distance < found.distance else found
+        better = _bettered(found, lambda: _with_exact_loads(data, moved, traces, constants, sweeps, unmet))
+        return replace(better, missed=found.missed)  # cells are marked by what is missed in them all the same
 
     found = by_constants() if known else None
-    poor = found is None or found.parts.contact > _POOR * found.parts.misfit
-    if traces is not None and poor and not not_convex(problem):
-        other = _without_constants(data, traces, constants, sweeps, unmet)
-        if other is not None and (found is None or other.distance < found.distance):
-            return other
-    return by_constants() if found is None else found
+    if traces is None or not_convex(problem):
+        return by_constants() if found is None else found
+    if found is None:
+        return _without_constants(data, traces, constants, sweeps, unmet) or by_constants()
+    if not found.parts.contact > _POOR * found.parts.misfit:
+        return found
+    return _bettered(found, lambda: _without_constants(data, traces, constants, sweeps, unmet))
+
+
+def _bettered(found: ExactDistance, attempt: Callable[[], ExactDistance | None]) -> ExactDistance:
+    """The better of what is in hand and of an attempt, whatever becomes of this: a bound before an estimate."""
+    try:
+        other = attempt()
+    except (MethodError, ProblemError, OutOfTime, MemoryError, np.linalg.LinAlgError, ArithmeticError, RuntimeError):
+        return found
+
+    def rank(one: ExactDistance) -> tuple[bool, bool, bool, float]:
+        return not one.distance < np.inf, not (one.guaranteed or one.conditions), not one.guaranteed, one.distance
+
+    return found if other is None or rank(found) <= rank(other) else other
 
 
 def _without_constants(

@@ -41,9 +41,10 @@ what each part b of the mesh does under the loads on its own sides, and with c_b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import scipy.linalg as la
@@ -419,7 +420,10 @@ class LowerBounds:
         """
         if self.whole:
             normal = tangential = np.maximum(normal, tangential)
-        found = [one.weighted(corners, normal, tangential) for one in self.flexible]
+        found = []
+        for one in self.flexible:
+            with suppress(la.LinAlgError, RuntimeError):  # what is known without weights counts all the same
+                found.append(one.weighted(corners, normal, tangential))
         return min((one.upper for one in found), default=np.inf), min((one.second for one in found), default=np.inf)
 
 
@@ -484,15 +488,22 @@ def _found(bare: ContactProblem, cells: int, names: Sides, kept: Workspace | Non
         return found
     for part, whole in _parts_of(bare, kept):
         if part.mesh.number_of_cells <= _MOST[dim]:
-            new = _on(part, cells, names, whole)
-            found = new if found is None else found.or_better(new)
+            found = _bettered(found, partial(_on, part, cells, names, whole))
             if found.sharpness >= _SHARP[dim]:
                 return found
     if _FIRST[dim] < own <= _MOST[dim] and (found is None or found.sharpness < _enough(dim, own)):
-        new = _on(bare, cells, names)
-        found = new if found is None else found.or_better(new)
+        found = _bettered(found, partial(_on, bare, cells, names))
     if found is None:
         raise ProblemError(too_many_cells(own, part.mesh.number_of_cells, _MOST[dim]))
+    return found
+
+
+def _bettered(found: LowerBounds | None, make: Callable[[], LowerBounds]) -> LowerBounds:
+    """The best of what is in hand and of others, which need not come about."""
+    if found is None:
+        return make()
+    with suppress(la.LinAlgError, RuntimeError, MemoryError):
+        return found.or_better(make())
     return found
 
 
