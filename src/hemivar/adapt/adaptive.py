@@ -49,6 +49,8 @@ _BYTES = {2: 6e3, 3: 3e4}
 _FEW = {2: 32, 3: 48}
 #: Part of the distance below which what a solve leaves is rounding.
 _ROUNDING = 1e-9
+#: Part by which two cells may differ in what they add by rounding.
+_ALIKE = 1e-9
 #: Ends by a limit.
 _LIMITS = (AdaptiveEnd.MAX_UNKNOWNS, AdaptiveEnd.MAX_TIME, AdaptiveEnd.MAX_MEMORY)
 
@@ -466,10 +468,8 @@ def _indicator(distance: ExactDistance, constants: TraceBounds) -> Array:
 
 
 def _marked(indicator: Array, share: float) -> BoolArray:
-    """The fewest cells that hold a share of the sum."""
-    order = np.argsort(-indicator, kind="stable")
-    held = np.cumsum(indicator[order])
-    count = int(np.searchsorted(held, share * held[-1])) + 1
-    marked = np.zeros(len(indicator), dtype=bool)
-    marked[order[:count]] = True
-    return marked
+    """The fewest cells that hold a share of the sum, and those that add as much as the last of them."""
+    largest = -np.sort(-indicator)
+    held = np.cumsum(largest)
+    last = largest[min(int(np.searchsorted(held, share * held[-1])), len(largest) - 1)]
+    return np.asarray(indicator >= (1.0 - _ALIKE) * last)
