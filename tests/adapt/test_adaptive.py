@@ -11,7 +11,7 @@ import pytest
 import hemivar as hv
 from hemivar.adapt import AdaptiveSolution, solve_adaptive, solving_adaptive
 from hemivar.adapt import adaptive as loop
-from hemivar.errors import ProblemError
+from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.transfer import interpolate
 from hemivar.gallery import survey, survey_cube, weighted_block
@@ -210,6 +210,22 @@ def test_memory_that_does_not_suffice_is_an_end(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(loop, "exact_distance", greedy)
     found = solve_adaptive(survey("5.1", 4), rtol=1e-3)
     assert (found.ended, len(found.levels)) == ("max_memory", 1)
+
+
+def test_a_mesh_without_a_bound_leaves_those_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, calls = loop.exact_distance, []
+
+    def fails(*args: object, **options: object) -> object:
+        calls.append(1)
+        if len(calls) == 2:
+            raise MethodError("1000 cycles leave too much")
+        return whole(*args, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(loop, "exact_distance", fails)
+    found = solve_adaptive(survey("5.1", 4), rtol=1e-3)
+    assert (found.ended, len(found.levels)) == ("no bound", 1)
+    assert found.distance.guaranteed
+    assert "on the next mesh: 1000 cycles leave too much" in found.remedy
 
 
 def test_what_is_only_estimated_is_not_called_reached() -> None:

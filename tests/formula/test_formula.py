@@ -246,6 +246,34 @@ def test_enclosures_of_powers_that_fall(text: str, low: float, high: float, know
     assert above[0] >= known[1]
 
 
+@pytest.mark.parametrize(
+    ("text", "as_power"),
+    [
+        ("r*r", "r^2"),
+        ("(r - 0.1)*(r - 0.1)/3", "(r - 0.1)^2/3"),
+        ("2*(r - 0.1)*(r - 0.1)", "2*(r - 0.1)^2"),
+        ("-r*r", "-r^2"),
+        ("r*(-r)", "-r^2"),
+        ("(r/3)*r", "r^2/3"),
+        ("r*r*r*r", "r^4"),
+        ("r^2*r*r^2", "r^5"),
+        ("sin(r)*sin(r)", "sin(r)^2"),
+        ("(r*r - 1)*(r*r - 1)", "(r^2 - 1)^2"),
+        ("1/(1 + r*r)", "1/(1 + r^2)"),
+    ],
+)
+def test_bounds_of_equal_factors_are_those_of_their_power(text: str, as_power: str) -> None:
+    """An interval does not remember that two factors have one value."""
+    low, high = np.array([-0.7, -0.2, 0.4]), np.array([0.6, 1.1, 0.5])
+    found, wanted = (ScalarFormula(one).branch(0.2).enclosed(low, high) for one in (text, as_power))
+    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-14)
+    places = np.stack([low, high, 0.5 * (low + high)])
+    assert (ScalarFormula(text).branch(0.2)(places.ravel()).reshape(3, 3) <= found[1]).all()
+    corners = np.array([[[-0.7, 0.0], [0.6, 0.0]]])
+    mean = [Formula(one.replace("r", "x")).expansion(corners).off for one in (text, as_power)]
+    np.testing.assert_allclose(*mean, rtol=1e-12, atol=1e-14)
+
+
 def test_where_rounding_moves_an_angle_a_tangent_is_anything() -> None:
     place = 2e13 + np.arange(8.0)
     below, above = ScalarFormula("tan(r)").branch(1.0).enclosed(place, place)

@@ -34,7 +34,7 @@ from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_
 from hemivar.certificates.continuous.touching_bodies import refuse_touching
 from hemivar.certificates.continuous.trace_bounds import TraceBounds, body_constants
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.errors import ProblemError
+from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.discretize import discretize
 from hemivar.fem.transfer import interpolate
 from hemivar.mechanics.statement import ContactProblem, expect_body, refuse_areas
@@ -49,6 +49,8 @@ _BYTES = {2: 6e3, 3: 3e4}
 _FEW = {2: 32, 3: 48}
 #: Part of the distance below which what a solve leaves is rounding.
 _ROUNDING = 1e-9
+#: Part by which two cells may differ in what they add by rounding.
+_ALIKE = 1e-9
 #: Ends by a limit.
 _LIMITS = (AdaptiveEnd.MAX_UNKNOWNS, AdaptiveEnd.MAX_TIME, AdaptiveEnd.MAX_MEMORY)
 
@@ -348,6 +350,11 @@ def solving_adaptive(
                 raise
             ended, refused = AdaptiveEnd.MAX_MEMORY, "memory ran out on the next mesh"
             break
+        except (MethodError, ProblemError, np.linalg.LinAlgError, ArithmeticError, RuntimeError) as error:
+            if not levels:
+                raise
+            ended, refused = AdaptiveEnd.NO_BOUND, f"on the next mesh: {error}"
+            break
     status = levels[-1].solution.status
     note = refused if status is Status.CONVERGED else f"{status.value}: {status.remedy}"
     if ended in _LIMITS and levels[-1].estimated(rtol):
@@ -461,10 +468,8 @@ def _indicator(distance: ExactDistance, constants: TraceBounds) -> Array:
 
 
 def _marked(indicator: Array, share: float) -> BoolArray:
-    """The fewest cells that hold a share of the sum."""
-    order = np.argsort(-indicator, kind="stable")
-    held = np.cumsum(indicator[order])
-    count = int(np.searchsorted(held, share * held[-1])) + 1
-    marked = np.zeros(len(indicator), dtype=bool)
-    marked[order[:count]] = True
-    return marked
+    """The fewest cells that hold a share of the sum, and those that add as much as the last of them."""
+    largest = -np.sort(-indicator)
+    held = np.cumsum(largest)
+    last = largest[min(int(np.searchsorted(held, share * held[-1])), len(largest) - 1)]
+    return np.asarray(indicator >= (1.0 - _ALIKE) * last)

@@ -20,7 +20,7 @@ _REMEDIES = {
     "contact": "refine the mesh along the contact boundary, as adaptive refinement does",
     "oscillation": "refine the mesh where the loads vary, or state smoother loads",
     "algebraic": "solve more accurately, with a smaller rtol of [solver]",
-    "correction": "refine the mesh along the contact boundary, or take linear elements",
+    "correction": "put nodes where supports hold them, refine along the contact boundary, or take linear elements",
 }
 #: What to do where softening makes most of a bound.
 _MARGIN = "take a law that softens less, more supports or a stiffer body"

@@ -268,7 +268,7 @@ def _trace_bound(statement: ContactProblem, workspace: Workspace | None) -> floa
             return scalar_trace_bound(statement)
         norm = _RING_NORM if statement.material.axisymmetric else _NORM
         found = lower_bounds(replace(statement, material=norm), workspace=workspace)
-    except ProblemError:
+    except (ProblemError, MemoryError, np.linalg.LinAlgError, RuntimeError):  # ARPACK raises the last
         return None
     return float(found.both.lower**-0.5)
 

@@ -34,6 +34,7 @@ def enclosed(graph: Graph, node: int, low: Array, high: Array) -> tuple[Array, A
     """
     kept: dict[int, Pair] = {}
     with np.errstate(all="ignore"):
+        node = graph.gathered(node)
         for i, op, arguments, leaf, done in graph.program(node):
             kept[i] = _one_enclosed(graph, op, leaf, arguments, kept, low, high)
             for a in done:
@@ -74,7 +75,7 @@ def enclosed_parts(
     """
     kept: dict[int, Pair] = {}
     low, high = next(iter(sides.values()))
-    for i, op, arguments, leaf, done in graph.program(node):
+    for i, op, arguments, leaf, done in graph.program(graph.gathered(node)):
         with np.errstate(all="ignore"):
             one = sides[str(leaf)] if op == "name" else _one_enclosed(graph, op, leaf, arguments, kept, low, high)
         yield op, arguments, [kept[a] for a in arguments], one
@@ -183,6 +184,7 @@ def tail(graph: Graph, node: int, low: float, high: float) -> float:
     least: dict[int, _Growth | None] = {}
     bounds: dict[int, Pair] = {}
     with np.errstate(all="ignore"):
+        node = graph.gathered(node)
         for i, op, arguments, leaf, _ in graph.program(node):
             bounds[i] = _one_enclosed(graph, op, leaf, arguments, bounds, *ends)
             below, above = (float(x[0]) for x in bounds[i])

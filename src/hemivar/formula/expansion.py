@@ -134,6 +134,7 @@ def _middle(low: Array, high: Array) -> Array:
 def _through(graph: Graph, node: int, at: Mapping[str, _Jet], p: int) -> _Jet:
     count = len(next(iter(at.values())).value[0])
     kept: dict[int, _Jet] = {}
+    node = graph.gathered(node)
     for i, op, arguments, leaf, done in graph.program(node):
         if op == "number":
             value = np.full(count, float(leaf))
@@ -204,9 +205,6 @@ def _product(x: _Jet, y: _Jet, p: int) -> _Jet:
     value = mended(*ENCLOSED["*"](x.value, y.value))
     slope = _sum("+", _times(x.value, y.slope), _times(y.value, x.slope))
     bend = _sum("+", _times(x.value, y.bend), _times(y.value, x.bend))
-    if x is y:
-        both = _outer(x.slope, x.slope, p)
-        return _Jet(value, slope, _sum("+", _sum("+", bend, both), both))
     return _Jet(value, slope, _sum("+", bend, _outer(x.slope, y.slope, p)))
 
 

@@ -7,6 +7,8 @@ the work grows with the number of different parts and not with the length of wha
 from __future__ import annotations
 
 import ast
+import functools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import cast
 
@@ -82,6 +84,8 @@ class Graph:
         self._index: dict[tuple[str, tuple[int, ...], Leaf], int] = {}
         self._derivatives: dict[str | None, dict[int, int]] = {}
         self._programs: dict[int, list[Step]] = {}
+        self._gathered: dict[int, int] = {}
+        self._factors: dict[int, Counter[int]] = {}
 
     # ---- making nodes ----------------------------------------------------------------------------------------
 
@@ -200,6 +204,41 @@ class Graph:
     def size(self, node: int) -> int:
         """Number of different parts."""
         return len(self.program(node))
+
+    # ---- for intervals ---------------------------------------------------------------------------------------
+
+    def gathered(self, node: int) -> int:
+        """The same with a power in place of factors that are alike: bounds of ``u * u`` do not know that both are one.
+
+        An expression stays as it is where the graph would grow too large.
+        """
+        known = self._gathered
+        if node not in known:
+            if 2 * (len(self._nodes) + self.size(node)) > _MOST_NODES:
+                return node
+            for i, op, arguments, leaf, _ in self.program(node):
+                if i not in known:
+                    known[i] = self._with_powers(op, [known[a] for a in arguments], leaf)
+        return known[node]
+
+    def _with_powers(self, op: str, arguments: Sequence[int], leaf: Leaf) -> int:
+        node = self.node(op, *arguments, leaf=leaf)
+        inner = [self._factors.get(a, Counter([a])) for a in arguments]
+        if op == "*":
+            factors = inner[0] + inner[1]
+            if max(factors.values()) > 1:
+                powers = [self.power(base, self.number(count)) for base, count in factors.items()]
+                node = functools.reduce(lambda a, b: self.node("*", a, b), powers)
+        elif op == "neg":
+            factors = inner[0] + Counter([self.number(-1.0)])
+        elif op == "/" and self.constant(arguments[1]):
+            factors = inner[0] + Counter([self.node("/", self.number(1.0), arguments[1])])
+        elif op == "^" and (n := self._plain(arguments[1])) is not None and n == round(n) and n > 0.0:
+            factors = Counter({base: count * int(n) for base, count in inner[0].items()})
+        else:
+            factors = Counter([node])
+        self._factors[node] = factors
+        return node
 
     # ---- values ----------------------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <unordered_map>
 #include <utility>
@@ -343,7 +344,7 @@ struct Fields {
 struct System {
     std::vector<int> columns, starts;       // the fields that each cell sees, and where those of a cell begin
     std::vector<double> seen, bent;  // field by field, their moments on its sides, and what they add to its slopes
-    std::vector<double> H, R, b, change;
+    std::vector<double> H, R, unit, b, change;
     int64_t q = 0;
 };
 
@@ -386,10 +387,11 @@ public:
         apply();
     }
 
-    // minus the inverse of the matrix, in place of R; zero where rounding decides.
+    // minus the inverse of the matrix in units of its diagonal, in place of R; zero where rounding decides.
     void invert() {
         const int64_t q = system.q;
-        std::vector<double> unit(q, 0.0), scaled(system.H);
+        std::vector<double> scaled(system.H), &unit = system.unit;
+        unit.assign(q, 0.0);
         for (int64_t i = 0; i < q; ++i) {
             const double own = system.H[i * q + i];
             unit[i] = own > 0.0 ? 1.0 / std::sqrt(own) : 0.0;
@@ -410,7 +412,7 @@ public:
             }
             good = off < 1.0;
         }
-        for (int64_t i = 0; i < q * q; ++i) inverse[i] = good ? -unit[i / q] * unit[i % q] * inverse[i] : 0.0;
+        for (int64_t i = 0; i < q * q; ++i) inverse[i] = good ? -inverse[i] : 0.0;
         system.R.swap(inverse);
     }
 
@@ -681,12 +683,15 @@ private:
 };
 
 // Patches that are translates of each other, solved once. Their tables are in single precision: what a change gains hangs
-// on them, while the moments are those of the fields on the facets of each patch, in double precision.
+// on them, while the moments are those of the fields on the facets of each patch, in double precision. Whatever the units,
+// the largest entry of a table is about one: fields count in their `unit`, and a table is times its `size`.
 struct Kind {
     Shape shape;
     int64_t q = 0, columns = 0, slopes = 0;  // fields; these, and the slopes of a cell, made up to fours
     std::vector<int> fields, starts, seen_by;  // those of the cells; the cell and the side at which each facet is seen
     std::vector<float> seen, bent, inverse;
+    std::vector<double> unit;
+    double size_of_seen = 1.0, size_of_bent = 1.0;
 
     void keep(const Sizes& z, const Shape& of, const System& system) {
         shape = of;
@@ -695,17 +700,21 @@ struct Kind {
         slopes = fours(z.n);
         fields = system.columns;
         starts = system.starts;
+        unit = system.unit;
         seen_by.assign(shape.facets.size(), 0);
         for (size_t at = 0; at < shape.place.size(); ++at) {
             if (shape.place[at] >= 0) seen_by[shape.place[at]] = static_cast<int>(at);
         }
         const int64_t rows = z.sides * z.block;
+        std::vector<double> moments(system.seen), slopes_of(system.bent);
+        size_of_seen = in_units(moments, rows);
+        size_of_bent = in_units(slopes_of, z.n);
         for (size_t c = 0; c + 1 < starts.size(); ++c) {
             const int64_t first = starts[c], size = starts[c + 1] - first;
             std::vector<double> turned(rows * size);
-            for (int64_t k = 0; k < rows * size; ++k) turned[k] = system.seen[(first + k % size) * rows + k / size];
+            for (int64_t k = 0; k < rows * size; ++k) turned[k] = moments[(first + k % size) * rows + k / size];
             put(seen, rows, size, turned.data());
-            put(bent, size, z.n, &system.bent[first * z.n]);
+            put(bent, size, z.n, &slopes_of[first * z.n]);
         }
         put(inverse, q, q, system.R.data());
     }
@@ -713,6 +722,24 @@ struct Kind {
     static int64_t fours(int64_t n) { return (n + 3) / 4 * 4; }
 
 private:
+    // Rows of n numbers, one for each field that a cell sees, in units of these and over the largest, which is returned.
+    double in_units(std::vector<double>& table, int64_t n) const {
+        double most = 0.0;
+        for (size_t i = 0; i < fields.size(); ++i) {
+            for (int64_t k = 0; k < n; ++k) {
+                double& entry = table[i * n + k];
+                entry *= unit[fields[i]];
+                most = std::max(most, std::abs(entry));
+            }
+        }
+        if (!(most > 0.0 && most < std::numeric_limits<double>::infinity())) {
+            std::fill(table.begin(), table.end(), 0.0);
+            return 1.0;
+        }
+        for (double& entry : table) entry /= most;
+        return most;
+    }
+
     static void put(std::vector<float>& to, int64_t rows, int64_t columns, const double* from) {
         for (int64_t i = 0; i < rows; ++i) {
             to.insert(to.end(), from + i * columns, from + (i + 1) * columns);
@@ -773,15 +800,33 @@ HEMIVAR_INLINE void improve_alike(const PatchBody& body, const PatchSweep& sweep
     room.part.resize(wide);
     room.loads.assign(kind.columns, Floats{});
     room.change.resize(kind.columns);
+    const auto slopes_at = [&](int64_t c, int64_t lane, int64_t s) {
+        const int64_t side = sweep.sides[kind.shape.local[c] * z.sides + s];
+        return sweep.slope + room.cells[c * kEight + lane] * z.n + side * z.block;
+    };
+    double largest[kEight] = {}, over[kEight], size_of[kEight];
+    for (int64_t c = 0; c < cells; ++c) {
+        for (int64_t lane = 0; lane < kEight; ++lane) {
+            for (int64_t s = 0; s < z.sides; ++s) {
+                const double* slope = slopes_at(c, lane, s);
+                for (int64_t t = 0; t < z.block; ++t) largest[lane] = std::max(largest[lane], std::abs(slope[t]));
+            }
+        }
+    }
+    for (int64_t lane = 0; lane < kEight; ++lane) {
+        if (!(largest[lane] > std::numeric_limits<double>::min() * 4.0)) largest[lane] = 1.0;
+        over[lane] = 1.0 / largest[lane];
+        size_of[lane] = largest[lane] * kind.size_of_seen;
+    }
     const float* seen = kind.seen.data();
     for (int64_t c = 0; c < cells; ++c) {
         const int64_t first = kind.starts[c], size = kind.starts[c + 1] - first, columns = Kind::fours(size);
         for (int64_t lane = 0; lane < kEight; ++lane) {
-            const int64_t cell = room.cells[c * kEight + lane];
             for (int64_t s = 0; s < z.sides; ++s) {
-                const int64_t side = sweep.sides[kind.shape.local[c] * z.sides + s];
-                const double* slope = sweep.slope + cell * z.n + side * z.block;
-                for (int64_t t = 0; t < z.block; ++t) room.seen[s * z.block + t][lane] = static_cast<float>(slope[t]);
+                const double* slope = slopes_at(c, lane, s);
+                for (int64_t t = 0; t < z.block; ++t) {
+                    room.seen[s * z.block + t][lane] = static_cast<float>(slope[t] * over[lane]);
+                }
             }
         }
         combine_eight(columns, seen, room.seen.data(), rows, room.part.data());
@@ -797,13 +842,15 @@ HEMIVAR_INLINE void improve_alike(const PatchBody& body, const PatchSweep& sweep
         bent += size * kind.slopes;
         for (int64_t lane = 0; lane < count; ++lane) {
             double* to = sweep.slope + room.cells[c * kEight + lane] * z.n;
-            for (int64_t k = 0; k < z.n; ++k) to[k] += room.part[k][lane];
+            const double size_of_part = size_of[lane] * kind.size_of_bent;
+            for (int64_t k = 0; k < z.n; ++k) to[k] += size_of_part * room.part[k][lane];
         }
     }
     room.places.resize(facets * z.block);
     room.changes.resize(kind.q);
     for (int64_t i = 0; i < kind.q; ++i) {
-        for (int64_t lane = 0; lane < kEight; ++lane) room.changes[i][lane] = room.change[i][lane];
+        const double unit = kind.unit[i];
+        for (int64_t lane = 0; lane < kEight; ++lane) room.changes[i][lane] = size_of[lane] * unit * room.change[i][lane];
     }
     Doubles middle[kDim] = {};
     for (int64_t j = 0; j < facets; ++j) {

@@ -186,7 +186,12 @@ class NormalAndFriction(Glue):
 
     @property
     def penetration_knots(self) -> Array:
-        return self.normal.knots
+        knots, bound = self.normal.knots, self.friction.bound
+        if not isinstance(bound, StateBound) or bound.knots.shape[1] == 0:
+            return knots
+        rows = max(len(knots), len(bound.knots))
+        both = [np.broadcast_to(one, (rows, one.shape[1])) for one in (knots, bound.knots)]
+        return np.sort(np.concatenate(both, axis=1), axis=1)
 
     def admissible(self, r: Array) -> Array:
         out = np.array(r, dtype=float)

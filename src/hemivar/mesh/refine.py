@@ -161,7 +161,7 @@ def red_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArra
     """
     ends = ((2, 4), (1, 3), (0, 5))
     lengths = [np.sum((points[middles[:, a]] - points[middles[:, b]]) ** 2, axis=1) for a, b in ends]
-    shortest = np.argmin([lengths[0] * (1.0 - 1e-9), *lengths[1:]], axis=0)
+    shortest = np.argmin([lengths[0] * (1.0 - 2e-9), lengths[1] * (1.0 - 1e-9), lengths[2]], axis=0)
     v, e = cells.copy(), middles.copy()
     for way, corners, edges in ((1, (0, 2, 3, 1), (2, 5, 3, 0, 1, 4)), (2, (0, 3, 1, 2), (3, 4, 0, 2, 5, 1))):
         turned = np.flatnonzero(shortest == way)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.basics.deadline import OutOfTime
 from hemivar.basics.types import Array
 from hemivar.certificates import DistanceToExact, certify
 from hemivar.certificates.continuous import convex_distance
@@ -126,6 +128,30 @@ def test_gaps_that_are_formulas_are_known_between_the_points(law: hv.laws.Superp
     _, seen = bounded(block(hv.Contact(law, gap=function)))
     assert not seen.guaranteed
     assert "the gap of contact 'bottom' varies" in seen.why
+
+
+#: Ways to write ``((x - 0.56) / 0.001)^2``; the last one is near to it, and intervals do not see that it is above -1.
+NEEDLES = ("(x - 0.56)^2/1e-6", "(x - 0.56)*(x - 0.56)/1e-6", "(x - 0.56)*(x - 0.5599)/1e-6")
+
+
+@pytest.mark.parametrize("square", NEEDLES)
+def test_a_needle_between_the_points_is_bounded_or_told(square: str) -> None:
+    """A solution of its own, with quadratic elements 32 times finer, is 0.01925 away."""
+    contact = {"bottom": hv.Contact(Signorini(), gap=Formula(f"0.02 - 0.02/(1 + {square})"))}
+    held: dict[str, Support] = {"top": hv.Clamped(), "left": hv.Roller(), "right": hv.Roller()}
+    material, mesh = hv.Material.young(10.0, 0.3), hv.rectangle((1.0, 1.0), (4, 4))
+    problem = hv.ContactProblem(mesh, material, contact, held, body_force=(0.0, -0.3))
+    found = hv.solve(problem).certify(exact=True).exact
+    assert found is not None
+    known = square != NEEDLES[2]
+    assert found.guaranteed == known
+    assert found.unique == known
+    assert found.bound >= 0.01925 or not known
+    if not known:
+        assert "the formula of the gap of contact 'bottom' has no bound by intervals near x = (0.625, 0)" in found.why
+        adapted = hv.adapt.solve_adaptive(problem, rtol=0.5, max_unknowns=200)
+        assert not adapted.reached
+        assert adapted.ended == "estimated"
 
 
 def test_what_cannot_be_moved_out_of_a_gap_has_an_estimate() -> None:
@@ -311,6 +337,41 @@ def test_too_few_cycles_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(convex_distance, "_CYCLES", 2)
     with pytest.raises(MethodError, match=r"2 cycles of multigrid .* of the forces; state the body with cells of"):
         body.solve(force)
+
+
+def poor_by_constants() -> tuple[hv.ContactProblem, Array, TraceBounds]:
+    """Held, and pressed onto springs so stiff that the contact part by constants is most of the bound."""
+    contact = hv.Contact(hv.Compliance(1e5), hv.Tresca(0.3))
+    problem = block(contact, supports={"top": hv.Prescribed((1e-3, -1e-3))}, tractions={})
+    return problem, hv.solve(problem).displacement, TraceBounds(1e-2, 1e-2, 1e-2, 1.0, True, "for this test")
+
+
+@pytest.mark.parametrize("error", [MethodError, MemoryError, OutOfTime, np.linalg.LinAlgError, ZeroDivisionError])
+def test_a_bound_in_hand_outlives_an_attempt_that_fails(
+    error: type[Exception], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, u, constants = poor_by_constants()
+    better = exact_distance(problem, u, constants)
+
+    def fails(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(import_module(exact_distance.__module__), "_without_constants", fails)
+    found = exact_distance(problem, u, constants)
+    assert found.guaranteed, found.reasons
+    assert better.guaranteed, better.reasons
+    assert better.distance < found.distance < np.inf
+
+
+def test_a_bound_is_not_given_for_an_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, u, constants = poor_by_constants()
+    better = exact_distance(problem, u, constants)
+    for worse in (replace(better, guaranteed=False, reasons=("doubts",)), replace(better, distance=np.nan)):
+        module = import_module(exact_distance.__module__)
+        monkeypatch.setattr(module, "_without_constants", lambda *_, one=worse: one)
+        found = exact_distance(problem, u, constants)
+        assert found.guaranteed
+        assert better.distance < found.distance < np.inf
 
 
 @pytest.mark.parametrize("dim", [2, 3])

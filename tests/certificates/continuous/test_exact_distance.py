@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
 from hemivar.certificates.continuous.patches import PatchKind
@@ -200,6 +201,33 @@ def test_units_and_rotation_change_nothing() -> None:
         contact={"bottom": Contact(ThresholdCompliance(0.3 * force, 2.0 * force / length), Tresca(0.5 * force))},
     )
     assert judged(other)[0].distance == pytest.approx(found.distance * np.sqrt(force) * length, rel=1e-7)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+@pytest.mark.parametrize("touching", [True, False])
+def test_a_displacement_that_misses_a_support_is_moved_there_and_the_move_counts(turn: float, touching: bool) -> None:
+    """A body that is shifted, and should be stretched by a little as well.
+
+    The stress of an even stretch, with what it works along the supports, shows how much energy the solution has at
+    least: that of plane strain without tractions at the sides.
+    """
+    miss, modulus, ratio = 9e-9, 10.0, 0.3
+    axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    square = rectangle((1.0, 1.0), (2, 2))
+    mesh = hv.Mesh(square.points @ axes.T, square.cells, dict(square.boundaries))
+    supports = {"left": Prescribed(tuple(axes[:, 0])), "right": Prescribed(tuple(axes[:, 0] * (1.0 + miss)))}
+    contact = {"bottom": Contact(hv.Compliance(1.0), gap=2.0)} if touching else {}
+    problem = ContactProblem(mesh, Material.young(modulus, ratio), contact, supports)
+    known = replace(problem, contact={"bottom": Contact(hv.Compliance(1.0), gap=2.0)})
+    shift = np.tile(axes[:, 0], (9, 1))
+    found = exact_distance(problem, shift, guaranteed_trace_bounds(discretize(known)))
+    assert found.guaranteed, found.reasons
+    least = miss * np.sqrt(modulus / (1.0 - ratio**2))
+    assert least <= found.distance <= 4.0 * least
+    assert found.parts.correction >= least
+    farther = {"right": Prescribed(tuple(axes[:, 0] * (1.0 + 1e2 * miss)))}
+    with pytest.raises(ProblemError, match="differs from the prescribed one by"):
+        exact_distance(replace(problem, supports=farther), shift, guaranteed_trace_bounds(discretize(known)))
 
 
 def test_estimates_and_missing_bounds_say_so() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,16 @@ def test_distance(dim: int) -> None:
         for part in ("misfit", "contact"):
             there, here = getattr(found.parts, part) / energy, getattr(plain.parts, part)
             assert there == pytest.approx(here, rel=1e-5, abs=1e-6 * plain.distance)
+
+
+def test_units_may_be_beyond_single_precision() -> None:
+    """Sweeps over patches of few kinds have tables of their own, which hold seven digits."""
+    relative = []
+    for length, modulus in ((1.0, 1.0), (1.0, 1e45), (1e-20, 1.0), (1e20, 1e-45)):
+        problem = stated(3, np.eye(3), length, modulus)
+        problem = replace(problem, mesh=hv.box((1.2 * length, length, 0.9 * length), 4))
+        relative.append(judged(problem, length, modulus).relative)
+    assert relative[1:] == pytest.approx([relative[0]] * 3, rel=1e-10)
 
 
 @pytest.mark.slow

@@ -95,6 +95,35 @@ def test_friction_decides_between_two_planes() -> None:
         assert found.loose == loose
 
 
+def blocks(count: int) -> hv.Mesh:
+    """Blocks one above the other without a common node; the names of their sides end in their numbers."""
+    points, cells, boundaries = [], [], {}
+    for k in range(count):
+        mesh = hv.rectangle((1.0, 1.0), 2, origin=(0.0, 2.0 * k))
+        boundaries |= {f"{name}{k}": facets + 9 * k for name, facets in mesh.boundaries.items()}
+        points.append(mesh.points)
+        cells.append(mesh.cells + 9 * k)
+    return hv.Mesh(np.concatenate(points), np.concatenate(cells), boundaries)
+
+
+@pytest.mark.parametrize("law", [Signorini(), hv.Compliance(50.0)])
+@pytest.mark.parametrize("ways", [("left", ""), ("", "right"), ("left", "left"), ("left", "right")])
+def test_a_wall_holds_the_part_that_is_pushed_against_it(law: Superpotential, ways: tuple[str, str]) -> None:
+    """Two blocks have the same walls at their sides: a block that has play may stand anywhere between them."""
+    force = {"left": -0.5, "right": 0.5, "": 0.0}
+    touching, loads = {}, {}
+    for k, way in enumerate(ways):
+        touching |= {f"bottom{k}": hv.Contact(law)}
+        touching |= {f"{side}{k}": hv.Contact(law, gap=0.0 if side == way else 0.1) for side in ("left", "right")}
+        loads[f"top{k}"] = (force[way], -1.0)
+    solution = hv.solve(hv.ContactProblem(blocks(2), hv.Material.young(10.0, 0.3), touching, {}, tractions=loads))
+    exact = solution.certify(exact=True).exact
+    assert exact is not None
+    assert exact.guaranteed, exact.why
+    assert exact.unique == all(ways)
+    assert exact.loose == ("" if all(ways) else "translation (1, 0)")
+
+
 @pytest.mark.parametrize("friction", [hv.laws.NoFriction(), hv.Tresca(0.02)])
 def test_a_body_on_another_one(friction: hv.laws.Friction) -> None:
     mesh = opened(hv.rectangle((1.0, 1.0), (4, 4)), 0.5)

@@ -199,6 +199,18 @@ def test_friction_over_an_area(n: int) -> None:
     assert error <= found.bound <= 2.5 * error
 
 
+def test_a_field_that_misses_a_support_is_moved_there_and_the_move_counts() -> None:
+    """The exact field rises evenly, by a little more than none, and has the energy of that."""
+    miss, coefficient, mesh = 9e-9, 3.0, hv.rectangle((1.0, 1.0), 2)
+    membrane = hv.Material.gradient(coefficient, ScalarKind.MEMBRANE)
+    problem = hv.ContactProblem(mesh, membrane, {}, {"left": 1.0, "right": 1.0 + miss})
+    found = scalar_distance(problem, np.ones((9, 1)))
+    assert found.guaranteed, found.reasons
+    least = miss * math.sqrt(coefficient)
+    assert least <= found.bound <= 4.0 * least
+    assert found.correction >= least
+
+
 def test_a_field_need_not_be_a_solution() -> None:
     """Any field with the prescribed values is bounded; one that misses them is refused."""
     problem = strip({"right": ScalarContact(hv.Compliance(2.0), 0.2)})

@@ -236,6 +236,10 @@ class BodyData:
     def _nodes(self) -> Array:
         return self.problem.mesh.nodes(self.order)
 
+    def at(self, displacement: Array) -> BodyData:
+        """The same where it is that of this displacement already, :meth:`moved` otherwise."""
+        return self if np.array_equal(displacement, self.displacement) else self.moved(displacement)
+
     def moved(self, displacement: Array) -> BodyData:
         """The data of another displacement (nodes, d) of the same problem."""
         strains, stresses, forces = _stresses(

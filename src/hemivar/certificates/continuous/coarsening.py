@@ -39,6 +39,11 @@ _CHOICES = 5
 _PROGRESS = 0.02
 #: Up to so many cells share an edge on average, and tell of it from both ends.
 _REPEATED = 10
+#: Part by which shapes and volumes may miss a limit: those of even meshes meet some exactly.
+_TIE = 1e-9
+#: Digits of the logarithm of a length, to the base 2, that tell it from another one; what is added before these are
+#: rounded, so that no simple ratio of lengths lies where rounding turns.
+_DIGITS, _OFF = 6, 0.2357e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +212,7 @@ class _State:
         stars = _incidences(self.cells, node, len(self.points))
         fans = _incidences(self.facets, node, len(self.points))
         allowed, cut = self._judged(node, onto, stars, fans, shape, self.count <= target)
-        length = np.linalg.norm(self.points[node] - self.points[onto], axis=1)
-        length = length * (1.0 + random.random(len(node))) if self.at_random else length
+        length = self._lengths(node, onto) + (np.log2(1.0 + random.random(len(node))) if self.at_random else 0.0)
         rank = np.argsort(np.argsort(np.where(allowed, length, np.inf), kind="stable"), kind="stable")
         chosen = _apart(rank, allowed, stars, len(self.cells))
         if self.count > target and chosen.any():
@@ -229,6 +233,11 @@ class _State:
             loss=self.loss + float(cut[chosen].sum()),
         )
 
+    def _lengths(self, node: IntArray, onto: IntArray) -> Array:
+        """Logarithms of the lengths of edges over the longest, the same where rounding alone tells these apart."""
+        length = np.linalg.norm(self.points[node] - self.points[onto], axis=1)
+        return np.asarray(np.round(np.log2(length / length.max(initial=0.0)) + _OFF, _DIGITS))
+
     def _pairs(self, random: np.random.Generator) -> tuple[IntArray, IntArray]:
         """Nodes that may go and where to, by their strata; one short edge of each node if there are many."""
         ways = [(self.cells, EDGES[self.dim]), (self.facets, [(0, 1), (0, 2), (1, 2)] if self.dim == 3 else [(0, 1)])]
@@ -244,7 +253,7 @@ class _State:
             key = np.unique(node * count + onto)
             node, onto = key // count, key % count
         if len(node) > _FEW:
-            length = np.linalg.norm(self.points[node] - self.points[onto], axis=1) * (1.0 + random.random(len(node)))
+            length = self._lengths(node, onto) + np.log2(1.0 + random.random(len(node)))
             least = np.full(count, np.inf)
             np.minimum.at(least, node, length)
             nodes, first = np.unique(np.where(length == least[node], node, count), return_index=True)
@@ -270,9 +279,8 @@ class _State:
         left = (self.cells[cell] != onto[who, None]).all(axis=1)
         after = np.full(count, np.inf)
         np.minimum.at(after, who[left], shapes(self.points, new[left])[1])
-        allowed = (after > _FLAT) & (
-            after >= np.minimum((1.0 - _FLAT) * before, _SHAPES[self.dim][0] if few else least)
-        )
+        least = (1.0 - _TIE) * (_SHAPES[self.dim][0] if few else least)
+        allowed = (after > _FLAT) & (after >= np.minimum((1.0 - _FLAT) * before, least))
         who, facet = fans
         old = self.facets[facet]
         left = (old != onto[who, None]).all(axis=1)
@@ -283,7 +291,7 @@ class _State:
         wrong = np.where(label == 0, between < -small, np.abs(between) > small)
         cut = np.bincount(who, np.where((label == 0) & (between > small), between, 0.0), count)
         allowed &= np.bincount(who, wrong, count) == 0
-        return allowed & (cut <= self.allowed * total), np.asarray(cut, dtype=float)
+        return allowed & (cut <= (1.0 + _TIE) * self.allowed * total), np.asarray(cut, dtype=float)
 
 
 def _incidences(simplices: IntArray, nodes: IntArray, count: int) -> tuple[IntArray, IntArray]:

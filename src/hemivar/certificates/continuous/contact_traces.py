@@ -1,7 +1,8 @@
 """Where the body may touch: its local displacement and the law, at the points of a rule on every contact facet.
 
-In the plane facets are cut at the kinks of the law and into a number of equal parts, in space into sixteen. On each
-part the rule is one of Gauss. Where a law couples opening and slip the corners of the part belong to it.
+In the plane facets are cut at the kinks of the law and into a number of equal parts, in space into sixteen. A facet in
+space that has kinks of the normal law inside is cut along their level sets, which are straight, in place of that.
+On each part the rule is one of Gauss. Where a law couples opening and slip the corners of the part belong to it.
 A local displacement that misses a kink by rounding is put there.
 
 Quadratic traces that leave the domain of a rigid law between nodes are brought back by what they lack at midpoints.
@@ -45,6 +46,7 @@ __all__ = [
     "cut_triangle",
     "local_traces",
     "radial_parts",
+    "unseen_kinks",
 ]
 
 #: Part of the unit normal along which supports hold an edge, so that its trace is left as it is.
@@ -55,6 +57,10 @@ _PARTS = 4
 _MORE_PARTS = 32
 #: Parts, in space, of the rule by which a choice is looked for.
 _FEW_PARTS = 1
+#: Kinks of the normal law inside a facet in space up to which it is cut along all of them.
+_LEVELS = 24
+#: What the forces of kinks between points may leave those at the points by, over the largest of these on the facet.
+_UNSEEN = 0.1
 #: Distance to a kink, over the largest displacement or gap, that is rounding.
 _ROUNDING = 1e-11
 #: Gap, over the extent of the body, where its normal misses the obstacle.
@@ -136,6 +142,8 @@ class ContactTraces:
     stated: VectorLaw
     #: By how much a penetration leaves the domain of the law, where it is more than rounding; it is cut off.
     beyond: float
+    #: Whether some facet in space has more kinks of the normal law inside than it is cut along.
+    uncut: bool = False
 
     @property
     def rule(self) -> PartRule | None:
@@ -284,7 +292,7 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
         return None
     table, dim = data.table, data.table.dim
     rule = None if all(one.law.splits for one in data.problem.contact.values()) else PART_RULES[dim]
-    found = []
+    found, uncut = [], False
     for number, name in enumerate(data.problem.contact):
         facets = np.flatnonzero(data.contact == number)
         if dim == 2:
@@ -293,6 +301,9 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
             points, weights = cut_triangle(parts, rule)
             barycentric = np.broadcast_to(points, (len(facets), *points.shape))
             share = np.broadcast_to(weights, (len(facets), len(weights)))
+            if rule is None and parts > _FEW_PARTS:
+                barycentric, share, more = _along_levels(data, name, facets, barycentric, share)
+                uncut |= more
         local, frames, places = local_traces(data, name, facets, barycentric)
         law = data.problem.contact[name].law.at(places.reshape(-1, dim))
         law = law.in_frames(np.broadcast_to(frames, (*places.shape, dim)).reshape(-1, dim, dim))
@@ -312,7 +323,7 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
     beyond = float(np.abs(inside - local).max(initial=0.0))
     return ContactTraces(
         data, facets, barycentric, shapes, weights, axes, inside.reshape(*weights.shape, dim), law.frozen_at(inside),
-        law, beyond,
+        law, beyond, uncut,
     )  # fmt: skip
 
 
@@ -436,6 +447,97 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray, rule: PartRule |
     return np.stack([1.0 - flat, flat], axis=2), share
 
 
+def _along_levels(
+    data: BodyData, name: str, facets: IntArray, barycentric: Array, share: Array
+) -> tuple[Array, Array, bool]:
+    """Other points (k, q, 3) and shares (k, q) on triangles that have kinks of the normal law inside.
+
+    And whether some have too many of them; these keep their points.
+    """
+    corners = np.broadcast_to(np.eye(3), (len(facets), 3, 3))
+    local, _, places = local_traces(data, name, facets, corners)
+    r, knots = local[..., 0], data.problem.contact[name].law.at(places.mean(axis=1)).penetration_knots
+    order, near = np.argsort(r, axis=1), _ROUNDING * _scale(data, local)
+    low, middle, high = np.take_along_axis(r, order, axis=1).T[:, :, None]
+    inside = (knots > low + near) & (knots < high - near)
+    count = inside.sum(axis=1)
+    some = np.flatnonzero((count > 0) & (count <= _LEVELS))
+    if not len(some):
+        return barycentric, share, bool(count.any())
+    every = np.sort(np.where(inside, knots, high)[some], axis=1)[:, : count[some].max()]
+    low, middle, high = low[some], middle[some], high[some]
+    levels = np.sort(np.concatenate([low, middle, high, 0.5 * (low + high), every], axis=1), axis=1)
+    own, own_share = _slices(levels, low, middle, high, np.eye(3)[order[some]])
+    width = max(own.shape[1], barycentric.shape[1])
+    points, shares_ = _padded(barycentric, width).copy(), _padded(share, width, 0.0).copy()
+    points[some], shares_[some] = _padded(own, width), _padded(own_share, width, 0.0)
+    return points, shares_, bool((count > _LEVELS).any())
+
+
+def _slices(levels: Array, low: Array, middle: Array, high: Array, corners: Array) -> tuple[Array, Array]:
+    """Points (k, q, 3) and shares (k, q) on triangles that are cut along levels (k, n), and their corners.
+
+    A function is linear, with the values (k, 1) at the corners (k, 3, 3), by which these stand; the middle one is among
+    the levels.  Each slice is halved along the levels.
+    """
+    first, second, third = corners.transpose(1, 0, 2)[:, :, None]
+
+    def way(start: Array, end: Array) -> Array:
+        return np.clip((levels - start) / np.where(end > start, end - start, 1.0), 0.0, 1.0)[:, :, None]
+
+    one = first + way(low, high) * (third - first)
+    bent = np.where(
+        (levels < middle)[:, :, None],
+        first + way(low, middle) * (second - first),
+        second + way(middle, high) * (third - second),
+    )
+    rows = np.stack([one, 0.5 * (one + bent), bent], axis=1)  # (k, 3, n, 3)
+    a, b, c, d = rows[:, :-1, :-1], rows[:, 1:, :-1], rows[:, :-1, 1:], rows[:, 1:, 1:]
+    triangles = np.stack([np.stack([a, b, c], axis=3), np.stack([b, c, d], axis=3)], axis=3)
+    triangles = triangles.reshape(len(levels), -1, 3, 3)
+    point, weight = quadrature_rule(2, 4)
+    at = point @ triangles
+    share = np.abs(np.linalg.det(triangles))[:, :, None] * weight
+    points = np.concatenate([at.reshape(len(levels), -1, 3), corners], axis=1)
+    return points, np.concatenate([share.reshape(len(levels), -1), np.zeros((len(levels), 3))], axis=1)
+
+
+def unseen_kinks(traces: ContactTraces) -> list[str]:
+    """Kinks of a law that splits, in space, between which it is evaluated at points that do not tell of them."""
+    found = []
+    if traces.uncut:
+        found.append(f"the law has more than {_LEVELS} kinks of the penetration inside a contact facet")
+    if traces.rule is None and traces.data.table.dim == 3 and _hides_slips(traces):
+        found.append("the friction has kinks of the slip between the quadrature points, which these do not show")
+    return found
+
+
+def _hides_slips(traces: ContactTraces) -> bool:
+    """Whether the friction at a kink is not about between what it is at the slips of points next to it."""
+    assert isinstance(traces.law, ContactLaw)
+    law, shape = traces.law.tangential, traces.weights.shape
+    size = lengths(traces.local.reshape(-1, 3)[:, 1:])
+    knots = np.broadcast_to(law.knots, (len(size), law.knots.shape[-1]))
+    force = law.derivative(size).reshape(shape)
+    scale = np.abs(force).max(axis=1, keepdims=True)
+    sides = [np.broadcast_to(side, knots.shape) for side in law.knot_slopes()]
+    size = size.reshape(shape)
+    for number in range(knots.shape[1]):
+        knot = knots[:, number].reshape(shape)
+        between = (knot > 0.0) & (size.min(axis=1, keepdims=True) < knot) & (knot < size.max(axis=1, keepdims=True))
+        if not between.any():
+            continue
+        below = np.argmax(np.where(size <= knot, size, -np.inf), axis=1)
+        above = np.argmin(np.where(size >= knot, size, np.inf), axis=1)
+        ends = np.take_along_axis(force, np.stack([below, above], axis=1), axis=1)
+        here = [side[:, number].reshape(shape)[:, :1] for side in sides]
+        over = np.maximum(*here) - ends.max(axis=1, keepdims=True)
+        under = ends.min(axis=1, keepdims=True) - np.minimum(*here)
+        if (between[:, :1] & (np.maximum(over, under) > _UNSEEN * scale)).any():
+            return True
+    return False
+
+
 def _out_of_curved_gaps(data: BodyData) -> Array:
     """The displacement (nodes, d) with the nodes of facets moved along their normals by what penetrates too far."""
     moved = data.displacement.copy()
@@ -496,11 +598,10 @@ def admissible_displacement(data: BodyData) -> Array:
     Gaps are taken quadratic along edges, as the displacement is. With linear elements all nodes of a facet are moved
     that penetrates beyond the domain because its gap is curved.
     """
-    u = data.displacement
     if data.order == 1:
         return _out_of_curved_gaps(data)
     moved = _out_at_corners(data)
-    data = data if np.array_equal(moved, u) else data.moved(moved)
+    data = data.at(moved)
     at_nodes = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
     for number, name in enumerate(data.problem.contact):
         facets = np.flatnonzero(data.contact == number)

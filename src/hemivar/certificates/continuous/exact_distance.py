@@ -19,11 +19,13 @@ Proofs are in docs/theory/bounds.md.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hemivar.basics.arguments import expect
+from hemivar.basics.deadline import OutOfTime
 from hemivar.basics.display import brief
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
@@ -35,10 +37,17 @@ from hemivar.certificates.continuous.contact_traces import (
     admissible_displacement,
     beyond_domain,
     contact_traces,
+    unseen_kinks,
 )
 from hemivar.certificates.continuous.convex_distance import BareStiffness, balanced_stress, not_convex
 from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
-from hemivar.certificates.continuous.hypotheses import fixed_gaps, inexact_data, stated_conditions, unmet_hypotheses
+from hemivar.certificates.continuous.hypotheses import (
+    check_supports,
+    fixed_gaps,
+    inexact_data,
+    stated_conditions,
+    unmet_hypotheses,
+)
 from hemivar.certificates.continuous.joined_sides import joined_sides, touch
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
@@ -47,6 +56,7 @@ from hemivar.certificates.continuous.sweeps import ContactPenalty, PatchSmoother
 from hemivar.certificates.continuous.touching_bodies import contact_moments, shared_anew, touching_bodies
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import shared_on_contact
+from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
@@ -97,8 +107,8 @@ class DistanceParts:
     algebraic : float
         What the displacement lacks for equilibrium in the discrete space: rounding, or an unfinished solve.
     correction : float
-        ``|w|_a`` of the w that brings a quadratic trace back into the domain of a rigid law between nodes; the other
-        parts are those of ``u_h + w``.
+        ``|w|_a`` of the w that brings a trace back into the domain of a rigid law between nodes, and nodes where
+        supports hold them; the other parts are those of ``u_h + w``.
     """
 
     misfit: float
@@ -248,26 +258,39 @@ def _of_body(
 ) -> ExactDistance:
     """The bound for bodies on foundations, and for those that touch along facets that coincide."""
     data = body_data(problem, displacement, workspace)
-    inside = admissible_displacement(data)
-    moved = data if np.array_equal(inside, data.displacement) else data.moved(inside)
+    inside = admissible_displacement(data.at(check_supports(problem, data.displacement)))
+    moved = data.at(inside)
     traces = contact_traces(moved)
     known = constants.guaranteed and constants.both > 0.0 and fixed_gaps(problem)
 
     def by_constants() -> ExactDistance:
-        found = _bound(improved_stress(data, traces, constants, sweeps), data, traces, constants, unmet)
+        found = _bound(improved_stress(data, traces, constants, sweeps, moved), data, traces, constants, unmet)
         if not found.missed.sum() > (_MISSED * found.parts.misfit) ** 2:
             return found
-        other = _with_exact_loads(data, traces, constants, sweeps, unmet)
-        # cells are marked by what is missed in them all the same
-        return replace(other, missed=found.missed) if other.distance < found.distance else found
+        better = _bettered(found, lambda: _with_exact_loads(data, moved, traces, constants, sweeps, unmet))
+        return replace(better, missed=found.missed)  # cells are marked by what is missed in them all the same
 
     found = by_constants() if known else None
-    poor = found is None or found.parts.contact > _POOR * found.parts.misfit
-    if traces is not None and poor and not not_convex(problem):
-        other = _without_constants(data, traces, constants, sweeps, unmet)
-        if other is not None and (found is None or other.distance < found.distance):
-            return other
-    return by_constants() if found is None else found
+    if traces is None or not_convex(problem):
+        return by_constants() if found is None else found
+    if found is None:
+        return _without_constants(data, traces, constants, sweeps, unmet) or by_constants()
+    if not found.parts.contact > _POOR * found.parts.misfit:
+        return found
+    return _bettered(found, lambda: _without_constants(data, traces, constants, sweeps, unmet))
+
+
+def _bettered(found: ExactDistance, attempt: Callable[[], ExactDistance | None]) -> ExactDistance:
+    """The better of what is in hand and of an attempt, whatever becomes of this: a bound before an estimate."""
+    try:
+        other = attempt()
+    except (MethodError, ProblemError, OutOfTime, MemoryError, np.linalg.LinAlgError, ArithmeticError, RuntimeError):
+        return found
+
+    def rank(one: ExactDistance) -> tuple[bool, bool, bool, float]:
+        return not one.distance < np.inf, not (one.guaranteed or one.conditions), not one.guaranteed, one.distance
+
+    return found if other is None or rank(found) <= rank(other) else other
 
 
 def _without_constants(
@@ -280,7 +303,7 @@ def _without_constants(
         return None
     stress, table = balanced.stress, data.table
     outside, conditions = stated_conditions(inside, traces)
-    reasons = unmet + inexact_data(data, formulas=True) + outside
+    reasons = unmet + inexact_data(data, formulas=True) + unseen_kinks(traces) + outside
     if (beyond := beyond_domain(traces)) > 0.0:
         reasons.append(_left_domain(beyond))
     rest = oscillation(stress, constants.body)
@@ -300,7 +323,12 @@ def _without_constants(
 
 
 def _with_exact_loads(
-    data: BodyData, traces: ContactTraces | None, constants: TraceBounds, sweeps: Sweeps, unmet: list[str]
+    data: BodyData,
+    moved: BodyData,
+    traces: ContactTraces | None,
+    constants: TraceBounds,
+    sweeps: Sweeps,
+    unmet: list[str],
 ) -> ExactDistance:
     """The bound by a stress that balances ``u_h + w``, where w answers the loads that the discrete problem misses.
 
@@ -310,12 +338,12 @@ def _with_exact_loads(
     w = BareStiffness(data).solve(data.varying.missed)
     exact = exact_loads(data)
     seen = None if traces is None else replace(traces, data=exact_loads(traces.data))
-    stress = improved_stress(exact.moved(data.displacement + w), seen, constants, sweeps, exact)
+    stress = improved_stress(exact.moved(data.displacement + w), seen, constants, sweeps, exact_loads(moved))
     return _bound(stress, data, seen, constants, unmet)
 
 
 def _correction(inside: BodyData, data: BodyData) -> float:
-    """``|w|_a`` of the w that brings a displacement into the domain of the law."""
+    """``|w|_a`` of the w that brings a displacement into the domain of the law, and where supports hold it."""
     if inside.displacement is data.displacement:
         return 0.0
     change = inside.displacement - data.displacement
@@ -559,7 +587,7 @@ def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
 
 def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
     """What of the law is not known."""
-    law, coupling, found = traces.law, _coupling(traces, constants), []
+    law, coupling, found = traces.law, _coupling(traces, constants), unseen_kinks(traces)
     if coupling == np.inf:
         found.append(
             "the tractions of the law jump with the mode: there is no bound"

@@ -14,7 +14,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.bulk_gap import strain_sizes
 from hemivar.certificates.continuous.contact_traces import ContactTraces
-from hemivar.certificates.continuous.varying_gaps import gap_known
+from hemivar.certificates.continuous.varying_gaps import unknown_gap
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import refuse_evolution
 from hemivar.fem.supports import stated_supports
@@ -42,8 +42,8 @@ __all__ = [
 STRAIGHT = 1e-6
 #: Angle between neighbouring facets up to which they are taken for those of a curve, in radians.
 _BEND = np.pi / 6.0 + STRAIGHT
-#: Part of the largest displacement by which supports may be missed.
-_HELD = 1e-8
+#: Part of the largest displacement by which supports may be missed, and up to which that is rounding.
+_HELD, _ROUNDING = 1e-8, 1e-15
 
 
 def facet_angles(mesh: Mesh, facets: IntArray) -> tuple[IntArray, Array]:
@@ -146,9 +146,8 @@ def inexact_data(data: BodyData, formulas: bool = False) -> list[str]:
     if any(callable(value) for value in held):
         found.append("prescribed displacements are functions, which the mesh interpolates")
     for name, contact in problem.contact.items():
-        varies = callable(contact.gap) or not isinstance(contact.obstacle, Plane | None)
-        if varies and not (formulas and gap_known(contact)):
-            found.append(f"the gap of contact '{name}' varies, and is evaluated by a quadrature rule")
+        if why := unknown_gap(data, name, contact, formulas):
+            found.append(why)
         if callable(contact.belt):
             found.append(f"the belt of contact '{name}' varies, and is evaluated by a quadrature rule")
     return found
@@ -183,18 +182,27 @@ def _well_formed(problem: ContactProblem, displacement: Array) -> bool:
     return u.shape == problem.mesh.nodes(problem.order).shape and u.dtype.kind in "fiu" and bool(np.isfinite(u).all())
 
 
-def check_supports(problem: ContactProblem, displacement: Array) -> None:
-    """Refuse a displacement that is not among those that the supports allow: the theorems compare two of them."""
-    u, supports = np.asarray(displacement), stated_supports(problem)
-    off = np.abs(np.einsum("nqd,nd->nq", supports.directions, u - supports.value)).max(axis=1)
-    worst = int(np.argmax(off))
-    if off[worst] > _HELD * max(float(np.abs(u).max()), float(np.abs(supports.value).max())):
+def check_supports(problem: ContactProblem, displacement: Array) -> Array:
+    """The displacement, put where supports hold it: the theorems compare displacements of the same supports.
+
+    Raises
+    ------
+    ProblemError
+        It is not among those that the supports allow, by more than a solve may leave.
+    """
+    u, supports = np.asarray(displacement, dtype=float), stated_supports(problem)
+    missed = np.einsum("nqd,nd->nq", supports.directions, u - supports.value)
+    off = np.abs(missed).max(axis=1)
+    worst, size = int(np.argmax(off)), max(float(np.abs(u).max()), float(np.abs(supports.value).max()))
+    if off[worst] > _HELD * size:
         place = ", ".join(f"{x:g}" for x in supports.nodes[worst])
         raise ProblemError(
             f"the displacement differs from the prescribed one by {off[worst]:.3g} at node {worst}, x = ({place}); "
-            f"give "
-            "that of a solution of this problem, on this mesh"
+            "give that of a solution of this problem, on this mesh"
         )
+    if off[worst] <= _ROUNDING * size:
+        return displacement
+    return np.asarray(u - np.einsum("nq,nqd->nd", missed, supports.directions))
 
 
 def _passed_rollers(problem: ContactProblem, displacement: Array) -> Iterator[str]:

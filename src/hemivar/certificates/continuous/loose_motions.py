@@ -1,9 +1,10 @@
 """By which rigid motions the solutions of a convex problem may differ that nothing but contact holds.
 
 Two solutions u and ``u + rho``, rho rigid, have the same stress and so the same contact force xi, in dj at both.
-Where a pressure that is not zero leaves one penetration, ``rho_nu = 0`` wherever xi presses.  On contact facets in one
-plane rho_nu is affine: it vanishes there, or nothing presses on that plane.  Let B be the planes that are pressed, and
-``R_B`` the motions whose normal part vanishes on them.  The pressures do no work along these, so that equilibrium says
+Where a pressure that is not zero leaves one penetration, ``rho_nu = 0`` wherever xi presses.  On contact facets of one
+part of the body in one plane rho_nu is affine: it vanishes there, or nothing presses there.  Let B be these planes,
+each of one part, that are pressed, and ``R_B`` the motions whose normal part vanishes on them.  The pressures do no
+work along these, so that equilibrium says
 
     |L(rho)|  <=  int F |rho_tau|        for all rho in R_B,
 
@@ -85,12 +86,13 @@ def _tells(law: Superpotential) -> bool:
 
 
 def _planes(traces: ContactTraces) -> Array:
-    """One number for all facets (k,) in a plane with one contact normal."""
+    """One number for all facets (k,) of a part, or of two that touch, in a plane with one contact normal."""
     table, normals = traces.data.table, traces.frames[:, 0, 0]
-    own = table.normals[traces.facets]
+    own, owners = table.normals[traces.facets], table.owners[traces.facets]
     points = table.mesh.points
     at = np.einsum("kd,kd->k", own, points[table.facets[traces.facets, 0]] - points.mean(axis=0))
-    keys = np.column_stack([normals, own, at / float(np.ptp(points, axis=0).max())])
+    parts = np.where(owners >= 0, table.mesh.parts.cell[owners], -1)
+    keys = np.column_stack([normals, own, at / float(np.ptp(points, axis=0).max()), parts])
     return np.asarray(np.unique(np.round(keys, _DIGITS) + 0.0, axis=0, return_inverse=True)[1].ravel())
 
 

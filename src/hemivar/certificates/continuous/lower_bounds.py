@@ -41,9 +41,10 @@ what each part b of the mesh does under the loads on its own sides, and with c_b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import scipy.linalg as la
@@ -419,7 +420,10 @@ class LowerBounds:
         """
         if self.whole:
             normal = tangential = np.maximum(normal, tangential)
-        found = [one.weighted(corners, normal, tangential) for one in self.flexible]
+        found = []
+        for one in self.flexible:
+            with suppress(la.LinAlgError, RuntimeError):  # what is known without weights counts all the same
+                found.append(one.weighted(corners, normal, tangential))
         return min((one.upper for one in found), default=np.inf), min((one.second for one in found), default=np.inf)
 
 
@@ -461,7 +465,7 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
         )
     pairs = tuple(problem.pair(name) for name, contact in problem.contact.items() if contact.against)
     sides = (*pairs, *((name,) for name in bare.contact if not any(name in pair for pair in pairs)))
-    pieces = int(_parts(table).max()) + 1 if any(len(side) > 1 for side in sides) else 1
+    pieces = int(table.mesh.parts.cell.max()) + 1 if any(len(side) > 1 for side in sides) else 1
     most = pieces * _CELLS[bare.mesh.dim] if cells is None else cells
     if workspace is None:
         return _found(bare, most, sides)
@@ -484,15 +488,22 @@ def _found(bare: ContactProblem, cells: int, names: Sides, kept: Workspace | Non
         return found
     for part, whole in _parts_of(bare, kept):
         if part.mesh.number_of_cells <= _MOST[dim]:
-            new = _on(part, cells, names, whole)
-            found = new if found is None else found.or_better(new)
+            found = _bettered(found, partial(_on, part, cells, names, whole))
             if found.sharpness >= _SHARP[dim]:
                 return found
     if _FIRST[dim] < own <= _MOST[dim] and (found is None or found.sharpness < _enough(dim, own)):
-        new = _on(bare, cells, names)
-        found = new if found is None else found.or_better(new)
+        found = _bettered(found, partial(_on, bare, cells, names))
     if found is None:
         raise ProblemError(too_many_cells(own, part.mesh.number_of_cells, _MOST[dim]))
+    return found
+
+
+def _bettered(found: LowerBounds | None, make: Callable[[], LowerBounds]) -> LowerBounds:
+    """The best of what is in hand and of others, which need not come about."""
+    if found is None:
+        return make()
+    with suppress(la.LinAlgError, RuntimeError, MemoryError):
+        return found.or_better(make())
     return found
 
 
@@ -564,7 +575,7 @@ def _on(body: ContactProblem, cells: int, names: Sides, whole: bool = True) -> L
 def _jump_sides(problem: ContactProblem, names: Sides) -> JumpSides:
     """Of contacts by the names of their sides, on the facets of a :class:`TraceFlexibility`."""
     table, mesh = facet_table(problem.mesh), problem.mesh
-    part = _parts(table)
+    part = table.mesh.parts.cell
     loaded = np.unique(np.concatenate([table.numbers(mesh.boundaries[name]) for name in problem.contact]))
 
     def of(facets: IntArray) -> IntArray:
@@ -572,13 +583,6 @@ def _jump_sides(problem: ContactProblem, names: Sides) -> JumpSides:
 
     every = tuple(tuple(np.unique(of(table.numbers(mesh.boundaries[name]))) for name in side) for side in names)
     return JumpSides(of(loaded), every)
-
-
-def _parts(table: FacetTable) -> IntArray:
-    """The number of the connected part of each cell, (M,)."""
-    inner = table.owners[table.interior]
-    graph = sp.coo_array((np.ones(len(inner)), inner.T), shape=2 * (len(table.cells),))
-    return np.asarray(sp.csgraph.connected_components(graph, directed=False)[1])
 
 
 def _inverse(found: TraceRange) -> LowerBound:
@@ -590,7 +594,7 @@ def _inverse(found: TraceRange) -> LowerBound:
 def _is_held(table: FacetTable, held: Array) -> bool:
     """Whether supports resist every rigid motion of every connected part."""
     mesh, dim = table.mesh, table.dim
-    label = _parts(table)
+    label = table.mesh.parts.cell
     parts = int(label.max()) + 1
     x = (mesh.points - mesh.points.mean(axis=0)) / float(np.ptp(mesh.points, axis=0).max())
     spins = []

@@ -155,8 +155,8 @@ SQUARES = (
 )
 #: Part of a size by which two bodies may overlap and count as disjoint.
 _TOUCHING = 1e-9
-#: How many triangles a triangle is compared with.
-_NEAR = 3
+#: How many triangles a triangle is compared with, and digits to which two are as near.
+_NEAR, _DIGITS = 3, 9
 
 
 def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Array) -> Array:
@@ -174,7 +174,8 @@ def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Arr
     gram = edges.transpose(0, 2, 1) @ edges
     area = np.sqrt(np.linalg.det(gram))  # twice that of the triangle
     flat = np.linalg.cholesky(gram).transpose(0, 2, 1)
-    off = np.sum((flat[:, None, None] @ known) ** 2, axis=(3, 4))
+    off = np.sum((flat[:, None, None] @ known) ** 2, axis=(3, 4)) / area[:, None, None]
+    off = np.round(off, _DIGITS)  # of triangles that are alike the first is taken, not what rounding says
     way = np.argmin(off, axis=2)
     nearest = np.argsort(off.min(axis=2), axis=1, kind="stable")[:, :_NEAR]
     count = nearest.shape[1]

@@ -106,10 +106,8 @@ class _Means:
         return found
 
     def _refuse_loose(self) -> None:
-        inner = self.table.owners[self.table.interior]
-        graph = sp.coo_array((np.ones(len(inner)), inner.T), shape=2 * (len(self.table.cells),))
-        parts, label = sp.csgraph.connected_components(graph, directed=False)
-        if len(np.unique(label[self.table.owners[self.held, 0]])) < parts:
+        parts = self.table.mesh.parts
+        if len(np.unique(parts.cell[self.table.owners[self.held, 0]])) < parts.count:
             raise ProblemError("a part of the body has no support, and contact alone gives no bound; add a support")
 
     @property
@@ -367,9 +365,10 @@ class _Sums:
 
 
 class _Distance:
-    """The bound of one field."""
+    """The bound of one field, and what it was moved by to where supports hold it."""
 
-    def __init__(self, problem: ContactProblem, values: Array) -> None:
+    def __init__(self, problem: ContactProblem, values: Array, correction: float = 0.0) -> None:
+        self.correction = correction
         self.problem, self.u = problem, np.asarray(values, dtype=float).ravel()
         self.means = _Means.of(problem)
         self.table = self.means.table
@@ -514,23 +513,25 @@ class _Distance:
     def _stated(self, whole: float, misfit: float, contact: float, c: float) -> DistanceToExact:
         G, bound = sum(self.sums.gaps), math.inf
         if c < 1.0:
-            bound = (whole + math.sqrt(whole**2 + 4.0 * (1.0 - c) * G)) / (2.0 * (1.0 - c))
+            bound = (whole + math.sqrt(whole**2 + 4.0 * (1.0 - c) * G)) / (2.0 * (1.0 - c)) + self.correction
         reasons = list(self.sums.reasons)
         if not math.isfinite(bound):
             falls = "the law drops discontinuously, so c is infinite"
             soft = f"the foundation softens too much for the body: c is known to be at most {c:.3g} only"
             reasons.append(f"there is no bound: {falls if math.isinf(c) else soft}")
         conditions = () if reasons else tuple(self.sums.conditions)
-        size = self._size()
+        size = self.size
         relative = bound / size if size > 0.0 else 0.0 if bound == 0.0 else math.inf
         proved = not reasons and not conditions
         return DistanceToExact(
             bound=bound, relative=relative, guaranteed=proved, reasons=(*reasons, *conditions), misfit=misfit,
             contact=contact, oscillation=max(whole - misfit - contact, 0.0), algebraic=0.0, gap=G, constant=c,
             geometry=body_shape(self.problem.mesh), conditions=conditions, unique=proved,
+            correction=self.correction,
         )  # fmt: skip
 
-    def _size(self) -> float:
+    @property
+    def size(self) -> float:
         """``|u|_a``."""
         between = self.at_cells @ self.cell_rule.barycentric.T
         bedded = self.cell_rule.mean(self._at(self.problem.bedding, "bedding") * between**2)
@@ -571,8 +572,9 @@ def scalar_distance(problem: ContactProblem, values: Array) -> DistanceToExact:
         raise ProblemError("heat that crosses from body to body has no bound of the distance; leave the bound out")
     if problem.areas and problem.mesh.dim == 3:
         raise ProblemError("contact over a region in 3D has no bound of the distance; leave the bound out")
-    check_supports(problem, values)
-    found = _Distance(problem, values).found()
+    held = check_supports(problem, values)
+    correction = 0.0 if held is values else _Distance(problem, held - values).size
+    found = _Distance(problem, held, correction).found()
     object.__setattr__(found, "seconds", time.perf_counter() - began)
     return found
 

@@ -21,7 +21,7 @@ from hemivar.mechanics.instants import Instant
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mesh.keys import EDGES
 
-__all__ = ["GapRange", "gap_known", "gap_ranges"]
+__all__ = ["GapRange", "gap_ranges", "unknown_gap"]
 
 #: Parts into which each side of a facet is cut.
 _PARTS = {2: 8, 3: 4}
@@ -32,24 +32,36 @@ class GapRange:
     """Contact facets of one boundary."""
 
     facets: IntArray  # (k,)
-    #: By how much the gap may differ from a polynomial of degree 2 on every part; inf where nothing is known.
+    #: By how much the gap may differ from a polynomial of degree 2 on its parts; inf where nothing is known.
     unknown: Array  # (k,)
     #: By how much the penetration may be above and below the domain of the law; negative inside of it.
     above: Array  # (k,)
     below: Array  # (k,)
 
 
-def gap_known(contact: Contact) -> bool:
-    """Whether a gap is known everywhere: a number, a plane obstacle, or a formula."""
-    if contact.obstacle is not None:
-        return isinstance(contact.obstacle, Plane)
-    given = contact.gap.value if isinstance(contact.gap, Instant) else contact.gap
-    return isinstance(given, Formula) or _is_number(contact)
+def unknown_gap(data: BodyData, name: str, contact: Contact, formulas: bool) -> str:
+    """Why the gap of a contact boundary is not known between the points; empty for a number and a plane.
+
+    Also for a formula that intervals bound, where ``formulas`` serve.
+    """
+    if formulas and contact.obstacle is None and isinstance(_given(contact), Formula):
+        found = _range(data, name, contact, data.table.numbers(data.problem.mesh.boundaries[name]))
+        if np.isfinite(found.unknown).all():
+            return ""
+        facet = found.facets[np.argmax(found.unknown)]
+        place = ", ".join(f"{x:.4g}" for x in data.table.mesh.points[data.table.facets[facet]].mean(axis=0))
+        return f"the formula of the gap of contact '{name}' has no bound by intervals near x = ({place})"
+    if isinstance(contact.obstacle, Plane) or (contact.obstacle is None and _is_number(contact)):
+        return ""
+    return f"the gap of contact '{name}' varies, and is evaluated by a quadrature rule"
+
+
+def _given(contact: Contact) -> object:
+    return contact.gap.value if isinstance(contact.gap, Instant) else contact.gap
 
 
 def _is_number(contact: Contact) -> bool:
-    given = contact.gap.value if isinstance(contact.gap, Instant) else contact.gap
-    return not isinstance(given, Formula) and not callable(given)
+    return not callable(_given(contact))
 
 
 def gap_ranges(data: BodyData) -> list[GapRange]:
@@ -86,17 +98,18 @@ def _range(data: BodyData, name: str, contact: Contact, facets: IntArray) -> Gap
 
 def _gap(name: str, contact: Contact, corners: Array, seen: Array) -> tuple[Array, Array]:
     """Polynomials near to a gap, at points (q, d) of parts (k, d, d), and how far from it they may be, (k,)."""
-    given, time = (contact.gap.value, contact.gap.time) if isinstance(contact.gap, Instant) else (contact.gap, None)
-    if isinstance(given, Formula):
-        found = given.expansion(corners, time)
-        if np.isfinite(found.off).all():
-            return found.at(seen), found.off
+    given, time = _given(contact), contact.gap.time if isinstance(contact.gap, Instant) else None
+    found = given.expansion(corners, time) if isinstance(given, Formula) else None
+    if found is not None and np.isfinite(found.off).all():
+        return found.at(seen), found.off
     places = np.einsum("qa,kai->kqi", seen, corners)
     values = (
         DataField(contact.gap, f"gap of contact '{name}'")
         .at(places.reshape(-1, corners.shape[2]))
         .reshape(places.shape[:2])
     )
+    if found is not None:
+        return np.where(np.isfinite(found.off)[:, None], found.at(seen), values), found.off
     return values, np.full(len(corners), np.inf if callable(contact.gap) else 0.0)
 
 

@@ -58,6 +58,11 @@ class StateBound(PickleMixin, ABC):
         return np.zeros(1)
 
     @property
+    def knots(self) -> Array:
+        """Penetrations at which the derivative of the bound may jump, shape (m or 1, K); unused entries are +inf."""
+        return np.zeros((1, 0))
+
+    @property
     @abstractmethod
     def lipschitz(self) -> Array:
         """Lipschitz constant in the penetration, shape (m or 1,); inf where the bound jumps or needs the pressure."""
@@ -269,6 +274,13 @@ class PenetrationBound(StateBound):
         known = not callable(self.source) or isinstance(self.source, ScalarFormula)
         return known and self._lipschitz < np.inf
 
+    @property
+    def knots(self) -> Array:
+        if callable(self.source) and not isinstance(self.source, ScalarFormula):
+            return np.zeros((1, 0))
+        places = self._pieces[0]
+        return np.append(places, 0.0)[None] if callable(self.source) else places[None]  # cut off where it is negative
+
     @cached_property
     def _pieces(self) -> tuple[Array, list[Callable[[Array], Array]]]:
         """Where the derivative may jump, and the derivative on each piece between these places."""
@@ -439,6 +451,14 @@ class StackedBound(StateBound):
         out = np.empty(self._count)
         for value, index in zip(values, self.indices, strict=True):
             out[index] = value
+        return out
+
+    @property
+    def knots(self) -> Array:
+        found = [part.knots for part in self.parts]
+        out = np.full((self._count, max(one.shape[1] for one in found)), np.inf)
+        for one, index in zip(found, self.indices, strict=True):
+            out[index, : one.shape[1]] = one
         return out
 
     @property
