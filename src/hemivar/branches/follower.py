@@ -346,7 +346,7 @@ class Follower:
             outside &= np.where(v[:-1] > 0.0, new > high - slack, new < low + slack) | (new > high) | (new < low)
             over = not self.low < new_t < self.high
             if not outside.any() and not over:
-                unit = self.onward(new, segment, new_t, v, reach)
+                unit = self.onward(theta, t, v, new, segment, new_t)
                 if unit is not None:
                     return FollowedPoint(new, new_t, segment, unit, length=reach, easy=steps <= 4)
                 length = 0.5 * reach
@@ -357,15 +357,21 @@ class Follower:
             length = 0.5 * reach
         return PathEnd.NOT_CORRECTED
 
-    def onward(self, theta: Array, segment: AnyArray, t: float, v: Array, reach: float) -> Array | None:
-        """The tangent (n + 1,) after a step along v, the load as a length; None where the path has turned too far."""
-        old = np.append(v[:-1], v[-1] * self.load_unit)
-        tangent = self.tangent(theta, segment, t, old)
+    def onward(self, theta: Array, t: float, v: Array, new: Array, segment: AnyArray, new_t: float) -> Array | None:
+        """The tangent (n + 1,) at the end of a step along v, the load as a length; None where the path turns too far.
+
+        Neither the tangent nor the chord may: a step that leads elsewhere would leave out what lies between.
+        """
+        old, chord = (
+            np.append(way, part * self.load_unit) for way, part in ((v[:-1], v[-1]), (new - theta, new_t - t))
+        )
+        tangent = self.tangent(new, segment, new_t, old)
         if tangent is None:
             return None
         unit = np.append(tangent[:-1], tangent[-1] * self.load_unit)
-        turned = unit @ old < _TURNED * np.linalg.norm(old) * np.linalg.norm(unit)
-        return None if turned and reach > 1e-9 * self.chain.length else unit
+        ways = np.stack([unit, chord])
+        turned = (ways @ old < _TURNED * np.linalg.norm(old) * np.linalg.norm(ways, axis=1)).any()
+        return None if turned and np.linalg.norm(chord) > 1e-9 * self.chain.length else unit
 
     def event(
         self,

@@ -108,7 +108,7 @@ class GraphFollower(Follower):
                 found = self.smooth(theta, segment, t, v, reach, slack)
                 if found is None and load <= reach:  # beyond the end there may be no equilibrium, or too many
                     goal = self.high if v[-1] > 0.0 else self.low
-                    found = self.end_of_load(theta, segment, load * v[:-1], goal, slack, v)
+                    found = self.end_of_load(theta, segment, load * v[:-1], goal, slack, t, v)
             if found is not None:
                 return found
             length, slack = 0.5 * reach, 0.5 * slack
@@ -128,12 +128,12 @@ class GraphFollower(Follower):
         if met is not None and not self.not_before(met.part, part, new - theta):
             return None if met.bends else self.corner(theta, side, t, np.append(new - theta, new_t - t), met)
         if over:
-            return self.end_of_load(theta, side, part * (new - theta), goal, slack, v)
-        unit = self.onward(new, chain.here, new_t, v, reach)
+            return self.end_of_load(theta, side, part * (new - theta), goal, slack, t, v)
+        unit = self.onward(theta, t, v, new, chain.here, new_t)
         return None if unit is None else FollowedPoint(new, new_t, chain.here, unit, length=reach, easy=steps <= 4)
 
     def end_of_load(
-        self, theta: Array, side: Array, way: Array, goal: float, slack: float, v: Array | None = None
+        self, theta: Array, side: Array, way: Array, goal: float, slack: float, t: float, v: Array | None = None
     ) -> FollowedPoint | None:
         """The point near the end of a way at which the load is ``goal``; None where the path does not lead there.
 
@@ -144,7 +144,7 @@ class GraphFollower(Follower):
         ended = None if found is None else found[0]
         if ended is None or not _beside(ended - start, way, chain.length):
             ended = self.nearest_balanced(start, goal)
-        elif v is not None and self.onward(ended, chain.here, goal, v, float(np.abs(way).max())) is None:
+        elif v is not None and self.onward(theta, t, v, ended, chain.here, goal) is None:
             return None
         if ended is None or not _beside(ended - start, way, chain.length):
             return None
@@ -193,6 +193,8 @@ class GraphFollower(Follower):
             return None
         if not _beside(place - start, way[:-1], chain.length):
             return None  # it is where the path meets this corner elsewhere
+        if self.onward(theta, t, way, place, chain.side_of(met, np.zeros(met.point.size, dtype=bool)), load) is None:
+            return None
         passed = place - theta
         size = float(np.abs(passed).max())
         if size > 1e3 * BESIDE * chain.length:
@@ -201,7 +203,7 @@ class GraphFollower(Follower):
                 return self.corner(theta, side, t, np.append(passed, load - t), earlier)
         bound = self.high if way[-1] > 0.0 else self.low
         if way[-1] != 0.0 and self.not_before(1.0 + (load - bound) / float(way[-1]), 1.0, way[:-1]):
-            return self.end_of_load(theta, side, place - theta, bound, _CURVED)
+            return self.end_of_load(theta, side, place - theta, bound, _CURVED, t)
         return self.beyond(place, side, load, way, border, met)
 
     def beyond(
