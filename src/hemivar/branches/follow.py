@@ -155,7 +155,7 @@ def follow_path(
     MethodError
         A law falls at once, in space, coupled, beside a bound that depends on the solution, or in a nonlinear body.
     ProblemError
-        The range is empty, nothing grows, no equilibrium was found at the lower end, or a name of ``until`` is not known.
+        The range is empty, nothing grows, no equilibrium was found at its lower end, or ``until`` names nothing known.
     """
     options = PathOptions(load_factor, max_points, max_time, largest_step, until, load_names(constant))
     return result_of(following(problem, options, unloaded=unloaded, start=start, workspace=workspace))
