@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import hemivar as hv
 from hemivar import cli
 from hemivar.basics.generators import result_of
 from hemivar.branches import BracketOptions, LoadBracket, Reached, bracketing, load_bracket
+from hemivar.branches import bracket as brackets
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem import LoadLine
 from hemivar.laws import BenzeggaghKenane, BilinearCohesion, ContactLaw, MixedMode, ModeDependentGlue, SlipTable
@@ -64,6 +66,30 @@ def test_a_point_that_is_pulled_through_a_spring_carries_its_strength(softening:
     encloses(found, 2.4)
     opening = found.carried / 24.0
     np.testing.assert_allclose(found.solution.unknowns, [opening + found.carried / 12.0, opening], rtol=1e-6)
+    assert found.fold == pytest.approx(2.4, rel=1e-8)
+    assert str(found).endswith(f"{found.not_carried:.4g} is not carried: the path folds at 2.4")
+
+
+def test_where_no_fold_was_found_the_iteration_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A body too large for a path."""
+    monkeypatch.setattr(brackets, "affordable", lambda problem: False)
+    found = load_bracket(point(6.0, [[12.0, -12.0], [-12.0, 12.0]], [1.0, 0.0], [[0.0, -1.0]]))
+    assert found.fold is None
+    assert "the body ran away there" in str(found)
+    assert "the iteration failed there: stalled" in str(replace(found, ended=Status.STALLED))
+
+
+@pytest.mark.parametrize("ask", [load_bracket, hv.follow_path])
+def test_a_load_that_does_not_grow_is_refused(ask: Callable[..., object]) -> None:
+    supports = {"top": hv.Fixed(x=0.0, y=0.0)}
+    block = hv.ContactProblem(
+        mesh=PLANE, material=STIFF, contact={"bottom": hv.Contact(hv.Signorini())}, supports=supports
+    )
+    heavy = replace(block, body_force=(0.0, -1.0))
+    for problem, constant in ((block, []), (heavy, ["body"])):
+        with pytest.raises(ProblemError, match="nothing grows"):
+            ask(problem, constant=constant)
+    ask(heavy)
 
 
 @pytest.mark.parametrize(("softening", "opening"), [(6.0, 1.0 / 3.0), (36.0, 5.0 / 12.0)])

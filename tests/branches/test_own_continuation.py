@@ -131,3 +131,43 @@ def test_a_path_is_that_of_another_continuation(seed: int) -> None:
     np.testing.assert_allclose(turns(along[:, -1], 0.05), folds, atol=LENGTH)
     told = [fold.load_factor for fold in path.folds]
     assert all(any(abs(one - other) <= 1e-8 for other in told) for one in folds)
+
+
+def glued(seed: int) -> tuple[hv.DiscreteProblem, Graph, Array]:
+    """One to three points of glue in the plane and in space that let go at once, under a load of any direction."""
+    random = np.random.default_rng(seed)
+    points, c = int(random.integers(1, 4)), int(random.integers(2, 4))
+    n, root = points * c, random.normal(size=(points * c, points * c))
+    stiffness, load = root @ root.T + 0.3 * n * np.eye(n), random.normal(size=n)
+    load[::c] = -np.abs(load[::c])
+    law, graph, _ = mixed(random, c) if seed % 2 else mode_dependent(random)
+    weights = random.uniform(0.3, 1.0, points)
+    trace = sp.csr_array(np.eye(n))
+    problem = hv.DiscreteProblem.of_arrays(
+        sp.csr_array(stiffness), load, trace, weights, np.zeros(points), law.at(None)
+    )
+    return problem, graph, stiffness
+
+
+def forces(problem: hv.DiscreteProblem, graph: Graph, stiffness: Array, r: Array) -> Array:
+    """Of a body with glue at displacements (n,)."""
+    pairs = zip(problem.contact.weights, r.reshape(problem.contact.count, -1), strict=True)
+    return stiffness @ r - np.concatenate([weight * graph(one, np.zeros(one.size)) for weight, one in pairs])
+
+
+@pytest.mark.parametrize("seed", sampled(range(80), (28,)))
+def test_stretches_are_as_stable_as_the_forces_say(seed: int) -> None:
+    problem, graph, stiffness = glued(seed)
+    path = follow_path(problem, (0.0, 12.0))
+    assert path.ended is PathEnd.UPPER_END
+    points, told, own = path.local.reshape(len(path), -1), [], []
+    for r, t in zip(points, path.load_factor, strict=True):
+        assert np.abs(forces(problem, graph, stiffness, r) - t * problem.load).max() <= 1e-7
+    for one, other, stable in zip(points[:-1], points[1:], path.stable, strict=True):
+        ways, middle = 1e-6 * np.eye(one.size), 0.5 * (one + other)
+        columns = [forces(problem, graph, stiffness, middle + way) for way in (*ways, *-ways)]
+        rates = np.linalg.eigvals(np.stack(columns[: one.size]) - np.stack(columns[one.size :])).real / 2e-6
+        if np.abs(other - one).max() > 1e-5 and abs(rates.min()) > 1e-2 * np.abs(rates).max():
+            told.append(bool(stable))
+            own.append(bool(rates.min() > 0.0))
+    assert told == own

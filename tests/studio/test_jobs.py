@@ -102,6 +102,22 @@ def test_the_energy_over_a_slider_has_the_force_of_the_support_as_its_slope() ->
         assert slope[place - 1] == pytest.approx(solution.reactions["top"][1], rel=2e-2, abs=1e-3)
 
 
+def test_the_energy_over_a_slider_breaks_where_the_state_jumps() -> None:
+    """A block of stiffness 12 passes the peak 1.2 of its foundation, at .02, when it is pushed by .02 + 1.2/12."""
+    law = '"softening", stiffness = 60.0, limit = 0.02, softening = 16.0'
+    text = HELD.replace("0.3", "0.0").replace("[supports]", '[supports]\nleft = "roller"\nright = "roller"')
+    text = text.replace('"compliance", stiffness = 5.0', law)
+    key, low, high = "supports.top.displacement.1", -0.21, 0.0
+    found = one(answers(Bench(Path()), "energies", text, key=key, low=low, high=high), "energies").arrays
+    value, energy = (np.asarray(found[name], dtype=float) for name in ("value", "energy"))
+    assert len(value) == 42
+    (place,) = np.flatnonzero(np.isnan(energy))
+    assert value[place - 1] <= -0.12 <= value[place + 1]
+    np.testing.assert_allclose(energy[value < value[place]], 0.5 * 1.2 * 0.095, rtol=1e-6)  # what it has taken up
+    held = value[value > value[place]]
+    np.testing.assert_allclose(energy[value > value[place]], 0.5 * 10.0 * held**2, rtol=1e-6, atol=1e-12)
+
+
 def test_an_energy_is_asked_for_over_a_number_that_has_one() -> None:
     bench = Bench(Path())
     wrong = one(answers(bench, "energies", HELD, key="loads.body.7"), "error").head["message"]

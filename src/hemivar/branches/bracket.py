@@ -13,7 +13,8 @@ from hemivar.basics.deadline import Budget
 from hemivar.basics.display import brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
-from hemivar.errors import ProblemError
+from hemivar.branches.follow import PathOptions, following
+from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine
 from hemivar.fem.growing import growing
 from hemivar.fem.load_line import load_names
@@ -21,6 +22,7 @@ from hemivar.fem.posed import Posable
 from hemivar.linear.threads import one_thread
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.solvers.base import PosedSystem, State
+from hemivar.solvers.choice import affordable
 from hemivar.solvers.load_stepping import Climb, Reached
 from hemivar.solvers.solve import default_method
 from hemivar.solvers.status import STOPPED
@@ -30,6 +32,10 @@ __all__ = ["BracketOptions", "LoadBracket", "Reached", "bracketing", "load_brack
 
 #: Part of a load below which nothing of it counts as carried.
 _NOTHING = 1e-9
+#: Ends of a search that say what the body does, not how the iteration failed.
+_AWAY = (Status.UNBOUNDED, Status.NOT_CARRIED)
+#: Points of the path on which a fold is looked for, at most.
+_POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,9 @@ class LoadBracket:
         MAX_TIME, INTERRUPTED or OUT_OF_MEMORY the bracket may be wider.
     tried : int
         Load factors that were tried.
+    fold : float or None
+        The load factor at which the path of equilibria through ``solution`` turns back; None where no such fold was
+        found between the two ends of the bracket.
     """
 
     carried: float
@@ -89,6 +98,7 @@ class LoadBracket:
     upto: float
     ended: Status
     tried: int
+    fold: float | None = None
 
     __repr__ = brief
 
@@ -108,8 +118,11 @@ class LoadBracket:
             return f"carries the load up to the factor {self.upto:g}, the largest that was tried"
         found = f"equilibria up to the load factor {self.carried:.4g}"
         found = found if self.carried else "carries nothing" if self.complete else "no equilibrium under load yet"
+        if self.fold is not None:
+            return f"{found}, {self.not_carried:.4g} is not carried: the path folds at {self.fold:.4g}"
         none = "" if self.not_carried is None else f", no equilibrium found at {self.not_carried:.4g}"
-        how = "the search ended there" if self.complete else "the bracket is not closed"
+        how = "the iteration failed there" if self.complete else "the bracket is not closed"
+        how = "the body ran away there" if self.ended in _AWAY else how
         return f"{found}{none} ({how}: {self.ended.value})"
 
 
@@ -129,7 +142,8 @@ def load_bracket(
     works for every law and every body that :func:`hemivar.solve` treats, as :class:`hemivar.solvers.LoadStepping` does.
 
     That a load is *not carried* is a numerical finding, not a proof: the method found no equilibrium downhill from that
-    of a slightly smaller load.  A body that jumps to another equilibrium carries its load there.
+    of a slightly smaller load.  A short path from there tells whether the load turns back between the two: ``fold``.
+    Where it finds no fold the iteration has failed.  A body that jumps to another equilibrium carries its load there.
 
     Parameters
     ----------
@@ -195,11 +209,30 @@ def bracketing(
         Workspace.given(workspace),
         Budget(options.max_time),
     )
+    line.check_grows()
     found = yield from _within(line, options.upto, kept, budget, options, 0)
     while found.complete and found.wide:  # steps that are parts of a smaller load are small enough
         assert found.not_carried is not None
         found = yield from _within(line, found.not_carried, kept, budget, options, found.tried)
-    return found
+    try:
+        return replace(found, fold=_fold(line, found, kept, budget))
+    except KeyboardInterrupt:
+        return replace(found, ended=Status.INTERRUPTED)
+
+
+def _fold(line: LoadLine, found: LoadBracket, kept: Workspace, budget: Budget) -> float | None:
+    """Where the load turns back within a bracket that is closed; None where that was not found."""
+    low, high = found.carried, found.not_carried
+    if not found.complete or high is None or not low or not affordable(line.loaded):
+        return None
+    short = PathOptions((low, high), max_points=_POINTS, max_time=budget.left)
+    try:
+        path = result_of(following(line.loaded, short, unloaded=line.unloaded, start=found.solution, workspace=kept))
+    except (MethodError, ProblemError):  # a law that falls at once in space, for instance
+        return None
+    if path.interrupted:
+        raise KeyboardInterrupt
+    return next((fold.load_factor for fold in path.folds if fold.load_factor > low), None)
 
 
 def _within(

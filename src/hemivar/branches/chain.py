@@ -192,6 +192,9 @@ class Chain(Segments, Curves):
         rate = self.pick(self.direction, segment) / self.tau
         return np.asarray(origin + np.where(kink, (lam - value) / rate, r - value))
 
+    def between(self, segment: IntArray) -> IntArray:
+        return segment
+
     def nearest(self, r: Array, lam: Array) -> tuple[Array, IntArray]:
         """theta and segment of the point of each curve nearest to ``(r, lam)``, both (m, d)."""
         r, lam = r[self.point, self.column], lam[self.point, self.column]

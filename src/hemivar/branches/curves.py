@@ -58,6 +58,10 @@ class Curves(ABC):
         """Whether each theta lies on its segment."""
 
     @abstractmethod
+    def between(self, segment: AnyArray) -> AnyArray:
+        """What tells the pieces of places on the way from one with this segment to the next."""
+
+    @abstractmethod
     def nearest(self, r: Array, lam: Array) -> tuple[Array, AnyArray]:
         """The place nearest to ``(r, lam)``, both (m, d)."""
 

@@ -155,7 +155,7 @@ def follow_path(
     MethodError
         A law falls at once, in space, coupled, beside a bound that depends on the solution, or in a nonlinear body.
     ProblemError
-        The range is empty, no equilibrium was found at its lower end, or a name of ``until`` is not known.
+        The range is empty, nothing grows, no equilibrium was found at its lower end, or ``until`` names nothing known.
 
     Examples
     --------
@@ -201,7 +201,7 @@ def following(
     MethodError
         A law falls at once, in space, coupled, beside a bound that depends on the solution, or in a nonlinear body.
     ProblemError
-        There is no contact point that can move, or no equilibrium from which to start within the time.
+        Nothing grows, no contact point can move, or there is no equilibrium from which to start within the time.
     """
     line = growing(problem, "follow_path", options.constant)
     problem = line.loaded
@@ -213,6 +213,7 @@ def following(
         if options.constant:
             raise ProblemError("give either unloaded= or constant=: both say what the load factor 0 is")
         line = LoadLine(problem, unloaded)
+    line.check_grows()
     kept = Workspace.given(workspace)
     low, high = options.load_factor
     if problem.contact_points == 0:

@@ -98,6 +98,9 @@ class Track:
 #: Part of a distance by which two changes may differ and be one; changes of stability that a step is searched for.
 _SAME, _CHANGES = 1e-6, 8
 
+#: Cosine of the angle by which a path turns in one step at most.
+_TURNED = 0.95
+
 #: Load that hardly changes, beside the motion, and how many times longer steps may then be, beside that as well.
 _STILL, _ON_THE_SPOT = 1e-3, 20.0
 
@@ -182,11 +185,12 @@ class Follower:
             if isinstance(new, PathEnd):
                 track.ended = new
                 break
-            reached = self.reached(theta, segment, t, tangent, new)
-            new = reached or new
-            cuts = self.cuts(theta, segment, t, tangent, new) if curved else self.whole(theta, segment, t, new)
-            for cut in cuts:
-                track.stretches.append(Stretch(segment, cut.negative, curved))
+            made = _Step(self, theta, segment, t, tangent, new)
+            reached = self.reached(made)
+            if reached is not None:
+                new, made = reached, replace(made, new=reached)
+            for cut in self.cuts(made) if curved else self.whole(made):
+                track.stretches.append(Stretch(made.inner, cut.negative, curved))
                 track.points.append(cut.point)
                 turn = -turn if cut.point.fold else turn
             theta, t = new.theta, new.t
@@ -209,31 +213,26 @@ class Follower:
         """Whether the load hardly changes: the body slides on."""
         return abs(float(tangent[-1])) * self.load_unit < _STILL * float(np.abs(tangent[:-1]).max())
 
-    def reached(self, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint) -> FollowedPoint | None:
+    def reached(self, step: _Step) -> FollowedPoint | None:
         """The first point of a step at which a quantity of ``until`` is zero, if there is one."""
-        found = [self.zero_of(quantity, theta, segment, t, v, new) for quantity in self.until]
+        found = [self.zero_of(quantity, step) for quantity in self.until]
         return min((point for point in found if point is not None), key=lambda point: point.length, default=None)
 
-    def zero_of(
-        self, quantity: Quantity, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint
-    ) -> FollowedPoint | None:
+    def zero_of(self, quantity: Quantity, step: _Step) -> FollowedPoint | None:
         """The point of a step at which a quantity is zero; None where it keeps its sign."""
-        ends = [quantity(*self.chain.local(place, segment)) for place in (theta, new.theta)]
+        chain, new, inner, far = self.chain, step.new, step.inner, step.length
+        ends = [quantity(*chain.local(place, step.segment)) for place in (step.theta, new.theta)]
         if ends[0] == 0.0 or ends[0] * ends[1] > 0.0:
             return None
-        border = np.append(v[:-1], v[-1] * self.load_unit)
-        border /= np.linalg.norm(border)
-        far = float(np.append(new.theta - theta, (new.t - t) * self.load_unit) @ border)
 
         def place(length: float) -> tuple[Array, float]:
-            found = self.arc(theta, segment, t, v, length)
-            return (new.theta, new.t) if found is None else found[:2]
+            return step.at(length) or (new.theta, new.t)
 
         def value(length: float) -> float:
-            return quantity(*self.chain.local(place(length)[0], segment))
+            return quantity(*chain.local(place(length)[0], inner))
 
         length = far if ends[1] == 0.0 or value(0.0) * value(far) >= 0.0 else brentq(value, 0.0, far, xtol=1e-15 * far)
-        return FollowedPoint(*place(length), segment, border, length=length)
+        return FollowedPoint(*place(length), inner, step.border, length=length)
 
     def advance(
         self, theta: Array, segment: AnyArray, t: float, v: Array, length: float
@@ -347,22 +346,32 @@ class Follower:
             outside &= np.where(v[:-1] > 0.0, new > high - slack, new < low + slack) | (new > high) | (new < low)
             over = not self.low < new_t < self.high
             if not outside.any() and not over:
-                border = np.append(v[:-1], v[-1] * self.load_unit)
-                tangent = self.tangent(new, segment, new_t, border)
-                if tangent is None:
-                    length = 0.5 * reach
-                    continue
-                unit = np.append(tangent[:-1], tangent[-1] * self.load_unit)
-                old = border / np.linalg.norm(border)
-                if unit @ old < 0.95 and reach > 1e-9 * chain.length:
-                    length = 0.5 * reach
-                    continue
-                return FollowedPoint(new, new_t, segment, unit, length=reach, easy=steps <= 4)
+                unit = self.onward(theta, t, v, new, segment, new_t)
+                if unit is not None:
+                    return FollowedPoint(new, new_t, segment, unit, length=reach, easy=steps <= 4)
+                length = 0.5 * reach
+                continue
             event = self.event(theta, t, new, new_t, segment, low, high, outside, over)
             if event is not None:
                 return event
             length = 0.5 * reach
         return PathEnd.NOT_CORRECTED
+
+    def onward(self, theta: Array, t: float, v: Array, new: Array, segment: AnyArray, new_t: float) -> Array | None:
+        """The tangent (n + 1,) at the end of a step along v, the load as a length; None where the path turns too far.
+
+        Neither the tangent nor the chord may: a step that leads elsewhere would leave out what lies between.
+        """
+        old, chord = (
+            np.append(way, part * self.load_unit) for way, part in ((v[:-1], v[-1]), (new - theta, new_t - t))
+        )
+        tangent = self.tangent(new, segment, new_t, old)
+        if tangent is None:
+            return None
+        unit = np.append(tangent[:-1], tangent[-1] * self.load_unit)
+        ways = np.stack([unit, chord])
+        turned = (ways @ old < _TURNED * np.linalg.norm(old) * np.linalg.norm(ways, axis=1)).any()
+        return None if turned and np.linalg.norm(chord) > 1e-9 * self.chain.length else unit
 
     def event(
         self,
@@ -458,28 +467,28 @@ class Follower:
         except np.linalg.LinAlgError:
             return None
 
-    def whole(self, theta: Array, segment: AnyArray, t: float, new: FollowedPoint) -> list[_Cut]:
+    def whole(self, step: _Step) -> list[_Cut]:
         """A straight step: the Hessian is the same all along."""
-        return [_Cut(np.inf, new.on_track, self.negative(0.5 * (theta + new.theta), segment, 0.5 * (t + new.t)))]
+        return [_Cut(np.inf, step.new.on_track, self.negative(*step.middle))]
 
-    def cuts(self, theta: Array, segment: AnyArray, t: float, v: Array, new: FollowedPoint) -> list[_Cut]:
+    def cuts(self, step: _Step) -> list[_Cut]:
         """A curved step, cut where the load turns and where directions in which the energy falls come or go."""
-        fold = self.change(theta, segment, t, v, new, self.rising)
-        count, after = (self.negative(point, segment, load) for point, load in _within(theta, t, new))
+        fold = self.change(step, self.rising)
+        count, after = (self.negative(*end) for end in step.ends)
         inner = [] if fold is None else [_Cut(fold[0], TrackPoint(fold[2], fold[1], fold=True))]
         counts = [(0.0, count)]
         while counts[-1][1] != after and len(counts) <= _CHANGES:
-            place = self.change(theta, segment, t, v, new, self.same_count(counts[-1][1]), counts[-1][0])
-            beyond = None if place is None else self.arc(theta, segment, t, v, place[0] * (1.0 + _SAME))
+            place = self.change(step, self.same_count(counts[-1][1]), counts[-1][0])
+            beyond = None if place is None else step.at(place[0] * (1.0 + _SAME))
             if place is None or beyond is None:
                 break
-            counts.append((place[0], self.negative(beyond[0], segment, beyond[1])))
+            counts.append((place[0], self.negative(beyond[0], step.inner, beyond[1])))
             if fold is None or abs(place[0] - fold[0]) > _SAME * max(place[0], fold[0]):
                 inner.append(_Cut(place[0], TrackPoint(place[2], place[1])))
         last = after if inner else max(count, after)
         steps = sorted(inner, key=lambda cut: cut.length)
         known = [replace(cut, negative=_count_before(counts, cut.length)) for cut in steps]
-        return [*known, _Cut(np.inf, new.on_track, last)]
+        return [*known, _Cut(np.inf, step.new.on_track, last)]
 
     def rising(self, theta: Array, segment: AnyArray, t: float, border: Array) -> float:
         """The rate of the load along the path, nan where it has no tangent."""
@@ -490,36 +499,25 @@ class Follower:
         """1 where the energy falls in so many directions, else -1."""
         return lambda theta, segment, t, border: 1.0 if self.negative(theta, segment, t) == count else -1.0
 
-    def change(
-        self,
-        theta: Array,
-        segment: AnyArray,
-        t: float,
-        v: Array,
-        new: FollowedPoint,
-        measure: Measure,
-        begin: float = 0.0,
-    ) -> tuple[float, Array, float] | None:
+    def change(self, step: _Step, measure: Measure, begin: float = 0.0) -> tuple[float, Array, float] | None:
         """Where a measure changes its sign between two points of a curved path: distance, point, load.
 
         Beyond the distance ``begin`` it is positive, if that is not 0.
         """
-        border = np.append(v[:-1], v[-1] * self.load_unit)
-        far = float(np.append(new.theta - theta, (new.t - t) * self.load_unit) @ border / np.linalg.norm(border))
-        a, b = begin, far
-        (first, low), (last, high) = _within(theta, t, new)
-        fa, fb = 1.0 if begin else measure(first, segment, low, border), measure(last, segment, high, border)
+        a, b = begin, step.length
+        first, last = step.ends
+        fa, fb = 1.0 if begin else measure(*first, step.border), measure(*last, step.border)
         if not fa * fb < 0.0:
             return None
         place: tuple[float, Array, float] | None = None
         for k in range(100):
             length = (a * fb - b * fa) / (fb - fa) if k % 3 < 2 else 0.5 * (a + b)
-            found = self.arc(theta, segment, t, v, length)
+            found = step.at(length)
             if found is None:
                 break
-            place = length, found[0], found[1]
-            f = measure(found[0], segment, found[1], border)
-            if not abs(f) > 0.0 or abs(b - a) <= 1e-13 * abs(far):
+            place = length, *found
+            f = measure(found[0], step.inner, found[1], step.border)
+            if not abs(f) > 0.0 or abs(b - a) <= 1e-13 * abs(step.length):
                 break
             if f * fa > 0.0:
                 a, fa = length, f
@@ -548,6 +546,63 @@ class FollowedPoint:
         """It as a point of the path."""
         return TrackPoint(self.t, self.theta, self.event)
 
+    @property
+    def reached_on(self) -> AnyArray:
+        """The segments on which the step comes to it."""
+        return self.segment if self.event is None else self.event.segment
+
+
+#: A place with its segments and its load.
+_Place: TypeAlias = tuple[Array, AnyArray, float]
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A step of the path: where it begins, the tangent there, and where it ends."""
+
+    follower: Follower
+    theta: Array
+    segment: AnyArray
+    t: float
+    v: Array
+    new: FollowedPoint
+
+    @cached_property
+    def border(self) -> Array:
+        """The unit tangent (n + 1,), the load as a length."""
+        unit = np.append(self.v[:-1], self.v[-1] * self.follower.load_unit)
+        return np.asarray(unit / np.linalg.norm(unit))
+
+    @cached_property
+    def length(self) -> float:
+        """How far the end lies along the tangent."""
+        onward = np.append(self.new.theta - self.theta, (self.new.t - self.t) * self.follower.load_unit)
+        return float(onward @ self.border)
+
+    @cached_property
+    def inner(self) -> AnyArray:
+        """The segments of what lies between its ends."""
+        return self.follower.chain.between(self.segment)
+
+    @property
+    def middle(self) -> _Place:
+        """The middle of the chord."""
+        return 0.5 * (self.theta + self.new.theta), self.inner, 0.5 * (self.t + self.new.t)
+
+    @cached_property
+    def ends(self) -> tuple[_Place, _Place]:
+        """Two points of the chord a little within its ends, on the segments that the step has there."""
+        little, part = 1e-6 * (self.new.theta - self.theta), 1e-6 * (self.new.t - self.t)
+        first = self.theta + little, self.segment, self.t + part
+        return first, (self.new.theta - little, self.new.reached_on, self.new.t - part)
+
+    def at(self, length: float) -> tuple[Array, float] | None:
+        """The point of the path at a distance along the tangent; it is sought near the chord, for the path may turn."""
+        part = length / self.length
+        theta = self.theta + part * (self.new.theta - self.theta)
+        found = self.follower.newton(theta, self.t + part * (self.new.t - self.t), self.border, self.inner, steps=11)
+        return None if found is None else found[:2]
+
 
 @dataclass(frozen=True, eq=False)
 class _Cut:
@@ -574,12 +629,6 @@ def _onto(theta: Array, t: float, border: Array, goal: float) -> tuple[Array, fl
     else:
         theta += border[:-1] * ((goal - float(border[:-1] @ theta)) / float(border[:-1] @ border[:-1]))
     return theta, t
-
-
-def _within(theta: Array, t: float, new: FollowedPoint) -> tuple[tuple[Array, float], tuple[Array, float]]:
-    """Two points of a chord a little within its ends, where other segments may begin, and their loads."""
-    little, part = 1e-6 * (new.theta - theta), 1e-6 * (new.t - t)
-    return (theta + little, t + part), (new.theta - little, new.t - part)
 
 
 def trace(

@@ -188,6 +188,9 @@ class GraphChart(Curves):
     def inside(self, theta: Array, side: Array, tolerance: float) -> BoolArray:
         return np.ones(theta.size, dtype=bool)
 
+    def between(self, segment: Array) -> Array:
+        return self.here
+
     def covers(self, theta: Array) -> bool:
         """Whether a place is on one chart: a is enough for the law there, whose bound may depend on the state."""
         if not self.law.state_dependent or self.law.depends_on_whole_state:

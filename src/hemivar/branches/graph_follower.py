@@ -92,7 +92,7 @@ class GraphFollower(Follower):
         if corner is None or self.not_before(corner.part * reach, load, v[:-1]):
             goal = self.high if v[-1] > 0.0 else self.low
             found = self.solve(theta + load * v[:-1], chain.here, goal, self.load_border, goal)
-            return PathEnd.NOT_CORRECTED if found is None else self.at_load(*found, side)
+            return PathEnd.NOT_CORRECTED if found is None else self.at_load(*found, chain.here)
         return None if corner.bends else self.corner(theta, side, t, reach * v, corner)
 
     def curved_step(self, theta: Array, segment: Array, t: float, v: Array, length: float) -> FollowedPoint | PathEnd:
@@ -108,7 +108,7 @@ class GraphFollower(Follower):
                 found = self.smooth(theta, segment, t, v, reach, slack)
                 if found is None and load <= reach:  # beyond the end there may be no equilibrium, or too many
                     goal = self.high if v[-1] > 0.0 else self.low
-                    found = self.end_of_load(theta, segment, load * v[:-1], goal, slack)
+                    found = self.end_of_load(theta, segment, load * v[:-1], goal, slack, t, v)
             if found is not None:
                 return found
             length, slack = 0.5 * reach, 0.5 * slack
@@ -128,29 +128,31 @@ class GraphFollower(Follower):
         if met is not None and not self.not_before(met.part, part, new - theta):
             return None if met.bends else self.corner(theta, side, t, np.append(new - theta, new_t - t), met)
         if over:
-            return self.end_of_load(theta, side, part * (new - theta), goal, slack)
-        old = np.append(v[:-1], v[-1] * self.load_unit)
-        tangent = self.tangent(new, chain.here, new_t, old)
-        if tangent is None:
-            return None
-        unit = np.append(tangent[:-1], tangent[-1] * self.load_unit)
-        if unit @ old < 0.95 * np.linalg.norm(old) * np.linalg.norm(unit) and reach > 1e-9 * chain.length:
-            return None
-        return FollowedPoint(new, new_t, chain.here, unit, length=reach, easy=steps <= 4)
+            return self.end_of_load(theta, side, part * (new - theta), goal, slack, t, v)
+        unit = self.onward(theta, t, v, new, chain.here, new_t)
+        return None if unit is None else FollowedPoint(new, new_t, chain.here, unit, length=reach, easy=steps <= 4)
 
-    def end_of_load(self, theta: Array, side: Array, way: Array, goal: float, slack: float) -> FollowedPoint | None:
-        """The point near the end of a way at which the load is ``goal``; None where the path does not lead there."""
+    def end_of_load(
+        self, theta: Array, side: Array, way: Array, goal: float, slack: float, t: float, v: Array | None = None
+    ) -> FollowedPoint | None:
+        """The point near the end of a way at which the load is ``goal``; None where the path does not lead there.
+
+        A path along the tangent v does not turn on the way; where the load leaves the body free there is no tangent.
+        """
         chain, start = self.chain, theta + way
         found = self.solve(start, chain.here, goal, self.load_border, goal)
         ended = None if found is None else found[0]
         if ended is None or not _beside(ended - start, way, chain.length):
             ended = self.nearest_balanced(start, goal)
+        elif v is not None and self.onward(theta, t, v, ended, chain.here, goal) is None:
+            return None
         if ended is None or not _beside(ended - start, way, chain.length):
             return None
         met = chain.leaves(theta, side, ended - theta, 2.0 * slack)
         if met is not None and not self.not_before(met.part, 1.0, ended - theta):
             return None
-        return self.at_load(ended, goal, side)
+        back = min(BESIDE * chain.length / max(float(np.abs(ended - theta).max()), 1e-300), 0.5)
+        return self.at_load(ended, goal, back * (theta - ended))  # a corner may lie there
 
     def nearest_balanced(self, theta: Array, t: float) -> Array | None:
         """The equilibrium nearest to a place, where a load leaves the body free: glue has just broken everywhere."""
@@ -191,6 +193,8 @@ class GraphFollower(Follower):
             return None
         if not _beside(place - start, way[:-1], chain.length):
             return None  # it is where the path meets this corner elsewhere
+        if self.onward(theta, t, way, place, chain.side_of(met, np.zeros(met.point.size, dtype=bool)), load) is None:
+            return None
         passed = place - theta
         size = float(np.abs(passed).max())
         if size > 1e3 * BESIDE * chain.length:
@@ -199,7 +203,7 @@ class GraphFollower(Follower):
                 return self.corner(theta, side, t, np.append(passed, load - t), earlier)
         bound = self.high if way[-1] > 0.0 else self.low
         if way[-1] != 0.0 and self.not_before(1.0 + (load - bound) / float(way[-1]), 1.0, way[:-1]):
-            return self.end_of_load(theta, side, place - theta, bound, _CURVED)
+            return self.end_of_load(theta, side, place - theta, bound, _CURVED, t)
         return self.beyond(place, side, load, way, border, met)
 
     def beyond(
@@ -210,9 +214,9 @@ class GraphFollower(Follower):
         together = chain.passing(place, way[:-1])
         if not np.isin(met.point[0], together.point):
             together = met
-        event = PathEvent(border, side)
-        normals = chain.normals_of(together)
         every = np.ones(together.point.size, dtype=bool)
+        event = PathEvent(border, chain.side_of(together, ~every))
+        normals = chain.normals_of(together)
         if every.size == 1:
             return FollowedPoint(place, t, chain.side_of(together, every), np.append(normals[0], 0.0), event)
         for chosen in _choices(every.size):

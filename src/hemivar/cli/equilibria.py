@@ -271,6 +271,7 @@ class BracketCommand(OnProblem):
             "upto": found.upto,
             "carried": found.carried,
             "not_carried": found.not_carried,
+            "fold": found.fold,
             "ended": found.ended.value,
             "tried": found.tried,
             "solution": solution_record(found.solution),

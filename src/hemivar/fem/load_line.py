@@ -92,6 +92,28 @@ class LoadLine:
         grown = discretize(_with_loads(stated, _loads(stated) - set(constant)), check_coercivity=False)
         return cls(problem, rest, _stored(problem) - _stored(rest) - _stored(grown))
 
+    def check_grows(self) -> None:
+        """Refuse a line along which nothing changes.
+
+        Raises
+        ------
+        ProblemError
+            There is no load, and no prescribed displacement, that grows.
+        """
+        loaded, zero = self.loaded, self.unloaded
+        if zero is None:
+            changes = bool(loaded.load.any())
+        else:
+            pairs = [(loaded.load, zero.load), (loaded.offset, zero.offset)]
+            if loaded.field is not None and zero.field is not None:
+                pairs.append((loaded.field.prescribed, zero.field.prescribed))
+            changes = not all(np.array_equal(one, other) for one, other in pairs)
+        if not changes:
+            raise ProblemError(
+                "nothing grows with the load factor: no load is left beside the constant ones, and no displacement is "
+                "prescribed; add one, or solve once"
+            )
+
     def at(self, factor: float) -> DiscreteProblem:
         """The problem at load factor ``factor``; matrices are shared.
 

@@ -21,10 +21,7 @@ from hemivar.solvers.status import Status
 __all__ = ["LOWER", "best_of", "others", "took_over"]
 
 #: What is said of a state downhill from rest beside which there is one of less energy.
-LOWER = (
-    "a state with lower energy exists, in which more of the foundation has debonded; this one was found from the "
-    "unloaded state"
-)
+LOWER = "a state with lower energy exists, across a barrier; this one was found downhill from the unloaded state"
 
 #: Part of the way that a fixed point moves where it did not contract.
 _RELAXED = 0.3

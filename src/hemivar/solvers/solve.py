@@ -178,7 +178,7 @@ def solving(
 
 
 def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
-    """The method where none was asked for; what breaks is followed downhill from rest, as a load that grows does.
+    """The method where none was asked for; where a force can fall, downhill from rest, as a load that grows goes.
 
     ``workspace``: one that condenses the problem already makes a condensing method cheap.
     """
@@ -187,20 +187,16 @@ def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
         chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, condensed already"
     logging.getLogger("hemivar").info("%s", reason)
     solver = _for_body(suited(chosen, problem), problem)
-    if problem.limit is None and not _breaks(problem):
+    if problem.limit is None and not _falls(problem):
         return solver
     careful = solver.downhill()
     follows = problem.limit is None and problem.law.follows_state
     return _for_body(SemismoothNewton(careful), problem) if follows and isinstance(careful, FixedPoint) else careful
 
 
-def _breaks(problem: DiscreteProblem) -> bool:
-    """Whether the foundation holds something that lets go: glue, or a law whose force falls at once."""
-    if not problem.contact_points:
-        return False
-    law, rest = problem.law, -problem.offset
-    jumps = any(bool(np.isposinf(alpha).any()) for alpha in law.frozen_at(rest).weak_convexity)
-    return jumps or bool(law.debonding(rest))
+def _falls(problem: DiscreteProblem) -> bool:
+    """Whether a force of the foundation can fall while the body moves on, so that there may be several solutions."""
+    return problem.contact_points > 0 and problem.law.softens
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,9 +246,9 @@ class _Task:
         return () if asked or counted else others(solver, first.status, self.problem)
 
     def below(self, solver: Solver, found: Solution) -> bool:
-        """Whether a contact point alone would find less energy across a barrier, where what breaks holds the body."""
+        """Whether a contact point alone would find less energy across a barrier, where a force can fall."""
         problem = self.problem
-        if found.status is not Status.CONVERGED or problem.limit is not None or not _breaks(problem):
+        if found.status is not Status.CONVERGED or problem.limit is not None or not _falls(problem):
             return False
         system = solver.prepare(problem, self.workspace)
         if not isinstance(system, CondensedProblem | Body):

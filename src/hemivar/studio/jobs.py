@@ -26,6 +26,7 @@ from hemivar.files.toml import printable
 from hemivar.mesh import Assembly, Grid, Mesh, MeshRecipe
 from hemivar.solvers import Controls, Solution, Solver, Status, method_named, solve
 from hemivar.solvers.contact_states import contact_states
+from hemivar.solvers.one_branch import on_one_branch
 from hemivar.studio.badges import Badge, badge_in_time, badge_of
 from hemivar.studio.binary_message import Message
 from hemivar.studio.body_picture import BodyShape, fields_of
@@ -314,25 +315,31 @@ class Bench:
         values = np.linspace(request.low, request.high, _VALUES)
         if isinstance(number.value, int):
             values = np.unique(np.round(values))
-        energies = np.full(len(values), np.nan)
+        points: list[tuple[float, float]] = []
+        last: Solution | None = None
         for place, value in enumerate(values.tolist()):
             if stopped():
                 return
+            before, last = last, None
             written = replaced(request.text, number, round(value) if isinstance(number.value, int) else value)
             try:
                 problem = self._discrete(self._read(replace(request, text=written)))
             except ProblemError:
-                continue  # no problem at this value
+                points.append((value, np.nan))  # no problem at this value
+                continue
             if problem.law.state_dependent:
                 raise ProblemError("Coulomb friction has no energy; choose Tresca friction to draw one")
             solution = solve(problem, _method(stated), _controls(stated, stopped), workspace=self.workspace)
-            if solution.status is Status.CONVERGED:
-                energies[place] = solution.energy
+            last = solution if solution.status is Status.CONVERGED else None
+            if before and last and not on_one_branch(before, last, self.workspace, _controls(stated, stopped)):
+                points.append((0.5 * (points[-1][0] + value), np.nan))  # the state jumps, and the curve breaks
+            points.append((value, solution.energy if last else np.nan))
             yield _progress(request, (place + 1) / len(values), f"{place + 1} of {len(values)} values")
+        drawn, energies = np.array(points).T
         if not np.isfinite(energies).any():
             raise ProblemError("no value of this slider has a solution; choose another one")
         head = {"type": "energies", "generation": request.generation, "key": request.key}
-        yield Message(head, {"value": values, "energy": energies})
+        yield Message(head, {"value": drawn, "energy": energies})
 
     def _at(self, request: Request, found: EquilibriumPath, index: int) -> Message:
         """The body at a point of a path."""
