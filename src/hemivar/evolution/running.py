@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar.basics.deadline import check_time
+from hemivar.basics.deadline import OutOfTime, check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -336,7 +336,10 @@ class TimeLoop:
         if not self.yields:
             return moment
         now = self.stepper.data_from(moment).at(moment.time)
-        taken = self._yielded(moment, self.step_size.step, now, now)
+        try:
+            taken = self._yielded(moment, self.step_size.step, now, now)
+        except OutOfTime:  # the march ends at its first step
+            return moment
         if taken is None:
             return moment
         stated, found = moment.body.displacement, taken.moment.body.displacement
