@@ -241,28 +241,33 @@ def _node_sets(found: meshio.Mesh | CellGrid) -> Iterator[tuple[str, IntArray]]:
 # ---- what meshio says ----------------------------------------------------------------------------------------------
 
 
-class _ByLine:
-    """A stream that tells readers of lines which go on beyond its end."""
+class _Ended:
+    """A stream that stops readers who go on beyond its end."""
 
     past = 0
 
     def readline(self, *size: int) -> str | bytes:
-        line: str | bytes = super().readline(*size)  # type: ignore[misc]
-        self.past = 0 if line else self.past + 1
+        return self._some(super().readline(*size))  # type: ignore[misc]
+
+    def read(self, *size: int) -> str | bytes:
+        return self._some(super().read(*size))  # type: ignore[misc]
+
+    def _some(self, found: str | bytes) -> str | bytes:
+        self.past = 0 if found else self.past + 1
         if self.past > _PAST_THE_END:
             raise EOFError
-        return line
+        return found
 
 
-class _Text(_ByLine, io.TextIOWrapper):  # type: ignore[misc]
+class _Text(_Ended, io.TextIOWrapper):  # type: ignore[misc]
     """Of text."""
 
 
-class _Bytes(_ByLine, io.BufferedReader):  # type: ignore[misc]
+class _Bytes(_Ended, io.BufferedReader):  # type: ignore[misc]
     """Of bytes."""
 
 
-#: Formats that are read line by line; some readers would wait for ever for a line that was cut off.
+#: Formats whose readers take a stream; some would wait for ever for what was cut off.
 _TEXTS, _BYTES, _PAST_THE_END = ("tecplot", "permas", "obj", "off"), ("mdpa", "ply", "ansys"), 100
 
 
