@@ -5,11 +5,14 @@ from __future__ import annotations
 import importlib
 import json
 import pkgutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.samples import slow
 
 #: What takes long to load, by command: none of these may be loaded.
 _TIME = ("hemivar.evolution", "hemivar.branches", "hemivar.identification", "hemivar.gallery", "hemivar.adapt")
@@ -64,3 +67,40 @@ def test_what_lists_the_modules_of_the_package_finds_modules_only() -> None:
     kernels = importlib.import_module("hemivar.kernels")
     names = {module.name for module in pkgutil.iter_modules(kernels.__path__)}
     assert names == {path.stem for path in Path(kernels.__path__[0]).glob("*.py")} - {"__init__"}
+
+
+#: Ctrl-C when a module is looked for; extensions in C make another error of it.
+_PRESSED = """
+import os, signal, sys, time
+handlers = lambda: [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+before = handlers()
+import hemivar.cli
+assert handlers() == before
+module, number, sys.argv[1:] = sys.argv[1], int(sys.argv[2]), sys.argv[3:]
+
+class Pressed:
+    def find_spec(self, name, *_):
+        if name == module:
+            try:
+                os.kill(os.getpid(), number)
+                time.sleep(5)
+            except KeyboardInterrupt:
+                raise ImportError("it failed to import") from None
+
+sys.meta_path.insert(0, Pressed())
+sys.exit(hemivar.cli.main())
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "number"),
+    [("typer", signal.SIGINT), ("skfem", signal.SIGTERM), slow("typer", signal.SIGHUP), slow("skfem", signal.SIGINT)],
+)
+def test_an_interruption_while_modules_load_is_one_line(module: str, number: signal.Signals, tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-m", "hemivar", "new", "a.toml"], cwd=tmp_path, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", _PRESSED, module, str(int(number)), "solve", "a.toml"],
+        cwd=tmp_path, capture_output=True, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (130, "hemivar: interrupted\n")

@@ -20,6 +20,7 @@ import typer.main
 import hemivar as hv
 from hemivar import cli
 from hemivar.basics import disk
+from hemivar.cli.app import app
 from hemivar.errors import FileError
 from hemivar.files.problem_file import read_problem_file
 from hemivar.files.sample import TEMPLATES, template
@@ -41,12 +42,12 @@ def block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_every_command_with_a_problem_file_takes_values() -> None:
     parameters = {
         command.name: inspect.signature(command.callback).parameters
-        for command in cli.app.registered_commands
+        for command in app.registered_commands
         if command.callback is not None
     }
     stating = [name for name, own in parameters.items() if "problem" in own and name != "studio"]  # it has sliders
     assert sorted(map(str, stating)) == sorted(COMMANDS)
-    commands = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     for name in stating:
         assert any("--set" in one.opts for one in commands[name].params), name
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics import deadline
 from hemivar.basics.types import Array
+from hemivar.errors import MethodError
 from tests import bodies
 
 
@@ -43,3 +45,18 @@ def test_a_long_step_is_left_in_the_middle(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_limit_of_one_solve_is_not_that_of_the_march() -> None:
     history = hv.march(falling(), until=1.0, step=0.5, controls=hv.Controls(max_time=1e-9))
     assert history.ended != "max_time" or history.messages
+
+
+def test_the_limit_holds_in_laws_that_are_made_of_many() -> None:
+    """Wear, glue and creep one after the other, several times: the law of a step is nested that deep."""
+    memory = (hv.laws.Wear(1e-3), hv.laws.Secant(), hv.laws.ViscousFoundation(50.0)) * 5
+    contact = hv.Contact(hv.laws.Compliance(400.0, 1.5), memory=hv.laws.MemoryChain(memory))
+    material = hv.Material.lame(400.0, 400.0, viscosity=(0.2, 0.2))
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1), material=material, supports={"top": "clamped"}, contact={"bottom": contact}
+    )
+    evolution, spent = hv.Evolution(problem), -time.process_time()
+    assert hv.march(evolution, until=0.1, step=0.02, max_time=0.1).ended == "max_time"
+    assert spent + time.process_time() < 2.0
+    with pytest.raises(MethodError, match="was over before the state at the start was known; give more time"):
+        hv.march(evolution, until=0.1, step=0.02, max_time=1e-9)

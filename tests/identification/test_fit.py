@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-import re
-import time
+import itertools
 from collections.abc import Mapping
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.basics import deadline
 from hemivar.errors import ProblemError
 from hemivar.identification import Fit, FitOptions, Measurements, Parameter
+from hemivar.solvers import Progress
+from tests import bodies
 from tests.samples import sampled, slow
 
 from .experiments import BILINEAR, CASES, EXPONENTIAL, FORCE, TRILINEAR, Case
+
+#: What a fit says where its time limit ended it.
+LIMITS = (
+    "was over before the rows of the curve were stated",
+    "ended the fit in start 1 of 2, before the body was solved",
+    "others may fit better",
+    "left none for certificates",
+)
 
 
 def _fit(case: Case, measured: Measurements, **options: float) -> Fit:
@@ -107,25 +118,54 @@ def test_a_positive_parameter_has_no_interval_below_zero() -> None:
     assert (found.intervals[:, 0] >= 0.0).all()
 
 
-def test_the_time_limit_holds_for_the_whole_fit() -> None:
-    case = BILINEAR
-    with pytest.raises(ProblemError, match="time limit of 0 s ended the fit in start 1 of"):
-        hv.workflows.identify(case.state, case.measured(), case.ranges, controls=hv.Controls(max_time=0.0))
-    calls = 0
+def test_the_time_limit_holds_for_the_whole_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the first statement to the last certificate; the clock goes on by a second whenever it is looked at."""
+    ticks = itertools.count()
+    monkeypatch.setattr(deadline, "time", SimpleNamespace(perf_counter=lambda: float(next(ticks))))
 
     def state(values: Mapping[str, float]) -> hv.ContactProblem:
-        nonlocal calls
-        calls += 1
-        if calls > 60:  # after some evaluations of the curve
-            time.sleep(2.1)
-        return case.state(values)
+        return bodies.square(
+            hv.Compliance(values["stiffness"]), 2, supports={"top": hv.Fixed(x=0.0, y=-values["push"])}
+        )
 
-    begin = time.perf_counter()
-    found = hv.workflows.identify(
-        state, case.measured(0.01), case.ranges, FitOptions(starts=6), controls=hv.Controls(max_time=2.0)
-    )
-    assert time.perf_counter() - begin < 30.0
-    assert re.match(r"the time limit of 2 s ended the fit in start \d of 6: others may fit better", found.messages[0])
+    def found(limit: float) -> tuple[Fit | None, str, float]:
+        begin, controls = next(ticks), hv.Controls(max_time=limit)
+        try:
+            fit = hv.workflows.identify(
+                state, curve, {"stiffness": (1.0, 50.0)}, FitOptions(starts=2), controls=controls
+            )
+        except ProblemError as error:
+            return None, str(error), next(ticks) - begin
+        return fit, " ".join(fit.messages), next(ticks) - begin
+
+    curve = Measurements({"push": np.array([0.01, 0.02, 0.03])}, {FORCE: np.array([-0.029, -0.062, -0.089])})
+    found(1e9)
+    whole, told, asked = found(1e9)
+    assert whole is not None
+    assert "limit" not in told
+    assert not np.isnan(whole.certified).any()
+    said = set()
+    for limit in (0.0, 0.02 * asked, 0.04 * asked, 0.2 * asked, 0.7 * asked, asked - 10.0):
+        fit, told, spent = found(limit)
+        assert f"the time limit of {limit:g} s" in told
+        assert spent < limit + 12.0
+        assert fit is None or np.isnan(fit.certified).all()
+        said |= {words for words in LIMITS if words in told}
+        if fit is not None and "left none for certificates" in told and "ended the fit" not in told:
+            np.testing.assert_array_equal(fit.values, whole.values)
+    assert said == set(LIMITS)
+
+
+@pytest.mark.parametrize("count", [1, 40, 90])
+def test_an_interruption_of_one_solve_ends_the_fit(count: int) -> None:
+    case, steps = BILINEAR, itertools.count(1)
+
+    def pressed(_: Progress) -> None:
+        if next(steps) == count:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        hv.workflows.identify(case.state, case.measured(), case.ranges, controls=hv.Controls(callback=pressed))
 
 
 @pytest.mark.slow

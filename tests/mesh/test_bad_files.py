@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import warnings
 from pathlib import Path
 
@@ -109,6 +110,7 @@ def test_the_files_are_good_as_they_stand(suffix: str, tmp_path: Path) -> None:
     assert read(tmp_path, suffix, TEXTS[suffix]) == ""
 
 
+TECPLOT = 'TITLE="x"\nVARIABLES="X","Y"\nZONE N=3,E=1,F=FEPOINT,ET=TRIANGLE\n0 0\n1 0\n0 1\n1 2 3\n'
 CASES = [
     ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 3", r"\*ELEMENT of type CPE4: 4 numbers are not rows of 5"),
     ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 3, 9", "refers to node 9, which is not in the file"),
@@ -165,6 +167,12 @@ CASES = [
     ("unv", None, "    -1\n  2411\n", "suffix '.unv' stands for no format that is read"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nTrianglesP2\n0\nEnd\n", "cells of type TrianglesP2"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nSpheres\n0\nEnd\n", "format medit .Unknown keyword 'Spheres'"),
+    ("bdf", "CQUAD4", "INCLUDE 'none.bdf'\nCQUAD4", "none.bdf"),
+    ("bdf", "CQUAD4", "include part.bdf\nCQUAD4", "include one another more than 8 deep"),
+    ("tec", None, TECPLOT[:60], "format tecplot: it is cut off, damaged or of another kind"),
+    ("wkt", None, "TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)), ((1 0 0, 1 1 0, 0 1", "brackets do not match: it is cut off"),
+    ("mdpa", None, "Begin Nodes\n 1 0.0 0.0 0.0\n", "format mdpa: it is cut off, damaged or of another kind"),
+    ("msh", None, '(0 "x")(2 3)(10 (0 1 3 0 3))(10 (1 1 3 1 3)(0 0', "format ansys: it is cut off"),
     ("msh", None, "$ a comment of another program\nGRID,1,,0.,0.,0.\n", r"does not begin like a Gmsh file"),
     ("msh", None, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n", r"it has no section \$Nodes"),
 ]  # fmt: skip
@@ -214,3 +222,47 @@ def test_what_could_not_be_taken_is_said(tmp_path: Path) -> None:
         ".ele",
         ".vtu",
     }
+
+
+def test_a_deck_of_nastran_holds_what_it_includes(tmp_path: Path) -> None:
+    """Two tetrahedra, one of them in a file of a file; in quotes a name goes on over lines."""
+    (tmp_path / "sub").mkdir()
+    part = "GRID,5,,1.,1.,1.\ninclude sub/part3.inc $ the cells\nENDDATA\n"
+    (tmp_path / "part2.inc").write_text(part)
+    (tmp_path / "sub" / "part3.inc").write_text("CTETRA,2,8,2,3,4,5\n")
+    nodes = "".join(f"GRID,{n},,{x}.,{y}.,{z}.\n" for n, (x, y, z) in enumerate(((0, 0, 0), *np.eye(3, dtype=int)), 1))
+    deck = tmp_path / "half.bdf"
+    deck.write_text(f"BEGIN BULK\n{nodes}CTETRA,1,7,1,2,3,4\nINCLUDE 'part\n 2.inc'\nENDDATA\nCHACAB,9,9,1,2,3\n")
+    mesh = read_mesh(deck)
+    assert (len(mesh.points), mesh.number_of_cells, sorted(mesh.regions)) == (5, 2, ["7", "8"])
+    deck.write_text("INCLUDE 'cells.inc'\n")
+    (tmp_path / "cells.inc").write_text(f"{nodes}CTETRA,1,7,1,2,3,4\n")
+    assert read_mesh(deck).number_of_cells == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("all.msh", TEXTS["inp"]), ("all.txt", TEXTS["bdf"]), ("all.grid", TEXTS["su2"]), ("all.mesh", TEXTS["vol"]),
+     ("all", TECPLOT), ("all.dat", TEXTS["vtk"])],
+)  # fmt: skip
+def test_a_file_is_known_by_what_it_holds(name: str, text: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(text)
+    assert read_mesh(tmp_path / name).number_of_cells
+
+
+def test_arrays_that_were_never_written_are_not_made(tmp_path: Path) -> None:
+    """Coordinates of 2 GiB in a file of some kB; and under a suffix that is told by its content alone."""
+    h5py = pytest.importorskip("h5py")
+    file = tmp_path / "body.mmed"
+    shutil.copy(Path(__file__).parent / "files" / "gmsh-plane.med", file)
+    assert read_mesh(file).number_of_cells
+    with h5py.File(file, "r+") as opened:
+        found: list[str] = []
+        opened.visititems(lambda name, _: found.append(name) if name.endswith("COO") else None)
+        told = dict(opened[found[0]].attrs)
+        del opened[found[0]]
+        made = opened.create_dataset(found[0], (2**28,), "f8", chunks=(2**20,), compression="gzip", fillvalue=0)
+        made.attrs.update(told)
+    assert file.stat().st_size < 1e5
+    with pytest.raises(ProblemError, match="COO' is said to hold 2048 MiB, and most of it was never written"):
+        read_mesh(file)

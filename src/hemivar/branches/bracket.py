@@ -249,6 +249,5 @@ def _within(
         reached = yield from climb.up(State(r, system.multiplier(r)))
         unknowns = system.recover(reached.at.r, reached.at.lam)[0]
     solution = solve(line.at(reached.carried), method.inner, initial=unknowns, workspace=kept)
-    return LoadBracket(
-        reached.carried, reached.not_carried, solution, options.upto, reached.status, tried + reached.tried
-    )
+    ended = Status.INTERRUPTED if solution.status is Status.INTERRUPTED else reached.status
+    return LoadBracket(reached.carried, reached.not_carried, solution, options.upto, ended, tried + reached.tried)

@@ -31,7 +31,8 @@ from hemivar.fem import LoadLine, deformation
 from hemivar.fem.growing import growing
 from hemivar.fem.load_line import load_names
 from hemivar.fem.posed import Posable
-from hemivar.solvers import Controls, LoadStepping, Solution, Solver, Status, solve
+from hemivar.solvers import Controls, LoadStepping, Solution, Solver, solve
+from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem, condense
 from hemivar.systems.workspace import Workspace
 
@@ -239,8 +240,7 @@ def following(
         initial=guess,
         workspace=kept,
     )
-    if begun.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
+    check_interrupt(begun.status)
     chain = chart_of(system, begun.local, begun.multiplier) if nonlinear else _curves(system, begun)
     for _ in range(_CHARTS):
         try:

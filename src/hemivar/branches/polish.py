@@ -15,6 +15,7 @@ from hemivar.discrete.model import quadratic
 from hemivar.discrete.residual import Residual, residual
 from hemivar.solvers import Controls, NonsmoothNewton, Search, Solution, solve, suited
 from hemivar.solvers.controls import Budget
+from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem
 from hemivar.systems.contact_moves import smooth_components
 from hemivar.systems.dense_newton import newton_matrix
@@ -113,6 +114,7 @@ def polish_by_solver(
     splits = problem.law.splits
     onward = NonsmoothNewton() if splits else NonsmoothNewton(search=Search.DOWNHILL)  # not to a lower one elsewhere
     again = solve(problem, suited(onward, problem), tight, initial=solution, workspace=workspace)
+    check_interrupt(again.status)
     if again.residual.total < solution.residual.total:
         better = replace(again, status=solution.status, method=solution.method)
         near = (isinstance(problem.bulk, Quadratic) and splits) or _near(system, better, solution)

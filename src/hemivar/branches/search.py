@@ -26,6 +26,7 @@ from hemivar.discrete.residual import residual
 from hemivar.laws import MixedMode
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
+from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem
 from hemivar.systems.nonlinear_body import linear_bulk
 from hemivar.systems.workspace import Workspace
@@ -245,8 +246,7 @@ class SolutionSearch:
         controls = replace(self.controls, max_time=self.budget.left)
         found = solve(problem, suited(solver, problem), controls, initial=initial, workspace=self.workspace)
         self.add_solution(found)
-        if found.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
+        check_interrupt(found.status)
 
     def plan(self, count: int) -> None:
         """Count the starts there will be, with so many at random of each kind."""

@@ -25,7 +25,7 @@ from hemivar.cli.options import Exit, option
 from hemivar.cli.outputs import check_outputs, internal_error, one_line
 from hemivar.cli.solving import SolveCommand
 from hemivar.cli.study import IdentifyCommand, StudyCommand, SweepCommand
-from hemivar.cli.terminal import Stream, guarded_streams, quiet_warnings, signals_as_interrupts
+from hemivar.cli.terminal import Stream, guarded_streams, interrupted, quiet_warnings, signals_as_interrupts
 from hemivar.errors import HemivarError, ProblemError
 
 __all__ = ["COMMANDS", "app", "main"]
@@ -85,6 +85,9 @@ def _guarded(arguments: list[str] | None, out: Stream) -> int:
     except OSError as error:
         return _complain(f"{error.filename or 'a file'}: {error.strerror or error}; check path and disk")
     except Exception as error:
+        if isinstance(error, ImportError) and interrupted():
+            sys.stderr.write("hemivar: interrupted\n")
+            return Exit.INTERRUPTED
         gone = _REMOVED.get(str(getattr(error, "option_name", "")))
         if gone is not None:
             return _complain(gone)

@@ -20,6 +20,7 @@ __all__ = [
     "Stream",
     "guarded_streams",
     "hold_signals",
+    "interrupted",
     "one_voice",
     "quiet_logging",
     "quiet_warnings",
@@ -164,12 +165,33 @@ _holding = 0
 _last = -1e9
 
 
-def signals_as_interrupts() -> contextlib.AbstractContextManager[None]:
+_pressed = False
+
+
+@contextlib.contextmanager
+def signals_as_interrupts() -> Iterator[None]:
     """SIGTERM and SIGHUP end the block as Ctrl-C does, by KeyboardInterrupt; several at once count as one.
 
     Those that whoever started the process has set otherwise (nohup) stay as they are.
     """
-    return handled(_interrupt, "SIGTERM", "SIGHUP", taken=lambda before: before is signal.SIG_DFL)
+    global _pressed
+    _pressed = False
+    with (
+        handled(_press, "SIGINT", taken=lambda before: before is signal.default_int_handler),
+        handled(_interrupt, "SIGTERM", "SIGHUP", taken=lambda before: before is signal.SIG_DFL),
+    ):
+        yield
+
+
+def interrupted() -> bool:
+    """Whether an interruption has come: libraries that it meets while they load make another error of it."""
+    return _pressed
+
+
+def _press(*_: object) -> None:
+    global _pressed
+    _pressed = True
+    raise KeyboardInterrupt
 
 
 def _interrupt(*_: object) -> None:
@@ -178,7 +200,7 @@ def _interrupt(*_: object) -> None:
     if _holding or now - _last < _COALESCE:
         return
     _last = now
-    raise KeyboardInterrupt
+    _press()
 
 
 @contextlib.contextmanager

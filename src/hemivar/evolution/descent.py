@@ -21,7 +21,7 @@ from hemivar.laws import VectorLaw
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Solver, Status, solve
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import finish
-from hemivar.solvers.status import STOPPED
+from hemivar.solvers.status import STOPPED, check_interrupt
 from hemivar.systems.body import Body
 from hemivar.systems.workspace import Workspace
 
@@ -157,7 +157,9 @@ class DescentSolver:
 
     def solved(self, problem: DiscreteProblem, u: Array, controls: Controls) -> Solution:
         """The solution of a problem from u (n,)."""
-        return solve(problem, self.solver, controls, initial=u, workspace=self.workspace)
+        found = solve(problem, self.solver, controls, initial=u, workspace=self.workspace)
+        check_interrupt(found.status)
+        return found
 
     def on_levels(self, problem: DiscreteProblem) -> Body | None:
         """The body of a problem as multigrid has it; None where it treats it not."""

@@ -13,7 +13,7 @@ from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import showing_options
 from hemivar.basics.known_statement import ManufacturedProblem
-from hemivar.errors import FileError, HemivarError
+from hemivar.errors import FileError, HemivarError, MethodError
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.history import History
@@ -60,6 +60,8 @@ def march(
     ProblemError
         The evolution cannot be computed as stated. What is found out later, such as a load that is no number from some
         time on, ends the march there: ``history.ended`` is ``"refused"``, and the last of its messages says why.
+    MethodError
+        The time limit is over before the state at the start is known.
     FileError
         The checkpoint is that of another evolution.
 
@@ -104,22 +106,29 @@ def marching(
     evolution = expect(evolution, Evolution | DiscreteEvolution, "what to march", remedy)
     stated = evolution.evolution if isinstance(evolution, DiscreteEvolution) else evolution
     refuse_plan(stated, plan)
-    began = clock.perf_counter()
+    budget = Budget(plan.max_time)
     discrete = discretize_evolution(evolution) if isinstance(evolution, Evolution) else evolution
     if plan.scheme.is_impact_law:
         refuse_compliant(discrete, plan.scheme)
     if plan.scheme.averages_laws:
         refuse_unaveraged(discrete, plan.scheme)
     loop = TimeLoop(discrete, plan, workspace, Backend() if tools is None else tools)
-    loop.begin()
-    kept = plan.checkpoint
+    # Within a step only a process by itself looks at the clock: others would leave it at other places.
+    hurried = discrete.vectors.alone
+    try:
+        with limited(budget) if hurried else nullcontext():
+            loop.begin()
+    except OutOfTime:
+        raise MethodError(
+            f"the time limit of {plan.max_time:g} s was over before the state at the start was known; give more time, "
+            "or a smaller problem"
+        ) from None
+    kept, written = plan.checkpoint, clock.perf_counter()
     assert kept is None or isinstance(kept, Checkpoint)
-    budget, written = Budget(plan.max_time - (clock.perf_counter() - began)), clock.perf_counter()
     ended, unkept = "finished", ""
     while loop.moment.time < plan.until:
         try:
-            # Within a step only a process by itself looks at the clock: others would leave it at other places.
-            with limited(budget) if discrete.vectors.alone else nullcontext():
+            with limited(budget) if hurried else nullcontext():
                 taken, happened, stop = loop.attempt()
         except KeyboardInterrupt:
             ended = "interrupted"

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.basics.deadline import OutOfTime, check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -338,9 +337,8 @@ class TimeLoop:
             return moment
         now = self.stepper.data_from(moment).at(moment.time)
         try:
-            with limited(Budget(self.plan.max_time)) if self.discrete.vectors.alone else nullcontext():
-                taken = self._yielded(moment, self.step_size.step, now, now)
-        except OutOfTime:  # and so does the first step
+            taken = self._yielded(moment, self.step_size.step, now, now)
+        except OutOfTime:  # the march ends at its first step
             return moment
         if taken is None:
             return moment

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hemivar.adapt.goals import Goal, GoalKind, goal_named
+from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.certificates import certify
 from hemivar.discrete.model import quadratic
@@ -17,6 +18,7 @@ from hemivar.fem.contact_points import shares
 from hemivar.fem.reactions import support_reactions
 from hemivar.laws import VectorLaw
 from hemivar.solvers import Controls, Solution, solve
+from hemivar.solvers.status import check_interrupt
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
@@ -95,6 +97,7 @@ class Experiment:
         zero = np.zeros(system.shape)
         constants = np.empty((len(problems), len(goals)))
         for number, problem in enumerate(shared):
+            check_time()
             posed = system.for_problem(problem)
             at = posed.unknowns(zero), _multiplier(posed, zero)
             constants[number] = [one(*at) for one in measure[number]]
@@ -119,9 +122,10 @@ class Experiment:
         found: list[Solution] = []
         for problem in self.problems:
             posed = problem.with_(law=law)
-            found.append(
-                solve(posed, None, self.controls, initial=found[-1] if found else None, workspace=self.workspace)
-            )
+            before = found[-1] if found else None
+            found.append(solve(posed, None, self.controls, initial=before, workspace=self.workspace))
+            check_interrupt(found[-1].status)
+            check_time()
         return found
 
     def predicted(self, solutions: Sequence[Solution]) -> Array:
@@ -134,9 +138,11 @@ class Experiment:
         n, q = len(solutions), len(self.linear)
         found = np.full((n, q), np.inf)
         for number, one in enumerate(solutions):
+            check_time()
             bound = certify(self.problems[number].with_(law=law), one, workspace=self.workspace).error_bound
             if bound is not None:
                 found[number] = bound
+        check_time()  # without time a certificate claims nothing
         system = self.system(0, law)
         free = system.active.ravel()
         flat = self.linear.reshape(q, -1)[:, free]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -247,6 +247,10 @@ class FitAttempt:
     misfit: float
 
 
+#: Law, solutions of all rows and what would be measured, for some parameters.
+_Answer: TypeAlias = tuple[VectorLaw, list[Solution], Array]
+
+
 @dataclass(frozen=True, eq=False)
 class _Curve:
     """Curve and sensitivities over the variables of the least squares."""
@@ -255,15 +259,15 @@ class _Curve:
     measurements: Measurements
     parameters: Sequence[Parameter]
     law: Callable[[Array], VectorLaw]
-    known: Recent[bytes, tuple[VectorLaw, list[Solution], Array]] = field(default_factory=lambda: Recent(2), repr=False)
+    known: Recent[bytes, _Answer] = field(default_factory=lambda: Recent(2), repr=False)
 
     def values(self, variables: Array) -> Array:
         return np.array([one.outside(float(x)) for one, x in zip(self.parameters, variables, strict=True)])
 
-    def at(self, variables: Array) -> tuple[VectorLaw, list[Solution], Array]:
+    def at(self, variables: Array) -> _Answer:
         """Law, solutions and predicted quantities."""
 
-        def made() -> tuple[VectorLaw, list[Solution], Array]:
+        def made() -> _Answer:
             law = self.law(self.values(variables))
             solutions = self.experiment.solutions(law)
             return law, solutions, self.experiment.predicted(solutions)
@@ -273,20 +277,29 @@ class _Curve:
     def off(self, variables: Array) -> Array:
         """What is left (n q,), relative to the largest of each quantity; large where there is no answer."""
         try:
-            _, solutions, predicted = self.at(variables)
+            return self.left_by(self.at(variables))
         except HemivarError:
             return np.full(self.measurements.values.size, _NO_ANSWER)
+
+    def left_by(self, answer: _Answer) -> Array:
+        """:meth:`off` where the answer is known."""
+        _, solutions, predicted = answer
         left = (predicted - self.measurements.values) / self.measurements.scales
         left[[one.status is not Status.CONVERGED for one in solutions]] = _NO_ANSWER
         return np.nan_to_num(left.ravel(), nan=_NO_ANSWER, posinf=_NO_ANSWER, neginf=-_NO_ANSWER)
 
     def slopes(self, variables: Array) -> Array:
         """Derivatives (n q, p) of :meth:`off`."""
-        n, q, p = self.measurements.count, self.measurements.values.shape[1], len(self.parameters)
         try:
-            law, solutions, _ = self.at(variables)
+            answer = self.at(variables)
         except HemivarError:
-            return np.zeros((n * q, p))
+            return np.zeros((self.measurements.values.size, len(self.parameters)))
+        return self.slopes_of(variables, answer)
+
+    def slopes_of(self, variables: Array, answer: _Answer) -> Array:
+        """:meth:`slopes` where the answer is known."""
+        n, q, p = self.measurements.count, self.measurements.values.shape[1], len(self.parameters)
+        law, solutions, _ = answer
         changed = []
         for place in range(p):
             inwards = -1.0 if self.values(variables)[place] >= self.parameters[place].high else 1.0
@@ -296,6 +309,7 @@ class _Curve:
             changed.append((self.law(self.values(there)), step))
         found = np.empty((n, q, p))
         for number, one in enumerate(solutions):
+            check_time()
             system = self.experiment.system(number, law)
             change = derivative_by_law(system, one.local, one.multiplier, changed)
             found[number] = np.einsum("qmd,mdp->qp", self.experiment.linear, change)
@@ -304,18 +318,19 @@ class _Curve:
 
 
 class _Watched:
-    """What is left, and where it was least so far; ends with :class:`OutOfTime` once the time is up."""
+    """What is left, and where it was least so far, of all starts; the answer there stays known."""
 
     def __init__(self, curve: _Curve) -> None:
         self.curve = curve
-        self.best, self.least = np.zeros(0), math.inf
+        self.best, self.least, self.left = np.zeros(0), math.inf, np.full(1, np.inf)
+        self.answer: _Answer | None = None  # while the body was not solved for any parameters
 
     def off(self, variables: Array) -> Array:
         left = self.curve.off(variables)
-        check_time()
         misfit = math.sqrt(float(left @ left) / left.size)
-        if misfit < self.least:
-            self.best, self.least = variables.copy(), misfit
+        if misfit < min(self.least, _NO_ANSWER / math.sqrt(left.size)):
+            self.best, self.least, self.left = variables.copy(), misfit, left
+            self.answer = self.curve.at(variables)
         return left
 
 
@@ -325,7 +340,7 @@ def fit(
     parameters: Sequence[Parameter],
     law: Callable[[Array], VectorLaw],
     options: FitOptions | None = None,
-    max_time: float = math.inf,
+    max_time: float | Budget = math.inf,
 ) -> Generator[FitAttempt, bool | None, Fit]:
     """Least squares over the parameters of a law, from several starts; yields an :class:`FitAttempt` after each.
 
@@ -341,8 +356,9 @@ def fit(
     law : callable
         The law at the contact points for values (p,).
     options : FitOptions, optional
-    max_time : float
-        Seconds for all starts; then the best that was found is returned, and a message says so.
+    max_time : float or Budget
+        Seconds for all starts and the certificates, or what is left of them; then the best that was found is returned,
+        and a message says so.
 
     Returns
     -------
@@ -362,39 +378,36 @@ def fit(
         )
     curve = _Curve(experiment, measurements, parameters, law)
     begin = np.array([float(one.inside(one.middle)) for one in parameters])
-    _check_units(curve, begin)
     low, high = (np.array([float(one.inside(getattr(one, end))) for one in parameters]) for end in ("low", "high"))
     rng = np.random.default_rng(options.seed)
-    best, least, budget, late = begin, math.inf, Budget(max_time), ""
+    budget, watched, late = max_time if isinstance(max_time, Budget) else Budget(max_time), _Watched(curve), ""
     for number in range(options.starts):
         place = begin if not number else rng.uniform(low, high)
-        watched = _Watched(curve)
+        least, left = watched.least, watched.left
         try:
             with limited(budget):
+                if not number:
+                    _check_units(curve, begin)
                 found = least_squares(
                     watched.off, np.clip(place, low, high), curve.slopes, (low, high), x_scale=1.0, ftol=1e-12,
                     xtol=1e-10, gtol=1e-12, max_nfev=60,
                 )  # fmt: skip
         except OutOfTime:
-            late = f"the time limit of {max_time:g} s ended the fit in start {number + 1} of {options.starts}"
-            if watched.least < least:
-                best, least = watched.best, watched.least
+            late = f"the time limit of {budget.limit:g} s ended the fit in start {number + 1} of {options.starts}"
             break
         misfit = math.sqrt(2.0 * found.cost / count)
-        again = misfit <= least * (1.0 + _SAME) and bool((np.abs(curve.off(found.x) - curve.off(best)) <= _SAME).all())
-        if misfit < least:
-            best, least = found.x, misfit
         yield FitAttempt(number, options.starts, misfit)
+        again = misfit <= least * (1.0 + _SAME) and bool((np.abs(found.fun - left) <= _SAME).all())
         if number and again and misfit < _POOR:
             break
-    if late and least >= _NO_ANSWER / math.sqrt(count):
+    if late and watched.answer is None:
         raise ProblemError(f"{late}, before the body was solved for any parameters; give more time")
-    if least >= _NO_ANSWER / math.sqrt(count):
+    if watched.answer is None:
         raise ProblemError(
             "the body could not be solved for any parameters that were tried; look at the solution of the stated "
             "problem first, and narrow the ranges"
         )
-    fitted = _fitted(curve, best, options, (low, high))
+    fitted = _fitted(curve, watched.best, watched.answer, options, (low, high), budget)
     return replace(fitted, messages=(f"{late}: others may fit better", *fitted.messages)) if late else fitted
 
 
@@ -410,10 +423,12 @@ def _check_units(curve: _Curve, begin: Array) -> None:
             )
 
 
-def _fitted(curve: _Curve, best: Array, options: FitOptions, ends: tuple[Array, Array]) -> Fit:
+def _fitted(
+    curve: _Curve, best: Array, answer: _Answer, options: FitOptions, ends: tuple[Array, Array], budget: Budget
+) -> Fit:
     measurements, parameters = curve.measurements, curve.parameters
-    law, solutions, predicted = curve.at(best)
-    J, off = curve.slopes(best), curve.off(best)
+    law, solutions, predicted = answer
+    J, off = curve.slopes_of(best, answer), curve.left_by(answer)
     count, p = J.shape
     noise = options.noise if options.noise is not None else float(np.sqrt(off @ off / (count - p)))
     _, singular, directions = np.linalg.svd(J, full_matrices=False)
@@ -425,7 +440,12 @@ def _fitted(curve: _Curve, best: Array, options: FitOptions, ends: tuple[Array, 
     by_log = np.array([one.by_logarithm for one in parameters])
     unit = np.where(by_log, values, 1.0)
     errors = np.where(lost, np.inf, spread * unit)
-    bounds = curve.experiment.error_bounds(law, solutions) / measurements.scales
+    doubt = "a row has several solutions or no certificate"
+    try:
+        with limited(budget):
+            bounds = curve.experiment.error_bounds(law, solutions) / measurements.scales
+    except OutOfTime:
+        bounds, doubt = np.full((1, 1), np.inf), f"the time limit of {budget.limit:g} s left none for certificates"
     pseudo = np.linalg.pinv(J, rcond=_RANK)
     certified = np.full(p, np.nan) if not np.isfinite(bounds).all() else np.abs(pseudo) @ bounds.ravel() * unit
     factor = float(stdtrit(count - p, 0.5 + 0.5 * options.confidence)) if options.noise is None else _normal(options)
@@ -438,14 +458,14 @@ def _fitted(curve: _Curve, best: Array, options: FitOptions, ends: tuple[Array, 
         tuple(parameters), values, intervals, errors, certified, options.confidence, noise, measurements, predicted, J,
         singular / max(noise, 1e-300), directions, tuple(solutions),
     )  # fmt: skip
-    return _with_messages(found, best, ends)
+    return _with_messages(found, best, ends, doubt)
 
 
 def _normal(options: FitOptions) -> float:
     return float(ndtri(0.5 + 0.5 * options.confidence))
 
 
-def _with_messages(found: Fit, best: Array, ends: tuple[Array, Array]) -> Fit:
+def _with_messages(found: Fit, best: Array, ends: tuple[Array, Array], doubt: str) -> Fit:
     """The fit with what is to be known beside its numbers, in sentences."""
     told = []
     low, high = ends
@@ -475,5 +495,5 @@ def _with_messages(found: Fit, best: Array, ends: tuple[Array, Array]) -> Fit:
             f"or check the units and the order of the columns"
         )
     if np.isnan(found.certified).any():
-        told.append("a row has several solutions or no certificate: the intervals include the noise only")
+        told.append(f"{doubt}: the intervals include the noise only")
     return replace(found, messages=tuple(told))

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import read_bytes, regular_file, shown
+from hemivar.basics.disk import shown
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.kinds import CODES, KINDS, ElementKind, unknown_kind
 from hemivar.mesh.raw import Block, RawMesh, put_together
-from hemivar.mesh.texts import floats, rows_of, whole
+from hemivar.mesh.texts import Included, floats, rows_of, whole
 
-__all__ = ["parse_abaqus"]
+__all__ = ["is_abaqus", "parse_abaqus"]
 
 #: Kinds of elements by the number of nodes that their names end with, for each beginning of a name.
 _SOLID = {
@@ -44,9 +44,14 @@ _FACES = {
     "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
 }
 _FACET = {2: "line", 3: "triangle", 4: "quad"}
-#: Included files may include others so deep.
-_DEPTH = 8
+#: How it begins, after comments: with a keyword; one of LS-DYNA is none.
+_BEGIN = re.compile(rb"(?:\s*\*\*[^\n]*\n)*\s*\*(?!KEYWORD)[A-Z]", re.IGNORECASE)
 _GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")
+
+
+def is_abaqus(start: bytes) -> bool:
+    """Whether this is the beginning of an input file of Abaqus or CalculiX."""
+    return _BEGIN.match(start) is not None
 
 
 def parse_abaqus(text: str, folder: Path) -> RawMesh:
@@ -60,7 +65,7 @@ def parse_abaqus(text: str, folder: Path) -> RawMesh:
         In one sentence.
     """
     reader = _Reader()
-    for key, values, data in _keywords(text, folder, 0):
+    for key, values, data in _keywords(text, Included(folder), 0):
         reader.take(key, values, data)
     return reader.mesh()
 
@@ -337,7 +342,7 @@ def _kind(name: str) -> ElementKind:
 # ---- keywords ----------------------------------------------------------------------------------------------------
 
 
-def _keywords(text: str, folder: Path, depth: int) -> list[tuple[str, dict[str, str], list[str]]]:
+def _keywords(text: str, included: Included, depth: int) -> list[tuple[str, dict[str, str], list[str]]]:
     """Keywords, parameters and data lines, those of included files among them."""
     lines = [line for line in text.splitlines() if not line.startswith("**")]
     starts = [number for number, line in enumerate(lines) if line.lstrip().startswith("*")]
@@ -353,15 +358,7 @@ def _keywords(text: str, folder: Path, depth: int) -> list[tuple[str, dict[str, 
         values = {name.strip().upper(): value.strip() for name, _, value in pairs}
         name = " ".join(key.lstrip("*").upper().split())
         if name == "INCLUDE":
-            found += _included(values.get("INPUT", "").strip('"'), folder, depth)
+            found += _keywords(included.text(values.get("INPUT", "").strip('"'), depth), included, depth + 1)
         else:
             found.append((name, values, lines[place:end]))
     return found
-
-
-def _included(name: str, folder: Path, depth: int) -> list[tuple[str, dict[str, str], list[str]]]:
-    if depth >= _DEPTH:
-        raise ProblemError(f"files include one another more than {_DEPTH} deep, at '{shown(name)}'; remove the circle")
-    path = regular_file(folder / name, "included file", 2**62)
-    text = read_bytes(path, "included file", max(path.stat().st_size, 1)).decode("utf-8", "replace")
-    return _keywords(text, folder, depth + 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +24,7 @@ from hemivar.mesh.vtu_grid import CellGrid, read_vtu
 if TYPE_CHECKING:
     import meshio
 
-__all__ = ["read_by_meshio"]
+__all__ = ["format_of", "read_by_meshio"]
 
 #: Cell data that number groups; 0 is no group.
 _TAGS = (
@@ -37,21 +37,38 @@ _NO_TAGS = ("gmsh:geometrical", "gmsh:bounding_entities", "vtkGhostType")
 _CURVED = re.compile(
     rb"^\s*((?:Edges|Triangles|Quadrilaterals|Tetrahedra|Hexahedra|Prisms|Pyramids)[PQ]\d)\s", re.MULTILINE
 )
+#: How files of HDF5 begin; formats of it beside MED, by their suffixes; how much an array is packed at most.
+_HDF5, _OF_HDF5, _PACKED = b"\x89HDF\r\n\x1a\n", (".cgns", ".h5m", ".hmf", ".e", ".exo", ".ex2"), 1100.0
+#: How files of other formats begin.
+_SIGNS = {
+    "vtu": re.compile(rb"<VTKFile[^>]*type\s*=\s*[\"']UnstructuredGrid"),
+    "vtk": re.compile(rb"\A# vtk DataFile"),
+    "medit": re.compile(rb"\A\s*MeshVersionFormatted"),
+    "tecplot": re.compile(rb"^\s*VARIABLES\s*=", re.MULTILINE | re.IGNORECASE),
+}
 #: What to do about a file that cannot be read.
 _SAVE = "save it as Gmsh 2.2 or 4.1, Abaqus, Nastran or VTU"
 #: An array of more numbers than these counts cells rather than groups.
 _MOST_GROUPS = 256
 
 
-def read_by_meshio(path: Path) -> RawMesh:
-    """What a file holds, of a format that meshio reads, or of VTK, whose data are alike.
+def format_of(path: Path, start: bytes) -> str:
+    """The format of a file that begins so; empty where only its name tells."""
+    if start.startswith(_HDF5):
+        return "" if path.suffix.lower() in _OF_HDF5 else "med"
+    return next((name for name, sign in _SIGNS.items() if sign.search(start)), "")
+
+
+def read_by_meshio(path: Path, formats: Sequence[str] = ()) -> RawMesh:
+    """What a file holds, of a format that meshio reads, or of VTK, whose data are alike; by its suffix where none is
+    given.
 
     Raises
     ------
     ProblemError
-        In one sentence, which says the reason of meshio where it gives one.
+        In one sentence.
     """
-    found = _read(path)
+    found = _read(path, formats or _by_suffix(path))
     raw, places = _elements(found)
     for name, parts in _sets(found):
         for number, rows in parts:
@@ -67,13 +84,57 @@ def read_by_meshio(path: Path) -> RawMesh:
     return raw
 
 
-def _read(path: Path) -> meshio.Mesh | CellGrid:
-    suffix = path.suffix.lower()
-    if suffix == ".vtu":
+def _read(path: Path, formats: Sequence[str]) -> meshio.Mesh | CellGrid:
+    if formats[0] == "vtu":
         return read_vtu(path, "mesh file")
-    if suffix == ".vtk" and is_unstructured_vtk(first_bytes(path, 1024, "mesh file")):
+    start = first_bytes(path, 1024, "mesh file")
+    if formats[0] == "vtk" and is_unstructured_vtk(start):
         return parse_vtk(read_bytes(path, "mesh file", path.stat().st_size))
-    return _read_silently(path)
+    if start.startswith(_HDF5):
+        _refuse_unwritten(path)
+    if formats[0] == "wkt":  # its reader tries for ever to match what is cut off
+        text = read_bytes(path, "mesh file", path.stat().st_size)
+        if text.count(b"(") != text.count(b")"):
+            raise ProblemError("its brackets do not match: it is cut off; save it again")
+    return _read_silently(path, formats)
+
+
+def _by_suffix(path: Path) -> list[str]:
+    """The formats that meshio knows by the suffix of a name."""
+    with IMPORTS:
+        import meshio
+
+    suffixes = ["".join(path.suffixes[-2:]).lower(), path.suffix.lower()]
+    formats = [name for suffix in suffixes for name in meshio.extension_to_filetypes.get(suffix, [])]
+    if not first_bytes(path, 1, "mesh file"):
+        raise ProblemError("cannot be read as a mesh: it is empty")
+    if not formats:
+        what = (
+            f"its suffix '{shown(path.suffix)}' stands for no format that is read"
+            if path.suffix
+            else "its name has no suffix"
+        )
+        raise ProblemError(f"cannot be read as a mesh: {what}; {_SAVE}")
+    return formats
+
+
+def _refuse_unwritten(path: Path) -> None:
+    """Refuse arrays of HDF5 that are larger than what is stored of them can be."""
+    try:
+        with IMPORTS:
+            import h5py
+    except ModuleNotFoundError:  # it is said below that it is missing
+        return
+
+    def look(name: str, found: object) -> None:
+        if isinstance(found, h5py.Dataset) and found.nbytes > _PACKED * (found.id.get_storage_size() + 4096):
+            raise ProblemError(
+                f"the array '{shown(name)}' is said to hold {found.nbytes / 2**20:.0f} MiB, and most of it was never "
+                "written; save it again"
+            )
+
+    with contextlib.suppress(OSError), h5py.File(path, "r") as file:
+        file.visititems(look)
 
 
 def _elements(found: meshio.Mesh | CellGrid) -> tuple[RawMesh, list[int]]:
@@ -180,27 +241,61 @@ def _node_sets(found: meshio.Mesh | CellGrid) -> Iterator[tuple[str, IntArray]]:
 # ---- what meshio says ----------------------------------------------------------------------------------------------
 
 
-def _read_silently(path: Path) -> meshio.Mesh:
+class _Ended:
+    """A stream that stops readers who go on beyond its end."""
+
+    past = 0
+
+    def readline(self, *size: int) -> str | bytes:
+        return self._some(super().readline(*size))  # type: ignore[misc]
+
+    def read(self, *size: int) -> str | bytes:
+        return self._some(super().read(*size))  # type: ignore[misc]
+
+    def _some(self, found: str | bytes) -> str | bytes:
+        self.past = 0 if found else self.past + 1
+        if self.past > _PAST_THE_END:
+            raise EOFError
+        return found
+
+
+class _Text(_Ended, io.TextIOWrapper):  # type: ignore[misc]
+    """Of text."""
+
+
+class _Bytes(_Ended, io.BufferedReader):  # type: ignore[misc]
+    """Of bytes."""
+
+
+#: Formats whose readers take a stream; some would wait for ever for what was cut off.
+_TEXTS, _BYTES, _PAST_THE_END = ("tecplot", "permas", "obj", "off"), ("mdpa", "ply", "ansys"), 100
+
+
+@contextlib.contextmanager
+def _stream(path: Path, name: str) -> Iterator[object]:
+    """What a reader of meshio is given of a format: a stream where it takes one, else the path."""
+    if name not in (*_TEXTS, *_BYTES):
+        yield path
+        return
+    with _Bytes(io.FileIO(path)) as stream:
+        yield _Text(stream, encoding="utf-8", errors="replace") if name in _TEXTS else stream
+
+
+def _read_silently(path: Path, formats: Sequence[str]) -> meshio.Mesh:
     """The meshio mesh of a file; meshio's printing is swallowed and its failures reported in one line."""
     with IMPORTS:
         import meshio
 
-    suffixes = ["".join(path.suffixes[-2:]).lower(), path.suffix.lower()]
-    formats = [name for suffix in suffixes for name in meshio.extension_to_filetypes.get(suffix, [])]
-    if not first_bytes(path, 1, "mesh file"):
-        raise ProblemError("cannot be read as a mesh: it is empty")
-    if not formats:
-        what = (
-            f"its suffix '{shown(path.suffix)}' stands for no format that is read"
-            if path.suffix
-            else "its name has no suffix"
-        )
-        raise ProblemError(f"cannot be read as a mesh: {what}; {_SAVE}")
     reasons, noise = [], io.StringIO()
     for name in formats:
         try:
-            with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise), np.errstate(all="ignore"):
-                return getattr(meshio, name).read(path)
+            with (
+                contextlib.redirect_stdout(noise),
+                contextlib.redirect_stderr(noise),
+                np.errstate(all="ignore"),
+                _stream(path, name) as source,
+            ):
+                return getattr(meshio, name).read(source)
         except MemoryError as error:
             raise ProblemError("it needs more memory than there is; take a coarser mesh") from error
         except ModuleNotFoundError as error:
@@ -215,10 +310,10 @@ def _read_silently(path: Path) -> meshio.Mesh:
 
 
 def _reason(error: BaseException) -> str:
-    """What meshio said, in brackets."""
-    if isinstance(error, KeyError):
-        words = f"it does not know {error}"
-    else:
-        words = " ".join(str(error).split()) if isinstance(error, Exception) else ""
+    """What meshio said, in brackets; what Python says when a reader stumbles is not for users."""
+    with IMPORTS:
+        from meshio import ReadError
+
+    words = " ".join(str(error).split()) if type(error) is ReadError else ""
     words = re.sub(r"(?i)\bmeshio\b", "the reader", words).strip(" .:")
-    return f" ({shown(words[:120])})" if words else ""
+    return f" ({shown(words[:120])})" if words else ": it is cut off, damaged or of another kind"

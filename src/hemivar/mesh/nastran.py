@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from hemivar.basics.types import AnyArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.kinds import CODES, KINDS, unknown_kind
 from hemivar.mesh.raw import Block, RawMesh, put_together
-from hemivar.mesh.texts import floats, whole
+from hemivar.mesh.texts import Included, floats, whole
 
 __all__ = ["is_nastran", "parse_nastran"]
 
@@ -37,7 +38,12 @@ _NAMES = re.compile(
     r"|ANSA_NAME;(?P<c>\d+);P\w+;~?(?P<cn>[^;]+))",
     re.MULTILINE,
 )
-_CARD = re.compile(rb"^(?:GRID[\s*,]|BEGIN\s+BULK|SOL\s|CEND\b)", re.MULTILINE | re.IGNORECASE)
+_CARD = re.compile(rb"^(?:GRID[\s*,]|BEGIN\s+BULK|SOL\s|CEND\b|INCLUDE\s*['\"])", re.MULTILINE | re.IGNORECASE)
+#: A file that is included: its name, which may go on over lines where it stands in quotes.
+_INCLUDE = re.compile(
+    r"""^[ \t]*INCLUDE[ \t]*(?:'([^']*)'|"([^"]*)"|([^\s'"][^\n$]*))[^\n]*$""", re.MULTILINE | re.IGNORECASE
+)
+_ENDDATA = re.compile(r"^[ \t]*ENDDATA.*\Z", re.MULTILINE | re.IGNORECASE | re.DOTALL)
 
 
 def is_nastran(start: bytes) -> bool:
@@ -45,14 +51,15 @@ def is_nastran(start: bytes) -> bool:
     return _CARD.search(start) is not None
 
 
-def parse_nastran(text: str) -> RawMesh:
-    """The mesh in the text of a deck; properties are groups.
+def parse_nastran(text: str, folder: Path) -> RawMesh:
+    """The mesh in the text of a deck; properties are groups, files that it includes are looked for in a folder.
 
     Raises
     ------
     ProblemError
         In one sentence.
     """
+    text = _whole_deck(text, Included(folder), 0)
     names = {}
     for found in _NAMES.finditer(text):
         number, name = (one for one in found.groups() if one is not None)
@@ -78,6 +85,16 @@ def parse_nastran(text: str) -> RawMesh:
     raw = put_together(np.concatenate(ids), np.concatenate(points), blocks, known, repeated=False)
     raw.notes.extend(f"elements {card} belong to no body and were ignored" for card in sorted(others))
     return raw
+
+
+def _whole_deck(text: str, included: Included, depth: int) -> str:
+    """The deck up to its end, with the files that it includes in their places."""
+
+    def put(found: re.Match[str]) -> str:
+        name = re.sub(r"\s*\n\s*", "", next(one for one in found.groups() if one is not None)).strip()
+        return _whole_deck(included.text(name, depth), included, depth + 1)
+
+    return _INCLUDE.sub(put, _ENDDATA.sub("", text.replace("\r\n", "\n")))
 
 
 def _elements(card: str, fields: AnyArray, blocks: list[Block]) -> None:
@@ -115,8 +132,7 @@ def _cards(text: str) -> list[tuple[str, AnyArray]]:
     """Cards of a name and of as many lines: their fields (k, n), without the name."""
     lines = [line for line in text.expandtabs().splitlines() if line.strip() and not line.startswith("$")]
     begin = next((number + 1 for number, line in enumerate(lines) if line.upper().startswith("BEGIN")), 0)
-    end = next((number for number, line in enumerate(lines) if line.upper().startswith("ENDDATA")), len(lines))
-    rows = [_fields(line.partition("$")[0]) for line in lines[begin:end]]
+    rows = [_fields(line.partition("$")[0]) for line in lines[begin:]]
     first = np.array([not (row[0] == "" or row[0][0] in "+*") for row in rows], dtype=bool)
     if len(rows) and not first[0]:
         raise ProblemError("its first line goes on from another one; the beginning is cut off: save it again")

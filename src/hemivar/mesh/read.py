@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,8 +12,8 @@ from hemivar.basics.disk import first_bytes, read_bytes, regular_file, shown
 from hemivar.basics.memory import require
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import FileError, ProblemError
-from hemivar.mesh.abaqus import parse_abaqus
-from hemivar.mesh.by_meshio import read_by_meshio
+from hemivar.mesh.abaqus import is_abaqus, parse_abaqus
+from hemivar.mesh.by_meshio import format_of, read_by_meshio
 from hemivar.mesh.keys import cell_facets, facet_keys
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
@@ -28,6 +29,7 @@ __all__ = ["read_mesh"]
 
 #: Bytes of memory for each byte of a file that is read, at least; of texts that are split into words; of fields.
 _FACTOR, _OF_WORDS, _OF_FIELDS = 6.0, 12.0, 28.0
+_NETGEN, _SU2 = re.compile(rb"\s*(?:#[^\n]*\n\s*)*mesh3d\b"), re.compile(rb"^\s*NDIME\s*=", re.MULTILINE)
 _NASTRAN = (".bdf", ".nas", ".fem", ".dat", ".blk", "")
 #: What elements of a dimension are called.
 _ELEMENTS = ("points", "lines", "surfaces", "cells")
@@ -93,7 +95,7 @@ def _named(path: str | Path) -> str:
 
 
 def _raw(path: Path, start: bytes, size: int) -> RawMesh:
-    """What a file holds, by how it begins and what it is called."""
+    """What a file holds, by how it begins; by what it is called where that tells nothing."""
 
     def text(factor: float = _OF_WORDS) -> str:
         _require(factor, path, size)
@@ -102,16 +104,21 @@ def _raw(path: Path, start: bytes, size: int) -> RawMesh:
     suffix = path.suffix.lower()
     if is_msh(start):
         return parse_msh(read_bytes(path, "mesh file", max(size, 1)))
-    if suffix == ".inp":
+    if suffix == ".inp" or is_abaqus(start):
         return parse_abaqus(text(), path.parent)
-    if suffix in _NASTRAN and is_nastran(start):
-        return parse_nastran(text(_OF_FIELDS))
-    if suffix == ".vol":
+    if suffix == ".vol" or _NETGEN.match(start):
         return parse_netgen(text())
-    if suffix == ".su2":
+    if suffix == ".su2" or _SU2.search(start):
         return parse_su2(text())
+    other = format_of(path, start)
+    if suffix in _NASTRAN and not other and is_nastran(start):
+        return parse_nastran(text(_OF_FIELDS), path.parent)
+    if other:
+        return read_by_meshio(path, [other])
     if suffix == ".msh" and not start.lstrip().startswith(b"("):
         raise ProblemError("cannot be read: it does not begin like a Gmsh file ($MeshFormat)")
+    if is_nastran(start):
+        return parse_nastran(text(_OF_FIELDS), path.parent)
     return read_by_meshio(path)
 
 

@@ -3,18 +3,39 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import shown
+from hemivar.basics.disk import read_bytes, regular_file, shown
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
 
-__all__ = ["floats", "rows_of", "whole"]
+__all__ = ["Included", "floats", "rows_of", "whole"]
 
 #: Exponents as Fortran writes them, and those that Nastran writes without a letter.
 _LETTER = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 _NO_LETTER = re.compile(r"(?<=[\d.])(?=[+-]\d)")
+
+
+#: Included files may include others so deep, and there may be so many.
+_DEPTH, _MOST_INCLUDED = 8, 1000
+
+
+class Included:
+    """The texts of files that the text of a mesh includes; their names count from its folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._count = folder, 0
+
+    def text(self, name: str, depth: int) -> str:
+        """The text of a file that one included so deep names."""
+        self._count += 1
+        if depth >= _DEPTH or self._count > _MOST_INCLUDED:
+            what = f"more than {_DEPTH} deep" if depth >= _DEPTH else f"more than {_MOST_INCLUDED} times"
+            raise ProblemError(f"files include one another {what}, at '{shown(name)}'; remove the circle")
+        path = regular_file(self._folder / name.replace("\\", "/"), "included file", 2**62)
+        return read_bytes(path, "included file", max(path.stat().st_size, 1)).decode("utf-8", "replace")
 
 
 def floats(words: list[str], what: str) -> Array:

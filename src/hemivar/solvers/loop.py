@@ -218,6 +218,8 @@ def finish(
     multiplier, found = state.lam, residuals[0]
     if residuals[-1].total <= found.total + found.rounding:
         multiplier, found = multipliers[-1], residuals[-1]
+    if status is Status.INTERRUPTED:  # whoever asked for it must be told, however far it came
+        return unknowns, multiplier, found, status
     if found.below(controls.atol, controls.rtol):
         status = Status.CONVERGED
     elif status is Status.CONVERGED and not found.below(0.0, excused):

@@ -22,7 +22,7 @@ from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.multigrid import NonsmoothMultigrid, nested_guess
 from hemivar.solvers.newton_on_graph import SEMISMOOTH, GraphEquation, GraphPoint
-from hemivar.solvers.status import Status
+from hemivar.solvers.status import Status, check_interrupt
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body
 from hemivar.systems.contact_moves import Search
@@ -215,8 +215,9 @@ class SemismoothNewton(Solver):
         if not isinstance(inner, TruncatedNewton) or inner.search is Search.GLOBAL:
             return True
         begun = State(start.r, frozen.multiplier(start.r))
-        found, _, _ = iterate(inner, frozen, begun, Controls(rtol=self.fallback.inner_rtol), budget)
+        found, status, _ = iterate(inner, frozen, begun, Controls(rtol=self.fallback.inner_rtol), budget)
         inner.release(found)
+        check_interrupt(status)
         return frozen.stretch(found.r - state.r) <= _SAME * frozen.stretch(state.r)
 
     def release(self, state: State) -> None:

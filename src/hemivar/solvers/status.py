@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-__all__ = ["STOPPED", "Status"]
+__all__ = ["STOPPED", "Status", "check_interrupt"]
 
 
 class Status(Enum):
@@ -70,3 +70,9 @@ _REMEDIES = {
     Status.OUT_OF_MEMORY: "memory ran out during a step; the best iterate so far is returned. Use the method "
     "multigrid, which needs no dense matrix, or fewer cells",
 }
+
+
+def check_interrupt(status: Status) -> None:
+    """Raise KeyboardInterrupt if a solve that is a part of other work was interrupted: the work ends there as well."""
+    if status is Status.INTERRUPTED:
+        raise KeyboardInterrupt

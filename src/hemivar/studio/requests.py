@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Mapping
@@ -98,9 +99,10 @@ def _text(data: Mapping[str, object], name: str) -> str:
 
 def _real(data: Mapping[str, object], name: str, usual: float) -> float:
     value = data.get(name, usual)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ProblemError(f"{name} must be a number; give a finite one")
-    return float(value)
+    if not isinstance(value, bool) and isinstance(value, int | float) and abs(value) < math.inf:
+        with contextlib.suppress(OverflowError):  # a whole number of JSON may have hundreds of digits
+            return float(value)
+    raise ProblemError(f"{name} must be a number; give a finite one")
 
 
 def _whole(data: Mapping[str, object], name: str, usual: int | None) -> int:

@@ -219,10 +219,12 @@ def _tried() -> tuple[float | None, str | None]:
         from hemivar.certificates import certify
         from hemivar.gallery import survey
         from hemivar.solvers import Status, solve
+        from hemivar.solvers.status import check_interrupt
 
     before = time.perf_counter()
     try:
         solution = solve(survey("5.1", 16))
+        check_interrupt(solution.status)
         certificate = certify(solution)
     except Exception as error:
         return None, f"{type(error).__name__}: {error}"

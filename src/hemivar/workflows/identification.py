@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hemivar.basics.arguments import described, expect, expecting
+from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.disk import shown
 from hemivar.basics.generators import each_as, result_of
 from hemivar.basics.stated import Form
@@ -109,21 +110,27 @@ def identifying(
     Event
         A :class:`Phase` for every start; the generator returns a :class:`Fit`.
     """
+    budget = Budget(math.inf if controls is None else controls.max_time)
     measured = read_measurements(data) if isinstance(data, str | Path) else data
     measured = expect(measured, Measurements, "the measured curve", "pass Measurements(...) or the path of a CSV file")
     wanted = _parameters(parameters, measured)
     state = _statement(problem, changes, measured.inputs)
     first = {one.key: one.middle for one in wanted}
-    rows = [_posed(state, {**first, **measured.row(number)}) for number in range(measured.count)]
-    experiment = Experiment.of(rows, tuple(measured.measured), controls)
+    rows = [{**first, **measured.row(number)} for number in range(measured.count)]
+    try:
+        with limited(budget):
+            experiment = Experiment.of([_posed(state, row) for row in rows], tuple(measured.measured), controls)
+    except OutOfTime:
+        raise ProblemError(
+            f"the time limit of {budget.limit:g} s was over before the rows of the curve were stated; give more time"
+        ) from None
     begin = measured.row(0)
 
     def law(values: Array) -> VectorLaw:
         stated = state({**begin, **dict(zip(first, map(float, values), strict=True))})
         return _law_on(experiment.problems[0], stated)
 
-    limit = math.inf if controls is None else controls.max_time
-    attempts = fit(experiment, measured, wanted, law, options, limit)
+    attempts = fit(experiment, measured, wanted, law, options, budget)
     return (yield from each_as(attempts, lambda one: Phase(_told(one), one.number, one.count)))
 
 
@@ -212,6 +219,7 @@ def _statement(
 
 
 def _posed(state: Callable[[Mapping[str, float]], Posable], values: Mapping[str, float]) -> DiscreteProblem:
+    check_time()
     return posed(state(values), "identify")
 
 

@@ -15,6 +15,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.forms import FormProblem
 from hemivar.solvers import Controls, Solution, Solver, solve
+from hemivar.solvers.status import check_interrupt
 
 __all__ = ["LevelStudy", "study_levels"]
 
@@ -124,7 +125,9 @@ def study_levels(
         remedy = "return a DiscreteProblem or a FormProblem"
         made: Made = expect(make(level), DiscreteProblem | FormProblem, f"the problem of level {level}", remedy)
         discrete = made.discrete if isinstance(made, FormProblem) else made
-        solutions.append(solve(discrete, method, controls=controls).raise_for_status())
+        solution = solve(discrete, method, controls=controls)
+        check_interrupt(solution.status)
+        solutions.append(solution.raise_for_status())
         rows.append(_measured(measure(solutions[-1], made), level))
         if rows[0].keys() != rows[-1].keys():
             raise ProblemError(f"level {level} measures {', '.join(rows[-1])}, and level 0 {', '.join(rows[0])}")

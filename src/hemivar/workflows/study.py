@@ -324,6 +324,8 @@ def studying(
             interrupted = yield from _bounded(levels)
         except KeyboardInterrupt:
             interrupted = True
+    if not levels and interrupted:
+        raise KeyboardInterrupt
     if not levels:
         raise ProblemError("study: no mesh was solved before the end of the work; take a coarser mesh, or more time")
     return _measured(options, levels, stated, known, interrupted, "" if kept is None else kept.unkept)

@@ -21,7 +21,8 @@ from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.gallery import survey as survey_problem
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
-from hemivar.solvers import METHODS, Controls, Solution, Status
+from hemivar.solvers import METHODS, Controls, Solution
+from hemivar.solvers.status import check_interrupt
 from hemivar.systems import Workspace
 from hemivar.workflows.events import Notice, Phase, Work
 from hemivar.workflows.solving import from_coarser
@@ -271,8 +272,7 @@ def _on_mesh(
     for name in names:
         if METHODS[name].refuse(problem) is None:
             found = yield from from_coarser(problem, coarser.get(name), METHODS[name], controls, workspace)
-            if found.status is Status.INTERRUPTED:
-                raise KeyboardInterrupt
+            check_interrupt(found.status)
             solutions[name] = found
     return MeshRuns(n, problem, solutions)
 

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from hemivar.basics.types import Array
 from hemivar.laws import (
     Adhesive,
     Bonding,
@@ -54,6 +55,24 @@ def test_secant_unloading_books_every_step_exactly(name: str) -> None:
         assert (after["opening"] >= state["opening"]).all()
         r, state, lost = new, after, lost + gone
     assert lost.max() > 0.05
+
+
+def test_memories_in_a_row_ask_the_law_for_its_energy_once() -> None:
+    """Along the secants it is the triangle beneath the last one, beyond them what the law stores."""
+    law, chain = ContactLaw(GLUES["softening"]), MemoryChain((Secant(),) * 16)
+    state = chain.start(law, np.array([[-0.3]]))
+    asked: list[int] = []
+
+    def counted(r: Array) -> Array:
+        asked.append(len(r))
+        return law.stored_energy(r)
+
+    stiffness = (1.0 - 2.0 * (0.3 - 0.2)) / 0.3
+    r = np.array([[-0.12]])
+    np.testing.assert_allclose(chain.stored(law, state, r, counted), 0.5 * stiffness * 0.12**2, rtol=1e-14)
+    assert asked == [1]
+    beyond = np.array([[-0.4]])
+    np.testing.assert_allclose(chain.stored(law, state, beyond, counted), law.value(beyond), rtol=1e-14)
 
 
 def path(count: int) -> np.ndarray:

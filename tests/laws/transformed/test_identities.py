@@ -34,6 +34,7 @@ from hemivar.laws.rescaled import RescaledLaw, separated
 from hemivar.laws.stacked import StackedLaw, stack
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.testing import check_law
+from hemivar.laws.transformed.envelopes import EnvelopeLaw
 from hemivar.laws.transformed.law_graph import LawGraph, Region, spliced
 from hemivar.laws.transformed.transformed_law import table_of
 from hemivar.laws.transformed.turns import steepest_fall
@@ -67,6 +68,16 @@ def test_two_envelopes_in_series_are_one(name: str) -> None:
     once = envelope(law, 0.35)
     alike(envelope(envelope(law, 0.1), 0.25), once)
     alike(envelope(affine(envelope(law, 0.1), 1.0, -0.07), 0.25), affine(once, 1.0, -0.07))
+
+
+def test_many_depths_in_series_cost_what_one_does() -> None:
+    """A place on the law is sought once for all of them, and not several times for each one."""
+    law = made = Compliance(5.0, 2.5)
+    for n in range(20):
+        made = affine(envelope(made, 0.01), 1.0, -0.001 * n)
+    assert isinstance(made, EnvelopeLaw)
+    assert not isinstance(made.base, EnvelopeLaw)
+    alike(made, affine(envelope(law, 0.2), 1.0, -0.19))
 
 
 @pytest.mark.parametrize("name", SOME)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
@@ -66,6 +67,8 @@ def envelope(law: Superpotential, compliance: Array | float) -> Superpotential:
             f"law '{law.name}' is unstable in series with the compliance {c:.4g}: compliance times alpha = "
             f"{product[i]:.4g} >= 1; keep the compliance below {1.0 / worst:.4g}, with a shorter step"
         )
+    if isinstance(law, EnvelopeLaw):  # springs in series are one spring
+        return EnvelopeLaw(law.base, law.compliance + known)
     made = EnvelopeLaw(law, known)
     base = table_of(law)
     if base is None or (base.knots.shape[-1] > MANY and known.size > 1):
@@ -149,6 +152,7 @@ class EnvelopeLaw(LawOfOne):
 
     def _place(self, piece: IntArray, r: Array) -> tuple[IntArray, Array, BoolArray]:
         """The piece of the law, the place s on it, and whether a knot is held there."""
+        check_time()  # envelopes of laws that hold others take long
         code = pick(self.images[1], np.asarray(piece))
         held, own = code % 2 == 1, code // 2
         r = np.broadcast_to(np.asarray(r, dtype=float), np.broadcast_shapes(np.shape(r), code.shape))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.piecewise import PiecewiseQuadratic
@@ -194,6 +195,7 @@ class LawGraph(ResolvedLaw):
         return self.ends
 
     def _sum(self, question: str, piece: IntArray, r: Array) -> Array | float:
+        check_time()  # its laws may be sums of others, many deep
         return sum(term.ask(question, piece, r) for term in self.terms)
 
     def _raw(self, piece: IntArray, r: Array) -> Array:
