@@ -28,6 +28,7 @@ __all__ = [
     "name_of",
     "number",
     "one_of",
+    "shortened",
     "suggest",
     "whole_number",
 ]
@@ -43,10 +44,15 @@ def described(value: object) -> str:
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if value is None or isinstance(value, str | bytes | numbers.Number):
-        text = repr(value)
-        return text if len(text) <= 60 else text[:57] + "..."
+        return shortened(repr(value), 60)
     name = type(value).__name__
     return f"{'an' if name[:1] in 'AEIOUaeiou' else 'a'} {name}"
+
+
+def shortened(value: object, most: int = 150) -> str:
+    """The text of a value, an array or an error in one line of a message, cut where it is long."""
+    text = " ".join(str(value).split())
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 @overload
