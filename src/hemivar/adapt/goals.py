@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from hemivar.basics.arguments import expect, suggest
+from hemivar.basics.arguments import expect, quoted, suggest
 from hemivar.errors import ProblemError
 from hemivar.mechanics.statement import ContactProblem, expect_body
 
@@ -117,4 +117,4 @@ def goal_named(problem: ContactProblem, name: str) -> Goal:
             if text == f"{whole}.{'xyz'[axis]}":
                 return Goal(GoalKind(kind), boundary, (axis,))
     ends = ", ".join(f".{'xyz'[axis]}" for axis in every)
-    raise ProblemError(f"goal '{text}' is not known{suggest(text, known)}; {ends} behind it take one component")
+    raise ProblemError(f"goal {quoted(text)} is not known{suggest(text, known)}; {ends} behind it take one component")

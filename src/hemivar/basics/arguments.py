@@ -8,34 +8,51 @@ import inspect
 import math
 import numbers
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from enum import StrEnum
-from types import UnionType
+from types import FunctionType, UnionType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 
 from hemivar.basics.known_statement import ManufacturedProblem
-from hemivar.errors import ProblemError
+from hemivar.errors import HemivarError, ProblemError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 __all__ = [
+    "UNFIT",
+    "answer",
     "check_numbers",
     "described",
     "expect",
     "expecting",
     "name_of",
     "number",
+    "one_line",
     "one_of",
+    "positive",
+    "quoted",
+    "shortened",
     "suggest",
     "whole_number",
 ]
+
+#: Numbers are below this, so that their squares are numbers.
+_LARGEST = 1e150
+
+#: What a function that a user gives raises where it does not fit what it is given.
+UNFIT = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, NotImplementedError)
+
+#: What is given in the place of a plain value.
+_REMEDIES: dict[object, str] = {str: "give a text", bool: "give True or False", Mapping: "give a dict by names"}
 
 Kind = TypeVar("Kind")
 Word = TypeVar("Word", bound=StrEnum)
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
+#: A class, a union of classes, a list of one for lists of its objects, or a function of a value and its name.
+_Wanted = type | UnionType | list[type] | Callable[[Any, str], None]
 
 
 def described(value: object) -> str:
@@ -43,10 +60,20 @@ def described(value: object) -> str:
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if value is None or isinstance(value, str | bytes | numbers.Number):
-        text = repr(value)
-        return text if len(text) <= 60 else text[:57] + "..."
+        return quoted(value)
     name = type(value).__name__
     return f"{'an' if name[:1] in 'AEIOUaeiou' else 'a'} {name}"
+
+
+def quoted(value: object) -> str:
+    """A value as it would be written, for a message: in one line, and cut where it is long."""
+    return shortened(repr(value), 60)
+
+
+def shortened(value: object, most: int = 150) -> str:
+    """The text of a value, an array or an error in one line of a message, cut where it is long."""
+    text = " ".join(str(value).split())
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 @overload
@@ -74,11 +101,12 @@ def expect(value: object, kind: Any, name: str, remedy: str) -> object:
 
 
 def expecting(
-    **kinds: type | UnionType | list[type],
+    **kinds: _Wanted,
 ) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
     """A function whose arguments are of these classes, or lists of objects of them; others are refused at the call.
 
-    Where the default of an argument is None, None is what it is without one.
+    Where the default of an argument is None, None is what it is without one.  ``float`` is a number whose square is
+    one, ``int`` a whole number that is not negative; a function is called with the value and its name.
 
     Raises
     ------
@@ -95,10 +123,7 @@ def expecting(
                 kind = kinds.get(name)
                 if kind is None or (value is None and signature.parameters[name].default is None):
                     continue
-                if isinstance(kind, list):
-                    _expect_each(value, kind[0], f"{shown}: {name}")
-                else:
-                    expect(value, kind, f"{shown}: {name}", _remedy(kind))
+                _check(value, kind, f"{shown}: {name}")
             return function(*args, **kwargs)
 
         return checked
@@ -106,9 +131,30 @@ def expecting(
     return wrapped
 
 
-def _remedy(kind: type | UnionType) -> str:
-    if kind in (str, bool):
-        return "give a text" if kind is str else "give True or False"
+def _check(value: object, kind: _Wanted, name: str) -> None:
+    if isinstance(kind, list):
+        _expect_each(value, kind[0], name)
+    elif isinstance(kind, FunctionType):
+        kind(value, name)
+    elif kind is float:
+        if not abs(found := number(value, name)) < _LARGEST:
+            raise ProblemError(f"{name} is {found:g}, beyond the range of numbers; give a smaller one")
+    elif kind is int:
+        whole_number(value, name, 0)
+    elif not (kind is bool and type(value).__name__ == "bool"):  # NumPy's as well
+        expect(value, kind, name, _remedy(kind))
+
+
+def positive(value: object, name: str) -> None:
+    """Refuse what is not a positive number, for :func:`expecting`."""
+    _check(value, float, name)
+    if not number(value, name) > 0.0:
+        raise ProblemError(f"{name} is {quoted(value)}; give a positive number")
+
+
+def _remedy(kind: Any) -> str:
+    if kind in _REMEDIES:
+        return _REMEDIES[kind]
     kinds: tuple[type, ...] = kind.__args__ if isinstance(kind, UnionType) else (kind,)
     return "pass " + " or ".join(f"{one.__name__}(...)" for one in kinds)
 
@@ -120,9 +166,9 @@ def _expect_each(values: object, kind: type, name: str) -> None:
         expect(value, kind, f"an entry of {name}", _remedy(kind))
 
 
-def suggest(name: str, known: Sequence[str], what: str = "known") -> str:
+def suggest(name: object, known: Sequence[str], what: str = "known") -> str:
     """The name that was perhaps meant, and all that there are, for the end of a message."""
-    close = difflib.get_close_matches(name, known, n=1)
+    close = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
     guess = f"; did you mean '{close[0]}'?" if close else ""
     return f"{guess} ({what}: {', '.join(known) or 'none'})"
 
@@ -130,11 +176,13 @@ def suggest(name: str, known: Sequence[str], what: str = "known") -> str:
 def one_of(value: object, name: str, kind: type[Word], choices: str = "") -> Word:
     """The word of a kind that a value is, or a text of it; ``choices`` is how a message lists them."""
     try:
-        return kind(value)  # type: ignore[arg-type]
+        if not isinstance(value, str):  # of which arrays are compared with every word
+            raise ValueError
+        return kind(value)
     except ValueError:
         *most, last = (f"'{one}'" for one in kind)
         listed = choices or f"{', '.join(most)} or {last}"
-        raise ProblemError(f"{name} = {value!r}; choose {listed}") from None
+        raise ProblemError(f"{name} = {quoted(value)}; choose {listed}") from None
 
 
 def name_of(value: object, name: str, remedy: str) -> str:
@@ -142,6 +190,23 @@ def name_of(value: object, name: str, remedy: str) -> str:
     if isinstance(value, str) and value.strip():
         return value
     raise ProblemError(f"{name} is {described(value)}; {remedy}")
+
+
+def answer(function: Callable[..., object], given: Sequence[object], name: str, remedy: str) -> object:
+    """What a function that a user gave answers; that it does not fit what it is given is said in words."""
+    try:
+        return function(*given)
+    except HemivarError:
+        raise
+    except UNFIT as error:
+        raise ProblemError(f"{name}: the function cannot be evaluated ({shortened(error)}); {remedy}") from error
+
+
+def one_line(value: object, name: str) -> str:
+    """A text in one line, for labels: messages repeat it."""
+    if isinstance(value, str) and value.isprintable():
+        return value
+    raise ProblemError(f"{name} is {described(value)}; give a text in one line")
 
 
 def whole_number(value: object, name: str, least: int) -> int:

@@ -448,7 +448,10 @@ class DiscreteProblem(PickleMixin, ReprMixin):
 
         Rigid motions of what supports do not hold leave nothing.
         """
-        return np.asarray(self.load - self.bulk.gradient(self.strained(unknowns)[0]))
+        found = real_array(unknowns, "unknowns", 1)
+        if found.shape != self.load.shape:
+            raise ProblemError(f"unknowns has shape {found.shape}; it needs one entry per unknown, {self.load.shape}")
+        return np.asarray(self.load - self.bulk.gradient(self.strained(found)[0]))
 
     def strained(self, unknowns: Array) -> tuple[Array, Array]:
         """Unknowns (n,) without their rigid part, and the sizes (n,) of what is left in an answer.

@@ -3,8 +3,9 @@
 from hemivar.fem.discretize import discretize
 from hemivar.fem.error_norms import ErrorNorms, KnownField, error_norms
 from hemivar.fem.fields import gradient, nodal_average, strain, stress, v_norm, von_mises
-from hemivar.fem.forms import FormBody, FormProblem, MixedBulk
+from hemivar.fem.forms import FormBody, FormProblem
 from hemivar.fem.load_line import LoadLine
+from hemivar.fem.mixed_bulk import MixedBulk
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.small_strain import Deformation, deformation
 from hemivar.fem.transfer import interpolate, interpolation_matrix

@@ -27,9 +27,11 @@ from hemivar.mechanics.statement import ContactProblem, Quadrature
 
 __all__ = [
     "BoundaryContact",
+    "adapted",
     "area_contacts",
     "boundary_contact",
     "contacts_of_one",
+    "frames_of",
     "join",
     "local_components",
     "merge_corners",
@@ -131,10 +133,10 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
             average, normal, points = sp.csr_array(average[meets]), normal[meets], points[meets]
             weights, gap, nodes, facet = weights[meets], gap[meets], nodes[meets], facet[meets]
     belt = DataField(contact.belt, f"belt of contact '{name}'", dim).at(points)
-    frames = _frames(normal)
+    frames = frames_of(normal)
     blocked = np.zeros((len(points), dim), dtype=bool)
     if problem.quadrature is Quadrature.NODAL:
-        frames, blocked = _adapt(frames, supports, nodes)
+        frames, blocked = adapted(frames, supports.directions[nodes], supports.count[nodes])
     names = tuple(problem.contact)
     boundary = np.full(len(points), names.index(name))
     trace = local_components(average, frames)
@@ -206,8 +208,9 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     apart = -np.einsum("kd,kd->k", normal, found.jump @ nodes)
     rounding = _ROUNDED * np.abs(nodes).max() + _EPSILONS * np.abs(supports.nodes).max()
     apart[np.abs(apart) <= rounding] = 0.0  # a rigid law would be met beyond its end
-    frames, blocked = _adapt(_frames(normal), supports, found.nodes)
-    moves = np.linalg.norm(movable(frames, supports.directions[found.nodes]), axis=2) > DEPENDENT
+    held = supports.directions[found.nodes]
+    frames, blocked = adapted(frames_of(normal), held, supports.count[found.nodes])
+    moves = np.linalg.norm(movable(frames, held), axis=2) > DEPENDENT
     names, count = tuple(problem.contact), len(points)
     trace, boundary = local_components(found.jump, frames), np.full(count, names.index(name))
     kept = moves.ravel()
@@ -475,7 +478,10 @@ def merge_corners(
                 normal = first.frames[mine, 0] * first.weights[mine, None]
                 normal += second.frames[theirs, 0] * second.weights[theirs, None]
                 weights[mine] += second.weights[theirs]
-                frames[mine], blocked[mine] = _adapt(_frames(unit(normal)), supports, first.node[mine])
+                nodes = first.node[mine]
+                frames[mine], blocked[mine] = adapted(
+                    frames_of(unit(normal)), supports.directions[nodes], supports.count[nodes]
+                )
                 trace = local_components(_selection(first.node, len(supports.nodes)), frames)
                 first = replace(first, trace=trace, weights=weights, frames=frames)
             groups[earlier] = replace(groups[earlier], points=first, blocked=blocked)
@@ -519,7 +525,7 @@ def _selection(nodes: IntArray, count: int) -> sp.csr_array:
     return sp.csr_array((np.ones(len(nodes)), nodes, np.arange(len(nodes) + 1)), shape=(len(nodes), count))
 
 
-def _frames(normal: Array) -> Array:
+def frames_of(normal: Array) -> Array:
     """Normal and tangents, shape (k, d, d): in 2D the tangent is the normal turned by +90 degrees."""
     if normal.shape[1] == 2:
         return np.stack([normal, np.column_stack([-normal[:, 1], normal[:, 0]])], axis=1)
@@ -528,10 +534,12 @@ def _frames(normal: Array) -> Array:
     return np.stack([normal, first, unit(np.cross(normal, first))], axis=1)
 
 
-def _adapt(frames: Array, supports: Supports, nodes: IntArray) -> tuple[Array, BoolArray]:
-    """Turn tangents to what the supports leave free, and mark rows that depend on a row before them."""
+def adapted(frames: Array, held: Array, count: IntArray) -> tuple[Array, BoolArray]:
+    """Turn tangents to what supports leave free, and mark rows that depend on a row before them.
+
+    ``held (k, d, d)`` are orthonormal directions that supports hold, of which ``count (k,)`` are not zero.
+    """
     frames = frames.copy()
-    held, count = supports.directions[nodes], supports.count[nodes]
     normal = frames[:, 0]
     if frames.shape[1] == 3:
         across = np.cross(held[:, 0], normal)
@@ -555,7 +563,7 @@ def _adapt(frames: Array, supports: Supports, nodes: IntArray) -> tuple[Array, B
 
 
 def join(
-    groups: list[BoundaryContact], basis: sp.csr_array, prescribed: Array, no_points: ContactPoints
+    groups: list[BoundaryContact], basis: sp.csr_array, prescribed: Array
 ) -> tuple[ContactPoints, Array, VectorLaw, float]:
     """Contact points of all boundaries in terms of the unknowns; points held entirely are dropped.
 
@@ -564,8 +572,6 @@ def join(
     groups : list of BoundaryContact
     basis : sparse array, shape (nodes * c, n)
     prescribed : array, shape (nodes * c,)
-    no_points : ContactPoints
-        What there is without any contact.
 
     Returns
     -------
@@ -577,8 +583,6 @@ def join(
     energy : float
         That of the points that supports hold.
     """
-    if not groups:
-        return no_points, np.zeros(no_points.shape), ContactLaw(NoContact()).at(None), 0.0
     components = max(group.points.components for group in groups)
     laws = [(_turned(group), group.points.count) for group in groups]
     groups = [_widened(group, components) for group in groups]
@@ -594,13 +598,14 @@ def join(
 
     trace = sp.csr_array(full @ basis)
     rows = np.repeat(np.arange(trace.shape[0]), np.diff(trace.indptr))
-    trace.data[(np.abs(trace.data) < _ZERO) | blocked.ravel()[rows]] = 0.0
+    small = np.abs(trace.data) < _ZERO * np.abs(full.data).max(initial=0.0)
+    trace.data[small | blocked.ravel()[rows]] = 0.0
     whole = np.abs(np.abs(trace.data) - 1.0) < 1e-14
     trace.data[whole] = np.sign(trace.data[whole])
     trace.eliminate_zeros()
     trace.sort_indices()
 
-    points = [group.points for group in groups]
+    points, means = [group.points for group in groups], [group.points.mean for group in groups]
     frames = [one.frames for one in points if one.frames is not None]
     pairs = {name: sides for one in points for name, sides in one.pairs.items()}
     contact = ContactPoints(
@@ -613,7 +618,7 @@ def join(
         np.concatenate([one.boundary for one in points]),
         names=groups[0].points.names,
         without_friction=rough & blocked[:, 1:].any(axis=1),
-        mean=sp.csr_array(sp.vstack([one.mean for one in points])),
+        mean=None if any(one is None for one in means) else sp.csr_array(sp.vstack(means)),
         pairs=pairs,
     )
     moving = np.diff(trace.indptr).reshape(-1, components).any(axis=1)
@@ -659,7 +664,7 @@ def _held_energy(contact: ContactPoints, law: VectorLaw, r: Array, rounding: flo
         raise SupportError(
             f"the supports hold the contact point x = {in_words(contact.points[bad])} at penetration {r[bad, 0]:.3g}, "
             f"which its law forbids (contact '{contact.names[contact.boundary[bad]]}'); change the support or the "
-            f"{'level' if contact.frames is None else 'gap'}"
+            "foundation"
         )
     return float(contact.weights @ values)
 

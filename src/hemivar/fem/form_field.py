@@ -134,7 +134,7 @@ def _nothing(shape: tuple[int, ...]) -> tuple[sp.csr_array, Array]:
 
 def _simplices(mesh: ScikitFem) -> Mesh:
     boundaries = {name: mesh.facets[:, facets].T for name, facets in _outer(mesh).items()}
-    return Mesh.oriented(mesh.p.T, mesh.t.T, boundaries, _regions(mesh, 1))
+    return Mesh.oriented(mesh.p.T[: mesh.nvertices], mesh.t.T, boundaries, _regions(mesh, 1))
 
 
 def _outer(mesh: ScikitFem) -> Mapping[str, IntArray]:

@@ -22,7 +22,7 @@ from hemivar.fem.contact_points import (
 from hemivar.fem.edge_blocks import EdgeBlocks
 from hemivar.fem.mortar_basis import JumpUnknowns, jump_unknowns
 from hemivar.fem.supports import Supports, movable, stated_supports, unit
-from hemivar.laws import VectorLaw
+from hemivar.laws import ContactLaw, NoContact, VectorLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 
 __all__ = [
@@ -96,7 +96,9 @@ class NodalConditions:
         if nodes is not None:
             chosen = ((group, np.flatnonzero(nodes[group.points.node])) for group in groups)
             groups = [group.take(rows) for group, rows in chosen if rows.size]
-        return join(groups, self.basis, self.prescribed, self._no_points)
+        if not groups:
+            return self._no_points, np.zeros(self._no_points.shape), ContactLaw(NoContact()).at(None), 0.0
+        return join(groups, self.basis, self.prescribed)
 
     @property
     def _no_points(self) -> ContactPoints:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from hemivar.basics.arguments import expecting, positive
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.gallery.known import KnownProblem
@@ -57,6 +58,7 @@ class HenckyConstants:
         return 2.0 * self.shear * self.softened + lost / np.sqrt(size), -0.5 * lost / self.strain**2 * size**-1.5
 
 
+@expecting(law=Superpotential, n=int, pushed=positive, constants=HenckyConstants, order=int)
 def hencky_block(
     law: Superpotential | None = None,
     n: int = 8,
@@ -91,7 +93,10 @@ def hencky_block(
         The top is not pushed down.
     """
     law, hencky = Compliance(20.0) if law is None else law, constants or HenckyConstants()
-    s = _roots(lambda r, _: -hencky.stress(r - pushed, 0.0) - _pressure(law, r), pushed)[0]
+    found = _roots(lambda r, _: -hencky.stress(r - pushed, 0.0) - _pressure(law, r), pushed)
+    if not found:
+        raise ProblemError("the law presses nowhere as hard as the block; give one that does, such as a compliance")
+    s = found[0]
     pressure = -hencky.stress(s - pushed, 0.0)
 
     def displacement(x: Array) -> Array:
@@ -109,6 +114,7 @@ def hencky_block(
     return KnownProblem(problem, displacement, lambda x: np.full(len(x), pressure))
 
 
+@expecting(law=Superpotential, n=int, pushed=positive, constants=HenckyConstants, order=int)
 def hencky_ring(
     law: Superpotential | None = None,
     n: int = 16,

@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hemivar.basics.arguments import expect, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.csv_text import cell_read, csv_rows
 from hemivar.basics.disk import path_of, read_text, shown
@@ -47,6 +48,8 @@ class Measurements(PickleMixin):
     measured: Mapping[str, Array]
 
     def __post_init__(self) -> None:
+        for name in ("inputs", "measured"):
+            expect(getattr(self, name), Mapping, name, "give a dict of columns by names")  # type: ignore[type-abstract]
         for kind, columns in (("set", self.inputs), ("measured", self.measured)):
             if not columns:
                 raise ProblemError(f"the measurements have no column of values that were {kind}; name one, {_EXAMPLE}")
@@ -155,8 +158,8 @@ def _columns(name: str, head: Sequence[str], body: Sequence[Sequence[str]]) -> d
         if None in values:
             first = values.index(None)
             raise FileError(
-                f"{name}: column '{shown(key)}' has {shown(body[first][place])!r} in row {first + 1}; give a number: "
-                f"{_COMMAS}"
+                f"{name}: column '{shown(key)}' has {quoted(shown(body[first][place]))} in row {first + 1}; give a "
+                f"number: {_COMMAS}"
             )
         columns[key] = np.array(values, dtype=float)
     return columns

@@ -9,6 +9,7 @@ from typing import Literal, TypeVar, cast, overload
 
 import numpy as np
 
+from hemivar.basics.arguments import answer, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import CheckedFields, Form, kept, stated
@@ -42,9 +43,9 @@ LARGEST = 1e100
 def check_finite(value: object, name: str, most: float = np.inf) -> Array:
     array = real_array(value, name, finite=False)
     if not np.all(np.isfinite(array)):
-        raise ProblemError(f"{name}: {value!r} is not finite; give finite numbers")
+        raise ProblemError(f"{name}: {quoted(value)} is not finite; give finite numbers")
     if not (np.abs(array) <= most).all():
-        raise ProblemError(f"{name}: {value!r} is beyond the range of numbers ({most:.0e}); take other units")
+        raise ProblemError(f"{name}: {quoted(value)} is beyond the range of numbers ({most:.0e}); take other units")
     return array
 
 
@@ -238,13 +239,13 @@ class DataField:
             if vector:
                 _refuse_shape(plain, self.name, self.components)
             return np.broadcast_to(plain, shape)
-        if not depends_on_time(self.value):
-            return _checked_result(self.value(points), shape, points, self.name, vector)
-        if time is None:
+        if time is None and depends_on_time(self.value):
             raise ProblemError(
                 f"{self.name} depends on time, and no time is given; take the problem at one, problem.at_time(0.0)"
             )
-        return _checked_result(self.value(points, time), shape, points, self.name, vector)
+        given = (points, time) if depends_on_time(self.value) else (points,)
+        found = answer(self.value, given, self.name, f"give a function of points, shape {points.shape}")
+        return _checked_result(found, shape, points, self.name, vector)
 
 
 def _checked_result(

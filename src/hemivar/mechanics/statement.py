@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect, number, suggest
+from hemivar.basics.arguments import described, expect, number, one_of, quoted, suggest
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
@@ -297,7 +297,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         """
         t = number(t, "the time", "give a finite number")
         if not np.isfinite(t):
-            raise ProblemError(f"the time is {t!r}; give a finite number")
+            raise ProblemError(f"the time is {quoted(t)}; give a finite number")
         if not self.time_dependent:
             return self
         bound = copy.copy(self)  # what holds of the statement holds at every time, and is not checked again
@@ -318,12 +318,13 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _check_frame(self) -> None:
         """Refuse what is no mesh, no order, no units or no material."""
         expect(self.units, Units, "units", UNITS_REMEDY)
+        expect(self.title, str, "title", "give a text")
         if not isinstance(self.mesh, Mesh):
             raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
         if self.order is None:
             object.__setattr__(self, "order", self.mesh.suggested_order)
         if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
-            raise ProblemError(f"order = {self.order!r}; give 1 or 2")
+            raise ProblemError(f"order = {quoted(self.order)}; give 1 or 2")
         if not isinstance(self.material, Material) or type(self.material) is Material:
             raise ProblemError(
                 f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
@@ -333,14 +334,9 @@ class ContactProblem(PickleMixin, ReprMixin):
         self.material.check_on(self.mesh.dim, list(self.mesh.regions))
         if self.material.axisymmetric:
             self._check_half_section()
-        try:
-            object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
-        except ValueError as error:
-            raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
-        try:
-            object.__setattr__(self, "geometry", Geometry(self.geometry))
-        except ValueError as error:
-            raise ProblemError(f"geometry = {self.geometry!r}; choose 'curved' or 'as-meshed'") from error
+        rule = one_of(self.quadrature, "quadrature", Quadrature, "Quadrature.NODAL or MIDPOINT")
+        object.__setattr__(self, "quadrature", rule)
+        object.__setattr__(self, "geometry", one_of(self.geometry, "geometry", Geometry))
         if self.trace_constant is not None:
             constant = number(self.trace_constant, "trace_constant")
             if not 0.0 < constant < np.inf:
@@ -520,9 +516,10 @@ class ContactProblem(PickleMixin, ReprMixin):
         one are stiff, and multigrid takes many cycles where the two part.  Else the finer one has them, else the one of
         which supports hold fewer nodes, else the one that the contact is named after.
         """
-        contact = self.contact[name]
+        contact = self.contact.get(name) if isinstance(name, str) else None
+        if contact is None or contact.against is None:
+            raise ProblemError(f"there is no contact of two bodies {quoted(name)}; name one with against=")
         other = contact.against
-        assert other is not None
         if contact.slave:
             return (name, other) if contact.slave == name else (other, name)
         held = np.zeros(self.mesh.number_of_nodes, dtype=bool)

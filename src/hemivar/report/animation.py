@@ -11,7 +11,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, path_of, try_output, whole_file
+from hemivar.basics.arguments import quoted
+from hemivar.basics.disk import make_folder, path_of, shown, try_output, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -39,7 +40,7 @@ def check_film(path: str | Path) -> None:
     """Refuse, before the work, a film that could not be written: another suffix, MP4 without ffmpeg."""
     suffix = path_of(path).suffix.lower()
     if suffix not in FILMS:
-        raise ProblemError(f"'{path}': films are written as {' or '.join(FILMS)}, not '{suffix}'")
+        raise ProblemError(f"'{shown(path)}': films are written as {' or '.join(FILMS)}, not {quoted(suffix)}")
     if suffix == ".mp4":
         with IMPORTS:
             from matplotlib.animation import FFMpegWriter
@@ -109,12 +110,12 @@ def animate(
     if not 10 <= dpi <= 600:
         raise ProblemError(f"dpi = {dpi}; give a resolution from 10 to 600 dots per inch")
     if scale != "auto" and not (math.isfinite(scale) and scale > 0.0):
-        raise ProblemError(f"scale = {scale!r}; give a positive number or 'auto'")
+        raise ProblemError(f"scale = {quoted(scale)}; give a positive number or 'auto'")
     try:
         coloured = None if colour is None else FilmColour(colour)
     except ValueError:
         known = ", ".join(kind.value for kind in FilmColour)
-        raise ProblemError(f"colour = {colour!r}: a film has no such colour; choose one of {known}") from None
+        raise ProblemError(f"colour = {quoted(colour)}: a film has no such colour; choose one of {known}") from None
     film = film_of(history) if isinstance(history, History) else history
     shown = _shown(film.times, frames)
     if seconds / len(shown) > _LONGEST_FRAME:

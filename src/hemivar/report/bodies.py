@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from hemivar.basics.arguments import expecting, one_of, positive, quoted
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
@@ -19,7 +20,19 @@ from hemivar.report.drawn_body import PLAIN, DrawnPlane, DrawnSurface, mark_stat
 from hemivar.report.picture import new_figure
 from hemivar.report.plane_body import Arrows, PlaneBody
 from hemivar.report.scalar_map import plot_scalar
-from hemivar.report.style import BLUE, DASHES, GREEN, GREY, RED, body_axes, drawing, in_rows, legend_beside, state_mark
+from hemivar.report.style import (
+    BLUE,
+    DASHES,
+    GREEN,
+    GREY,
+    RED,
+    axes,
+    body_axes,
+    drawing,
+    in_rows,
+    legend_beside,
+    state_mark,
+)
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
@@ -29,6 +42,10 @@ if TYPE_CHECKING:
 __all__ = ["painted", "plot_problem", "plot_solution", "sharp_edges", "viewing_direction"]
 
 
+@expecting(
+    solution=Solution, ax=axes, title=str, note=str, unit=str, stress_unit=str, legend=bool, certificate=Certificate,
+    largest_force=positive,
+)  # fmt: skip
 def plot_solution(
     solution: Solution,
     *,
@@ -91,14 +108,13 @@ def plot_solution(
     field = solution.problem.field
     if field is not None and field.components == 1:
         if colour is not None:
-            raise ProblemError(f"colour = {str(colour)!r}: a scalar problem is coloured by its unknown; leave it out")
+            raise ProblemError(
+                f"colour = {quoted(str(colour))}: a scalar problem is coloured by its unknown; leave it out"
+            )
         with drawing():
             return plot_scalar(solution, ax, title, note, unit, stress_unit, line if legend else "", legend)
     body = DeformedBody.of(solution, scale)
-    try:
-        arrows = Arrows(arrows)
-    except ValueError as error:
-        raise ProblemError(f"arrows = {arrows!r}; choose one of {', '.join(Arrows)}") from error
+    arrows = one_of(arrows, "arrows", Arrows)
     coloured = body.colour(colour)
     with drawing():
         if body.mesh.dim == 3:

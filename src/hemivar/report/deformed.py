@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from numbers import Real
 
 import numpy as np
 
+from hemivar.basics.arguments import one_of, quoted
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
@@ -39,12 +41,7 @@ class BodyColour(StrEnum):
     @classmethod
     def of(cls, given: BodyColour | str | None, usual: BodyColour) -> BodyColour:
         """What was asked for, or what is usual; ``ProblemError`` where there is no such colouring."""
-        if given is None:
-            return usual
-        try:
-            return cls(given)
-        except ValueError as error:
-            raise ProblemError(f"colour = {given!r}; choose one of {', '.join(cls)}") from error
+        return usual if given is None else one_of(given, "colour", cls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +59,10 @@ class DeformedBody:
             raise ProblemError(
                 "it was made of arrays and has no mesh; give one, of_arrays(..., mesh=...), or take plot_contact"
             )
-        if scale == "auto":
+        if isinstance(scale, str) and scale == "auto":
             return cls(solution, _visible(solution.problem, field.mesh, solution.displacement))
-        if isinstance(scale, str) or not (math.isfinite(scale) and scale > 0.0):
-            raise ProblemError(f"scale = {scale!r}; give a positive number or 'auto'")
+        if not isinstance(scale, Real) or isinstance(scale, bool) or not 0.0 < scale < 1e150:
+            raise ProblemError(f"scale = {quoted(scale)}; give a positive number or 'auto'")
         return cls(solution, float(scale))
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from hemivar.basics.arguments import described, suggest
+from hemivar.basics.arguments import described, quoted, suggest
 from hemivar.errors import MethodError
 from hemivar.solvers.base import Solver
 from hemivar.solvers.controls import Controls
@@ -53,7 +53,7 @@ def method_named(name: str) -> Solver:
         There is no such method; the message lists all.
     """
     if name not in METHODS:
-        raise MethodError(f"method '{name}' is not known{suggest(name, list(METHODS))}")
+        raise MethodError(f"method {quoted(name)} is not known{suggest(name, list(METHODS))}")
     return METHODS[name]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar.basics.arguments import described, number
+from hemivar.basics.arguments import described, number, one_line
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_keywords
@@ -412,6 +412,7 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
     >>> float(law.weak_convexity[0].round(4))  # exp(-2): where it falls the most
     0.1353
     """
+    one_line(name, "the name of a law"), one_line(where, "where")
     places = np.atleast_1d(real_array(kinks, f"kinks of law '{name}'")).ravel()
     if (potential is None) == (derivative is None):
         raise ProblemError(f"law '{name}': give either potential='...' or derivative='...', a formula of r")

@@ -9,7 +9,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hemivar.basics.arguments import one_line, one_of
 from hemivar.basics.arrays import real_array
+from hemivar.basics.disk import shown
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array, BoolArray
@@ -123,10 +125,8 @@ def table_law(
     >>> float(law.weak_convexity[0].round(12))  # the steepest fall
     1.5
     """
-    try:
-        extend = Extension(extend)
-    except ValueError:
-        raise ProblemError(f"{where}: extend = '{extend}' is not known; write constant or linear") from None
+    one_line(name, "the name of a law"), one_line(where, "where")
+    extend = one_of(extend, f"{where}: extend", Extension)
     x, y = check_points(r, derivative, where, friction=friction)
     if friction and extend == Extension.LINEAR and y[-1] < y[-2]:
         raise ProblemError(
@@ -173,7 +173,7 @@ def read_law_table(
     """
     r, derivative = read_columns(path)
     file = Path(path).absolute()
-    return table_law(r, derivative, extend=extend, friction=friction, name=name, where=str(path), file=file)
+    return table_law(r, derivative, extend=extend, friction=friction, name=name, where=shown(path), file=file)
 
 
 def even_table(
