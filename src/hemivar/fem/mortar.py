@@ -39,6 +39,8 @@ class _Coupling:
     master: IntArray  # (k,)
     there: Array  # (k, n, n)
     masters: int  # facets of the master
+    rule: _Rule
+    psi: Array  # (k, q, n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +66,29 @@ class Mortar:
         across = np.zeros((at.masters, *there.shape[1:]))
         np.subtract.at(across, at.master, there)
         return np.asarray(np.einsum("fij,fid->fjd", at.here, traction[at.own])), across
+
+
+    def mean(self, along: Array, own: Array, other: Array) -> Array:
+        """The psi-weighted mean (m,) of a field on the slave less that of one on the master, along directions.
+
+        Fields are quadratic on each facet, by the nodes of order 2: shapes (f, n, d) and (g, n, d); directions linear
+        on each facet of the slave, by its corners: shape (f, d, d).
+        """
+        at, rule = self.coupling, self.coupling.rule
+        field = np.einsum("kqn,knd->kqd", shape_values(2, rule.on_slave), own[at.slave])
+        field -= np.einsum("kqn,knd->kqd", shape_values(2, rule.on_master), other[at.master])
+        moments = np.einsum("kq,kqi,kqc,kcd,kqd->ki", rule.weight, at.psi, rule.on_slave, along[at.slave], field, optimize=True)
+        summed = np.bincount(at.own[at.slave].ravel(), moments.ravel(), self.jump.shape[1])
+        return np.asarray(summed[self.nodes] / self.weights)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rule:
+    """Points of integration on the overlap, in the barycentric coordinates of both sides, and their weights."""
+
+    on_slave: Array  # (k, q, d)
+    on_master: Array  # (k, q, d)
+    weight: Array  # (k, q)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +130,8 @@ def mortar(
             f"{names}: several layers face the facet at ({', '.join(f'{x:.6g}' for x in place)}); name a smaller "
             "boundary"
         )
-    rule, portion = quadrature_rule(mesh.dim - 1, 2 * order + ring)
-    phi = shape_values(order, np.einsum("qc,kcb->kqb", rule, pieces.on_slave))
-    across = shape_values(order, np.einsum("qc,kcb->kqb", rule, pieces.on_master))
-    weight = (pieces.share * mesh.facet_normals(slave)[1][pieces.slave])[:, None] * portion
-    if ring:
-        radius = mesh.points[slave, 0][pieces.slave]
-        weight = weight * 2.0 * np.pi * np.einsum("qc,kcb,kb->kq", rule, pieces.on_slave, radius)
+    rule = _integration(mesh, order, slave, pieces, ring)
+    phi, across, weight = shape_values(order, rule.on_slave), shape_values(order, rule.on_master), rule.weight
     size = own.shape[1]
     mass = np.zeros((len(slave), size, size))
     np.add.at(mass, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, phi, phi))
@@ -130,8 +150,20 @@ def mortar(
     rows.data[np.abs(rows.data) < _ROUNDED] = 0.0
     rows.eliminate_zeros()
     turned = _turned(mesh, slave, master, pieces)
-    coupling = _Coupling(own, here, pieces.slave, pieces.master, there, len(master))
+    psi = np.einsum("kij,kqj->kqi", dual[pieces.slave], phi)
+    coupling = _Coupling(own, here, pieces.slave, pieces.master, there, len(master), rule, psi)
     return Mortar(nodes, weights[nodes], sp.csr_array(rows), turned, coupling)
+
+
+def _integration(mesh: Mesh, order: int, slave: IntArray, pieces: _Pieces, ring: bool) -> _Rule:
+    """A rule that is exact for products of two shape functions, and of one and a quadratic."""
+    rule, portion = quadrature_rule(mesh.dim - 1, order + 2 + ring)
+    on_slave, on_master = (np.einsum("qc,kcb->kqb", rule, at) for at in (pieces.on_slave, pieces.on_master))
+    weight = (pieces.share * mesh.facet_normals(slave)[1][pieces.slave])[:, None] * portion
+    if ring:
+        radius = mesh.points[slave, 0][pieces.slave]
+        weight = weight * 2.0 * np.pi * np.einsum("kqb,kb->kq", on_slave, radius)
+    return _Rule(on_slave, on_master, weight)
 
 
 def _turned(mesh: Mesh, slave: IntArray, master: IntArray, pieces: _Pieces) -> float:
