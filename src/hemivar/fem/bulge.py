@@ -33,7 +33,6 @@ class Bulge:
 
     arcs: Array
     left: Array  # more where the larger curvature of both ends of an edge is the right one
-    normals: Array  # (f, d, d), of the arcs at the corners
 
 
 def bulge(mesh: Mesh, name: str) -> Bulge:
@@ -45,17 +44,14 @@ def bulge(mesh: Mesh, name: str) -> Bulge:
     facets = root.boundaries[name]
     of, local = chains(root, facets), _sides(mesh.dim)
     arcs = np.zeros((2, len(facets), mesh.dim + len(local), mesh.dim))
-    normals = np.repeat(root.facet_normals(facets)[0][:, None], mesh.dim, axis=1)
     on = np.flatnonzero(of.curved)
     if on.size:
-        net = _Net.of(root, facets, of)
-        normals[on], tensors = net.surface()
-        arcs[:, on, mesh.dim :] = net.ways(tensors)
+        arcs[:, on, mesh.dim :] = _Net.of(root, facets, of).ways()
     if root is not mesh:
         middle = [0.5 * (places[:, a] + places[:, b]) for a, b in local]
         shape = shape_values(2, np.concatenate([places, np.stack(middle, axis=1)], axis=1))
-        arcs, normals = np.einsum("fnm,sfmd->sfnd", shape, arcs[:, number]), np.einsum("fac,fcd->fad", places, normals[number])
-    return Bulge(arcs[0], arcs[1], normals)
+        arcs = np.einsum("fnm,sfmd->sfnd", shape, arcs[:, number])
+    return Bulge(arcs[0], arcs[1])
 
 
 def _sides(dim: int) -> tuple[tuple[int, int], ...]:
@@ -93,7 +89,6 @@ class _Net:
 
     points: Array  # (n, d)
     normals: Array  # (n, d), of the facets
-    corners: IntArray  # (k, d)
     edges: IntArray  # (e, 2)
     edge: IntArray  # (k, s), of each side of the facets
     border: BoolArray  # (n,), where the chain ends
@@ -116,11 +111,11 @@ class _Net:
         sharp = np.isin(known, keys[one][met])
         summed = sum_by(own.ravel(), np.repeat(normals * measures[:, None], dim, axis=0), len(known))
         summed[sharp] = np.eye(dim)[0]  # they may cancel there, where nothing is an arc
-        return cls(mesh.points[known % count], unit(summed), own, edges, edge.reshape(len(own), -1), border, sharp)
+        return cls(mesh.points[known % count], unit(summed), edges, edge.reshape(len(own), -1), border, sharp)
 
-    def ways(self, tensor: Array) -> Array:
+    def ways(self) -> Array:
         """Ways (2, k, s, d) from the middles of the sides of all facets to the arcs, and what may be left."""
-        edge, node = self._beside()
+        tensor, (edge, node) = self._curvatures(), self._beside()
         limited = _harmonic(edge, self._turns(tensor, edge, node), len(self.edges))
         each = np.arange(len(self.edges))
         ends = np.stack([self._turns(tensor, each, node) for node in self.edges.T])
@@ -149,13 +144,15 @@ class _Net:
         among = sp.diags_array(wide.astype(float)) @ (ends @ self._graph()) + ends
         return np.nonzero(among)
 
-    def surface(self) -> tuple[Array, Array]:
-        """Normals (k, d, d) and curvatures (n, d, d) of paraboloids through the nodes around, of convex bodies positive.
+    def _curvatures(self) -> Array:
+        """Tensors (n, d, d) of the curvature of paraboloids through the nodes around, of convex bodies positive.
 
-        At borders these are two edges away at most, for on one side the next ones do not tell slope and curvature apart.
+        They are two edges away at most where fewer would do, and at borders: on one side the next ones do not tell slope
+        and curvature apart.
         """
         graph, (count, dim) = self._graph(), self.points.shape
-        far = sp.diags_array(self.border.astype(float)) @ (graph @ graph) + graph
+        wide = self.border | (np.diff(graph.indptr) < (dim - 1) * (dim + 2) // 2)
+        far = sp.diags_array(wide.astype(float)) @ (graph @ graph) + graph
         far.setdiag(0.0)
         node, other = np.nonzero(far)
         way = self.points[other] - self.points[node]
@@ -176,9 +173,7 @@ class _Net:
         for k, (a, b) in enumerate(pairs):
             bent[:, a, b] = bent[:, b, a] = -found[:, dim - 1 + k]
         bent *= (~self.sharp / scale / np.sqrt(1.0 + (slope**2).sum(axis=1)))[:, None, None]
-        slope *= ~self.sharp[:, None]
-        normals = unit(self.normals - np.einsum("na,nad->nd", slope, tangents))
-        return normals[self.corners], np.einsum("nai,nab,nbj->nij", tangents, bent, tangents)
+        return np.asarray(np.einsum("nai,nab,nbj->nij", tangents, bent, tangents))
 
 
 def _harmonic(group: IntArray, values: Array, count: int) -> Array:

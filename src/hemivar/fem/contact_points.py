@@ -188,7 +188,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     points = supports.nodes[found.nodes]
     stated = DataField(contact.gap, f"gap of {title}").at(points)
     _refuse_beyond(stated, f"gap of {title}", "unit of length")
-    arcs = _arcs(problem, name, found)
+    arcs = _arcs(problem, name, found, normal)
     apart = arcs.apart - np.einsum("kd,kd->k", normal, found.jump @ supports.nodes)
     apart[np.abs(apart) <= _ROUNDED * np.abs(supports.nodes).max()] = 0.0  # a rigid law would be met beyond its end
     frames, blocked = _adapt(_frames(normal), supports, found.nodes)
@@ -216,10 +216,10 @@ class _Arcs:
     left: Array
 
 
-def _arcs(problem: ContactProblem, name: str, found: Mortar) -> _Arcs:
+def _arcs(problem: ContactProblem, name: str, found: Mortar, normal: Array) -> _Arcs:
     own, other = (bulge(problem.mesh, side) for side in problem.pair(name))
-    arcs = -found.mean(own.normals, own.arcs, other.arcs)
-    left = -found.mean(own.normals, own.left, other.left)
+    fields = ((own.arcs, other.arcs), (own.left, other.left))
+    arcs, left = (-np.einsum("kd,kd->k", normal, found.mean(*both)) for both in fields)
     if problem.geometry is Geometry.AS_MESHED:
         return _Arcs(np.zeros_like(arcs), arcs)
     return _Arcs(arcs, left)

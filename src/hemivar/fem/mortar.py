@@ -19,6 +19,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import facet_shares
+from hemivar.fem.supports import sum_by
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Mortar", "mortar"]
@@ -68,18 +69,17 @@ class Mortar:
         return np.asarray(np.einsum("fij,fid->fjd", at.here, traction[at.own])), across
 
 
-    def mean(self, along: Array, own: Array, other: Array) -> Array:
-        """The psi-weighted mean (m,) of a field on the slave less that of one on the master, along directions.
+    def mean(self, own: Array, other: Array) -> Array:
+        """The psi-weighted mean (m, d) of a field on the slave less that of one on the master.
 
-        Fields are quadratic on each facet, by the nodes of order 2: shapes (f, n, d) and (g, n, d); directions linear
-        on each facet of the slave, by its corners: shape (f, d, d).
+        Both are quadratic on each facet, by the nodes of order 2: shapes (f, n, d) and (g, n, d).
         """
         at, rule = self.coupling, self.coupling.rule
         field = np.einsum("kqn,knd->kqd", shape_values(2, rule.on_slave), own[at.slave])
         field -= np.einsum("kqn,knd->kqd", shape_values(2, rule.on_master), other[at.master])
-        moments = np.einsum("kq,kqi,kqc,kcd,kqd->ki", rule.weight, at.psi, rule.on_slave, along[at.slave], field, optimize=True)
-        summed = np.bincount(at.own[at.slave].ravel(), moments.ravel(), self.jump.shape[1])
-        return np.asarray(summed[self.nodes] / self.weights)
+        moments = np.einsum("kqi,kqd->kid", rule.weight[:, :, None] * at.psi, field)
+        summed = sum_by(at.own[at.slave].ravel(), moments.reshape(-1, field.shape[2]), self.jump.shape[1])
+        return np.asarray(summed[self.nodes] / self.weights[:, None])
 
 
 @dataclass(frozen=True, eq=False)
