@@ -16,15 +16,19 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.elements import shape_values
+from hemivar.fem.mortar import Mortar
 from hemivar.fem.supports import sum_by, unit
+from hemivar.mechanics.statement import ContactProblem, Geometry
 from hemivar.mesh.curves import BEND, Chains, chains
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Bulge", "bulge"]
+__all__ = ["Arcs", "Bulge", "arcs_of_pair", "bulge"]
 
 #: Share of a normal matrix below which nodes do not fix a paraboloid.
 _FLAT = 1e-8
+#: Changes of distances that are rounding, of the size of the mesh, and share of a bulge that it may be off by.
+_ROUNDED, _INEXACT = 1e-9, 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +56,61 @@ def bulge(mesh: Mesh, name: str) -> Bulge:
         shape = shape_values(2, np.concatenate([places, np.stack(middle, axis=1)], axis=1))
         arcs = np.einsum("fnm,sfmd->sfnd", shape, arcs[:, number])
     return Bulge(arcs[0], arcs[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Arcs:
+    """What the arcs of two bodies change of their distance."""
+
+    apart: Array  # (m,), at contact points
+    inexact: float  # what this may be off by
+    warnings: tuple[str, ...]
+
+
+def arcs_of_pair(problem: ContactProblem, name: str, found: Mortar, normal: Array, title: str) -> Arcs:
+    """How much farther apart the arcs of two bodies are than their facets, along normals (m, d) at contact points.
+
+    Where the body is meant as meshed, and where facets look curved but lie on no arc, a warning says what stress that
+    makes: half of Young's modulus times the slope of the ripple.
+    """
+    own, other = (bulge(problem.mesh, side) for side in problem.pair(name))
+    fields = ((own.arcs, other.arcs), (own.left, other.left))
+    arcs, left = (-np.einsum("kd,kd->k", normal, found.mean(*both)) for both in fields)
+    size, off = (max(float(np.linalg.norm(part, axis=2).max()) for part in both) for both in fields)
+    if float(np.abs(np.stack([arcs, left])).max()) <= _ROUNDED * problem.mesh.size:
+        return Arcs(arcs, 0.0, ())  # flat, or the facets of both sides coincide
+    if problem.geometry is Geometry.AS_MESHED:
+        said = (
+            f"{title}: the facets stand for arcs that are up to {size:.3g} off them, but the geometry is as meshed: "
+            f"where nodes do not match, the pressure ripples by about {_ripple(problem, name, found, arcs):g}"
+        )
+        return Arcs(np.zeros_like(arcs), 0.0, (said,))
+    said = (
+        f"{title}: the facets stand for arcs that are up to {size:.3g} off them, and the gap is that of the arcs; "
+        'geometry = "as-meshed" keeps that of the facets',
+    )
+    if 2.0 * off > max(size, off):
+        said += (
+            f"{title}: the sides look curved, but their nodes lie on no arcs; the facets, which may be {off:.3g} off, "
+            f"let the pressure ripple by about {_ripple(problem, name, found, left):g}: mesh the sides anew, with "
+            "nodes on the curve",
+        )
+    return Arcs(arcs, _INEXACT * size, said)
+
+
+def _ripple(problem: ContactProblem, name: str, found: Mortar, apart: Array) -> float:
+    """The size of the stress, to two digits, that distances (m,) make if they should be the same."""
+    mesh, sides = problem.mesh, problem.pair(name)
+    place = np.full(found.jump.shape[1], -1)
+    place[found.nodes] = np.arange(found.nodes.size)
+    ends = place[mesh.facet_nodes(mesh.boundaries[sides[0]], problem.order)]
+    first, second = np.stack([ends[:, [a, b]] for a in range(ends.shape[1]) for b in range(a)]).reshape(-1, 2).T
+    both = (first >= 0) & (second >= 0)
+    points = mesh.nodes(problem.order)[found.nodes]
+    apart_from = np.linalg.norm(points[first[both]] - points[second[both]], axis=1)
+    slope = np.abs(apart[first[both]] - apart[second[both]]) / apart_from
+    soft = [1.0 / problem.stiffness_at(side) for side in sides]
+    return float(f"{slope.max(initial=0.0) / sum(soft):.2g}")
 
 
 def _sides(dim: int) -> tuple[tuple[int, int], ...]:

@@ -13,7 +13,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
-from hemivar.fem.bulge import bulge
+from hemivar.fem.bulge import arcs_of_pair
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.rings import facet_shares
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
@@ -22,7 +22,7 @@ from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.obstacles import obstacle_contact
-from hemivar.mechanics.statement import ContactProblem, Geometry, Quadrature
+from hemivar.mechanics.statement import ContactProblem, Quadrature
 
 __all__ = [
     "BoundaryContact",
@@ -188,7 +188,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     points = supports.nodes[found.nodes]
     stated = DataField(contact.gap, f"gap of {title}").at(points)
     _refuse_beyond(stated, f"gap of {title}", "unit of length")
-    arcs = _arcs(problem, name, found, normal)
+    arcs = arcs_of_pair(problem, name, found, normal, title)
     apart = arcs.apart - np.einsum("kd,kd->k", normal, found.jump @ supports.nodes)
     apart[np.abs(apart) <= _ROUNDED * np.abs(supports.nodes).max()] = 0.0  # a rigid law would be met beyond its end
     frames, blocked = _adapt(_frames(normal), supports, found.nodes)
@@ -202,27 +202,10 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     at = ContactPoints(
         trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
     )
-    said = _pair_warnings(title, float(-apart.min()), supports.nodes, found.turned)
+    said = _pair_warnings(title, float(-apart.min()) - arcs.inexact, supports.nodes, found.turned)
     with error_context(title, contact.normal, contact.friction):
         law, still = contact.law.at(points), np.zeros(points.shape)
-        return BoundaryContact(at, stated + apart, still, law, blocked, True, said)
-
-
-@dataclass(frozen=True, eq=False)
-class _Arcs:
-    """What the arcs of two bodies change of their distances (m,) at contact points."""
-
-    apart: Array
-    left: Array
-
-
-def _arcs(problem: ContactProblem, name: str, found: Mortar, normal: Array) -> _Arcs:
-    own, other = (bulge(problem.mesh, side) for side in problem.pair(name))
-    fields = ((own.arcs, other.arcs), (own.left, other.left))
-    arcs, left = (-np.einsum("kd,kd->k", normal, found.mean(*both)) for both in fields)
-    if problem.geometry is Geometry.AS_MESHED:
-        return _Arcs(np.zeros_like(arcs), arcs)
-    return _Arcs(arcs, left)
+        return BoundaryContact(at, stated + apart, still, law, blocked, True, (*said, *arcs.warnings))
 
 
 def _seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:

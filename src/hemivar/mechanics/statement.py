@@ -520,7 +520,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             held[self.mesh.boundaries[support]] = True
         size, share, stiff = {}, {}, {}
         for side in (name, other):
-            facets, stiff[side] = self.mesh.boundaries[side], self._stiffness_at(side)
+            facets, stiff[side] = self.mesh.boundaries[side], self.stiffness_at(side)
             size[side] = float(self.mesh.facet_normals(facets)[1].mean())
             share[side] = float(held[np.unique(facets)].mean())
         if max(share.values()) == 1.0 > min(share.values()):
@@ -533,15 +533,15 @@ class ContactProblem(PickleMixin, ReprMixin):
             first = name if share[name] <= share[other] else other
         return (name, other) if first == name else (other, name)
 
-    def _stiffness_at(self, boundary: str) -> float:
-        """Mean size of the elasticity in the cells along a boundary."""
+    def stiffness_at(self, boundary: str) -> float:
+        """Mean size of the elasticity in the cells along a boundary, nearly Young's modulus."""
         mesh = self.mesh
         on = np.zeros(mesh.number_of_nodes, dtype=bool)
         on[mesh.boundaries[boundary]] = True
         cells = np.flatnonzero(np.count_nonzero(on[mesh.cells], axis=1) >= mesh.dim)
         masks = {name: np.isin(cells, members) for name, members in mesh.regions.items()}
         tensors = self.material.stiffness_tensor(mesh.points[mesh.cells[cells]].mean(axis=1), masks)
-        return float(np.einsum("kvv->k", tensors).mean())
+        return float(np.einsum("kvv->kv", tensors).mean())
 
     def _check_overlaps(self) -> None:
         """Refuse facets of two foundations, and of one where a support holds everything."""
