@@ -1,7 +1,7 @@
 """How far the arcs deviate from the facets that stand for them.
 
-Where facets follow each other at small angles the mesh replaces a curve by its chords.  Along an edge of length h an arc
-of curvature k is off by ``k h^2 xi (1 - xi)/2``.  The curvature at a node is that of the parabola, in space of the
+Where facets follow each other at small angles the mesh replaces a curve by its chords.  Along an edge of length h an
+arc of curvature k is off by ``k h^2 xi (1 - xi)/2``.  The curvature at a node is that of the parabola, in space of the
 paraboloid, through the nodes around: in the plane what the curve turns there over the mean length of both facets.
 Along an edge the harmonic mean of its ends counts: none where the turn changes its sign, and none beside a straight
 part, so that a kink between straight parts stays one.  Across angles above 30 degrees nothing is an arc.
@@ -75,25 +75,29 @@ def arcs_of_pair(problem: ContactProblem, name: str, found: Mortar, normal: Arra
     """
     own, other = (bulge(problem.mesh, side) for side in problem.pair(name))
     fields = ((own.arcs, other.arcs), (own.left, other.left))
+    if not any(part.any() for both in fields for part in both):
+        return Arcs(np.zeros(found.nodes.size), 0.0, ())
     arcs, left = (-np.einsum("kd,kd->k", normal, found.mean(*both)) for both in fields)
     size, off = (max(float(np.linalg.norm(part, axis=2).max()) for part in both) for both in fields)
-    if float(np.abs(np.stack([arcs, left])).max()) <= _ROUNDED * problem.mesh.size:
-        return Arcs(arcs, 0.0, ())  # flat, or the facets of both sides coincide
+    seen, more = (float(np.abs(part).max()) > _ROUNDED * problem.mesh.size for part in (arcs, left))
+    said: tuple[str, ...] = ()  # so it stays where sides are flat, or the facets of both coincide
     if problem.geometry is Geometry.AS_MESHED:
+        if seen:
+            said = (
+                f"{title}: arcs through the nodes are up to {size:.3g} off the facets, but the geometry is as meshed: "
+                f"the pressure ripples by about {_ripple(problem, name, found, arcs):g}",
+            )
+        return Arcs(np.zeros_like(arcs), 0.0, said)
+    if seen:
         said = (
-            f"{title}: the facets stand for arcs that are up to {size:.3g} off them, but the geometry is as meshed: "
-            f"where nodes do not match, the pressure ripples by about {_ripple(problem, name, found, arcs):g}"
+            f"{title}: the facets stand for arcs that are up to {size:.3g} off them, and the gap is that of the arcs; "
+            'geometry = "as-meshed" keeps that of the facets',
         )
-        return Arcs(np.zeros_like(arcs), 0.0, (said,))
-    said = (
-        f"{title}: the facets stand for arcs that are up to {size:.3g} off them, and the gap is that of the arcs; "
-        'geometry = "as-meshed" keeps that of the facets',
-    )
-    if 2.0 * off > max(size, off):
+    if more and off > size:
         said += (
-            f"{title}: the sides look curved, but their nodes lie on no arcs; the facets, which may be {off:.3g} off, "
-            f"let the pressure ripple by about {_ripple(problem, name, found, left):g}: mesh the sides anew, with "
-            "nodes on the curve",
+            f"{title}: the sides look curved, but their nodes lie on no arcs; facets that are {off:.3g} off or so let "
+            f"the pressure ripple by about {_ripple(problem, name, found, left):g}: mesh them anew, with nodes on the "
+            "curve",
         )
     return Arcs(arcs, _INEXACT * size, said)
 
@@ -198,22 +202,25 @@ class _Net:
     def _beside(self) -> tuple[IntArray, IntArray]:
         """Edges and nodes (c,), (c,) whose curvature counts for them: both ends, at borders all next to these."""
         each, count = np.arange(len(self.edges)), len(self.points)
-        ends = sp.csr_array((np.ones(2 * each.size), (np.repeat(each, 2), self.edges.ravel())), shape=(each.size, count))
+        at = np.repeat(each, 2), self.edges.ravel()
+        ends = sp.csr_array((np.ones(at[0].size), at), shape=(each.size, count))
         wide = self.border[self.edges].any(axis=1)
-        among = sp.diags_array(wide.astype(float)) @ (ends @ self._graph()) + ends
-        return np.nonzero(among)
+        among = sp.coo_array(sp.diags_array(wide.astype(float)) @ (ends @ self._graph()) + ends)
+        among.eliminate_zeros()
+        return among.row.astype(np.int64), among.col.astype(np.int64)
 
     def _curvatures(self) -> Array:
         """Tensors (n, d, d) of the curvature of paraboloids through the nodes around, of convex bodies positive.
 
-        They are two edges away at most where fewer would do, and at borders: on one side the next ones do not tell slope
-        and curvature apart.
+        At borders and where the next nodes are too few they are up to two edges away: next ones on one side do not tell
+        slope and curvature apart.
         """
         graph, (count, dim) = self._graph(), self.points.shape
         wide = self.border | (np.diff(graph.indptr) < (dim - 1) * (dim + 2) // 2)
         far = sp.diags_array(wide.astype(float)) @ (graph @ graph) + graph
-        far.setdiag(0.0)
-        node, other = np.nonzero(far)
+        entries = far.tocoo()
+        near = (entries.row != entries.col) & (entries.data > 0.0)
+        node, other = entries.row[near].astype(np.int64), entries.col[near]
         way = self.points[other] - self.points[node]
         tangents = np.linalg.svd(self.normals[:, None])[2][:, 1:]
         scale = np.sqrt(np.bincount(node, (way**2).sum(axis=1), count) / np.bincount(node, minlength=count))

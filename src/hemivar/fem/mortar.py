@@ -68,7 +68,6 @@ class Mortar:
         np.subtract.at(across, at.master, there)
         return np.asarray(np.einsum("fij,fid->fjd", at.here, traction[at.own])), across
 
-
     def mean(self, own: Array, other: Array) -> Array:
         """The psi-weighted mean (m, d) of a field on the slave less that of one on the master.
 
