@@ -202,7 +202,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     at = ContactPoints(
         trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
     )
-    said = _pair_warnings(title, float(-apart.min()) - arcs.inexact, supports.nodes, found.turned)
+    said = _pair_warnings(title, arcs.overlap(apart, problem, name, found), supports.nodes, found.turned)
     with error_context(title, contact.normal, contact.friction):
         law, still = contact.law.at(points), np.zeros(points.shape)
         return BoundaryContact(at, stated + apart, still, law, blocked, True, (*said, *arcs.warnings))
