@@ -243,13 +243,13 @@ class _Net:
         way = self.points[other] - self.points[node]
         tangents = np.linalg.svd(self.normals[:, None])[2][:, 1:]
         scale = np.sqrt(np.bincount(node, (way**2).sum(axis=1), count) / np.bincount(node, minlength=count))
-        # height = slope . t + curvature (way . way) / 2: so nodes of a circle or a sphere have its curvature exactly
+        # height (t . t)/(way . way) = slope . t + curvature (t . t)/2: so nodes of a circle or a sphere have its own
         t = np.einsum("cd,cad->ca", way, tangents[node])
-        flat = np.maximum(np.linalg.norm(t, axis=1), np.finfo(float).tiny)[:, None]
-        t, chord = t / flat, (way**2).sum(axis=1)[:, None] / flat / scale[node, None]
+        flat = np.maximum(np.linalg.norm(t, axis=1), np.finfo(float).tiny)
+        t, height = t / flat[:, None], flat * np.einsum("cd,cd->c", way, self.normals[node]) / (way**2).sum(axis=1)
         pairs = [(a, b) for a in range(dim - 1) for b in range(a, dim - 1)]
         bends = np.column_stack([t[:, a] * t[:, b] * (0.5 if a == b else 1.0) for a, b in pairs])
-        row, height = np.hstack([t, bends * chord]), np.einsum("cd,cd->c", way, self.normals[node]) / flat[:, 0]
+        row = np.hstack([t, bends * (flat / scale[node])[:, None]])
         both = np.concatenate([row[:, :, None] * row[:, None, :], (row * height[:, None])[:, None]], axis=1)
         summed = sum_by(node, both.reshape(len(node), -1), count).reshape(count, *both.shape[1:])
         matrix, right = summed[:, :-1], summed[:, -1]
