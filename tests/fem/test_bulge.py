@@ -191,6 +191,12 @@ def kinked(x: Array) -> Array:
     return np.asarray(-np.tan(np.radians(15.0)) * beside)
 
 
+def bevelled(x: Array) -> Array:
+    """A bevel of one facet at each end."""
+    beside = np.maximum(0.25 - x[..., 0], 0.0) + np.maximum(x[..., 0] - 2.75, 0.0)
+    return np.asarray(-np.tan(np.radians(15.0)) * beside)
+
+
 def roof(x: Array) -> Array:
     return np.asarray(-0.2 * np.abs(x[..., 0] - 1.5))
 
@@ -202,12 +208,21 @@ def stairs(x: Array) -> Array:
 
 @pytest.mark.parametrize(
     ("height", "cells"),
-    [(kinked, (12, 1)), (kinked, (3, 1)), (roof, (4, 1)), (roof, (2, 1)), (stairs, (12, 1)), (roof, (4, 3, 1))],
+    [
+        (kinked, (12, 1)),
+        (kinked, (3, 1)),
+        (bevelled, (12, 1)),
+        (roof, (4, 1)),
+        (roof, (2, 1)),
+        (stairs, (12, 1)),
+        (roof, (4, 3, 1)),
+    ],
 )
 def test_kinks_between_straight_parts_and_turns_to_and_fro_stay(
     height: Callable[[Array], Array], cells: tuple[int, ...]
 ) -> None:
-    found = bulge(shaped(height, cells), "top").arcs
+    mesh = shaped(height, cells)
+    found = bulge(mesh.rotated(0.3) if mesh.dim == 2 else mesh, "top").arcs  # so that zeros are rounding
     if cells == (3, 1):  # one facet each: an arc as good as any, and bounded by what the ends turn
         assert np.abs(found).max() < np.radians(15.0) / 8.0 * 1.1
     else:

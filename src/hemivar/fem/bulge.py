@@ -231,11 +231,10 @@ class _Net:
     def _curvatures(self) -> Array:
         """Tensors (n, d, d) of the curvature of paraboloids through the nodes around, of convex bodies positive.
 
-        At borders and where the next nodes are too few they are up to two edges away: next ones on one side do not tell
-        slope and curvature apart.
+        Where the next nodes are too few for one, as at ends, it goes through those next to them too.
         """
         graph, (count, dim) = self._graph(), self.points.shape
-        wide = self.border | (np.diff(graph.indptr) < (dim - 1) * (dim + 2) // 2)
+        wide = np.diff(graph.indptr) < (dim - 1) * (dim + 2) // 2
         far = sp.diags_array(wide.astype(float)) @ (graph @ graph) + graph
         entries = far.tocoo()
         near = (entries.row != entries.col) & (entries.data > 0.0)
