@@ -73,9 +73,10 @@ class Geometry(StrEnum):
     """What boundaries that look curved are: facets that follow each other at small angles."""
 
     CURVED = "curved"
-    """The mesh replaces a curve by its facets: bounds of the distance to the exact solution are estimates."""
+    """The mesh replaces a curve by its facets: bounds of the distance to the exact solution are estimates, and two bodies
+    are as far apart as the arcs through their nodes."""
     AS_MESHED = "as-meshed"
-    """The body is the polygon or polyhedron of the mesh, and its exact solution the one that is meant."""
+    """The body is the polygon or polyhedron of the mesh: its exact solution is meant, and the distance of its facets."""
 
 
 @known_fields
@@ -115,7 +116,7 @@ class ContactProblem(PickleMixin, ReprMixin):
     units : Units
         For labels; no number is converted.
     geometry : Geometry
-        What boundaries that look curved are, for bounds of the distance to the exact solution.
+        What boundaries that look curved are, for the distance of two bodies and bounds of that to the exact solution.
     trace_constant : float, optional
         A c that you know, with ``|v| <= c |eps(v)|`` for all displacements v that supports allow, the norms those of L2
         on the contact boundary and in the body; root of a length. Bounds of the distance to the exact solution
@@ -182,8 +183,9 @@ class ContactProblem(PickleMixin, ReprMixin):
         metadata=stated(
             Form.TEXT,
             '`"as-meshed"`: the body is the polygon or polyhedron of the mesh, so that bounds of the distance to the '
-            'exact solution hold for it; `"curved"`: facets that follow each other at small angles stand for a curve, '
-            "and bounds are estimates",
+            "exact solution hold for it, and the distance of two bodies is that of their facets; "
+            '`"curved"`: facets that follow each other at small angles stand for a curve, bounds are estimates, and that '
+            "distance is that of arcs through the nodes",
             choices=tuple(Geometry), table="mesh",
         ),
     )  # fmt: skip
