@@ -73,10 +73,10 @@ class Geometry(StrEnum):
     """What boundaries that look curved are: facets that follow each other at small angles."""
 
     CURVED = "curved"
-    """The mesh replaces a curve by its facets: bounds of the distance to the exact solution are estimates, and two bodies
-    are as far apart as the arcs through their nodes."""
+    """The mesh replaces a curve by its facets: bounds of the distance to the exact solution are estimates, and two
+    bodies are as far apart as the arcs through their nodes."""
     AS_MESHED = "as-meshed"
-    """The body is the polygon or polyhedron of the mesh: its exact solution is meant, and the distance of its facets."""
+    """The body is the polygon or polyhedron of the mesh: its exact solution is meant, and its facets' distance."""
 
 
 @known_fields
@@ -184,8 +184,8 @@ class ContactProblem(PickleMixin, ReprMixin):
             Form.TEXT,
             '`"as-meshed"`: the body is the polygon or polyhedron of the mesh, so that bounds of the distance to the '
             "exact solution hold for it, and the distance of two bodies is that of their facets; "
-            '`"curved"`: facets that follow each other at small angles stand for a curve, bounds are estimates, and that '
-            "distance is that of arcs through the nodes",
+            '`"curved"`: facets that follow each other at small angles stand for a curve, bounds are estimates, and '
+            "that distance is that of arcs through the nodes",
             choices=tuple(Geometry), table="mesh",
         ),
     )  # fmt: skip
