@@ -19,9 +19,9 @@ from hemivar.fem.elements import shape_values
 from hemivar.fem.mortar import Mortar
 from hemivar.fem.supports import sum_by, unit
 from hemivar.mechanics.statement import ContactProblem, Geometry
-from hemivar.mesh.curves import BEND, Chains, chains
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.smooth_chains import BEND, Chains, chains
 
 __all__ = ["Arcs", "Bulge", "arcs_of_pair", "bulge"]
 

@@ -25,8 +25,8 @@ from hemivar.laws.parametrised import ParameterLaw
 from hemivar.mechanics.conditions import Roller
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem, Geometry, expect_body, refuse_areas
-from hemivar.mesh.curves import STRAIGHT, chains, facet_angles
 from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.smooth_chains import STRAIGHT, chains, facet_angles
 
 __all__ = [
     "body_shape",
