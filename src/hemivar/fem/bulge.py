@@ -210,7 +210,7 @@ class _Net:
         """Curvature at nodes (c,) along edges (c,), times the square of their lengths, (c,)."""
         chord = self.points[self.edges[edge, 1]] - self.points[self.edges[edge, 0]]
         square = (chord**2).sum(axis=1)
-        along = square - np.einsum("cd,cd->c", chord, self.normals[node]) ** 2
+        along = np.maximum(square - np.einsum("cd,cd->c", chord, self.normals[node]) ** 2, 1e-3 * square)
         return np.asarray(np.einsum("cd,cde,ce->c", chord, tensor[node], chord) * square / along)
 
     def _graph(self) -> sp.csr_array:
@@ -262,7 +262,7 @@ class _Net:
 
 def _harmonic(group: IntArray, values: Array, count: int) -> Array:
     """Harmonic means (count,) of the values of each group, zero where their signs differ."""
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         inverse = np.bincount(group, 1.0 / np.abs(values), count)
     signs, number = np.bincount(group, np.sign(values), count), np.bincount(group, minlength=count)
     return np.asarray(np.where(np.abs(signs) == number, np.sign(signs) * number / inverse, 0.0))
