@@ -13,9 +13,10 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
+from hemivar.fem.bulge import arcs_of_pair
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
-from hemivar.fem.rings import facet_shares
+from hemivar.fem.rings import facet_shares, weightless
 from hemivar.fem.sharp_corners import handed_on
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
@@ -106,12 +107,12 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         nodes, place, normal = _nodal_normals(problem, name, facets, supports)
         parts = facet_shares(mesh, facets, order, problem.material.axisymmetric)
         weights = np.asarray(np.bincount(place, weights=parts.ravel()), dtype=float)
-        if not weights.any():
+        seen = ~weightless(mesh, facets, order, problem.material.axisymmetric)[nodes]
+        if not seen.any():
             raise ProblemError(
                 f"contact boundary '{name}' lies on the axis of the body of revolution, where nothing can touch it; "
                 "name another boundary"
             )
-        seen = weights > _ZERO * weights.max()  # the corner of a quadratic facet on the axis of a body has none
         nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
         average, facet, points = _selection(nodes, count), np.full(len(nodes), -1), supports.nodes[nodes]
     else:
@@ -204,8 +205,9 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     points = supports.nodes[found.nodes]
     stated = DataField(contact.gap, f"gap of {title}").at(points)
     _refuse_beyond(stated, f"gap of {title}", "unit of length")
+    arcs = arcs_of_pair(problem, name, found, normal, title)
     nodes = supports.nodes - points[0]
-    apart = -np.einsum("kd,kd->k", normal, found.jump @ nodes)
+    apart = arcs.apart - np.einsum("kd,kd->k", normal, found.jump @ nodes)
     rounding = _ROUNDED * np.abs(nodes).max() + _EPSILONS * np.abs(supports.nodes).max()
     apart[np.abs(apart) <= rounding] = 0.0  # a rigid law would be met beyond its end
     held = supports.directions[found.nodes]
@@ -220,11 +222,11 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     at = ContactPoints(
         trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
     )
-    said = _pair_warnings(title, float(-apart.min()), supports.nodes, found.turned)
+    said = _pair_warnings(title, arcs.overlap(apart, problem, name, found), supports.nodes, found.turned)
     said += _lost(title, supports.nodes, found.pieces)
     with error_context(title, contact.normal, contact.friction):
         law, still = contact.law.at(points), np.zeros(points.shape)
-        return BoundaryContact(at, stated + apart, still, law, blocked, True, said)
+        return BoundaryContact(at, stated + apart, still, law, blocked, True, (*said, *arcs.warnings))
 
 
 def _seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:
