@@ -71,7 +71,6 @@ class _View:
     points: Array
     facets: IntArray  # (f, d)
     normal: Array  # (f, d)
-    width: Array  # (f,)
     slack: Array  # (f,), distance of two places that are one
 
     @cached_property
@@ -148,19 +147,14 @@ def paired(mesh: Mesh, slave: IntArray, master: IntArray, names: str) -> Pairing
     """
     normal, measure = mesh.facet_normals(slave)
     rounding = 8.0 * np.finfo(float).eps * float(np.abs(mesh.points).max())
-    width = measure ** (1.0 / (mesh.dim - 1))
-    view = _View(mesh.points, slave, normal, width, _ONE_PLACE * width + rounding)
+    view = _View(mesh.points, slave, normal, _ONE_PLACE * measure ** (1.0 / (mesh.dim - 1)) + rounding)
     first, second = view.columns(FacetTree(mesh.points[master]), np.arange(len(slave)))
     facing = np.einsum("pd,pd->p", normal[first], mesh.facet_normals(master)[0][second]) < _FACING
     first, second = first[facing], second[facing]
     same, turn = _coinciding(view, first, master[second])
-    alone = np.ones(len(slave), dtype=bool)
-    alone[first[same]] = False
-    pieces, lost = _visible(
-        mesh, view, master, _clipped_pieces(view, master, first[alone[first]], second[alone[first]])
-    )
-    simplices, of = _fanned(pieces.polygon, pieces.corners, mesh.dim)
-    d = mesh.dim
+    rest, d = ~np.isin(first, first[same]), mesh.dim
+    pieces, lost = _visible(mesh, view, master, _clipped_pieces(view, master, first[rest], second[rest]))
+    simplices, of = _fanned(pieces.polygon, pieces.corners, d)
     share = np.abs(np.linalg.det(simplices[:, :, :d]))  # of barycentric corners: the share of the facet's measure
     big = share > _ROUNDED
     simplices, of = simplices[big], of[big]
