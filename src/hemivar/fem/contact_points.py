@@ -14,7 +14,9 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.mortar import Mortar, mortar
+from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.rings import facet_shares
+from hemivar.fem.sharp_corners import handed_on
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
@@ -38,8 +40,9 @@ __all__ = [
 
 #: Entries of the trace below this are rounding.
 _ZERO = 1e-12
-#: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the largest place or value.
-_ROUNDED = 1e-12
+#: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the size of the mesh or the
+#: largest value; and what that of coordinates makes of it.
+_ROUNDED, _EPSILONS = 1e-12, 8.0 * np.finfo(float).eps
 #: Share of the master's displacements in a jump from which they count where supports hold the slave.
 _SEEN = 1e-2
 #: Overlap of two bodies that is no rounding, of their size, and degrees between facets that a projection can bear.
@@ -98,8 +101,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     weights: Array
     share = shares(order, dim)
     if problem.quadrature is Quadrature.NODAL:
-        nodes, place = np.unique(members.ravel(), return_inverse=True)
-        place = place.ravel()
+        nodes, place, normal = _nodal_normals(problem, name, facets, supports)
         parts = facet_shares(mesh, facets, order, problem.material.axisymmetric)
         weights = np.asarray(np.bincount(place, weights=parts.ravel()), dtype=float)
         if not weights.any():
@@ -107,7 +109,6 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
                 f"contact boundary '{name}' lies on the axis of the body of revolution, where nothing can touch it; "
                 "name another boundary"
             )
-        normal = _nodal_normals(problem, name, nodes, place, supports)
         seen = weights > _ZERO * weights.max()  # the corner of a quadratic facet on the axis of a body has none
         nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
         average, facet, points = _selection(nodes, count), np.full(len(nodes), -1), supports.nodes[nodes]
@@ -142,35 +143,49 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
 
 
-def _nodal_normals(problem: ContactProblem, name: str, nodes: IntArray, place: IntArray, supports: Supports) -> Array:
-    """Unit normals (k, d) at the nodes (k,) of a boundary: means of those of the facets around, by their measures."""
-    normals, measures = problem.mesh.facet_normals(problem.mesh.boundaries[name])
-    size = len(place) // len(measures)
-    summed = sum_by(place, np.repeat(normals * measures[:, None], size, axis=0), len(nodes))
+def _nodal_normals(
+    problem: ContactProblem, name: str, facets: IntArray, supports: Supports, share: Array | float = 1.0
+) -> tuple[IntArray, IntArray, Array]:
+    """Nodes (k,) of facets (f, d), the place among them of each node of a facet (f n,), and unit normals (k, d).
+
+    These are means of those of the facets around, by their measures, of which the ``share`` (f, n) counts.
+    """
+    normals, measures = problem.mesh.facet_normals(facets)
+    members = problem.mesh.facet_nodes(facets, problem.order)
+    nodes, place = np.unique(members.ravel(), return_inverse=True)
+    place, counted = place.ravel(), np.broadcast_to(measures[:, None] * share, members.shape).ravel()
+    summed = sum_by(place, np.repeat(normals, members.shape[1], axis=0) * counted[:, None], len(nodes))
     if problem.material.axisymmetric:  # on the axis the other half of the section is the mirror image
         middle = on_axis(supports.nodes)[nodes] & (np.abs(summed[:, 1]) > np.abs(summed[:, 0]))
         summed[middle, 0] = 0.0
-    fold = np.linalg.norm(summed, axis=1) <= 1e-8 * np.bincount(place, weights=np.repeat(measures, size))
+    fold = np.linalg.norm(summed, axis=1) <= 1e-8 * np.bincount(place, weights=counted)
     if fold.any():
         bad = int(nodes[np.flatnonzero(fold)[0]])
         raise ProblemError(
             f"contact boundary '{name}' folds back on itself at node {bad}, x = "
             f"{in_words(supports.nodes[bad])}, so it has no normal there; split it into two boundaries"
         )
-    return unit(summed)
+    return nodes, place, unit(summed)
 
 
 def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> tuple[Mortar, Array]:
-    """The mortar projection of a contact of two bodies, and the normals (m, d) of the slave at its nodes."""
-    mesh, order = problem.mesh, problem.order
+    """The mortar projection of a contact of two bodies, and the normals (m, d) of the slave at its nodes.
+
+    Normals are those of the facets that meet the master.
+    """
+    mesh, order, title = problem.mesh, problem.order, _called(problem, name)
     slave, master = problem.pair(name)
-    nodes, place = np.unique(mesh.facet_nodes(mesh.boundaries[slave], order).ravel(), return_inverse=True)
-    normal = _nodal_normals(problem, slave, nodes, place.ravel(), supports)
+    pieces = paired(mesh, mesh.boundaries[slave], mesh.boundaries[master], title)
+    touching, away = np.flatnonzero(pieces.touches), handed_on(mesh, order, pieces)
+    counted = pieces.covered[touching, None] * ~away[touching]
+    nodes, _, normal = _nodal_normals(problem, slave, mesh.boundaries[slave][touching], supports, counted)
     free = movable(normal[:, None], supports.directions[nodes])[:, 0]
-    without = np.zeros(len(supports.nodes), dtype=bool)
-    without[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
-    title, ring = _called(problem, name), problem.material.axisymmetric
-    found = mortar(mesh, order, mesh.boundaries[slave], mesh.boundaries[master], without, title, ring)
+    held = np.zeros(len(supports.nodes), dtype=bool)
+    held[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
+    given_up = np.flatnonzero(pieces.touches & away.all(axis=1))
+    pieces = replace(pieces, lost=np.union1d(pieces.lost, given_up))
+    without = away | held[mesh.facet_nodes(mesh.boundaries[slave], order)]
+    found = mortar(mesh, order, pieces, without, problem.material.axisymmetric)
     if not found.nodes.size:
         raise ProblemError(f"{title}: supports hold all nodes of '{slave}'; give slave = '{master}'")
     return found, normal[np.searchsorted(nodes, found.nodes)]
@@ -187,8 +202,10 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     points = supports.nodes[found.nodes]
     stated = DataField(contact.gap, f"gap of {title}").at(points)
     _refuse_beyond(stated, f"gap of {title}", "unit of length")
-    apart = -np.einsum("kd,kd->k", normal, found.jump @ supports.nodes)
-    apart[np.abs(apart) <= _ROUNDED * np.abs(supports.nodes).max()] = 0.0  # a rigid law would be met beyond its end
+    nodes = supports.nodes - points[0]
+    apart = -np.einsum("kd,kd->k", normal, found.jump @ nodes)
+    rounding = _ROUNDED * np.abs(nodes).max() + _EPSILONS * np.abs(supports.nodes).max()
+    apart[np.abs(apart) <= rounding] = 0.0  # a rigid law would be met beyond its end
     frames, blocked = _adapt(_frames(normal), supports, found.nodes)
     moves = np.linalg.norm(movable(frames, supports.directions[found.nodes]), axis=2) > DEPENDENT
     names, count = tuple(problem.contact), len(points)
@@ -201,6 +218,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
         trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
     )
     said = _pair_warnings(title, float(-apart.min()), supports.nodes, found.turned)
+    said += _lost(title, supports.nodes, found.pieces)
     with error_context(title, contact.normal, contact.friction):
         law, still = contact.law.at(points), np.zeros(points.shape)
         return BoundaryContact(at, stated + apart, still, law, blocked, True, said)
@@ -234,6 +252,18 @@ def _pair_warnings(title: str, overlap: float, nodes: Array, turned: float) -> t
             "the projection of one on the other is inaccurate: refine both boundaries there"
         )
     return tuple(found)
+
+
+def _lost(title: str, nodes: Array, pieces: Pairing) -> tuple[str, ...]:
+    """A sentence on facets of the slave that do not touch what their normals meet, where there are some."""
+    if not len(pieces.lost):
+        return ()
+    place = in_words(nodes[pieces.facets[0][pieces.lost[0]]].mean(axis=0))
+    return (
+        f"{title}: facets do not touch what their normals meet, {len(pieces.lost)} of them, the first at x = {place}; "
+        "another part of the mesh is in between, the overlap is deeper than the body, or their corners belong to "
+        "nearer sides: name the boundary that they meet first, or move one of the bodies",
+    )
 
 
 # ---- areas, and one component -----------------------------------------------------------------------------
@@ -317,7 +347,8 @@ def contacts_of_one(
         offset = np.zeros((count, components))
         offset[:, column] = sign * level
         blocked = np.zeros((count, components), dtype=bool)
-        found[place.name] = BoundaryContact(points, offset[:, 0], offset[:, 1:], law, blocked, place.sides is not None)
+        pair = place.sides is not None
+        found[place.name] = BoundaryContact(points, offset[:, 0], offset[:, 1:], law, blocked, pair, place.warnings)
     return [found[name] for name in names]
 
 
@@ -331,6 +362,7 @@ class _Place:
     weights: Array
     sides: tuple[str, str] | None = None
     jump: sp.csr_array | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray) -> _Place:
@@ -348,8 +380,10 @@ def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray
         )
     without, alone = held | taken, slave[(held | taken)[slave].all(axis=1)]
     without[alone] = held[alone]
-    found = mortar(mesh, problem.order, slave, master, without, title)
-    return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump)
+    pieces = paired(mesh, slave, master, title)
+    found = mortar(mesh, problem.order, pieces, without[mesh.facet_nodes(slave, problem.order)])
+    said = _lost(title, problem.mesh.points, found.pieces)
+    return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump, said)
 
 
 def _places(problem: ContactProblem, count: int, names: list[str]) -> list[_Place]:
@@ -415,8 +449,11 @@ def _check_never_touching(law: VectorLaw, name: str, points: Array) -> None:
         )
 
 
-def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[BoundaryContact]:
+def merge_corners(
+    groups: list[BoundaryContact], supports: Supports, contacts: Mapping[str, Contact]
+) -> list[BoundaryContact]:
     """Make the displacements of contact points independent at nodes of two boundaries (nodal quadrature)."""
+    groups = _left_to_glue(groups, contacts)
     for later in range(1, len(groups)):
         for earlier in range(later):
             first, second = groups[earlier].points, groups[later].points
@@ -447,6 +484,34 @@ def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[Bou
                 raise ProblemError("every node of a contact boundary belongs to another one; join the two")
             groups[later] = replace(groups[later], blocked=other_blocked).take(rest)
     return groups
+
+
+def _left_to_glue(groups: list[BoundaryContact], contacts: Mapping[str, Contact]) -> list[BoundaryContact]:
+    """Foundations without the points at nodes where glue holds two bodies together: it needs all displacements there.
+
+    The foundation is left to the point beside it.  Friction that a pressure brings with it is no glue.
+    """
+    found = list(groups)
+    for glue in (group for group in groups if group.pair and not group.law.state_dependent):
+        contact = contacts[glue.points.names[int(glue.points.boundary[0])]]
+        if not (contact.friction.acts or contact.law is contact.normal):
+            continue
+        for k, group in enumerate(found):
+            leaves = np.isin(group.points.node, glue.points.node)
+            if not group.pair and leaves.any() and not leaves.all():
+                found[k] = _handed_on(group, leaves)
+    return found
+
+
+def _handed_on(group: BoundaryContact, leaves: BoolArray) -> BoundaryContact:
+    """A boundary without some of its contact points, whose weights the nearest others have."""
+    assert group.points.points is not None
+    places, rest = group.points.points, np.flatnonzero(~leaves)
+    with IMPORTS:
+        from scipy.spatial import cKDTree
+    nearest = rest[cKDTree(places[rest]).query(places[leaves])[1]]
+    weights = group.points.weights + np.bincount(nearest, group.points.weights[leaves], group.points.count)
+    return replace(group, points=replace(group.points, weights=weights)).take(rest)
 
 
 def _selection(nodes: IntArray, count: int) -> sp.csr_array:

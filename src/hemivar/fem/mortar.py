@@ -7,26 +7,22 @@ multiplier hands its function on to the others of the facet in equal parts, so t
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.errors import ProblemError
 from hemivar.fem.elements import shape_values
+from hemivar.fem.pairing import Pairing
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import facet_shares
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Mortar", "mortar"]
 
-#: Cosine of the angle of two normals above which facets do not face each other.
-_FACING = -0.2
-#: Shares of a facet that are rounding, by which parts of the master may overlap, and below which a point is dropped.
-_ROUNDED, _LAYERS, _COVERED = 1e-13, 1e-6, 1e-6
+#: Shares of a facet that are rounding, and below which a point is dropped.
+_ROUNDED, _COVERED = 1e-13, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +46,7 @@ class Mortar:
     jump: sp.csr_array  # (m, nodes): psi-weighted mean of the field on the slave less that on the master
     turned: float  # degrees, by which facets that face each other are not parallel, at most
     coupling: _Coupling
+    pieces: Pairing
 
     def moments(self, forces: Array) -> tuple[Array, Array]:
         """What forces (m, d) on the slave do facet by facet, and the opposite ones on the master.
@@ -66,45 +63,14 @@ class Mortar:
         return np.asarray(np.einsum("fij,fid->fjd", at.here, traction[at.own])), across
 
 
-@dataclass(frozen=True, eq=False)
-class _Pieces:
-    """Simplices of the overlap of slave and master facets, by corners in the barycentric coordinates of both."""
+def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bool = False) -> Mortar:
+    """The projection from the facets of the master to those of the slave.
 
-    slave: IntArray  # (k,)
-    master: IntArray  # (k,)
-    on_slave: Array  # (k, d, d)
-    on_master: Array  # (k, d, d)
-    share: Array  # (k,), of the slave facet
-
-
-def mortar(
-    mesh: Mesh,
-    order: int,
-    slave: IntArray,
-    master: IntArray,
-    without: BoolArray,
-    names: str,
-    ring: bool = False,
-) -> Mortar:
-    """The projection from the facets ``master (g, d)`` to ``slave (f, d)``.
-
-    ``without (nodes,)`` are nodes that give no multiplier; ``names`` is what messages call the pair; integrals are over
-    whole rings of a body of revolution where ``ring`` says so.  Facets are seen along the normals of the slave's
-    facets.  Raises ProblemError: nothing faces the slave, or several layers do.
+    ``without (f, n)`` are the nodes of the slave's facets that give no multiplier there; integrals are over whole rings
+    of a body of revolution where ``ring`` says so.
     """
-    pieces = _overlap(mesh, slave, master)
+    slave, master = pieces.facets
     own, other = mesh.facet_nodes(slave, order), mesh.facet_nodes(master, order)
-    covered = np.bincount(pieces.slave, pieces.share, len(slave))
-    if not covered.any():
-        raise ProblemError(
-            f"{names}: no facet of the one faces the other along its normals; check names, places and units"
-        )
-    if (covered > 1.0 + _LAYERS).any():
-        place = mesh.points[slave[int(np.argmax(covered))]].mean(axis=0)
-        raise ProblemError(
-            f"{names}: several layers face the facet at ({', '.join(f'{x:.6g}' for x in place)}); name a smaller "
-            "boundary"
-        )
     rule, portion = quadrature_rule(mesh.dim - 1, 2 * order + ring)
     phi = shape_values(order, np.einsum("qc,kcb->kqb", rule, pieces.on_slave))
     across = shape_values(order, np.einsum("qc,kcb->kqb", rule, pieces.on_master))
@@ -115,9 +81,9 @@ def mortar(
     size = own.shape[1]
     mass = np.zeros((len(slave), size, size))
     np.add.at(mass, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, phi, phi))
-    seen = np.flatnonzero(covered > _COVERED)
+    seen = np.flatnonzero(pieces.touches)
     dual = np.zeros_like(mass)
-    dual[seen] = _dual(mass[seen], without[own[seen]])
+    dual[seen] = _dual(mass[seen], without[seen])
     # coupling of psi with the slave's and the master's shape functions
     here = np.einsum("fij,fjk->fik", dual, mass)
     there = np.einsum("kij,kjl->kil", dual[pieces.slave], np.einsum("kq,kqi,kql->kil", weight, phi, across))
@@ -129,13 +95,14 @@ def mortar(
     rows = sp.diags_array(1.0 / weights[nodes]) @ sp.csr_array(matrix)[nodes]
     rows.data[np.abs(rows.data) < _ROUNDED] = 0.0
     rows.eliminate_zeros()
-    turned = _turned(mesh, slave, master, pieces)
+    turned = _turned(mesh, pieces)
     coupling = _Coupling(own, here, pieces.slave, pieces.master, there, len(master))
-    return Mortar(nodes, weights[nodes], sp.csr_array(rows), turned, coupling)
+    return Mortar(nodes, weights[nodes], sp.csr_array(rows), turned, coupling, pieces)
 
 
-def _turned(mesh: Mesh, slave: IntArray, master: IntArray, pieces: _Pieces) -> float:
+def _turned(mesh: Mesh, pieces: Pairing) -> float:
     """The largest angle in degrees between facets that are nearer to each other than their size."""
+    slave, master = pieces.facets
     normal, measure = (part[pieces.slave] for part in mesh.facet_normals(slave))
     middle = [
         np.einsum("kc,kcd->kd", at.mean(axis=1), mesh.points[facets])
@@ -162,107 +129,3 @@ def _assembled(rows: IntArray, columns: IntArray, values: Array, count: int) -> 
     """The matrix (count, count) of blocks (k, r, c) at rows (k, r) and columns (k, c)."""
     at = np.broadcast_to(rows[:, :, None], values.shape), np.broadcast_to(columns[:, None, :], values.shape)
     return sp.csr_array(sp.coo_array((values.ravel(), (at[0].ravel(), at[1].ravel())), shape=(count, count)))
-
-
-# ---- overlap -------------------------------------------------------------------------------------------------------
-
-
-def _overlap(mesh: Mesh, slave: IntArray, master: IntArray) -> _Pieces:
-    normal, _ = mesh.facet_normals(slave)
-    first, second = _near(mesh, slave, master, normal)
-    facing = np.einsum("pd,pd->p", normal[first], mesh.facet_normals(master)[0][second]) < _FACING
-    first, second = first[facing], second[facing]
-    d = mesh.dim
-    corner, seen = mesh.points[slave[first]], mesh.points[master[second]]
-    own = mesh.points[slave]
-    frame = np.concatenate([own[:, 1:] - own[:, :1], normal[:, None]], axis=1)
-    # projected along the normal: barycentric coordinates on the slave's facet
-    inner = np.einsum("pcd,pde->pce", seen - corner[:, :1], np.linalg.inv(frame)[first])[:, :, : d - 1]
-    inner = np.concatenate([1.0 - inner.sum(axis=2, keepdims=True), inner], axis=2)
-    both = np.concatenate([inner, np.broadcast_to(np.eye(d), (len(first), d, d))], axis=2)
-    # what lies deeper behind than both facets are wide is the other side of the body, and no overlap of two
-    behind = np.einsum("pcd,pd->pc", corner.mean(axis=1, keepdims=True) - seen, normal[first]).min(axis=1)
-    width = sum(
-        mesh.facet_normals(part)[1][number] ** (1.0 / (d - 1)) for part, number in ((slave, first), (master, second))
-    )
-    some = np.flatnonzero((inner.max(axis=1) > _ROUNDED).all(axis=1) & (behind < width))
-    if not len(some):
-        return _Pieces(first[some], second[some], np.zeros((0, d, d)), np.zeros((0, d, d)), np.zeros(0))
-    polygon, corners = _clipped(both[some], d)
-    simplices, of = _fanned(polygon, corners, d)
-    on_slave = simplices[:, :, :d]
-    share = np.abs(np.linalg.det(on_slave))  # of barycentric corners: the share of the facet's measure
-    big = share > _ROUNDED
-    pair = some[of[big]]
-    return _Pieces(first[pair], second[pair], on_slave[big], simplices[big, :, d:], share[big])
-
-
-def _near(mesh: Mesh, slave: IntArray, master: IntArray, normal: Array) -> tuple[IntArray, IntArray]:
-    """Pairs of facets that may face each other, (p,) and (p,): all within twice the distance and the sizes of both.
-
-    Seen along the normal (f, d) of the slave's facet, their middles are no further apart than both are wide.
-    """
-    middle, other = (mesh.points[facets].mean(axis=1) for facets in (slave, master))
-    radius = [
-        np.linalg.norm(mesh.points[facets] - at[:, None], axis=2).max(axis=1)
-        for facets, at in ((slave, middle), (master, other))
-    ]
-    with IMPORTS:
-        from scipy.spatial import cKDTree
-    tree = cKDTree(other)
-    distance, _ = tree.query(middle)
-    reach = 2.0 * (np.asarray(distance) + radius[0] + radius[1].max())
-    found = tree.query_ball_point(middle, reach, return_sorted=False)
-    counts = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
-    first = np.repeat(np.arange(len(slave)), counts)
-    second = np.fromiter(itertools.chain.from_iterable(found), dtype=np.int64, count=len(first))
-    way, along = other[second] - middle[first], normal[first]
-    across = np.linalg.norm(way - np.einsum("pd,pd->p", way, along)[:, None] * along, axis=1)
-    close = across <= (1.0 + _LAYERS) * (radius[0][first] + radius[1][second])
-    return first[close], second[close]
-
-
-def _clipped(polygon: Array, d: int) -> tuple[Array, IntArray]:
-    """Polygons (p, n, 2 d) cut to where their first d coordinates are not negative, and their numbers of corners.
-
-    After Sutherland and Hodgman (1974), all polygons at once; a segment is a polygon of two corners.
-    """
-    corners = np.full(len(polygon), polygon.shape[1])
-    for axis in range(d):
-        polygon, corners = _cut(polygon, corners, axis, closed=d == 3)
-    return polygon, corners
-
-
-def _cut(polygon: Array, corners: IntArray, axis: int, *, closed: bool) -> tuple[Array, IntArray]:
-    count, most, width = polygon.shape
-    place = np.arange(most)
-    there = place < corners[:, None]
-    following = np.where(place + 1 < corners[:, None], place + 1, 0)
-    after = np.take_along_axis(polygon, following[:, :, None], axis=1)
-    value, ahead = polygon[:, :, axis], after[:, :, axis]
-    inside = there & (value >= 0.0)
-    crosses = there & ((value >= 0.0) != (ahead >= 0.0)) & (closed | (place + 1 < corners[:, None]))
-    part = np.where(crosses, value / np.where(crosses, value - ahead, 1.0), 0.0)
-    cut = polygon + part[:, :, None] * (after - polygon)
-    cut[:, :, axis] = np.where(crosses, 0.0, cut[:, :, axis])
-    every = np.stack([polygon, cut], axis=2).reshape(count, 2 * most, width)
-    kept = np.stack([inside, crosses], axis=2).reshape(count, 2 * most)
-    order = np.argsort(~kept, axis=1, kind="stable")
-    number = kept.sum(axis=1)
-    room = max(int(number.max(initial=0)), 1)
-    return np.take_along_axis(every, order[:, :room, None], axis=1), number
-
-
-def _fanned(polygon: Array, corners: IntArray, d: int) -> tuple[Array, IntArray]:
-    """The simplices (k, d, 2 d) of polygons from their first corners, and the polygon of each."""
-    if d == 2:
-        whole = np.flatnonzero(corners == 2)
-        return polygon[whole][:, :2], whole
-    pieces, owners = [], []
-    for k in range(1, polygon.shape[1] - 1):
-        here = np.flatnonzero(corners > k + 1)
-        pieces.append(polygon[here][:, [0, k, k + 1]])
-        owners.append(here)
-    if not pieces:
-        return np.zeros((0, d, 2 * d)), np.zeros(0, dtype=np.int64)
-    return np.concatenate(pieces), np.concatenate(owners)

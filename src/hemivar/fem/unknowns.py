@@ -120,7 +120,7 @@ def nodal_conditions(problem: ContactProblem, pairs: Mapping[str, BoundaryContac
             if name not in problem.areas
         ]
         if problem.quadrature is Quadrature.NODAL:
-            groups = merge_corners(groups, supports)
+            groups = merge_corners(groups, supports, problem.contact)
         groups += area_contacts(problem, supports, groups)
     directions, free = _free_directions(supports, groups)
     return NodalConditions(supports, groups, directions, free)
