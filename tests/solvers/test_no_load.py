@@ -8,6 +8,7 @@ import pytest
 import hemivar as hv
 from hemivar.errors import SupportError
 from hemivar.laws import Superpotential, ThresholdCompliance
+from tests.samples import slow
 
 METHODS = [None, hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()]
 SOFTENS = hv.Softening(1e4, 1e-3, 1e3)
@@ -87,8 +88,10 @@ def test_glue_and_softening_keep_their_limit_under_another_load() -> None:
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: "default" if method is None else method.name)
-@pytest.mark.parametrize("friction", [hv.laws.NoFriction(), hv.Tresca(0.3), hv.Coulomb(0.3)], ids=["smooth", "tresca", "coulomb"])
-@pytest.mark.parametrize("softening", [500.0, 5e3])
+@pytest.mark.parametrize(
+    "friction", [hv.laws.NoFriction(), hv.Tresca(0.3), hv.Coulomb(0.3)], ids=["smooth", "tresca", "coulomb"]
+)
+@pytest.mark.parametrize("softening", [500.0, slow(5e3)])
 def test_a_bond_that_snaps_leaves_the_body_as_it_was_made(
     softening: float, friction: hv.laws.Friction, method: hv.solvers.Solver | None
 ) -> None:
@@ -108,4 +111,4 @@ def test_a_bond_that_snaps_leaves_the_body_as_it_was_made(
         assert found.status is hv.Status.CONVERGED
         assert found.residual.total == 0.0
         np.testing.assert_array_equal(found.unknowns, 0.0)
-        assert found.steps <= 20
+        assert found.steps <= 40
