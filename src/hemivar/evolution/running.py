@@ -532,9 +532,9 @@ class TimeLoop:
             return ()
         if self._steps_are_equilibria:
             return (
-                f"the balance of energy misses {made:.3g}, where loads, supports and the initial state gave {given:.3g}: "
-                "a step that crosses the softening of a law knows its work at its end alone. The states are equilibria; "
-                "take shorter steps for the work",
+                f"the balance of energy misses {made:.3g}, where loads, supports and the initial state gave "
+                f"{given:.3g}: a step that crosses the softening of a law knows its work at its end alone. The states "
+                "are equilibria; take shorter steps for the work",
             )
         others = "sdirk2" if self.discrete.mass is None else "on a rigid obstacle moreau-jean or mass = 'redistributed'"
         return (

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from hemivar.basics.types import Array
 from hemivar.laws import (
     Adhesive,
     Bonding,
