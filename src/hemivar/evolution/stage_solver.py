@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.basics.arrays import norm
+from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches import find_solutions
 from hemivar.branches.chain import Chain, chain_of
@@ -338,6 +339,7 @@ class StageSolver:
         if jump is SelectionRule.GLOBAL and not self.resists:
             _refuse_without_energy(problem, jump)
             found = find_solutions(problem, workspace=self.workspace)
+            check_time()  # the lowest of a search that was cut short need not be the lowest
             if found.solutions:
                 return StageSolution(min(found.solutions, key=lambda solution: solution.energy))
         at_rest = self._at_rest(problem)

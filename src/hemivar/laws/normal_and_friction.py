@@ -86,10 +86,10 @@ class NormalAndFriction(Glue):
         return self.with_parts(secant(self.normal, known["opening"]))
 
     def unloading_energy(self, known: Mapping[str, Array], r: Array, of_law: Callable[[Array], Array]) -> Array:
-        shut, w = r.copy(), r[:, 0]
-        shut[:, 0] = 0.0
-        along = of_law(shut) + 0.5 * known["stiffness"] * w**2
-        return np.where((w < 0.0) & (w >= -known["opening"]), along, of_law(r))
+        w = r[:, 0]
+        along, shut = (w < 0.0) & (w >= -known["opening"]), r.copy()
+        shut[along, 0] = 0.0
+        return of_law(shut) + np.where(along, 0.5 * known["stiffness"] * w**2, 0.0)
 
     def spent_by(self, known: Mapping[str, Array]) -> Array:
         return np.asarray(self.normal.value(-known["opening"]) - 0.5 * known["stiffness"] * known["opening"] ** 2)

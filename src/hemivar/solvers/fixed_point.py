@@ -25,6 +25,9 @@ __all__ = ["FixedPoint", "Outer"]
 _FATAL = (Status.NONFINITE, Status.UNBOUNDED, Status.NOT_CARRIED)
 #: Relative residual of an ordinary problem that has no solution, and after how many of them in a row there is none.
 _OFF, _UNSOLVED = 1e-3, 2
+#: Multiples of the multiplier by which a bound is evaluated, one after the other, until friction holds the body: where
+#: it begins pressure may be elsewhere, or less, than in the end.
+_HOLDS = (1.0, 8.0, 64.0)
 
 
 @dataclass(frozen=True)
@@ -115,29 +118,30 @@ class FixedPoint(Solver):
 
     def step(self, system: PointSystem, state: State, budget: Budget) -> State:
         memory: Outer = state.memory
-        law = system.law.frozen(system.local(memory.r), memory.lam) if system.law.state_dependent else system.law
-        ordinary = system.with_law(law)
-        r = ordinary.start(state.r)
-        rounding = 64.0 * np.finfo(float).eps
-        # The tolerance refers to the load of this problem, so that it keeps its meaning for a load of zero.
-        controls = Controls(rtol=self.inner_rtol, max_time=max(budget.limit - budget.spent, 0.0))
-        start = State(r, ordinary.multiplier(r), memory=memory.inner)
-        found, status, _ = iterate(self.inner, ordinary, start, controls, budget)
-        evaluations = state.evaluations + found.evaluations
+        rounding, part, evaluations = 64.0 * np.finfo(float).eps, 1.0, state.evaluations
+        for part in _HOLDS if system.law.state_dependent else (1.0,):
+            ordinary, found, status = self._ordinary(system, state, part, budget)
+            evaluations += found.evaluations
+            if status is not Status.UNBOUNDED:
+                break
         if status in (*_FATAL, *STOPPED):
             return State(found.r, found.lam, evaluations, status, memory=memory, contraction=state.contraction)
-        multiplier = np.where(system.active, law.nearest_multiplier(system.local(found.r), found.lam), found.lam)
+        multiplier = np.where(
+            system.active, ordinary.law.nearest_multiplier(system.local(found.r), found.lam), found.lam
+        )
         change = _size(system, found.r - memory.r, multiplier - memory.lam)
         size = _size(system, found.r, multiplier)
         settled = change <= rounding * size
         ratios = memory.ratios
-        if np.isfinite(memory.change) and memory.change > 1e3 * rounding * size:
+        if np.isfinite(memory.change) and part == 1.0 and memory.change > 1e3 * rounding * size:
             ratios = (*ratios, change / memory.change)[-6:]
         contraction = float(np.exp(np.mean(np.log(np.maximum(ratios[-4:], 1e-300))))) if ratios else state.contraction
         off = status is not Status.CONVERGED and not ordinary.residual(found.r, found.lam).relative <= _OFF
         unsolved = memory.unsolved + 1 if off else 0
         ended = Status.STALLED if unsolved >= _UNSOLVED else None
-        if settled and status is not Status.CONVERGED:
+        if settled and part != 1.0:
+            ended = Status.UNBOUNDED
+        elif settled and status is not Status.CONVERGED:
             ended = status
         elif len(ratios) >= 6 and contraction is not None and contraction >= 0.999 and not settled:
             ended = Status.NOT_CONTRACTING
@@ -151,6 +155,20 @@ class FixedPoint(Solver):
             unsolved,
         )
         return State(found.r, multiplier, evaluations, ended, memory=new, contraction=contraction)
+
+    def _ordinary(
+        self, system: PointSystem, state: State, part: float, budget: Budget
+    ) -> tuple[PointSystem, State, Status]:
+        """The problem whose bounds are frozen at a part of the multiplier, where its solution was looked for, and how
+        that ended."""
+        memory: Outer = state.memory
+        # The tolerance refers to the load of this problem, so that it keeps its meaning for a load of zero.
+        controls = Controls(rtol=self.inner_rtol, max_time=max(budget.limit - budget.spent, 0.0))
+        law = system.law.frozen(system.local(memory.r), part * memory.lam) if system.law.state_dependent else system.law
+        ordinary = system.with_law(law)
+        r = ordinary.start(state.r)
+        start = State(r, ordinary.multiplier(r), memory=memory.inner)
+        return ordinary, *iterate(self.inner, ordinary, start, controls, budget)[:2]
 
     def release(self, state: State) -> None:
         if isinstance(state.memory, Outer):

@@ -97,6 +97,11 @@ def _elsewhere(solver: Solver, problem: DiscreteProblem) -> Solver | None:
     return None
 
 
+def _without_pressure(solver: Solver, problem: DiscreteProblem) -> Solver | None:
+    """The method on other unknowns, where friction holds a body only once there is pressure: a way may have lost it."""
+    return _elsewhere(solver, problem) if problem.law.state_dependent else None
+
+
 #: What is tried after each end, first to last.
 _NEXT: Mapping[Status, tuple[Callable[[Solver, DiscreteProblem], Solver | None], ...]] = MappingProxyType(
     {
@@ -106,6 +111,6 @@ _NEXT: Mapping[Status, tuple[Callable[[Solver, DiscreteProblem], Solver | None],
         Status.CYCLING: (_elsewhere, _stepped),
         Status.NOT_CONTRACTING: (_relaxed, _stepped, _elsewhere),
         Status.NONFINITE: (_careful, _elsewhere, _stepped),
-        Status.UNBOUNDED: (_careful, _stepped, _elsewhere),
+        Status.UNBOUNDED: (_without_pressure, _careful, _stepped, _elsewhere),
     }
 )

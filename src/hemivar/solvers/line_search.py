@@ -139,7 +139,7 @@ class SearchLine:
 
     def _within(self, low: Bottom, unit: float) -> tuple[float, bool]:
         """The length of a bottom, or one far beyond the knots; and whether the energy falls without end."""
-        far = low.length >= _ENDLESS * unit
+        far = low.length >= max(_ENDLESS * unit, self._aim)
         return (self._aim if far or (low.endless and low.length == 0.0) else low.length), far or low.endless
 
     @cached_property

@@ -180,8 +180,8 @@ def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
     solver = _for_body(suited(chosen, problem), problem)
     if problem.limit is None and not _breaks(problem):
         return solver
-    careful, law = solver.downhill(), problem.law
-    follows = problem.limit is None and law.depends_on_whole_state and law.follows_state
+    careful = solver.downhill()
+    follows = problem.limit is None and problem.law.follows_state
     return _for_body(SemismoothNewton(careful), problem) if follows and isinstance(careful, FixedPoint) else careful
 
 

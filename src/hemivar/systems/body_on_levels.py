@@ -186,6 +186,7 @@ class BodyProblem(Body):
     hierarchy: ElasticMultigrid  # matrices of this and the coarser levels
     top: int  # number of this level
     small: Workspace  # where coarse bodies are kept that were condensed
+    floats: bool  # whether nothing but contact may hold the body, or a part of it
     # the body on the coarser meshes, from coarse to fine, for whoever asks for the problem there
     meshes: tuple[BodyProblem, ...] = ()
 
@@ -195,6 +196,7 @@ class BodyProblem(Body):
         unknown, sign, active, _ = contact_unknowns(problem.contact)
         levels, times = hierarchy.levels, partial(hierarchy.levels.multiply, top)
         coupling, own = levels.levels[top].coupling, levels.own[top]
+        free = free_unknowns(problem)
         return BodyProblem(
             vectors=WHOLE,
             elastic=MatrixAtContact(problem.stiffness, times, unknown, sign, active, coupling, own),
@@ -212,6 +214,7 @@ class BodyProblem(Body):
             hierarchy=hierarchy,
             top=top,
             small=small,
+            floats=free is None or free.shape[1] > 0,
         )
 
     @property
@@ -231,17 +234,35 @@ class BodyProblem(Body):
         # the half sweeps that serve many loads cost one load nothing
         return self.small.condensed(self.problem, many=True) if self.problem.unknowns <= _FEW else None
 
+    def start(self, guess: Array | None = None) -> Array:
+        """The point of :class:`Body`, in rough balance but for its contact points where nothing else holds the body.
+
+        What takes up no load lets a bound of friction that follows the pressure hold nothing, and Newton's equation
+        there has no solution.
+        """
+        x = super().start(guess)
+        enough, left = _ROUGH * self.load_scale.load, self.out_of_balance(x)
+        left[self.unknown] = 0.0
+        if not self.floats or not enough < float(np.linalg.norm(left)) < math.inf:
+            return x
+        m, d = self.active.shape
+        held = self.truncation()
+        held.change(x, np.ones(self.unknown.size, dtype=bool), np.zeros((m, d, d)))
+        flexible, cycle = held.preconditioner()
+        found = conjugate_gradients(held, held.diagonal, left, cycle, enough, _QUICK, flexible=flexible)
+        held.release()
+        return x + found.solution
+
     def untouched(self) -> Array | None:
         levels, top = self.hierarchy.levels, self.top
         enough = _ROUGH * float(np.linalg.norm(self.load))
-        if not levels.algebraic or not 0.0 < enough < math.inf:
+        if self.floats or not levels.algebraic or not 0.0 < enough < math.inf:
             return None
         cycle = levels.preconditioner(top)
         found = conjugate_gradients(
             LevelMatrix(levels, top), levels.diagonal(top), self.load, cycle, enough, _QUICK, flexible=cycle.flexible
         )
-        held = found.negative is None and float(np.linalg.norm(found.residual)) <= enough
-        return found.solution if held else None
+        return found.solution if float(np.linalg.norm(found.residual)) <= enough else None
 
     def from_below(self, x: Array) -> Array:
         return self.hierarchy.steps[self.top - self.hierarchy.first - 1].interpolate(x)
@@ -320,8 +341,9 @@ class _TruncatedBody:
         return cycle.flexible, cycle
 
     def release(self) -> None:
-        self._body.hierarchy.levels.give_back(self._levels)
-        del self._levels  # another solve may have it now
+        levels = vars(self).pop("_levels", None)  # another solve may have it now
+        if levels is not None:  # the best of a solve need not be its last, which gave them back already
+            self._body.hierarchy.levels.give_back(levels)
 
 
 def levels_of(problem: DiscreteProblem, workspace: Workspace) -> ElasticMultigrid:
