@@ -26,39 +26,19 @@ from hemivar.mechanics.conditions import Roller
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem, Geometry, expect_body, refuse_areas
 from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.smooth_chains import STRAIGHT, chains, facet_angles
 
 __all__ = [
-    "STRAIGHT",
     "body_shape",
     "check_supports",
-    "facet_angles",
     "inexact_data",
     "law_doubts",
     "stated_conditions",
     "unmet_hypotheses",
 ]
 
-#: Angle that is rounding, in radians.
-STRAIGHT = 1e-6
-#: Angle between neighbouring facets up to which they are taken for those of a curve, in radians.
-_BEND = np.pi / 6.0 + STRAIGHT
 #: Part of the largest displacement by which supports may be missed.
 _HELD = 1e-8
-
-
-def facet_angles(mesh: Mesh, facets: IntArray) -> tuple[IntArray, Array]:
-    """Pairs (p, 2) of facets (k, d) that have a side in common, by their places in the list, and their angles (p,)."""
-    normals, _ = mesh.facet_normals(facets)
-    dim = mesh.dim
-    owner = np.repeat(np.arange(len(facets)), dim)
-    sides = np.stack([np.delete(facets, i, axis=1) for i in range(dim)], axis=1).reshape(-1, dim - 1)
-    sides = np.sort(sides, axis=1)
-    order = np.lexsort(sides.T)
-    sides, owner = sides[order], owner[order]
-    same = np.flatnonzero((sides[1:] == sides[:-1]).all(axis=1))
-    pairs = np.column_stack([owner[same], owner[same + 1]])
-    apart = np.linalg.norm(normals[pairs[:, 0]] - normals[pairs[:, 1]], axis=1)
-    return pairs, 2.0 * np.arcsin(np.clip(0.5 * apart, 0.0, 1.0))
 
 
 def body_shape(mesh: Mesh) -> str:
@@ -235,17 +215,12 @@ def _curved(mesh: Mesh) -> Iterator[tuple[str, float]]:
     The surface is asked, whatever its parts are called: chains of facets that follow each other smoothly.
     """
     facets = mesh.boundary_facets
-    pairs, angle = facet_angles(mesh, facets)
-    smooth, turning = pairs[angle <= _BEND], (angle > STRAIGHT) & (angle <= _BEND)
-    graph = sp.coo_array((np.ones(len(smooth)), smooth.T), shape=2 * (len(facets),))
-    chain = sp.csgraph.connected_components(graph, directed=False)[1]
-    at = np.unique(pairs[turning])
-    directions = np.round(mesh.facet_normals(facets[at])[0] / STRAIGHT / 10.0)
-    several = np.bincount(np.unique(np.column_stack([chain[at], directions]), axis=0)[:, 0].astype(int)) > 2
     found: dict[str, float] = {}
-    for one in np.flatnonzero(several):
-        words = _called(mesh, facets[chain == one])
-        steepest = float(angle[turning & (chain[pairs[:, 0]] == one)].max())
+    of = chains(mesh, facets)
+    turning, number = of.turning, of.chain[of.pairs[:, 0]]
+    for one in np.unique(of.chain[of.curved]):
+        words = _called(mesh, facets[of.chain == one])
+        steepest = float(of.angle[turning & (number == one)].max())
         found[words] = max(found.get(words, 0.0), steepest)
     yield from ((words, float(np.degrees(steepest))) for words, steepest in found.items())
 
