@@ -291,6 +291,24 @@ def test_sliding_by_more_than_an_element_is_told() -> None:
     assert warned == [False, True]
 
 
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("revolved", [False, True])
+def test_slip_is_counted_in_facets_whatever_the_share_of_a_point(order: int, revolved: bool) -> None:
+    """The end of the slave has a small share of the contact, corners of quadratic facets one of a sixth, rings a large
+    one."""
+    r = 100.0 if revolved else 0.0
+    upper = hv.rectangle((1.0, 1.0), (5, 2), origin=(r + 0.999, 1.0))
+    mesh = hv.Mesh.assembled({"u": upper, "l": hv.rectangle((1.0, 1.0), (5, 2), origin=(r, 0.0))})
+    material = hv.Material.young(10.0, 0.3, plane="axisymmetric" if revolved else "strain")
+    contact = {"u:bottom": hv.Contact(hv.Compliance(20.0), against="l:top", slave="u:bottom")}
+    for slip, told in ((0.15, False), (0.3, True)):
+        held = {"l:bottom": hv.Clamped(), "u:top": hv.Prescribed((slip, 0.0)), "u:bottom": hv.Fixed(x=slip)}
+        said = hv.solve(hv.ContactProblem(mesh, material, contact, held, order=order)).warnings
+        found = [one for one in said if "slide on each other" in one]
+        assert bool(found) is told
+        assert not told or f"up to {slip / 0.2:.3g} elements" in found[0]
+
+
 def test_a_much_softer_body_has_the_contact_points_then_the_finer_one_then_the_one_that_is_held_less() -> None:
     against = {"u:bottom": hv.Contact(hv.Signorini(), against="l:top")}
     assert pressed(blocks((7, 3), (5, 4)), against["u:bottom"]).pair("u:bottom") == ("u:bottom", "l:top")

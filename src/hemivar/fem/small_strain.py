@@ -82,15 +82,18 @@ def deformation_of(problem: DiscreteProblem, unknowns: Array) -> Deformation | N
 
 def slid_beyond(problem: DiscreteProblem, unknowns: Array) -> str | None:
     """A sentence where two bodies slide on each other by more than an element, for they are projected at the start."""
-    stated, contact = problem.origin, problem.contact
-    if stated is None or problem.field is None or contact.components == 1:
+    field, contact = problem.field, problem.contact
+    if field is None or contact.components == 1 or not contact.pairs:
         return None
-    paired = np.isin(contact.boundary, [k for k, name in enumerate(contact.names) if stated.contact[name].against])
-    if not paired.any():
-        return None
-    slip = np.linalg.norm(problem.local(unknowns)[paired, 1:], axis=1)
-    share = slip / contact.weights[paired] ** (1.0 / (problem.field.mesh.dim - 1))
-    if not (worst := float(share.max(initial=0.0))) > 1.0:
+    mesh, slip, worst = field.mesh, np.linalg.norm(problem.local(unknowns)[:, 1:], axis=1), 0.0
+    for name, (slave, _) in contact.pairs.items():
+        facets, on = mesh.boundaries[slave], np.flatnonzero(contact.boundary == contact.names.index(name))
+        nodes, sizes = mesh.facet_nodes(facets, field.order), mesh.facet_normals(facets)[1] ** (1.0 / (mesh.dim - 1))
+        around = np.bincount(nodes.ravel(), np.repeat(sizes, nodes.shape[1])) / np.maximum(
+            np.bincount(nodes.ravel()), 1
+        )
+        worst = max(worst, float((slip[on] / around[contact.node[on]]).max(initial=0.0)))
+    if not worst > 1.0:
         return None
     return (
         f"two bodies slide on each other by up to {worst:.3g} elements, but each point keeps the facet that it faced "
