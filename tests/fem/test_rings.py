@@ -239,8 +239,45 @@ def test_materials_that_have_no_axial_symmetry_say_so() -> None:
     found = hv.certify(hv.solve(problem), exact=True)
     assert "one of revolution" in str(found)
     assert found.smallness.trace_bound is None  # that of the plane body would be another one
-    with pytest.raises(hv.errors.ProblemError, match="lies on the axis"):
-        hv.discretize(replace(problem, contact={"left": hv.Contact(hv.Signorini())}))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("r", [0.0, -1e-12, 1e-12])
+def test_contact_on_the_axis_is_told_whatever_rounding_made_of_its_radius(r: float, order: int) -> None:
+    mesh = hv.rectangle((1.0, 1.0), (2, 2), origin=(r, 0.0))
+    contact = {"left": hv.Contact(hv.Compliance(20.0))}
+    problem = hv.ContactProblem(mesh, steel(), contact, {"bottom": hv.Clamped()}, order=order)
+    with pytest.raises(hv.errors.ProblemError, match="'left' lies on the axis"):
+        hv.discretize(problem)
+
+
+@pytest.mark.parametrize("r", [0.0, -1e-13, 1e-13])
+@pytest.mark.parametrize("slave", ["up:bottom", "lo:top"])
+def test_quadratic_bodies_touch_up_to_the_axis(slave: str, r: float) -> None:
+    """The corner there has no weight, and is left out; beside it linear elements on a finer mesh press alike."""
+    found = []
+    for order, n in ((2, 8), (1, 24)):
+        upper = hv.rectangle((2.0, 1.0), (n, n // 2), origin=(r, 1.0))
+        mesh = hv.Mesh.assembled({"up": upper, "lo": hv.rectangle((4.0, 1.0), (13 * n // 8, n // 2), origin=(r, 0.0))})
+        contact = {"up:bottom": hv.Contact(hv.Signorini(), against="lo:top", slave=slave)}
+        solution = hv.solve(
+            hv.ContactProblem(
+                mesh,
+                steel(),
+                contact,
+                {"lo:bottom": hv.Fixed(y=0.0)},
+                tractions={"up:top": hv.Pressure(1.0)},
+                order=order,
+            )
+        )
+        assert solution.normal_force == pytest.approx(4.0 * np.pi, rel=1e-9)
+        points = solution.problem.contact.points
+        assert points is not None
+        assert (points[:, 0].min() > 1e-9) == (order == 2)
+        near = np.argsort(points[:, 0])
+        near = near[points[near, 0] > 1e-9]  # linear elements have a peak on the axis
+        found.append(np.interp([0.16, 0.3, 0.45], points[near, 0], solution.pressure[near]))
+    np.testing.assert_allclose(found[0], found[1], rtol=0.01)
 
 
 def test_a_study_against_a_uniform_stress_has_no_error() -> None:

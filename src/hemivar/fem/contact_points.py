@@ -15,7 +15,7 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
-from hemivar.fem.rings import facet_shares
+from hemivar.fem.rings import facet_shares, weightless
 from hemivar.fem.sharp_corners import handed_on
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
@@ -104,12 +104,12 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         nodes, place, normal = _nodal_normals(problem, name, facets, supports)
         parts = facet_shares(mesh, facets, order, problem.material.axisymmetric)
         weights = np.asarray(np.bincount(place, weights=parts.ravel()), dtype=float)
-        if not weights.any():
+        seen = ~weightless(mesh, facets, order, problem.material.axisymmetric)[nodes]
+        if not seen.any():
             raise ProblemError(
                 f"contact boundary '{name}' lies on the axis of the body of revolution, where nothing can touch it; "
                 "name another boundary"
             )
-        seen = weights > _ZERO * weights.max()  # the corner of a quadratic facet on the axis of a body has none
         nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
         average, facet, points = _selection(nodes, count), np.full(len(nodes), -1), supports.nodes[nodes]
     else:

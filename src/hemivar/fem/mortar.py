@@ -16,7 +16,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.elements import shape_values
 from hemivar.fem.pairing import Pairing
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.fem.rings import facet_shares
+from hemivar.fem.rings import facet_shares, weightless
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Mortar", "mortar"]
@@ -81,17 +81,17 @@ def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bo
     size = own.shape[1]
     mass = np.zeros((len(slave), size, size))
     np.add.at(mass, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, phi, phi))
-    seen = np.flatnonzero(pieces.touches)
+    none, count = weightless(mesh, slave, order, ring), len(mesh.nodes(order))
+    without, seen = without | none[own], np.flatnonzero(pieces.touches)
     dual = np.zeros_like(mass)
     dual[seen] = _dual(mass[seen], without[seen])
     # coupling of psi with the slave's and the master's shape functions
     here = np.einsum("fij,fjk->fik", dual, mass)
     there = np.einsum("kij,kjl->kil", dual[pieces.slave], np.einsum("kq,kqi,kql->kil", weight, phi, across))
-    count = len(mesh.nodes(order))
     matrix = _assembled(own, own, here, count) - _assembled(own[pieces.slave], other[pieces.master], there, count)
     weights: Array = np.bincount(own.ravel(), here.sum(axis=2).ravel(), count).astype(float)
     around = np.bincount(own.ravel(), facet_shares(mesh, slave, order, ring).ravel(), count)
-    nodes = np.flatnonzero(weights > _COVERED * around)
+    nodes = np.flatnonzero(~none & (weights > _COVERED * around))
     rows = sp.diags_array(1.0 / weights[nodes]) @ sp.csr_array(matrix)[nodes]
     rows.data[np.abs(rows.data) < _ROUNDED] = 0.0
     rows.eliminate_zeros()

@@ -11,7 +11,10 @@ from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Hoop", "facet_shares", "hoop_matrices", "hoop_strain", "ring_length"]
+__all__ = ["Hoop", "facet_shares", "hoop_matrices", "hoop_strain", "ring_length", "weightless"]
+
+#: Share of a weight in that of facets at the largest radius that is rounding.
+_NONE = 1e-9
 
 #: Stress around the axis, see :class:`hemivar.fem.constitutive.ConstitutiveLaw`.
 Hoop = Callable[[Array, Mapping[str, BoolArray] | None], Array]
@@ -61,3 +64,16 @@ def facet_shares(mesh: Mesh, facets: IntArray, order: int, ring: bool) -> Array:
         return np.outer(measures, weights @ values)
     radius = mesh.points[facets, 0] @ barycentric.T
     return np.asarray(2.0 * np.pi * measures[:, None] * ((radius * weights) @ values))
+
+
+def weightless(mesh: Mesh, facets: IntArray, order: int, ring: bool) -> BoolArray:
+    """Which nodes (N,) of facets (f, d) have no weight in a body of revolution, or what rounding makes of none.
+
+    They lie on the axis: corners of quadratic facets, and those of facets along it.
+    """
+    members, count = mesh.facet_nodes(facets, order), len(mesh.nodes(order))
+    if not ring:
+        return np.zeros(count, dtype=bool)
+    own = np.bincount(members.ravel(), facet_shares(mesh, facets, order, ring).ravel(), count)
+    size = np.bincount(members.ravel(), np.repeat(mesh.facet_normals(facets)[1], members.shape[1]), count)
+    return np.asarray(own <= _NONE * 2.0 * np.pi * mesh.points[:, 0].max() * size)
