@@ -280,6 +280,23 @@ def test_quadratic_bodies_touch_up_to_the_axis(slave: str, r: float) -> None:
     np.testing.assert_allclose(found[0], found[1], rtol=0.01)
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_distance_of_spheres_is_that_of_their_arcs(order: int) -> None:
+    """Shells about one point, whose nodes do not match; one of them ends on the axis."""
+    parts = {}
+    for name, (a, b), n in (("in", (1.0, 2.0), 21), ("out", (2.0 + 1e-3, 3.0), 16)):
+        flat = hv.rectangle((b - a, 0.5 * np.pi), (2, n))
+        r, t = a + flat.points[:, 0], flat.points[:, 1]
+        points = np.column_stack([r * np.cos(t), r * np.sin(t)])
+        parts[name] = hv.Mesh(np.where(np.abs(points) < 1e-15, 0.0, points), flat.cells, flat.boundaries)
+    contact = {"in:right": hv.Contact(hv.Signorini(), against="out:left")}
+    held = {"in:bottom": hv.Roller(), "out:bottom": hv.Roller()}
+    problem = hv.ContactProblem(hv.Mesh.assembled(parts), steel(), contact, held, order=order)
+    np.testing.assert_allclose(hv.discretize(problem).offset[:, 0], 1e-3, atol=1e-5)
+    meshed = hv.discretize(replace(problem, geometry="as-meshed"))  # type: ignore[arg-type]
+    assert np.abs(meshed.offset[:, 0] - 1e-3).max() > 1e-3
+
+
 def test_a_study_against_a_uniform_stress_has_no_error() -> None:
     """The pressure of a known field counts the strain around the axis."""
     c, d, stiffness = (0.3 * 1.7 - 0.5) / E, (2.0 * 0.3 * 0.5 - 1.2) / E, 40.0

@@ -13,6 +13,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
+from hemivar.fem.bulge import arcs_of_pair
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.rings import facet_shares, weightless
@@ -203,7 +204,8 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     stated = DataField(contact.gap, f"gap of {title}").at(points)
     _refuse_beyond(stated, f"gap of {title}", "unit of length")
     nodes = supports.nodes - points[0]
-    apart = -np.einsum("kd,kd->k", normal, found.jump @ nodes)
+    arcs = arcs_of_pair(problem, name, found, normal, title)
+    apart = arcs.apart - np.einsum("kd,kd->k", normal, found.jump @ nodes)
     rounding = _ROUNDED * np.abs(nodes).max() + _EPSILONS * np.abs(supports.nodes).max()
     apart[np.abs(apart) <= rounding] = 0.0  # a rigid law would be met beyond its end
     frames, blocked = _adapt(_frames(normal), supports, found.nodes)
@@ -217,8 +219,8 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     at = ContactPoints(
         trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
     )
-    said = _pair_warnings(title, float(-apart.min()), supports.nodes, found.turned)
-    said += _lost(title, supports.nodes, found.pieces)
+    said = _pair_warnings(title, arcs.overlap(apart, problem, name, found), supports.nodes, found.turned)
+    said += (*_lost(title, supports.nodes, found.pieces), *arcs.warnings)
     with error_context(title, contact.normal, contact.friction):
         law, still = contact.law.at(points), np.zeros(points.shape)
         return BoundaryContact(at, stated + apart, still, law, blocked, True, said)

@@ -17,6 +17,7 @@ from hemivar.fem.elements import shape_values
 from hemivar.fem.pairing import Pairing
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import facet_shares, weightless
+from hemivar.fem.supports import sum_by
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Mortar", "mortar"]
@@ -35,6 +36,8 @@ class _Coupling:
     master: IntArray  # (k,)
     there: Array  # (k, n, n)
     masters: int  # facets of the master
+    rule: _Rule
+    psi: Array  # (k, q, n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +65,27 @@ class Mortar:
         np.subtract.at(across, at.master, there)
         return np.asarray(np.einsum("fij,fid->fjd", at.here, traction[at.own])), across
 
+    def mean(self, own: Array, other: Array) -> Array:
+        """The psi-weighted mean (m, d) of a field on the slave less that of one on the master.
+
+        Both are quadratic on each facet, by the nodes of order 2: shapes (f, n, d) and (g, n, d).
+        """
+        at, rule = self.coupling, self.coupling.rule
+        field = np.einsum("kqn,knd->kqd", shape_values(2, rule.on_slave), own[at.slave])
+        field -= np.einsum("kqn,knd->kqd", shape_values(2, rule.on_master), other[at.master])
+        moments = np.einsum("kqi,kqd->kid", rule.weight[:, :, None] * at.psi, field)
+        summed = sum_by(at.own[at.slave].ravel(), moments.reshape(-1, field.shape[2]), self.jump.shape[1])
+        return np.asarray(summed[self.nodes] / self.weights[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class _Rule:
+    """Points of integration on the overlap, in the barycentric coordinates of both sides, and their weights."""
+
+    on_slave: Array  # (k, q, d)
+    on_master: Array  # (k, q, d)
+    weight: Array  # (k, q)
+
 
 def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bool = False) -> Mortar:
     """The projection from the facets of the master to those of the slave.
@@ -71,13 +95,8 @@ def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bo
     """
     slave, master = pieces.facets
     own, other = mesh.facet_nodes(slave, order), mesh.facet_nodes(master, order)
-    rule, portion = quadrature_rule(mesh.dim - 1, 2 * order + ring)
-    phi = shape_values(order, np.einsum("qc,kcb->kqb", rule, pieces.on_slave))
-    across = shape_values(order, np.einsum("qc,kcb->kqb", rule, pieces.on_master))
-    weight = (pieces.share * mesh.facet_normals(slave)[1][pieces.slave])[:, None] * portion
-    if ring:
-        radius = mesh.points[slave, 0][pieces.slave]
-        weight = weight * 2.0 * np.pi * np.einsum("qc,kcb,kb->kq", rule, pieces.on_slave, radius)
+    rule = _integration(mesh, order, pieces, ring)
+    phi, across, weight = shape_values(order, rule.on_slave), shape_values(order, rule.on_master), rule.weight
     size = own.shape[1]
     mass = np.zeros((len(slave), size, size))
     np.add.at(mass, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, phi, phi))
@@ -96,8 +115,21 @@ def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bo
     rows.data[np.abs(rows.data) < _ROUNDED] = 0.0
     rows.eliminate_zeros()
     turned = _turned(mesh, pieces)
-    coupling = _Coupling(own, here, pieces.slave, pieces.master, there, len(master))
+    psi = np.einsum("kij,kqj->kqi", dual[pieces.slave], phi)
+    coupling = _Coupling(own, here, pieces.slave, pieces.master, there, len(master), rule, psi)
     return Mortar(nodes, weights[nodes], sp.csr_array(rows), turned, coupling, pieces)
+
+
+def _integration(mesh: Mesh, order: int, pieces: Pairing, ring: bool) -> _Rule:
+    """A rule that is exact for products of two shape functions, and of one and a quadratic."""
+    slave = pieces.facets[0]
+    rule, portion = quadrature_rule(mesh.dim - 1, order + 2 + ring)
+    on_slave, on_master = (np.einsum("qc,kcb->kqb", rule, at) for at in (pieces.on_slave, pieces.on_master))
+    weight = (pieces.share * mesh.facet_normals(slave)[1][pieces.slave])[:, None] * portion
+    if ring:
+        radius = mesh.points[slave, 0][pieces.slave]
+        weight = weight * 2.0 * np.pi * np.einsum("kqb,kb->kq", on_slave, radius)
+    return _Rule(on_slave, on_master, weight)
 
 
 def _turned(mesh: Mesh, pieces: Pairing) -> float:

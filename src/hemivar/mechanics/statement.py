@@ -73,9 +73,10 @@ class Geometry(StrEnum):
     """What boundaries that look curved are: facets that follow each other at small angles."""
 
     CURVED = "curved"
-    """The mesh replaces a curve by its facets: bounds of the distance to the exact solution are estimates."""
+    """The mesh replaces a curve by its facets: bounds of the distance to the exact solution are estimates, and two
+    bodies are as far apart as the arcs through their nodes."""
     AS_MESHED = "as-meshed"
-    """The body is the polygon or polyhedron of the mesh, and its exact solution the one that is meant."""
+    """The body is the polygon or polyhedron of the mesh: its exact solution is meant, and its facets' distance."""
 
 
 @known_fields
@@ -115,7 +116,7 @@ class ContactProblem(PickleMixin, ReprMixin):
     units : Units
         For labels; no number is converted.
     geometry : Geometry
-        What boundaries that look curved are, for bounds of the distance to the exact solution.
+        What boundaries that look curved are, for the distance of two bodies and bounds of that to the exact solution.
     trace_constant : float, optional
         A c that you know, with ``|v| <= c |eps(v)|`` for all displacements v that supports allow, the norms those of L2
         on the contact boundary and in the body; root of a length. Bounds of the distance to the exact solution
@@ -192,8 +193,9 @@ class ContactProblem(PickleMixin, ReprMixin):
         metadata=stated(
             Form.TEXT,
             '`"as-meshed"`: the body is the polygon or polyhedron of the mesh, so that bounds of the distance to the '
-            'exact solution hold for it; `"curved"`: facets that follow each other at small angles stand for a curve, '
-            "and bounds are estimates",
+            "exact solution hold for it, and the distance of two bodies is that of their facets; "
+            '`"curved"`: facets that follow each other at small angles stand for a curve, bounds are estimates, and '
+            "that distance is that of arcs through the nodes",
             choices=tuple(Geometry), table="mesh",
         ),
     )  # fmt: skip
@@ -530,7 +532,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             held[self.mesh.boundaries[support]] = True
         size, share, stiff = {}, {}, {}
         for side in (name, other):
-            facets, stiff[side] = self.mesh.boundaries[side], self._stiffness_at(side)
+            facets, stiff[side] = self.mesh.boundaries[side], self.stiffness_at(side)
             size[side] = float(self.mesh.facet_normals(facets)[1].mean())
             share[side] = float(held[np.unique(facets)].mean())
         if max(share.values()) == 1.0 > min(share.values()):
@@ -543,15 +545,15 @@ class ContactProblem(PickleMixin, ReprMixin):
             first = name if share[name] <= share[other] else other
         return (name, other) if first == name else (other, name)
 
-    def _stiffness_at(self, boundary: str) -> float:
-        """Mean size of the elasticity in the cells along a boundary."""
+    def stiffness_at(self, boundary: str) -> float:
+        """Mean size of the elasticity in the cells along a boundary, nearly Young's modulus."""
         mesh = self.mesh
         on = np.zeros(mesh.number_of_nodes, dtype=bool)
         on[mesh.boundaries[boundary]] = True
         cells = np.flatnonzero(np.count_nonzero(on[mesh.cells], axis=1) >= mesh.dim)
         masks = {name: np.isin(cells, members) for name, members in mesh.regions.items()}
         tensors = self.material.stiffness_tensor(mesh.points[mesh.cells[cells]].mean(axis=1), masks)
-        return float(np.einsum("kvv->k", tensors).mean())
+        return float(np.einsum("kvv->kv", tensors).mean())
 
     def _check_overlaps(self) -> None:
         """Refuse facets of two foundations, and of one where a support holds everything."""
