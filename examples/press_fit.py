@@ -40,9 +40,9 @@ def problem(plane: str, finer: int) -> hv.ContactProblem:
 
 
 # %%
-# The arcs are polygons. Between nodes they lie inside of the circle, by an amount that is different on the two sides:
-# with 24 facets on a quarter 0.011 mm, half of the interference. It falls by four where the cells are halved, and so
-# does the error of the pressure. Choose facets that are flat beside the interference, or nodes that match.
+# The sides are polygons. Between nodes they lie inside of the circle, by an amount that is different on the two sides:
+# with 24 facets on a quarter 0.011 mm, half of the interference. The gap is that of the arcs through the nodes, which a
+# warning says, so that the interference is the one that is stated. The error falls by four where the cells are halved.
 
 errors = {}
 for plane, exact in EXACT.items():

@@ -197,20 +197,21 @@ class _Net:
 
     def ways(self) -> Array:
         """Ways (2, k, s, d) from the middles of the sides of all facets to the arcs, and what may be left."""
-        tensor, (edge, node) = self._curvatures(), self._beside()
-        limited = _harmonic(edge, self._turns(tensor, edge, node), len(self.edges))
+        surface, (edge, node) = self._surface(), self._beside()
+        limited = _harmonic(edge, self._turns(surface, edge, node), len(self.edges))
         each = np.arange(len(self.edges))
-        ends = np.stack([self._turns(tensor, each, node) for node in self.edges.T])
+        ends = np.stack([self._turns(surface, each, node) for node in self.edges.T])
         largest = np.take_along_axis(ends, np.argmax(np.abs(ends), axis=0)[None], axis=0)[0]
         out = unit(self.normals[self.edges].sum(axis=1)) / 8.0
         found = np.stack([limited[:, None] * out, (largest - limited)[:, None] * out])
         return np.asarray(found[:, self.edge])
 
-    def _turns(self, tensor: Array, edge: IntArray, node: IntArray) -> Array:
+    def _turns(self, surface: tuple[Array, Array], edge: IntArray, node: IntArray) -> Array:
         """Curvature at nodes (c,) along edges (c,), times the square of their lengths, (c,)."""
+        normal, tensor = surface
         chord = self.points[self.edges[edge, 1]] - self.points[self.edges[edge, 0]]
         square = (chord**2).sum(axis=1)
-        along = np.maximum(square - np.einsum("cd,cd->c", chord, self.normals[node]) ** 2, 1e-3 * square)
+        along = np.maximum(square - np.einsum("cd,cd->c", chord, normal[node]) ** 2, 1e-3 * square)
         return np.asarray(np.einsum("cd,cde,ce->c", chord, tensor[node], chord) * square / along)
 
     def _graph(self) -> sp.csr_array:
@@ -228,36 +229,44 @@ class _Net:
         among.eliminate_zeros()
         return among.row.astype(np.int64), among.col.astype(np.int64)
 
-    def _curvatures(self) -> Array:
-        """Tensors (n, d, d) of the curvature of paraboloids through the nodes around, of convex bodies positive.
+    def _surface(self) -> tuple[Array, Array]:
+        """Normals (n, d) and curvatures (n, d, d), of convex bodies positive, of paraboloids through the nodes around.
 
         Where the next nodes are too few for one, as at ends, it goes through those next to them too.
         """
-        graph, (count, dim) = self._graph(), self.points.shape
+        graph, dim = self._graph(), self.points.shape[1]
         wide = np.diff(graph.indptr) < (dim - 1) * (dim + 2) // 2
-        far = sp.diags_array(wide.astype(float)) @ (graph @ graph) + graph
-        entries = far.tocoo()
-        near = (entries.row != entries.col) & (entries.data > 0.0)
-        node, other = entries.row[near].astype(np.int64), entries.col[near]
-        way = self.points[other] - self.points[node]
-        tangents = np.linalg.svd(self.normals[:, None])[2][:, 1:]
-        scale = np.sqrt(np.bincount(node, (way**2).sum(axis=1), count) / np.bincount(node, minlength=count))
-        # height (t . t)/(way . way) = slope . t + curvature (t . t)/2: so nodes of a circle or a sphere have its own
+        far = sp.coo_array(sp.diags_array(wide.astype(float)) @ (graph @ graph) + graph)
+        near = (far.row != far.col) & (far.data > 0.0)
+        node, other = far.row[near].astype(np.int64), far.col[near].astype(np.int64)
+        normals, _ = self._fitted(self.normals, node, other)
+        return normals, self._fitted(normals, node, other)[1]
+
+    def _fitted(self, normals: Array, node: IntArray, other: IntArray) -> tuple[Array, Array]:
+        """Normals (n, d) and curvatures (n, d, d) at nodes (c,) by others (c,), of heights along normals (n, d).
+
+        ``height (t . t)/(way . way) = slope . t + curvature (t . t)/2``: along their own normals nodes of a circle or a
+        sphere have its curvature exactly.
+        """
+        way, (count, dim) = self.points[other] - self.points[node], normals.shape
+        tangents = np.linalg.svd(normals[:, None])[2][:, 1:]
+        square = (way**2).sum(axis=1)
+        scale = np.sqrt(np.bincount(node, square, count) / np.bincount(node, minlength=count))
         t = np.einsum("cd,cad->ca", way, tangents[node])
         flat = np.maximum(np.linalg.norm(t, axis=1), np.finfo(float).tiny)
-        t, height = t / flat[:, None], flat * np.einsum("cd,cd->c", way, self.normals[node]) / (way**2).sum(axis=1)
+        t, height = t / flat[:, None], flat * np.einsum("cd,cd->c", way, normals[node]) / square
         pairs = [(a, b) for a in range(dim - 1) for b in range(a, dim - 1)]
         bends = np.column_stack([t[:, a] * t[:, b] * (0.5 if a == b else 1.0) for a, b in pairs])
         row = np.hstack([t, bends * (flat / scale[node])[:, None]])
         both = np.concatenate([row[:, :, None] * row[:, None, :], (row * height[:, None])[:, None]], axis=1)
         summed = sum_by(node, both.reshape(len(node), -1), count).reshape(count, *both.shape[1:])
-        matrix, right = summed[:, :-1], summed[:, -1]
-        found = np.einsum("nij,nj->ni", np.linalg.pinv(matrix, rcond=_FLAT, hermitian=True), right)
-        slope, bent = found[:, : dim - 1], np.zeros((count, dim - 1, dim - 1))
-        for k, (a, b) in enumerate(pairs):
-            bent[:, a, b] = bent[:, b, a] = -found[:, dim - 1 + k]
-        bent *= (~self.sharp / scale / np.sqrt(1.0 + (slope**2).sum(axis=1)))[:, None, None]
-        return np.asarray(np.einsum("nai,nab,nbj->nij", tangents, bent, tangents))
+        found = np.einsum("nij,nj->ni", np.linalg.pinv(summed[:, :-1], rcond=_FLAT, hermitian=True), summed[:, -1])
+        found[self.sharp] = 0.0
+        bent = np.zeros((count, dim - 1, dim - 1))
+        for k, (a, b) in enumerate(pairs, dim - 1):
+            bent[:, a, b] = bent[:, b, a] = -found[:, k] / scale
+        turned = unit(normals - np.einsum("na,nad->nd", found[:, : dim - 1], tangents))
+        return turned, np.asarray(np.einsum("nai,nab,nbj->nij", tangents, bent, tangents))
 
 
 def _harmonic(group: IntArray, values: Array, count: int) -> Array:
