@@ -326,8 +326,9 @@ class _TruncatedBody:
         return cycle.flexible, cycle
 
     def release(self) -> None:
-        self._body.hierarchy.levels.give_back(self._levels)
-        del self._levels  # another solve may have it now
+        levels = vars(self).pop("_levels", None)  # another solve may have it now
+        if levels is not None:  # the best of a solve need not be its last, which gave them back already
+            self._body.hierarchy.levels.give_back(levels)
 
 
 def levels_of(problem: DiscreteProblem, workspace: Workspace) -> ElasticMultigrid:
