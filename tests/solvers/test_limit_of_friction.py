@@ -57,6 +57,22 @@ def test_a_block_near_the_limit_of_its_friction(number: int) -> None:
     assert near <= 1e-3 * np.abs(right[0][:, 1]).max() + 1e-12 * np.abs(found.displacement).max(), k
 
 
+@pytest.mark.parametrize("k", [7, 8])
+def test_the_slip_next_to_the_limit_is_that_at_some_distance(k: int) -> None:
+    """One point sticks all along, so that what is near the limit hardly moves the others."""
+    found = [
+        hv.solve(hv.ContactProblem(
+            hv.rectangle((1.0, 0.5), (16, 8)), hv.Material.young(100.0, 0.3),
+            {"bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.3))},
+            tractions={"top": (0.3 * (1.0 - 10.0**-near), -1.0)},
+        ))
+        for near in (5, k)
+    ]  # fmt: skip
+    assert [one.status for one in found] == [hv.Status.CONVERGED] * 2
+    largest = [np.abs(one.slip).max() for one in found]
+    assert largest[1] == pytest.approx(largest[0], rel=1e-4)
+
+
 def plate(k: int, friction: hv.laws.Friction) -> hv.ContactProblem:
     """A block in space, drawn askew by ``1 - 10^-k`` of a friction of 0.3."""
     pull = 0.3 * (1.0 - 10.0**-k)
