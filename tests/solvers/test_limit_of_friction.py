@@ -7,7 +7,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.discrete import DiscreteProblem
-from tests.samples import sampled
+from tests.samples import sampled, slow
 
 from .pieces_of_friction import Points
 
@@ -57,7 +57,7 @@ def test_a_block_near_the_limit_of_its_friction(number: int) -> None:
     assert near <= 1e-3 * np.abs(right[0][:, 1]).max() + 1e-12 * np.abs(found.displacement).max(), k
 
 
-@pytest.mark.parametrize("k", [7, 8])
+@pytest.mark.parametrize("k", [7, slow(8)])
 def test_the_slip_next_to_the_limit_is_that_at_some_distance(k: int) -> None:
     """One point sticks all along, so that what is near the limit hardly moves the others."""
     found = [
