@@ -46,6 +46,7 @@ REMEDIES = {
     Status.NOT_CONTRACTING: ("does not contract", "FixedPoint"),
     Status.UNBOUNDED: ("no lower bound", "lower the load"),
     Status.NOT_CARRIED: ("may exceed what the foundation can carry", "hemivar solve --load-factor"),
+    Status.AT_LIMIT: ("limit of friction", "add a support"),
     Status.INTERRUPTED: ("interrupted", "best iterate"),
     Status.OUT_OF_MEMORY: ("memory ran out", "multigrid"),
 }

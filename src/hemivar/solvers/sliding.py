@@ -40,8 +40,8 @@ def told_of_slides(solution: Solution) -> Solution:
 
 
 _FAR = (
-    "a part that contact alone holds has slid by {:.3g} of its own size, and is taken to touch what it touched at the "
-    "start: check friction, loads and supports"
+    "a part that contact alone holds has slid by {:.3g} of its own size, but it touches what it touched at the start: "
+    "check friction, loads and supports"
 )
 
 

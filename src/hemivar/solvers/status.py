@@ -64,8 +64,8 @@ _REMEDIES = {
     "support",
     Status.NOT_CARRIED: "no equilibrium was found from the unloaded state; the load may exceed what the foundation "
     "can carry: apply a part of it, as `hemivar solve --load-factor` does",
-    Status.AT_LIMIT: "the load is at the limit of friction, as nearly as the residual tells: a part that contact alone "
-    "holds may slide to anywhere along its contact; lower the load, raise the friction, or add a support",
+    Status.AT_LIMIT: "the load is at the limit of friction, as nearly as the residual tells: a part may slide to "
+    "anywhere; lower the load, or add a support",
     Status.INTERRUPTED: "the solve was interrupted; the best iterate so far is returned",
     Status.OUT_OF_MEMORY: "memory ran out during a step; the best iterate so far is returned. Use the method "
     "multigrid, which needs no dense matrix, or fewer cells",

@@ -170,8 +170,8 @@ class Equilibrium:
         return np.inf
 
     def answer_sizes(self: PointSystem, x: Array) -> Array:
-        """Sizes of what is added up in :meth:`PointSystem.out_of_balance` of an answer, flat: motions that deform nothing
-        count as far as gaps and laws ask for them."""
+        """Sizes of what is added up in :meth:`PointSystem.out_of_balance` of an answer, flat: motions that deform
+        nothing count as far as gaps and laws ask for them."""
         return self.rounding_sizes(x)
 
     def law_at(self: PointSystem, x: Array, lam: Array | None = None) -> VectorLaw:
