@@ -93,3 +93,20 @@ def test_a_solution_that_is_wrong_does_not_close(off: float, status: Status, mon
     taken = advance.take(first, 0.01)
     assert taken.status is status
     assert ("does not close" in taken.remedy) == (status is Status.INACCURATE)
+
+
+@pytest.mark.parametrize("step", [0.5, 0.25, 0.05])
+def test_equilibria_on_both_sides_of_a_softening_are_no_energy_that_was_made(step: float) -> None:
+    """A block is pushed through its foundation: each point takes s^2/2k + s^2/2h with it, whatever the steps."""
+    law = hv.Softening(10.0, 0.01, 10.0)
+    down = hv.Prescribed(lambda x, t: np.tile([0.0, -0.1 * t], (len(x), 1)))
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), (2, 2)), hv.Material.lame(400.0, 400.0), {"bottom": hv.Contact(law)}, {"top": down}
+    )
+    found = march(Evolution(problem), 1.0, step=step)
+    assert found.ended == "finished"
+    assert found.ledger["contact"] == pytest.approx(1e-3, rel=1e-9)
+    assert found["normal_force"][-1] == 0.0
+    missed = [message for message in found.messages if "misses" in message]
+    assert len(missed) == (step > 0.1)
+    assert all("equilibria" in message and "implicit-euler" not in message for message in missed)

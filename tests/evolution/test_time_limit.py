@@ -43,3 +43,13 @@ def test_a_long_step_is_left_in_the_middle(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_limit_of_one_solve_is_not_that_of_the_march() -> None:
     history = hv.march(falling(), until=1.0, step=0.5, controls=hv.Controls(max_time=1e-9))
     assert history.ended != "max_time" or history.messages
+
+
+def test_a_search_for_the_lowest_state_is_left_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It begins before the first step, and what it has found until then need not be the lowest."""
+    ticks = itertools.count()
+    monkeypatch.setattr(deadline, "time", SimpleNamespace(perf_counter=lambda: float(next(ticks))))
+    limited = hv.march(falling(), until=1.0, step=0.5, jump="global", max_time=100.0)
+    assert limited.ended == "max_time"
+    assert len(limited.rows) == 1
+    assert next(ticks) < 500  # of tens of thousands

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar.errors import SupportError
 from hemivar.laws import Superpotential, ThresholdCompliance
+from tests.samples import slow
 
 METHODS = [None, hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()]
 SOFTENS = hv.Softening(1e4, 1e-3, 1e3)
@@ -83,3 +85,30 @@ def test_glue_and_softening_keep_their_limit_under_another_load() -> None:
     for law in (ThresholdCompliance(1e-3, 0.5), hv.Softening(1e4, 1e-3, 1e3), hv.Adhesive(1e4, 1.0)):
         rest, loaded = (hv.discretize(block(law, load=(0.0, -size))) for size in (0.0, 1e-3))
         assert rest.with_(load=loaded.load).limit == loaded.limit
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda method: "default" if method is None else method.name)
+@pytest.mark.parametrize(
+    "friction", [hv.laws.NoFriction(), hv.Tresca(0.3), hv.Coulomb(0.3)], ids=["smooth", "tresca", "coulomb"]
+)
+@pytest.mark.parametrize("softening", [500.0, slow(5e3)])
+def test_a_bond_that_snaps_leaves_the_body_as_it_was_made(
+    softening: float, friction: hv.laws.Friction, method: hv.solvers.Solver | None
+) -> None:
+    """Its foundation is drawn away: nothing else acts, and where the bond has let go nothing acts at all."""
+
+    def drawn(way: float) -> hv.DiscreteProblem:
+        law = hv.Adhesive(1e3, 10.0, softening=softening, compression=1e3)
+        contact = {"bottom": hv.Contact(law, friction, gap=way)}
+        mesh = hv.rectangle((1.0, 0.5), (8, 4))
+        return hv.discretize(hv.ContactProblem(mesh, hv.Material.young(100.0, 0.3), contact, {"top": hv.Clamped()}))
+
+    given = method if method is None else method.name
+    bonded = hv.solve(drawn(0.005), given).raise_for_status()
+    assert np.abs(bonded.unknowns).max() > 1e-5
+    for way in (0.05, 10.0):
+        found = hv.solve(drawn(way), given, initial=bonded.unknowns)
+        assert found.status is hv.Status.CONVERGED
+        assert found.residual.total == 0.0
+        np.testing.assert_array_equal(found.unknowns, 0.0)
+        assert found.steps <= 40

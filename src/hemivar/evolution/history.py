@@ -109,7 +109,7 @@ class History(PickleMixin, ReprMixin):
         ``"finished"``, or what ended it before: the status of a step that could not be solved, ``"refused"`` where the
         statement makes no sense from there on, ``"max_time"``, ``"interrupted"``, ``"margin lost"``, ``"event: NAME"``.
         ``"energy made"``: it reached its end, and the scheme made more than half of the energy that loads, supports and
-        the initial state gave.
+        the initial state gave, where that moves the body on.
     events : tuple of (time, name)
     messages : tuple of str
         What the numbers do not show by themselves.

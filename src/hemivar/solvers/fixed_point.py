@@ -126,7 +126,9 @@ class FixedPoint(Solver):
                 break
         if status in (*_FATAL, *STOPPED):
             return State(found.r, found.lam, evaluations, status, memory=memory, contraction=state.contraction)
-        multiplier = np.where(system.active, ordinary.law.nearest_multiplier(system.local(found.r), found.lam), found.lam)
+        multiplier = np.where(
+            system.active, ordinary.law.nearest_multiplier(system.local(found.r), found.lam), found.lam
+        )
         change = _size(system, found.r - memory.r, multiplier - memory.lam)
         size = _size(system, found.r, multiplier)
         settled = change <= rounding * size

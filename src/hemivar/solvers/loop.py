@@ -73,7 +73,7 @@ def steps(
     status: Status | None = None
     contact: ContactStates | None = None
     far, away = _far(system), 0
-    unloaded, forces = system.load_scale.of(0.0) == 0.0, 0.0
+    unloaded, forces = system.load_scale.load == system.load_scale.rest == 0.0, 0.0
     try:
         if not past:
             state = solver.begin(system, state, budget)
@@ -87,7 +87,7 @@ def steps(
             forces = forces or now.total
             if unloaded and 0.0 < now.total <= controls.rtol * forces:
                 solver.release(state)
-                state = solver.begin(system, _at_rest(system, state), budget)
+                state = replace(solver.begin(system, _at_rest(system, state), budget), ended=Status.CONVERGED)
                 now = system.residual(state.r, state.lam)
             broken = float(not np.isfinite(state.r).all())
             finite = bool(np.isfinite(now.total)) and not vectors.largest(broken)[0]

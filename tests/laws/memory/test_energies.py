@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from hemivar.basics.types import Array
 from hemivar.laws import (
     Adhesive,
     Bonding,
@@ -146,3 +147,20 @@ def test_states_cannot_be_changed_and_rejected_steps_leave_no_trace() -> None:
     assert all((values == 0.0).all() for values in state.values())
     with pytest.raises(ValueError, match="read-only"):
         state["0.opening"][0] = 1.0
+
+
+def test_the_energy_of_a_chain_of_memories_asks_each_law_once() -> None:
+    law, memory = ContactLaw(GLUES["softening"]), MemoryChain((Secant(),) * 20)
+    r = np.linspace(-0.2, 0.1, 7)[:, None]
+    state = memory.advance(law, memory.start(law, r), LocalStep(1.0, 1.0, 0.0 * r), r, 0.0 * r)
+    asked = 0
+
+    def energy(place: Array) -> Array:
+        nonlocal asked
+        asked += 1
+        return law.stored_energy(place)
+
+    alone = Secant()
+    own = alone.advance(law, alone.start(law, r), LocalStep(1.0, 1.0, 0.0 * r), r, 0.0 * r)
+    np.testing.assert_allclose(memory.stored(law, state, r, energy), alone.stored(law, own, r), rtol=1e-14)
+    assert asked == 1
