@@ -279,8 +279,8 @@ class PenetrationBound(StateBound):
         places = self._pieces[0]
         return np.append(places, 0.0)[None] if callable(self.source) else places[None]  # cut off where it is negative
 
-    @cached_property
-    def straight(self) -> bool:  # type: ignore[override]
+    @property
+    def straight(self) -> bool:
         if isinstance(self.source, ScalarFormula):
             switches, sure = self.source.switches(self.reach)
             ends = np.concatenate([[-2.0 * self.reach], switches, [2.0 * self.reach]])
