@@ -16,6 +16,7 @@ from hemivar.laws.vector_law import Sides
 __all__ = [
     "downhill",
     "is_continuous",
+    "is_straight",
     "nearest_knot",
     "one_sided",
     "part_of",
@@ -62,6 +63,12 @@ def straightness(law: Superpotential, piece: IntArray) -> tuple[Array, BoolArray
         places = (near, near + 0.41 * width, end)
         found = np.array([np.broadcast_to(law.piece_curvature(piece, at), piece.shape) for at in places])
         return found[1], np.asarray(np.ptp(found, axis=0) <= 1e-13 * np.abs(found).max(axis=0))
+
+
+def is_straight(law: Superpotential) -> bool:
+    """Whether j' is straight on every piece."""
+    pieces = (np.full(law.rows, number) for number in range(law.knots.shape[-1] + 1))
+    return law.straight or all(bool(straightness(law, piece)[1].all()) for piece in pieces)
 
 
 def _one_sided_slopes(law: Superpotential, r: Array) -> tuple[Array, Array]:

@@ -32,6 +32,7 @@ from hemivar.fem.quadrature import quadrature_rule
 from hemivar.laws import ContactLaw, VectorLaw
 from hemivar.laws.coupled.joined import join_laws
 from hemivar.laws.normal_and_friction import NormalAndFriction
+from hemivar.laws.scalar_graph import is_straight
 from hemivar.laws.vector_law import lengths
 from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.obstacles import obstacle_contact
@@ -46,21 +47,18 @@ __all__ = [
     "cut_triangle",
     "local_traces",
     "radial_parts",
-    "unseen_kinks",
 ]
 
 #: Part of the unit normal along which supports hold an edge, so that its trace is left as it is.
 _HELD = 1e-10
 #: Parts of an edge, and of each side of a triangle, besides those between kinks; of an edge with a quadratic trace, on
-#: which the multiplier between force and law has kinks of its own.
+#: which the multiplier between force and law has kinks of its own, or with a curved law.
 _PARTS = 4
 _MORE_PARTS = 32
 #: Parts, in space, of the rule by which a choice is looked for.
 _FEW_PARTS = 1
 #: Kinks of the normal law inside a facet in space up to which it is cut along all of them.
 _LEVELS = 24
-#: What the forces of kinks between points may leave those at the points by, over the largest of these on the facet.
-_UNSEEN = 0.1
 #: Distance to a kink, over the largest displacement or gap, that is rounding.
 _ROUNDING = 1e-11
 #: Gap, over the extent of the body, where its normal misses the obstacle.
@@ -142,8 +140,8 @@ class ContactTraces:
     stated: VectorLaw
     #: By how much a penetration leaves the domain of the law, where it is more than rounding; it is cut off.
     beyond: float
-    #: Whether some facet in space has more kinks of the normal law inside than it is cut along.
-    uncut: bool = False
+    #: Whether a facet in space has more kinks of the normal law inside than it is cut along.
+    uncut: BoolArray  # (k,)
 
     @property
     def rule(self) -> PartRule | None:
@@ -260,6 +258,34 @@ class ContactTraces:
         found = np.where(slope > 0.0, np.where(slope > 0.0, slope, 1.0) * rate, 0.0)
         return np.broadcast_to(found, self.weights.size).reshape(self.weights.shape)
 
+    @cached_property
+    def unseen(self) -> Array:
+        """What the normal and the tangential force of a law that splits may leave between the points, (k, 2).
+
+        Between two displacements that are ``delta`` apart, and next to each other among those at the points, a law
+        leaves the range of its forces at both by no more than ``alpha delta``, and one that depends on the penetration
+        by ``L delta`` more. Nothing is left where all kinks are at points, with straight pieces between them.
+        """
+        found = np.zeros((len(self.facets), 2))
+        if not isinstance(self.stated, ContactLaw):
+            return found
+        law, friction, shape = self.stated.normal, self.stated.friction, self.weights.shape
+        hidden = self.uncut | (not is_straight(law))
+        apart = np.diff(np.sort(self.local[..., 0], axis=1), axis=1).max(axis=1, initial=0.0)
+        normal, tangential = (np.broadcast_to(part, self.weights.size) for part in self.law.weak_convexity)
+
+        def steepest(values: Array) -> Array:
+            finite = np.where(np.isfinite(values), values, 0.0)  # where it is not, there is no bound
+            return np.asarray(finite.reshape(shape).max(axis=1))
+
+        found[:, 0] = np.where(hidden, steepest(normal) * apart, 0.0)
+        found[:, 1] = np.where(self.uncut | (not friction.straight_bound), steepest(self.coupling()) * apart, 0.0)
+        curved = not is_straight(friction.profile)
+        if curved or (self.data.table.dim == 3 and (friction.profile.knots > 0.0).any()):
+            sizes = np.sort(lengths(self.local[..., 1:].reshape(-1, self.local.shape[-1] - 1)).reshape(shape), axis=1)
+            found[:, 1] += steepest(tangential) * np.diff(sizes, axis=1).max(axis=1, initial=0.0)
+        return found
+
     def square(self, off: Array) -> tuple[Array, Array]:
         """Integrals (k,) of the squares of the normal and of the tangential part of forces (k, q, d).
 
@@ -273,6 +299,14 @@ class ContactTraces:
             np.asarray(np.einsum("fq,fq->f", self.weights, parts[..., 0])),
             np.asarray(np.einsum("fq,fqc->f", self.weights, parts[..., 1:])),
         )
+
+    def with_unseen(self, *squares: Array) -> list[Array]:
+        """Integrals (k,) of the squares of normal and tangential parts, as large as what is unseen may make them."""
+        root = np.sqrt(self.data.table.measures[self.facets])
+        return [
+            (np.sqrt(seen) + more * root) ** 2 if more.any() else seen
+            for seen, more in zip(squares, self.unseen.T, strict=True)
+        ]
 
     def integral(self, values: Array) -> Array:
         """Integrals (k,) over the facets of values (k, q) at the points."""
@@ -292,9 +326,10 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
         return None
     table, dim = data.table, data.table.dim
     rule = None if all(one.law.splits for one in data.problem.contact.values()) else PART_RULES[dim]
-    found, uncut = [], False
+    found, uncut = [], []
     for number, name in enumerate(data.problem.contact):
         facets = np.flatnonzero(data.contact == number)
+        uncut.append(np.zeros(len(facets), dtype=bool))
         if dim == 2:
             barycentric, share = _between_kinks(data, name, facets, rule)
         else:
@@ -302,8 +337,7 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
             barycentric = np.broadcast_to(points, (len(facets), *points.shape))
             share = np.broadcast_to(weights, (len(facets), len(weights)))
             if rule is None and parts > _FEW_PARTS:
-                barycentric, share, more = _along_levels(data, name, facets, barycentric, share)
-                uncut |= more
+                barycentric, share, uncut[-1] = _along_levels(data, name, facets, barycentric, share)
         local, frames, places = local_traces(data, name, facets, barycentric)
         law = data.problem.contact[name].law.at(places.reshape(-1, dim))
         law = law.in_frames(np.broadcast_to(frames, (*places.shape, dim)).reshape(-1, dim, dim))
@@ -323,7 +357,7 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
     beyond = float(np.abs(inside - local).max(initial=0.0))
     return ContactTraces(
         data, facets, barycentric, shapes, weights, axes, inside.reshape(*weights.shape, dim), law.frozen_at(inside),
-        law, beyond, uncut,
+        law, beyond, np.concatenate(uncut),
     )  # fmt: skip
 
 
@@ -419,7 +453,7 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray, rule: PartRule |
     at_nodes = np.broadcast_to([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]], (len(facets), 3, 2))
     ends, frames, places = local_traces(data, name, facets, at_nodes)
     law = data.problem.contact[name].law.at(places.mean(axis=1)).in_frames(frames[:, -1])
-    parts = _PARTS if data.order == 1 else _MORE_PARTS
+    parts = _PARTS if data.order == 1 and not _is_curved(law) else _MORE_PARTS
     first, last, middle = ends.transpose(1, 0, 2)
     bend = np.zeros(first.shape) if data.order == 1 else 2.0 * (first + last - 2.0 * middle)
     kinks = [law.kinks_along(first, last, bend)]
@@ -447,12 +481,19 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray, rule: PartRule |
     return np.stack([1.0 - flat, flat], axis=2), share
 
 
+def _is_curved(law: VectorLaw) -> bool:
+    """Whether a law that splits is not quadratic between its kinks."""
+    if not isinstance(law, ContactLaw):
+        return False
+    return not (is_straight(law.normal) and is_straight(law.friction.profile) and law.friction.straight_bound)
+
+
 def _along_levels(
     data: BodyData, name: str, facets: IntArray, barycentric: Array, share: Array
-) -> tuple[Array, Array, bool]:
+) -> tuple[Array, Array, BoolArray]:
     """Other points (k, q, 3) and shares (k, q) on triangles that have kinks of the normal law inside.
 
-    And whether some have too many of them; these keep their points.
+    And which of them (k,) have too many; these keep their points.
     """
     corners = np.broadcast_to(np.eye(3), (len(facets), 3, 3))
     local, _, places = local_traces(data, name, facets, corners)
@@ -463,7 +504,7 @@ def _along_levels(
     count = inside.sum(axis=1)
     some = np.flatnonzero((count > 0) & (count <= _LEVELS))
     if not len(some):
-        return barycentric, share, bool(count.any())
+        return barycentric, share, count > 0
     every = np.sort(np.where(inside, knots, high)[some], axis=1)[:, : count[some].max()]
     low, middle, high = low[some], middle[some], high[some]
     levels = np.sort(np.concatenate([low, middle, high, 0.5 * (low + high), every], axis=1), axis=1)
@@ -471,7 +512,7 @@ def _along_levels(
     width = max(own.shape[1], barycentric.shape[1])
     points, shares_ = _padded(barycentric, width).copy(), _padded(share, width, 0.0).copy()
     points[some], shares_[some] = _padded(own, width), _padded(own_share, width, 0.0)
-    return points, shares_, bool((count > _LEVELS).any())
+    return points, shares_, count > _LEVELS
 
 
 def _slices(levels: Array, low: Array, middle: Array, high: Array, corners: Array) -> tuple[Array, Array]:
@@ -500,42 +541,6 @@ def _slices(levels: Array, low: Array, middle: Array, high: Array, corners: Arra
     share = np.abs(np.linalg.det(triangles))[:, :, None] * weight
     points = np.concatenate([at.reshape(len(levels), -1, 3), corners], axis=1)
     return points, np.concatenate([share.reshape(len(levels), -1), np.zeros((len(levels), 3))], axis=1)
-
-
-def unseen_kinks(traces: ContactTraces) -> list[str]:
-    """Kinks of a law that splits, in space, between which it is evaluated at points that do not tell of them."""
-    found = []
-    if traces.uncut:
-        found.append(f"the law has more than {_LEVELS} kinks of the penetration inside a contact facet")
-    if traces.rule is None and traces.data.table.dim == 3 and _hides_slips(traces):
-        found.append("the friction has kinks of the slip between the quadrature points, which these do not show")
-    return found
-
-
-def _hides_slips(traces: ContactTraces) -> bool:
-    """Whether the friction at a kink is not about between what it is at the slips of points next to it."""
-    assert isinstance(traces.law, ContactLaw)
-    law, shape = traces.law.tangential, traces.weights.shape
-    size = lengths(traces.local.reshape(-1, 3)[:, 1:])
-    knots = np.broadcast_to(law.knots, (len(size), law.knots.shape[-1]))
-    force = law.derivative(size).reshape(shape)
-    scale = np.abs(force).max(axis=1, keepdims=True)
-    sides = [np.broadcast_to(side, knots.shape) for side in law.knot_slopes()]
-    size = size.reshape(shape)
-    for number in range(knots.shape[1]):
-        knot = knots[:, number].reshape(shape)
-        between = (knot > 0.0) & (size.min(axis=1, keepdims=True) < knot) & (knot < size.max(axis=1, keepdims=True))
-        if not between.any():
-            continue
-        below = np.argmax(np.where(size <= knot, size, -np.inf), axis=1)
-        above = np.argmin(np.where(size >= knot, size, np.inf), axis=1)
-        ends = np.take_along_axis(force, np.stack([below, above], axis=1), axis=1)
-        here = [side[:, number].reshape(shape)[:, :1] for side in sides]
-        over = np.maximum(*here) - ends.max(axis=1, keepdims=True)
-        under = ends.min(axis=1, keepdims=True) - np.minimum(*here)
-        if (between[:, :1] & (np.maximum(over, under) > _UNSEEN * scale)).any():
-            return True
-    return False
 
 
 def _out_of_curved_gaps(data: BodyData) -> Array:

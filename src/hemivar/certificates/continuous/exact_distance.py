@@ -37,7 +37,6 @@ from hemivar.certificates.continuous.contact_traces import (
     admissible_displacement,
     beyond_domain,
     contact_traces,
-    unseen_kinks,
 )
 from hemivar.certificates.continuous.convex_distance import BareStiffness, balanced_stress, not_convex
 from hemivar.certificates.continuous.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
@@ -271,12 +270,11 @@ def _of_body(
         return replace(better, missed=found.missed)  # cells are marked by what is missed in them all the same
 
     found = by_constants() if known else None
-    if traces is None or not_convex(problem):
+    poor = found is None or found.parts.contact > _POOR * found.parts.misfit
+    if traces is None or not poor or not_convex(problem):
         return by_constants() if found is None else found
     if found is None:
         return _without_constants(data, traces, constants, sweeps, unmet) or by_constants()
-    if not found.parts.contact > _POOR * found.parts.misfit:
-        return found
     return _bettered(found, lambda: _without_constants(data, traces, constants, sweeps, unmet))
 
 
@@ -303,7 +301,7 @@ def _without_constants(
         return None
     stress, table = balanced.stress, data.table
     outside, conditions = stated_conditions(inside, traces)
-    reasons = unmet + inexact_data(data, formulas=True) + unseen_kinks(traces) + outside
+    reasons = unmet + inexact_data(data, formulas=True) + outside
     if (beyond := beyond_domain(traces)) > 0.0:
         reasons.append(_left_domain(beyond))
     rest = oscillation(stress, constants.body)
@@ -470,7 +468,7 @@ def _best_gap(
 
     def of(power: float, at: ContactTraces, forces: Array, exact: Array) -> tuple[float, FenchelGap]:
         gap = fenchel_gap(at, forces, 10.0**power * constants.both).only(paying, at, forces, exact)
-        rho = constants.distance(gap.normal, gap.tangential)
+        rho = constants.distance(*at.with_unseen(gap.normal, gap.tangential))
         return _value(base + rho, float(gap.normal_gap.sum() + gap.tangential_gap.sum()), c), gap
 
     rough = traces.rough
@@ -587,7 +585,7 @@ def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
 
 def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
     """What of the law is not known."""
-    law, coupling, found = traces.law, _coupling(traces, constants), unseen_kinks(traces)
+    law, coupling, found = traces.law, _coupling(traces, constants), []
     if coupling == np.inf:
         found.append(
             "the tractions of the law jump with the mode: there is no bound"
@@ -644,7 +642,8 @@ def _chosen(
         return confined_error(total + apart, modes.seen(mode, zeta), mode.theta, first, second, coupling, gap)
 
     none = np.zeros(len(traces.facets), dtype=bool)
-    rho, paid = constants.distance(nearest.normal, nearest.tangential), nearest.normal_gap + nearest.tangential_gap
+    rho = constants.distance(*traces.with_unseen(nearest.normal, nearest.tangential))
+    paid = nearest.normal_gap + nearest.tangential_gap
     c, alpha = constant((none, none))
     gap_of_all = float(paid.sum())
     value = min(_value(base + rho, gap_of_all, c), confined(alpha, c, base + rho, exact, gap_of_all))
@@ -660,7 +659,8 @@ def _chosen(
         if not c < 1.0 or not (paying[0].any() or paying[1].any()):
             continue
         value, gap = _best_gap(traces, moments, forces, exact, paying, constants, base, c, modes is not None)
-        rho, paid = constants.distance(gap.normal, gap.tangential), gap.normal_gap + gap.tangential_gap
+        rho = constants.distance(*traces.with_unseen(gap.normal, gap.tangential))
+        paid = gap.normal_gap + gap.tangential_gap
         value = min(value, confined(alpha, c, base + rho, gap.multiplier, float(paid.sum())))
         if value < best.value:
             best = _Choice(value, c, rho, 1, gap.normal + gap.tangential, paid, alpha, paying, gap.weight)

@@ -44,7 +44,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.continuous.contact_traces import ContactTraces, PartRule, radial_parts
 from hemivar.laws import ContactLaw, Superpotential, VectorLaw
-from hemivar.laws.scalar_graph import straightness
+from hemivar.laws.scalar_graph import is_straight
 from hemivar.laws.vector_law import lengths
 
 __all__ = [
@@ -248,7 +248,7 @@ def one_sided(law: Superpotential, r: Array, zeta: Array) -> Array:
     convex = np.broadcast_to(law.weak_convexity, r.shape)
     if not convex.any():
         return np.zeros(r.shape)
-    if not _straight(law):
+    if not is_straight(law):
         return np.array(convex)
     knots = np.broadcast_to(law.knots, (len(r), law.knots.shape[-1]))
     left, right = (np.broadcast_to(side, knots.shape) for side in law.knot_slopes())
@@ -275,12 +275,6 @@ def one_sided(law: Superpotential, r: Array, zeta: Array) -> Array:
         far = np.broadcast_to(law.asymptotic_curvature(sign), r.shape)
         worst = np.maximum(worst, -np.where(np.isfinite(far), far, 0.0))
     return np.minimum(worst, convex)
-
-
-def _straight(law: Superpotential) -> bool:
-    """Whether j' is straight on every piece."""
-    pieces = (np.full(law.rows, number) for number in range(law.knots.shape[-1] + 1))
-    return law.straight or all(bool(straightness(law, piece)[1].all()) for piece in pieces)
 
 
 def one_sided_constants(traces: ContactTraces, zeta: Array) -> tuple[Array, Array]:

@@ -63,6 +63,11 @@ class StateBound(PickleMixin, ABC):
         return np.zeros((1, 0))
 
     @property
+    def straight(self) -> bool:
+        """Whether it is known to be linear in the penetration between these."""
+        return False
+
+    @property
     @abstractmethod
     def lipschitz(self) -> Array:
         """Lipschitz constant in the penetration, shape (m or 1,); inf where the bound jumps or needs the pressure."""
@@ -281,6 +286,15 @@ class PenetrationBound(StateBound):
         places = self._pieces[0]
         return np.append(places, 0.0)[None] if callable(self.source) else places[None]  # cut off where it is negative
 
+    @property
+    def straight(self) -> bool:
+        if isinstance(self.source, ScalarFormula):
+            switches, sure = self.source.switches(self.reach)
+            ends = np.concatenate([[-2.0 * self.reach], switches, [2.0 * self.reach]])
+            branches = self.source.branches(0.5 * (ends[1:] + ends[:-1]))
+            return sure and all(one.graph.constant(one.derivative().node) for one in branches)
+        return not callable(self.source)
+
     @cached_property
     def _pieces(self) -> tuple[Array, list[Callable[[Array], Array]]]:
         """Where the derivative may jump, and the derivative on each piece between these places."""
@@ -397,6 +411,10 @@ class _PlainBound(StateBound):
         return self.bound
 
     @property
+    def straight(self) -> bool:
+        return True
+
+    @property
     def lipschitz(self) -> Array:
         return np.zeros(1)
 
@@ -452,6 +470,10 @@ class StackedBound(StateBound):
         for value, index in zip(values, self.indices, strict=True):
             out[index] = value
         return out
+
+    @property
+    def straight(self) -> bool:
+        return all(part.straight for part in self.parts)
 
     @property
     def knots(self) -> Array:

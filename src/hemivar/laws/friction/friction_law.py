@@ -115,6 +115,11 @@ class Friction(PickleMixin):
         """Whether the bound depends on penetration or pressure."""
         return isinstance(self.bound, StateBound)
 
+    @property
+    def straight_bound(self) -> bool:
+        """Whether the bound is linear in the penetration between its kinks."""
+        return not isinstance(self.bound, StateBound) or self.bound.straight
+
     def frozen(self, penetration: Array, pressure: Array) -> Self:
         """The law with the bound it has in a state, arrays (m,)."""
         if not isinstance(self.bound, StateBound):
