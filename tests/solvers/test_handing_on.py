@@ -11,11 +11,12 @@ import pytest
 
 import hemivar as hv
 from hemivar.discrete import DiscreteProblem
-from hemivar.laws import ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, Tresca
+from hemivar.laws import ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, Superpotential, Tresca
 from hemivar.solvers import (
     METHODS,
     Controls,
     FixedPoint,
+    LoadStepping,
     NonsmoothMultigrid,
     NonsmoothNewton,
     Powell,
@@ -31,7 +32,8 @@ from hemivar.solvers import (
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.handing_on import others
-from hemivar.systems import CondensedProblem
+from hemivar.solvers.solve import default_method
+from hemivar.systems import CondensedProblem, Workspace
 
 from ..counting import time_by_looks
 from ..problems import bar, discrete_square, relative_difference
@@ -214,6 +216,35 @@ def test_springs_that_break_hold_up_to_their_limit() -> None:
     assert found.penetration[0] == pytest.approx(1.5 / 21.0)
     assert anywhere.energy < found.energy
     assert "lower energy exists" in found.remarks[0]
+
+
+@pytest.mark.parametrize("softening", [16.0, 34.0, 60.0])
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_a_foundation_that_softens_holds_below_its_limit(softening: float, unit: float) -> None:
+    """A bar of stiffness 1 on springs 20 up to .1: intact up to the force 2.1, r = F/21; broken it has r = F."""
+    law = hv.Softening(20.0, 0.1 * unit, softening)
+    found, anywhere = (solve(bar(4.1 * unit, law), method) for method in (None, NonsmoothNewton()))
+    grown = solve(bar(4.1 * unit, law), LoadStepping())
+    assert found.penetration[0] == pytest.approx(2.05 * unit / 21.0, rel=1e-9)
+    assert grown.penetration[0] == pytest.approx(found.penetration[0], rel=1e-9)
+    assert anywhere.penetration[0] == pytest.approx(2.05 * unit, rel=1e-9)
+    assert ["lower energy exists" in remark for remark in found.remarks] == [True]
+    assert solve(bar(4.4 * unit, law)).remarks == ()  # beyond the peak the way down leads there
+
+
+@pytest.mark.parametrize(
+    ("law", "falls"),
+    [
+        (hv.Compliance(20.0), False),
+        (hv.Softening(20.0, 0.1, 1.0), True),
+        (hv.Softening(20.0, 0.1, 0.0), False),
+        (hv.laws.FormulaLaw(derivative="r*exp(-r^2)", reach=3.0), True),
+        (hv.laws.Capped(20.0, 0.1), True),
+    ],
+)
+def test_laws_whose_force_falls_start_downhill(law: Superpotential, falls: bool) -> None:
+    method = default_method(bar(1.0, law), Workspace())
+    assert method == NonsmoothNewton(search=Search.DOWNHILL if falls else Search.GLOBAL)
 
 
 # ---- remedies: each is carried out on a problem that gets it ------------------------------------------------------

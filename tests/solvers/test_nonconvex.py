@@ -60,7 +60,7 @@ def strip(normal: Superpotential, friction: Friction, n: int = 8, factor: float 
 @pytest.mark.parametrize(("load", "global_root"), [(0.48, 0.08), (0.5, 0.25), (0.52, 0.26)])
 def test_newton_takes_the_global_minimum_of_a_single_point(load: float, global_root: float) -> None:
     # the switch is at r0 = sqrt(R1 R2) = 0.2449, load = 2 r0 = 0.4899
-    assert solve(bar(load, SOFTENING)).penetration[0] == pytest.approx(global_root)
+    assert solve(bar(load, SOFTENING), NonsmoothNewton()).penetration[0] == pytest.approx(global_root)
 
 
 def test_a_start_at_a_local_maximum_is_left() -> None:
@@ -79,7 +79,7 @@ def test_downhill_search_stays_on_its_branch() -> None:
     problem = bar(0.5, SOFTENING)
     downhill = NonsmoothNewton(search=Search.DOWNHILL)
     assert solve(problem, downhill).penetration[0] == pytest.approx(1.0 / 12.0)
-    broken = solve(problem)
+    broken = solve(problem, NonsmoothNewton())
     assert solve(problem, downhill, initial=broken).penetration[0] == pytest.approx(0.25)
 
 

@@ -14,6 +14,7 @@ from hemivar.basics.display import brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.branches.follow import PathOptions, following
+from hemivar.branches.path import Path
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine
 from hemivar.fem.growing import growing
@@ -226,11 +227,18 @@ def _fold(line: LoadLine, found: LoadBracket, kept: Workspace, budget: Budget) -
     if not found.complete or high is None or not low or not affordable(line.loaded):
         return None
     short = PathOptions((low, high), max_points=_POINTS, max_time=budget.left)
+    running = following(line.loaded, short, unloaded=line.unloaded, start=found.solution, workspace=kept)
+    forth, highest, turned = False, low, False
     try:
-        path = result_of(following(line.loaded, short, unloaded=line.unloaded, start=found.solution, workspace=kept))
+        while True:  # first back to the lower end, then forth until the load turns
+            at = running.send(turned or None).load_factor
+            forth, turned = forth or at <= low, forth and at < highest
+            highest = max(highest, at) if forth else low
+    except StopIteration as ended:
+        path: Path = ended.value
     except (MethodError, ProblemError):  # a law that falls at once in space, for instance
         return None
-    if path.interrupted:
+    if path.interrupted and not turned:
         raise KeyboardInterrupt
     return next((fold.load_factor for fold in path.folds if fold.load_factor > low), None)
 

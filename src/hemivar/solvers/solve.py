@@ -84,8 +84,9 @@ def solve(
         The method with its options, or the name of one, as ``hemivar methods`` lists them; by name, it is made
         :func:`suited` to friction bounds that depend on the solution. By default :class:`NonsmoothNewton`, or
         :class:`NonsmoothMultigrid` where that is predicted to be faster or the memory to be too small (:func:`choose`;
-        the logger ``hemivar`` says which and why). Where the body is not linear it runs inside a
-        :class:`ProximalNewton`.
+        the logger ``hemivar`` says which and why). Where a force of the foundation can fall as the body moves on, it
+        goes downhill from rest; a remark says so where a state of less energy was met. Where the body is not linear it
+        runs inside a :class:`ProximalNewton`.
     controls : Controls, optional
         Tolerances, limits, callback.
     rtol, max_steps, max_time : optional
