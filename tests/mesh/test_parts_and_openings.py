@@ -238,6 +238,48 @@ def test_other_interfaces_and_boundaries_stay() -> None:
     assert len(checked(finer).boundaries["through:1"]) >= len(both.boundaries["through:1"])
 
 
+def pieces(names: str) -> Mesh:
+    """Region A above the middle, and below it B, one piece at the left side and one cell of it in the middle."""
+    x = PIECES.points[PIECES.cells].mean(axis=1)
+    below = (x[:, 0] < 0.26) | (x[:, 0] > 0.5) & (x[:, 0] < 0.75)
+    regions = {"A": (x[:, 1] > 0.5) & (x[:, 0] < 1.0), "B": (x[:, 1] < 0.5) & below}
+    return PIECES.named(PIECES.boundaries, {name: np.flatnonzero(regions[name]) for name in names})
+
+
+PIECES = hv.rectangle((2.0, 1.0), (8, 4))
+
+
+def test_a_facet_that_stays_closed_is_told() -> None:
+    """Of a square inside of a body, cut in triangles, those at two corners have all nodes at the ends."""
+    mesh = hv.box((1.0, 1.0, 1.0), 4).with_interfaces(
+        {"square": lambda x: (np.abs(x[:, 2] - 0.5) < 1e-9) & (np.abs(x[:, :2] - 0.5) < 0.25).all(axis=1)}
+    )
+    facets = mesh.interfaces["square"]
+    rim = np.abs(np.abs(mesh.points[facets][..., :2] - 0.5).max(axis=2) - 0.25) < 1e-9
+    found = checked(mesh.opened("square"))
+    closed = int(np.count_nonzero(rim.all(axis=1)))
+    assert len(found.boundaries["square:1"]) == len(facets) - closed
+    assert (
+        mesh.opened("square")
+        .notes[-1]
+        .startswith(f"interface 'square': {closed} of its {len(facets)} facets stay closed, the first at (")
+    )
+    assert closed > 0
+    assert not PLANE.with_interfaces({"a": lambda x: on_curves(x)["crack"]}).opened("a").notes
+
+
+@pytest.mark.parametrize("name", ["through", "crack", "T", "closed"])
+def test_other_boundaries_leave_the_sides_of_an_opening(name: str) -> None:
+    opened = PLANE.with_interfaces({"glue": lambda x: on_curves(x)[name]}).opened("glue")
+    found = checked(opened.with_boundaries({"roof": lambda x: x[:, 1] > 0.99}))
+    sides = [f"glue:{k + 1}" for k in range(SIDES[name])]
+    assert list(found.boundaries) == [*sides, "roof"]
+    for side in sides:
+        np.testing.assert_array_equal(found.boundaries[side], opened.boundaries[side])
+    again = checked(opened.scaled(3.0).rotated(0.3).with_boundaries({"glue:1": opened.boundaries["glue:1"]}))
+    assert list(again.boundaries) == sides
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -253,7 +295,8 @@ def test_other_interfaces_and_boundaries_stay() -> None:
         (lambda mesh: mesh.with_interfaces({"glue": [[0, 1, 2]]}), "must list 2 nodes per facet"),
         (lambda mesh: mesh.with_interfaces({"glue": lambda x: x[:, 0]}), "must return a bool mask"),
         (lambda mesh: mesh.with_interfaces({"one": mesh.interfaces["glue"][3:4]}).opened("one"), "so nothing opens"),
-        (lambda mesh: mesh.opened("glue").with_boundaries({"top": lambda x: x[:, 1] > 0.99}), "the body is cut"),
+        (lambda mesh: mesh.opened("glue").named({"top": mesh.boundaries["top"]}, {}), "the body is cut"),
+        (lambda mesh: pieces("AB").opened("g", between=("A", "B")), "its piece at \\(0.625, 0.5\\) has no node away"),
         (lambda mesh: mesh.with_interfaces({"a": lambda x: on_curves(x)["touching"]}).opened("a"), "both sides of"),
     ],
 )

@@ -572,4 +572,6 @@ def of_forms(
     at: str | int = "nodes",
 ) -> DiscreteProblem:
     """:meth:`FormBody.problem` in one call."""
-    return FormBody(basis, form, load, supports or {}, fixed).problem(contact or {}, trace, at)
+    return FormBody(basis, form, load, {} if supports is None else supports, fixed).problem(
+        {} if contact is None else contact, trace, at
+    )

@@ -24,6 +24,7 @@ __all__ = [
     "checked_boundaries",
     "checked_interfaces",
     "checked_regions",
+    "coincident",
     "index_array",
     "is_whole",
 ]
@@ -162,19 +163,34 @@ def _sense(facets: IntArray) -> BoolArray:
     return odd
 
 
+def coincident(points: Array, facets: IntArray) -> BoolArray:
+    """Which of the facets (k, d) lie where another one lies, with nodes of its own."""
+    corners = _places(points, facets)
+    return np.zeros(len(facets), dtype=bool) if corners is None else _several(corners)
+
+
+def _places(points: Array, facets: IntArray) -> IntArray | None:
+    """Numbers of the places of the corners of facets (k, d), sorted in each; None where each node has its own."""
+    nodes, local = np.unique(facets, return_inverse=True)
+    places, place = np.unique(points[nodes], axis=0, return_inverse=True)
+    return None if len(places) == len(nodes) else np.sort(place.ravel()[local.reshape(facets.shape)], axis=1)
+
+
+def _several(rows: IntArray) -> BoolArray:
+    """Which rows occur more than once."""
+    _, which, counts = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(counts[which.ravel()] > 1)
+
+
 def _check_cuts(points: Array, cells: IntArray, outer: IntArray, owner: IntArray, named: IntArray) -> None:
     """Refuse outer facets (k, d) of one part at one place, with nodes of their own, unless ``named`` (m,) lists both.
 
     There the part is cut: by a crack, whose faces have names, or because it was not joined.
     """
-    nodes, local = np.unique(outer, return_inverse=True)
-    places, place = np.unique(points[nodes], axis=0, return_inverse=True)
-    if len(places) == len(nodes):
+    corners = _places(points, outer)
+    if corners is None:
         return
-    corners = np.sort(place.ravel()[local.reshape(outer.shape)], axis=1)
-    corners = np.column_stack([corners, cell_parts(cells, len(points))[1][owner]])
-    _, which, counts = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
-    bare = counts[which.ravel()] > 1
+    bare = _several(np.column_stack([corners, cell_parts(cells, len(points))[1][owner]]))
     bare[named] = False
     if bare.any():
         bad = int(np.argmax(bare))

@@ -27,9 +27,19 @@ from hemivar.mesh.checks import (
     checked_boundaries,
     checked_interfaces,
     checked_regions,
+    coincident,
     is_whole,
 )
-from hemivar.mesh.keys import EDGES, cell_facets, distinct_pairs, frozen, pair_keys, shared_facets, signed_volumes
+from hemivar.mesh.keys import (
+    EDGES,
+    cell_facets,
+    distinct_pairs,
+    facet_keys,
+    frozen,
+    pair_keys,
+    shared_facets,
+    signed_volumes,
+)
 from hemivar.mesh.local_refinement import refined_where
 from hemivar.mesh.opened import opened
 from hemivar.mesh.parts import Parts, parts_of
@@ -189,7 +199,7 @@ class Mesh(PickleMixin):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the reader of its file did with cells of other kinds, and what of the file it could not take."""
+        """What the reader of its file did with other cells and could not take, and what :meth:`opened` left closed."""
         return self.reading.notes
 
     @property
@@ -398,12 +408,27 @@ class Mesh(PickleMixin):
     def with_boundaries(self, boundaries: Mapping[str, object]) -> Mesh:
         """The mesh with these named boundaries in place of its own.
 
+        Boundaries that lie where others lie, as the sides of what was :meth:`opened`, stay under their names.  No place
+        tells them from one another.
+
         Parameters
         ----------
         boundaries : mapping of name to int array (k, d), or to a callable
             A callable gets the midpoints of all outer facets, shape (k, d), and returns a mask, shape (k,).
         """
-        return self.named(self._chosen(boundaries, self.boundary_facets, "boundar", "y", "ies"), self.regions)
+        chosen = self._chosen(boundaries, self.boundary_facets, "boundar", "y", "ies")
+        return self.named({**self._sides, **chosen}, self.regions)
+
+    @property
+    def _sides(self) -> dict[str, IntArray]:
+        """The boundaries all of whose facets lie where other outer facets lie."""
+        facets = self.boundary_facets
+        doubled = facet_keys(facets[coincident(self.points, facets)], self.number_of_nodes)
+        return {
+            name: own
+            for name, own in self.boundaries.items()
+            if np.isin(facet_keys(own, self.number_of_nodes), doubled).all()
+        }
 
     def marked(self, boundaries: Mapping[str, object]) -> Mesh:
         """The mesh with more named boundaries, by formulas, functions or facets.
@@ -523,7 +548,8 @@ class Mesh(PickleMixin):
 
         The sides are named by the regions that lie there, such as ``glue:steel`` and ``glue:rubber``; within one region
         ``glue:1`` and ``glue:2``, where 1 is the side of the cell with the smallest number.  Nodes at an end within the
-        body are not doubled; where several sides meet, each has a node of its own.
+        body are not doubled; where several sides meet, each has a node of its own.  A facet all of whose nodes are such
+        ends stays closed, and :attr:`notes` say so.
 
         Parameters
         ----------
@@ -539,8 +565,8 @@ class Mesh(PickleMixin):
         Raises
         ------
         ProblemError
-            If there is no such interface, it has no node away from its ends, or a boundary with the name of a side is
-            there already.
+            If there is no such interface, a piece of it has no node away from its ends, or a boundary with the name of
+            a side is there already.
         """
         if between is None:
             if name not in self.interfaces:

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from hemivar.basics.types import BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.keys import cell_facets, facet_keys, frozen, shared_facets
+from hemivar.mesh.reading import Reading
 from hemivar.mesh.refine import Refinement
 
 if TYPE_CHECKING:
@@ -27,7 +28,48 @@ def opened(mesh: Mesh, name: str, facets: IntArray) -> Mesh:
             f"interface '{name}' has no node away from its ends, so nothing opens; refine the mesh, or let it reach "
             "the boundary of the body"
         )
-    return found
+    closed = _closed(mesh, found.cells, facets)
+    if not len(closed):
+        return found
+    place, apart = _first_place(mesh, facets, closed)
+    if apart:
+        raise ProblemError(
+            f"interface '{name}': its piece at {place} has no node away from its ends; refine the mesh there, or let the "
+            "piece reach the boundary of the body"
+        )
+    said = (
+        f"interface '{name}': {len(closed)} of its {len(facets)} facets stay closed, the first at {place}, as all of "
+        "their nodes are ends of it; refine the mesh there"
+    )
+    return found.made_by(None, Reading((*mesh.notes, said), mesh.suggested_order))
+
+
+def _closed(mesh: Mesh, cells: IntArray, facets: IntArray) -> IntArray:
+    """Those of the facets that did not open, as their cells have the same nodes there."""
+    every, pair, new_keys = _pairs(mesh, cells, facets)
+    closed: IntArray = every[pair[new_keys[pair[:, 0]] == new_keys[pair[:, 1]], 0]]
+    return closed
+
+
+def _pairs(mesh: Mesh, cells: IntArray, facets: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """All facets of cells, the pairs of their numbers that lie on both sides of these facets, and keys in new nodes."""
+    every, keys, _ = cell_facets(mesh.cells, mesh.number_of_nodes)
+    pair = np.column_stack(shared_facets(keys))
+    pair = pair[np.isin(keys[pair[:, 0]], facet_keys(facets, mesh.number_of_nodes))]
+    return every, pair, cell_facets(cells, int(cells.max()) + 1)[1]
+
+
+def _first_place(mesh: Mesh, facets: IntArray, closed: IntArray) -> tuple[str, bool]:
+    """Where the first closed facet is, if there is one in a piece that is closed altogether, and whether there is."""
+    count = mesh.number_of_nodes
+    ends = facets[:, :1].repeat(facets.shape[1], axis=1).ravel(), facets.ravel()
+    graph = sp.csr_array((np.ones(facets.size, dtype=np.int8), ends), shape=(count, count))
+    _, piece = connected_components(graph, directed=False)
+    of = piece[facets[:, 0]]
+    stays = np.bincount(piece[closed[:, 0]], minlength=count) == np.bincount(of, minlength=count)
+    whole = stays[piece[closed[:, 0]]]
+    place = mesh.points[closed[int(np.argmax(whole))]].mean(axis=0)
+    return f"({', '.join(f'{x:.6g}' for x in place)})", bool(whole.any())
 
 
 def _opened(mesh: Mesh, name: str, facets: IntArray) -> Mesh | None:
@@ -93,11 +135,8 @@ def _corner(cells: IntArray, corner: IntArray, owner: IntArray, nodes: IntArray)
 
 def _sides(mesh: Mesh, name: str, cells: IntArray, facets: IntArray) -> dict[str, IntArray]:
     """The facets of the two sides in new nodes, outward oriented, by what lies there."""
-    count = mesh.number_of_nodes
-    every, keys, owner = cell_facets(mesh.cells, count)
-    fresh, new_keys, _ = cell_facets(cells, int(cells.max()) + 1)
-    pair = np.column_stack(shared_facets(keys))
-    pair = pair[np.isin(keys[pair[:, 0]], facet_keys(facets, count))]
+    every, pair, new_keys = _pairs(mesh, cells, facets)
+    owner, fresh = np.repeat(np.arange(len(cells)), cells.shape[1]), cell_facets(cells, int(cells.max()) + 1)[0]
     pair = pair[new_keys[pair[:, 0]] != new_keys[pair[:, 1]]]  # the others did not open
     regions = _region(mesh, owner[pair])
     found: dict[str, list[IntArray]] = {}
