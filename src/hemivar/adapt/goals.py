@@ -117,4 +117,4 @@ def goal_named(problem: ContactProblem, name: str) -> Goal:
             if text == f"{whole}.{'xyz'[axis]}":
                 return Goal(GoalKind(kind), boundary, (axis,))
     ends = ", ".join(f".{'xyz'[axis]}" for axis in every)
-    raise ProblemError(f"goal '{text}' is not known{suggest(text, known)}; {ends} behind it take one component")
+    raise ProblemError(f"goal {quoted(text)} is not known{suggest(text, known)}; {ends} behind it take one component")

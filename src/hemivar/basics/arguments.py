@@ -28,6 +28,7 @@ __all__ = [
     "name_of",
     "number",
     "one_of",
+    "quoted",
     "shortened",
     "suggest",
     "whole_number",
@@ -44,9 +45,14 @@ def described(value: object) -> str:
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if value is None or isinstance(value, str | bytes | numbers.Number):
-        return shortened(repr(value), 60)
+        return quoted(value)
     name = type(value).__name__
     return f"{'an' if name[:1] in 'AEIOUaeiou' else 'a'} {name}"
+
+
+def quoted(value: object) -> str:
+    """A value as it would be written, for a message: in one line, and cut where it is long."""
+    return shortened(repr(value), 60)
 
 
 def shortened(value: object, most: int = 150) -> str:
@@ -126,9 +132,9 @@ def _expect_each(values: object, kind: type, name: str) -> None:
         expect(value, kind, f"an entry of {name}", _remedy(kind))
 
 
-def suggest(name: str, known: Sequence[str], what: str = "known") -> str:
+def suggest(name: object, known: Sequence[str], what: str = "known") -> str:
     """The name that was perhaps meant, and all that there are, for the end of a message."""
-    close = difflib.get_close_matches(name, known, n=1)
+    close = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
     guess = f"; did you mean '{close[0]}'?" if close else ""
     return f"{guess} ({what}: {', '.join(known) or 'none'})"
 
@@ -136,11 +142,13 @@ def suggest(name: str, known: Sequence[str], what: str = "known") -> str:
 def one_of(value: object, name: str, kind: type[Word], choices: str = "") -> Word:
     """The word of a kind that a value is, or a text of it; ``choices`` is how a message lists them."""
     try:
-        return kind(value)  # type: ignore[arg-type]
+        if not isinstance(value, str):  # of which arrays are compared with every word
+            raise ValueError
+        return kind(value)
     except ValueError:
         *most, last = (f"'{one}'" for one in kind)
         listed = choices or f"{', '.join(most)} or {last}"
-        raise ProblemError(f"{name} = {value!r}; choose {listed}") from None
+        raise ProblemError(f"{name} = {quoted(value)}; choose {listed}") from None
 
 
 def name_of(value: object, name: str, remedy: str) -> str:

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from pathlib import Path
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, quoted
 from hemivar.errors import FileError
 
 try:
@@ -107,7 +107,7 @@ def path_of(name: object) -> Path:
     try:
         if str(name).strip():
             return Path(name)  # type: ignore[arg-type]
-        raise FileError(f"the name of a file is {name!r}; give its path")
+        raise FileError(f"the name of a file is {quoted(name)}; give its path")
     except TypeError:
         raise FileError(f"the name of a file is {described(name)}; give its path as a text or a Path") from None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+from hemivar.basics.arguments import quoted
 from hemivar.errors import ProblemError
 
 __all__ = ["UNITS_REMEDY", "Units"]
@@ -42,7 +43,9 @@ class Units:
         for one in fields(self):
             unit = getattr(self, one.name)
             if not isinstance(unit, str) or len(unit) > _LONGEST or not unit.isprintable() or "$" in unit:
-                raise ProblemError(f"the unit of {one.name} is {unit!r}; give a short text, such as 'mm', without '$'")
+                raise ProblemError(
+                    f"the unit of {one.name} is {quoted(unit)}; give a short text, such as 'mm', without '$'"
+                )
 
     def head(self, name: str, quantity: str) -> str:
         """The heading of a column, with the unit of its quantity if one is given: ``"energy (mJ)"``."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
@@ -225,9 +226,9 @@ class ContactPoints(PickleMixin):
         ProblemError
             There is no contact boundary of that name.
         """
-        if name not in self.names:
+        if not isinstance(name, str) or name not in self.names:
             known = ", ".join(f"'{known}'" for known in self.names) or "none"
-            raise ProblemError(f"there is no contact boundary '{name}' (known: {known})")
+            raise ProblemError(f"there is no contact boundary {quoted(name)} (known: {known})")
         return np.flatnonzero(self.boundary == self.names.index(name))
 
     def global_vectors(self, local: Array) -> Array:

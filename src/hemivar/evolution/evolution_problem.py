@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.basics.arguments import expect, number
+from hemivar.basics.arguments import expect, number, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
@@ -84,10 +84,7 @@ class Evolution(PickleMixin):
         if not np.isfinite(start):
             raise ProblemError(f"the evolution starts at {start}; give a finite time")
         object.__setattr__(self, "start", start)
-        try:
-            object.__setattr__(self, "mass", Mass(self.mass))
-        except ValueError:
-            raise ProblemError(f"mass = {self.mass!r}; choose 'consistent' or 'redistributed'") from None
+        object.__setattr__(self, "mass", one_of(self.mass, "mass", Mass))
         if self.heat is not None and not self.linear and not problem.kind:
             raise ProblemError(
                 "heat is coupled with the motion of linear materials only, and this material is not linear; leave heat "

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hemivar.basics.arguments import expect
+from hemivar.basics.arguments import expect, quoted
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.state import TimeState
@@ -46,10 +46,7 @@ class Event(ABC):
     boundary: str | None = None
 
     def __post_init__(self) -> None:
-        try:
-            object.__setattr__(self, "then", OnEvent(self.then))
-        except ValueError:
-            raise ProblemError(f"event {self.name}: then = {self.then!r}; choose 'record' or 'stop'") from None
+        object.__setattr__(self, "then", one_of(self.then, f"event {self.name}: then", OnEvent))
 
     @abstractmethod
     def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
@@ -212,7 +209,7 @@ class When(Event):
         try:
             value = float(found)
         except (TypeError, ValueError):
-            raise ProblemError(f"the event '{self.label}' gave {found!r}; return a number") from None
+            raise ProblemError(f"the event '{self.label}' gave {quoted(found)}; return a number") from None
         if np.isnan(value):
             raise ProblemError(f"the event '{self.label}' is not a number at t = {state.time:g}")
         return value

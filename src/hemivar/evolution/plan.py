@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hemivar.basics.arguments import expect, number, suggest
+from hemivar.basics.arguments import expect, number, quoted, suggest
 from hemivar.basics.disk import path_of
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.stated import Form, stated
@@ -127,7 +127,7 @@ class March:
             object.__setattr__(self, "jump", SelectionRule(self.jump))
         except ValueError:
             gone = " was removed: march with inertia" if isinstance(self.jump, str) and self.jump == "dynamic" else ""
-            raise ProblemError(f"jump = {self.jump!r}{gone}; choose one of {', '.join(SelectionRule)}") from None
+            raise ProblemError(f"jump = {quoted(self.jump)}{gone}; choose one of {', '.join(SelectionRule)}") from None
         as_method(self.method)
         expect(self.controls, Controls, "controls", "pass Controls(rtol=...)")
         if not number(self.max_time, "max_time", "give seconds") >= 0.0:

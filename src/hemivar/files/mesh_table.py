@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, cast
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.memory import problem_bytes, refined_cells, require
 from hemivar.basics.stated import keys_of
 from hemivar.errors import ProblemError
@@ -138,7 +139,7 @@ def _openings(table: TomlTable) -> tuple[Opening, ...]:
             continue
         names = entry.get("between") if isinstance(entry, dict) and entry.keys() == {"name", "between"} else None
         if not isinstance(names, list) or len(names) != 2 or not all(isinstance(one, str) for one in names):
-            raise table.error("opened", f"{entry!r} names no curve or surface inside the body; {how}")
+            raise table.error("opened", f"{quoted(entry)} names no curve or surface inside the body; {how}")
         found.append(Opening(str(entry["name"]), (names[0], names[1])))
     return tuple(found)
 

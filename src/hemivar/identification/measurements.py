@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.csv_text import cell_read, csv_rows
 from hemivar.basics.disk import path_of, read_text, shown
@@ -155,8 +156,8 @@ def _columns(name: str, head: Sequence[str], body: Sequence[Sequence[str]]) -> d
         if None in values:
             first = values.index(None)
             raise FileError(
-                f"{name}: column '{shown(key)}' has {shown(body[first][place])!r} in row {first + 1}; give a number: "
-                f"{_COMMAS}"
+                f"{name}: column '{shown(key)}' has {quoted(shown(body[first][place]))} in row {first + 1}; give a "
+                f"number: {_COMMAS}"
             )
         columns[key] = np.array(values, dtype=float)
     return columns

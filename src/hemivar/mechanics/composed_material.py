@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, quoted
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.material import Material, no_matrices
@@ -33,7 +33,9 @@ class ByRegion(Material):
             raise ProblemError("Material.by_region needs at least one region")
         for name, part in self.parts.items():
             if not isinstance(part, Material):
-                raise ProblemError(f"region '{name}': {part!r} is not a Material; use Material.lame(...) or the like")
+                raise ProblemError(
+                    f"region '{name}': {quoted(part)} is not a Material; use Material.lame(...) or the like"
+                )
             if part.scalar:
                 raise ProblemError(
                     f"region '{name}': a material of one component takes its regions itself; give "

@@ -9,6 +9,7 @@ from typing import Literal, TypeVar, cast, overload
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import CheckedFields, Form, kept, stated
@@ -41,9 +42,9 @@ LARGEST = 1e100
 def check_finite(value: object, name: str, most: float = np.inf) -> Array:
     array = real_array(value, name, finite=False)
     if not np.all(np.isfinite(array)):
-        raise ProblemError(f"{name}: {value!r} is not finite; give finite numbers")
+        raise ProblemError(f"{name}: {quoted(value)} is not finite; give finite numbers")
     if not (np.abs(array) <= most).all():
-        raise ProblemError(f"{name}: {value!r} is beyond the range of numbers ({most:.0e}); take other units")
+        raise ProblemError(f"{name}: {quoted(value)} is beyond the range of numbers ({most:.0e}); take other units")
     return array
 
 
@@ -68,8 +69,8 @@ def plain_data(
         return value
     if isinstance(value, str):
         raise ProblemError(
-            f"{name} is not an array of numbers: it is the text '{value}'; give a number, a function of points, or "
-            f"hemivar.formula.Formula('{value}')"
+            f"{name} is not an array of numbers: it is the text {quoted(value)}; give a number, a function of points, "
+            f"or hemivar.formula.Formula({quoted(value)})"
         )
     array = check_finite(value, name, most)
     if components == 1 and array.ndim:

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from hemivar.basics.arguments import described, name_of, one_of
+from hemivar.basics.arguments import described, name_of, one_of, quoted
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
@@ -266,8 +266,8 @@ class Contact(CheckedFields, PickleMixin):
 
     def _check_obstacle(self) -> None:
         if self.obstacle is None:
-            if self.normals not in (None, Normals.BODY):
-                raise ProblemError(f"normals = {self.normals!r} needs an obstacle; give one or leave normals out")
+            if self.normals is not None and not (isinstance(self.normals, str) and self.normals == Normals.BODY):
+                raise ProblemError(f"normals = {quoted(self.normals)} needs an obstacle; give one or leave normals out")
             object.__setattr__(self, "normals", Normals.BODY)
             return
         if not isinstance(self.obstacle, Obstacle):
@@ -288,7 +288,7 @@ class Contact(CheckedFields, PickleMixin):
     def _check_pair(self) -> None:
         if not self.against:
             if self.slave:
-                raise ProblemError(f"slave = '{self.slave}' goes with against, the boundary that is touched; give both")
+                raise ProblemError(f"slave = {quoted(self.slave)} goes with against, the boundary that is touched; give both")
             return
         if self.obstacle is not None:
             raise ProblemError("against and obstacle are both given; a boundary touches one of the two: leave one out")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
@@ -28,7 +29,7 @@ ROUNDING = 1e-10
 def _checked_reach(reach: object, name: str) -> float:
     number = real_array(reach, name, finite=False)
     if number.shape != () or not 1e-100 <= float(number) <= 1e100:
-        raise ProblemError(f"{name} = {reach!r}; give the size of the strain, a positive number")
+        raise ProblemError(f"{name} = {quoted(reach)}; give the size of the strain, a positive number")
     return float(number)
 
 

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.stated import Form, kept, stated
@@ -143,7 +144,7 @@ def _matrix(value: object, name: str) -> Array | Callable[[Array], object]:
 def _row(value: object, name: str) -> Array:
     row = np.array(real_array(value, name, finite=False))
     if row.shape != (3,) or not np.all(np.isfinite(row)):
-        raise ProblemError(f"{name} = {value!r}; it must be three finite numbers")
+        raise ProblemError(f"{name} = {quoted(value)}; it must be three finite numbers")
     row.setflags(write=False)
     return row
 

@@ -9,7 +9,7 @@ from typing import TypedDict, cast
 
 import numpy as np
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
@@ -186,7 +186,7 @@ def moduli(value: Moduli | Viscosity, name: str) -> Moduli:
         return Moduli(_pair(cast(Sequence[Number], value), name, ("lam", "mu")), None, False, name)
     if not callable(value) and real_array(value, name).ndim != 2:
         raise ProblemError(
-            f"{name} = {value!r}; give two constants of Lame's, ({name}=(lam, mu)), or a matrix: zero is (0, 0)"
+            f"{name} = {quoted(value)}; give two constants of Lame's, ({name}=(lam, mu)), or a matrix: zero is (0, 0)"
         )
     return Moduli(None, value, False, name)
 
@@ -233,7 +233,7 @@ class Branch(PickleMixin):
             raise ProblemError(f"a branch is given by {given}; give lame, or young and poisson, or tensor")
         time = self.time
         if isinstance(time, bool) or not isinstance(time, int | float | np.number) or not 0.0 < time < np.inf:
-            raise ProblemError(f"the relaxation time of a branch is {time!r}; it must be a positive number")
+            raise ProblemError(f"the relaxation time of a branch is {quoted(time)}; it must be a positive number")
         if not 1.0 / LARGEST <= time <= LARGEST:
             raise ProblemError(
                 f"the relaxation time of a branch is {described(time)}; it must lie between {1.0 / LARGEST:g} and "
@@ -259,7 +259,7 @@ class Branch(PickleMixin):
             or getattr(self.lame, "ndim", 1) != 1
             or len(self.lame) != 2
         ):
-            raise ProblemError(f"a branch has lame = {self.lame!r}; give two constants, (lam, mu)")
+            raise ProblemError(f"a branch has lame = {quoted(self.lame)}; give two constants, (lam, mu)")
         return Moduli(_pair(self.lame, name, ("lam", "mu")), None, False, name)
 
 

@@ -14,6 +14,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
@@ -53,9 +54,11 @@ def _vector(value: object, name: str) -> Array:
 def _radius(value: object, name: str) -> float:
     array = check_finite(value, f"{name}: radius")
     if array.ndim != 0 or not array > 0.0:
-        raise ProblemError(f"{name}: radius is {value!r}; give one positive number")
+        raise ProblemError(f"{name}: radius is {quoted(value)}; give one positive number")
     if not 1.0 / LARGEST < array < LARGEST:
-        raise ProblemError(f"{name}: radius is {value!r}, beyond the range of numbers; take another unit of length")
+        raise ProblemError(
+            f"{name}: radius is {quoted(value)}, beyond the range of numbers; take another unit of length"
+        )
     return float(array)
 
 
@@ -231,7 +234,9 @@ class SignedDistance(Obstacle):
         for name in ("function", "gradient"):
             value = getattr(self, name)
             if not callable(value) and not (name == "gradient" and value is None):
-                raise ProblemError(f"SignedDistance: {name} is {value!r}; give a function of points, shape (k, d)")
+                raise ProblemError(
+                    f"SignedDistance: {name} is {quoted(value)}; give a function of points, shape (k, d)"
+                )
 
     @property
     def dim(self) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect, number, suggest
+from hemivar.basics.arguments import described, expect, number, quoted, suggest
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
@@ -287,7 +287,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         """
         t = number(t, "the time", "give a finite number")
         if not np.isfinite(t):
-            raise ProblemError(f"the time is {t!r}; give a finite number")
+            raise ProblemError(f"the time is {quoted(t)}; give a finite number")
         if not self.time_dependent:
             return self
         bound = copy.copy(self)  # what holds of the statement holds at every time, and is not checked again
@@ -313,7 +313,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         if self.order is None:
             object.__setattr__(self, "order", self.mesh.suggested_order)
         if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
-            raise ProblemError(f"order = {self.order!r}; give 1 or 2")
+            raise ProblemError(f"order = {quoted(self.order)}; give 1 or 2")
         if not isinstance(self.material, Material) or type(self.material) is Material:
             raise ProblemError(
                 f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
@@ -323,14 +323,12 @@ class ContactProblem(PickleMixin, ReprMixin):
         self.material.check_on(self.mesh.dim, list(self.mesh.regions))
         if self.material.axisymmetric:
             self._check_half_section()
-        try:
-            object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
-        except ValueError as error:
-            raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
+        rule = one_of(self.quadrature, "quadrature", Quadrature, "Quadrature.NODAL or MIDPOINT")
+        object.__setattr__(self, "quadrature", rule)
         try:
             object.__setattr__(self, "geometry", Geometry(self.geometry))
         except ValueError as error:
-            raise ProblemError(f"geometry = {self.geometry!r}; choose 'curved' or 'as-meshed'") from error
+            raise ProblemError(f"geometry = {quoted(self.geometry)}; choose 'curved' or 'as-meshed'") from error
         if self.trace_constant is not None:
             constant = number(self.trace_constant, "trace_constant")
             if not 0.0 < constant < np.inf:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
 from hemivar.mesh.keys import frozen
@@ -53,7 +54,7 @@ def _checked(parts: Mapping[str, Mesh]) -> dict[str, Mesh]:
     meshes = dict(parts)
     for name, mesh in meshes.items():
         if not isinstance(name, str) or not name or ":" in name or name != name.strip():
-            raise ProblemError(f"part {name!r}: give a name without a colon, such as 'upper'")
+            raise ProblemError(f"part {quoted(name)}: give a name without a colon, such as 'upper'")
         if not isinstance(mesh, Mesh):
             raise ProblemError(f"part '{name}' is a {type(mesh).__name__}; give a Mesh, such as hemivar.rectangle(...)")
     dims = {name: mesh.dim for name, mesh in meshes.items()}

@@ -9,6 +9,7 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import IntArray
@@ -62,7 +63,7 @@ def rectangle(
         the origin is so far away that rounding spoils the cells.
     """
     if not isinstance(pattern, str) or pattern not in ("cross", "right", "left"):
-        raise ProblemError(f"pattern '{pattern}' is unknown; choose 'cross', 'right' or 'left'")
+        raise ProblemError(f"pattern {quoted(pattern)} is unknown; choose 'cross', 'right' or 'left'")
     width, height = _lengths(size, 2)
     nx, ny = _counts(cells, 2)
     x0, y0 = _numbers(origin, 2, "origin", "coordinates")
@@ -215,7 +216,7 @@ def _lengths(size: ArrayLike, axes: int) -> tuple[float, ...]:
     """Positive lengths along the axes."""
     lengths = _numbers(size, axes, "size", "lengths")
     if not all(length > 0.0 for length in lengths):
-        raise ProblemError(f"size = {size!r}; every length must be positive")
+        raise ProblemError(f"size = {quoted(size)}; every length must be positive")
     return lengths
 
 
@@ -223,7 +224,7 @@ def _numbers(values: ArrayLike, axes: int, what: str, each: str) -> tuple[float,
     """One number for each axis."""
     numbers = real_array(values, what)
     if numbers.shape != (axes,):
-        raise ProblemError(f"{what} = {values!r}; give {_NUMBER[axes]} {each}")
+        raise ProblemError(f"{what} = {quoted(values)}; give {_NUMBER[axes]} {each}")
     return tuple(numbers.tolist())
 
 
@@ -232,10 +233,10 @@ def _counts(cells: float | Sequence[float], axes: int) -> tuple[int, ...]:
     try:
         entries = [cast(float, cells)] * axes if np.ndim(cells) == 0 else list(cast(Sequence[float], cells))
     except (TypeError, ValueError) as error:
-        raise ProblemError(f"cells = {cells!r}; give one or {_NUMBER[axes]} numbers") from error
+        raise ProblemError(f"cells = {quoted(cells)}; give one or {_NUMBER[axes]} numbers") from error
     if len(entries) != axes:
-        raise ProblemError(f"cells = {cells!r}; give one or {_NUMBER[axes]} numbers")
+        raise ProblemError(f"cells = {quoted(cells)}; give one or {_NUMBER[axes]} numbers")
     if not all(is_whole(entry, 1) for entry in entries):
         along = "x and y" if axes == 2 else "x, y and z"
-        raise ProblemError(f"cells = {cells!r}; give whole numbers of at least 1 along {along}")
+        raise ProblemError(f"cells = {quoted(cells)}; give whole numbers of at least 1 along {along}")
     return tuple(int(entry) for entry in entries)

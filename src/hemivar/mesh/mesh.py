@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import described, expect, number, suggest
+from hemivar.basics.arguments import described, expect, number, quoted, suggest
 from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.memory import mesh_bytes, refined_cells, require
@@ -327,7 +327,7 @@ class Mesh(PickleMixin):
             If ``times`` is no such number, or the refined mesh does not fit into memory.
         """
         if not is_whole(times, 0):
-            raise ProblemError(f"times = {times!r}; give a whole number of at least 0")
+            raise ProblemError(f"times = {quoted(times)}; give a whole number of at least 0")
         times = int(times)
         cells = refined_cells(self.dim, self.number_of_cells, times)
         if times:

@@ -34,8 +34,8 @@ def opened(mesh: Mesh, name: str, facets: IntArray) -> Mesh:
     place, apart = _first_place(mesh, facets, closed)
     if apart:
         raise ProblemError(
-            f"interface '{name}': its piece at {place} has no node away from its ends; refine the mesh there, or let the "
-            "piece reach the boundary of the body"
+            f"interface '{name}': its piece at {place} has no node away from its ends; refine the mesh there, or let "
+            "the piece reach the boundary of the body"
         )
     said = (
         f"interface '{name}': {len(closed)} of its {len(facets)} facets stay closed, the first at {place}, as all of "

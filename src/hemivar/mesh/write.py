@@ -6,6 +6,7 @@ import io
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.types import IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
@@ -33,7 +34,7 @@ def msh_text(mesh: Mesh) -> str:
     groups = [(mesh.dim - 1, name) for name in surfaces] + [(mesh.dim, name) for name in mesh.regions]
     for _, name in groups:
         if '"' in name or name.splitlines() != [name] or name != name.strip():
-            raise ProblemError(f"a mesh file cannot hold the name {name!r} of a boundary or a region; rename it")
+            raise ProblemError(f"a mesh file cannot hold the name {quoted(name)} of a boundary or a region; rename it")
     out = io.StringIO()
     out.write("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n")
     if groups:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.disk import make_folder, path_of, try_output, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
@@ -109,12 +110,12 @@ def animate(
     if not 10 <= dpi <= 600:
         raise ProblemError(f"dpi = {dpi}; give a resolution from 10 to 600 dots per inch")
     if scale != "auto" and not (math.isfinite(scale) and scale > 0.0):
-        raise ProblemError(f"scale = {scale!r}; give a positive number or 'auto'")
+        raise ProblemError(f"scale = {quoted(scale)}; give a positive number or 'auto'")
     try:
         coloured = None if colour is None else FilmColour(colour)
     except ValueError:
         known = ", ".join(kind.value for kind in FilmColour)
-        raise ProblemError(f"colour = {colour!r}: a film has no such colour; choose one of {known}") from None
+        raise ProblemError(f"colour = {quoted(colour)}: a film has no such colour; choose one of {known}") from None
     film = film_of(history) if isinstance(history, History) else history
     shown = _shown(film.times, frames)
     if seconds / len(shown) > _LONGEST_FRAME:

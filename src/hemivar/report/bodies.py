@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
@@ -91,14 +92,16 @@ def plot_solution(
     field = solution.problem.field
     if field is not None and field.components == 1:
         if colour is not None:
-            raise ProblemError(f"colour = {str(colour)!r}: a scalar problem is coloured by its unknown; leave it out")
+            raise ProblemError(
+                f"colour = {quoted(str(colour))}: a scalar problem is coloured by its unknown; leave it out"
+            )
         with drawing():
             return plot_scalar(solution, ax, title, note, unit, stress_unit, line if legend else "", legend)
     body = DeformedBody.of(solution, scale)
     try:
         arrows = Arrows(arrows)
     except ValueError as error:
-        raise ProblemError(f"arrows = {arrows!r}; choose one of {', '.join(Arrows)}") from error
+        raise ProblemError(f"arrows = {quoted(arrows)}; choose one of {', '.join(Arrows)}") from error
     coloured = body.colour(colour)
     with drawing():
         if body.mesh.dim == 3:

@@ -9,6 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
@@ -44,7 +45,7 @@ class BodyColour(StrEnum):
         try:
             return cls(given)
         except ValueError as error:
-            raise ProblemError(f"colour = {given!r}; choose one of {', '.join(cls)}") from error
+            raise ProblemError(f"colour = {quoted(given)}; choose one of {', '.join(cls)}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ class DeformedBody:
         if scale == "auto":
             return cls(solution, _visible(solution.problem, field.mesh, solution.displacement))
         if isinstance(scale, str) or not (math.isfinite(scale) and scale > 0.0):
-            raise ProblemError(f"scale = {scale!r}; give a positive number or 'auto'")
+            raise ProblemError(f"scale = {quoted(scale)}; give a positive number or 'auto'")
         return cls(solution, float(scale))
 
     @property

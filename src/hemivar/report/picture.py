@@ -11,6 +11,7 @@ from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, Literal
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
 
@@ -231,7 +232,7 @@ def paper(
     try:
         place = Legend(legend)
     except ValueError as error:
-        raise ProblemError(f"legend = {legend!r}; choose 'outside', 'inside' or 'none'") from error
+        raise ProblemError(f"legend = {quoted(legend)}; choose 'outside', 'inside' or 'none'") from error
     token = _CURRENT.set(Print(inches, font, place, annotations))
     try:
         yield
@@ -248,7 +249,7 @@ def _width(width: str | float) -> float:
     try:
         value = float(text) * unit
     except ValueError as error:
-        raise ProblemError(f"width = {width!r}; give a number with mm, cm, in or pt, such as '84mm'") from error
+        raise ProblemError(f"width = {quoted(width)}; give a number with mm, cm, in or pt, such as '84mm'") from error
     if not (math.isfinite(value) and _WIDTHS[0] <= value <= _WIDTHS[1]):
-        raise ProblemError(f"width = {width!r}; give a width from {_WIDTHS[0]:g} to {_WIDTHS[1]:g} mm")
+        raise ProblemError(f"width = {quoted(width)}; give a width from {_WIDTHS[0]:g} to {_WIDTHS[1]:g} mm")
     return value

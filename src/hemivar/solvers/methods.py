@@ -53,7 +53,7 @@ def method_named(name: str) -> Solver:
         There is no such method; the message lists all.
     """
     if name not in METHODS:
-        raise MethodError(f"method '{name}' is not known{suggest(name, list(METHODS))}")
+        raise MethodError(f"method {quoted(name)} is not known{suggest(name, list(METHODS))}")
     return METHODS[name]
 
 

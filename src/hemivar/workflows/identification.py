@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect, expecting
+from hemivar.basics.arguments import described, expect, expecting, quoted
 from hemivar.basics.disk import shown
 from hemivar.basics.generators import each_as, result_of
 from hemivar.basics.stated import Form
@@ -152,7 +152,7 @@ def parameters_of_law(problem: str | Path, law: str, contact: str | None = None)
             continue
         if isinstance(value, str) or not value > 0.0:
             raise ProblemError(
-                f"contact.{names[0]}.normal.{name} is {value!r}: a range around it needs a positive number; "
+                f"contact.{names[0]}.normal.{name} is {quoted(value)}: a range around it needs a positive number; "
                 "name it with --fit"
             )
         found.append(Parameter(f"contact.{names[0]}.normal.{name}", value / _RANGE, value * _RANGE, float(value)))

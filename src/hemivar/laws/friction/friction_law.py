@@ -11,7 +11,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
@@ -71,7 +71,7 @@ class Friction(PickleMixin):
 
     def __post_init__(self) -> None:
         if not isinstance(self.profile, Superpotential):
-            raise ProblemError(f"the profile of a friction law must be a superpotential, not {self.profile!r}")
+            raise ProblemError(f"the profile of a friction law must be a superpotential, not {quoted(self.profile)}")
         if self.of is not None:
             if not isinstance(self.of, str) or self.of not in tuple(SlipMeasure):
                 raise ProblemError(f"of = {described(self.of)} of friction law '{self.name}'; give 'slip' or 'rate'")

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hemivar.basics.arguments import number
+from hemivar.basics.arguments import number, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import stating
 from hemivar.basics.types import Array, Parameter
@@ -171,7 +171,7 @@ class Adhesive(NamedLaw):
 def _numbers(values: Sequence[float] | Array, what: str) -> Array:
     numbers = np.atleast_1d(real_array(values, what, finite=False))
     if numbers.ndim != 1 or numbers.size == 0 or not np.isfinite(numbers).all():
-        raise ProblemError(f"{what} must be a list of finite numbers, not {values!r}")
+        raise ProblemError(f"{what} must be a list of finite numbers, not {quoted(values)}")
     return numbers
 
 

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
@@ -120,7 +121,9 @@ class _FunctionLaw(OwnLaw):
             raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
         kinks = np.asarray(self.kinks_at, dtype=float)
         if kinks.ndim != 1 or not np.isfinite(kinks).all():
-            raise ProblemError(f"kinks of law '{self.name}' must be a list of finite numbers, not {self.kinks_at!r}")
+            raise ProblemError(
+                f"kinks of law '{self.name}' must be a list of finite numbers, not {quoted(self.kinks_at)}"
+            )
         _ = self._own
         if self.curvature_function is None:
             remedy = "it is computed by differences, which are too coarse here: give a function for it too"

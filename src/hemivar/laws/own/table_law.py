@@ -114,10 +114,7 @@ def table_law(
     ProblemError
         Fewer than two rows, entries that are not numbers, falling r (with the row).
     """
-    try:
-        extend = Extension(extend)
-    except ValueError:
-        raise ProblemError(f"{where}: extend = '{extend}' is not known; write constant or linear") from None
+    extend = one_of(extend, f"{where}: extend", Extension)
     x, y = check_points(r, derivative, where, friction=friction)
     if friction and extend == Extension.LINEAR and y[-1] < y[-2]:
         raise ProblemError(
