@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from hemivar.basics.arguments import expect, suggest
+from hemivar.basics.arguments import expect, quoted, suggest
 from hemivar.errors import ProblemError
 from hemivar.mechanics.statement import ContactProblem, expect_body
 

@@ -8,10 +8,10 @@ import inspect
 import math
 import numbers
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from enum import StrEnum
-from types import UnionType
+from types import FunctionType, UnionType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 
 from hemivar.basics.known_statement import ManufacturedProblem
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 __all__ = [
+    "UNFIT",
     "check_numbers",
     "described",
     "expect",
@@ -28,16 +29,28 @@ __all__ = [
     "name_of",
     "number",
     "one_of",
+    "positive",
     "quoted",
     "shortened",
     "suggest",
     "whole_number",
 ]
 
+#: Numbers are below this, so that their squares are numbers.
+_LARGEST = 1e150
+
+#: What a function that a user gives raises where it does not fit what it is given.
+UNFIT = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, NotImplementedError)
+
+#: What is given in the place of a plain value.
+_REMEDIES: dict[object, str] = {str: "give a text", bool: "give True or False", Mapping: "give a dict by names"}
+
 Kind = TypeVar("Kind")
 Word = TypeVar("Word", bound=StrEnum)
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
+#: A class, a union of classes, a list of one for lists of its objects, or a function of a value and its name.
+_Wanted = type | UnionType | list[type] | Callable[[Any, str], None]
 
 
 def described(value: object) -> str:
@@ -86,11 +99,12 @@ def expect(value: object, kind: Any, name: str, remedy: str) -> object:
 
 
 def expecting(
-    **kinds: type | UnionType | list[type],
+    **kinds: _Wanted,
 ) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
     """A function whose arguments are of these classes, or lists of objects of them; others are refused at the call.
 
-    Where the default of an argument is None, None is what it is without one.
+    Where the default of an argument is None, None is what it is without one.  ``float`` is a number whose square is
+    one, ``int`` a whole number that is not negative; a function is called with the value and its name.
 
     Raises
     ------
@@ -107,10 +121,7 @@ def expecting(
                 kind = kinds.get(name)
                 if kind is None or (value is None and signature.parameters[name].default is None):
                     continue
-                if isinstance(kind, list):
-                    _expect_each(value, kind[0], f"{shown}: {name}")
-                else:
-                    expect(value, kind, f"{shown}: {name}", _remedy(kind))
+                _check(value, kind, f"{shown}: {name}")
             return function(*args, **kwargs)
 
         return checked
@@ -118,9 +129,30 @@ def expecting(
     return wrapped
 
 
-def _remedy(kind: type | UnionType) -> str:
-    if kind in (str, bool):
-        return "give a text" if kind is str else "give True or False"
+def _check(value: object, kind: _Wanted, name: str) -> None:
+    if isinstance(kind, list):
+        _expect_each(value, kind[0], name)
+    elif isinstance(kind, FunctionType):
+        kind(value, name)
+    elif kind is float:
+        if not abs(found := number(value, name)) < _LARGEST:
+            raise ProblemError(f"{name} is {found:g}, beyond the range of numbers; give a smaller one")
+    elif kind is int:
+        whole_number(value, name, 0)
+    elif not (kind is bool and type(value).__name__ == "bool"):  # NumPy's as well
+        expect(value, kind, name, _remedy(kind))
+
+
+def positive(value: object, name: str) -> None:
+    """Refuse what is not a positive number, for :func:`expecting`."""
+    _check(value, float, name)
+    if not number(value, name) > 0.0:
+        raise ProblemError(f"{name} is {quoted(value)}; give a positive number")
+
+
+def _remedy(kind: Any) -> str:
+    if kind in _REMEDIES:
+        return _REMEDIES[kind]
     kinds: tuple[type, ...] = kind.__args__ if isinstance(kind, UnionType) else (kind,)
     return "pass " + " or ".join(f"{one.__name__}(...)" for one in kinds)
 

@@ -11,7 +11,7 @@ from typing import Never, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from hemivar.basics.arguments import expect, number
+from hemivar.basics.arguments import expect, number, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.display import ReprMixin
@@ -186,7 +186,12 @@ class Certificate(ReprMixin):
 
     def claim(self, label: str) -> Claim:
         """The first claim of a label, such as "kind", "margin" or "distance"."""
-        return next(one for one in self.claims if one.label == label)
+        found = [one for one in self.claims if isinstance(label, str) and one.label == label]
+        if not found:
+            raise ProblemError(
+                f"nothing is claimed of {quoted(label)}; choose one of {', '.join(one.label for one in self.claims)}"
+            )
+        return found[0]
 
     def lines(self, whole: bool = False) -> list[str]:
         """The certificate as lines of text: kind, bound and what is missing; if ``whole``, every constant."""

@@ -413,7 +413,10 @@ class DiscreteProblem(PickleMixin, ReprMixin):
 
     def out_of_balance(self, unknowns: Array) -> Array:
         """What the body leaves of its load, the foundation apart: ``f - bulk'(u)``, shape (n,), of unknowns (n,)."""
-        return np.asarray(self.load - self.bulk.gradient(unknowns))
+        found = real_array(unknowns, "unknowns", 1)
+        if found.shape != self.load.shape:
+            raise ProblemError(f"unknowns has shape {found.shape}; it needs one entry per unknown, {self.load.shape}")
+        return np.asarray(self.load - self.bulk.gradient(found))
 
     def energy(self, unknowns: Array, multiplier: Array | None = None) -> float:
         """Energy ``E(u)`` of the unknowns, shape (n,), the constant included.

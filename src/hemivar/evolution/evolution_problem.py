@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.basics.arguments import expect, number, quoted
+from hemivar.basics.arguments import expect, number, one_of, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
@@ -200,6 +200,8 @@ class Evolution(PickleMixin):
         name : str
             ``"displacement"`` or ``"velocity"``.
         """
+        if not isinstance(name, str) or name not in ("displacement", "velocity"):
+            raise ProblemError(f"there is no initial {quoted(name)}; choose 'displacement' or 'velocity'")
         value, what, (nodes, components) = getattr(self, name), f"initial {name}", self._places
         shape = (len(nodes), components)
         if value is None:

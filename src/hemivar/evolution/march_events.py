@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hemivar.basics.arguments import expect, quoted
+from hemivar.basics.arguments import expect, one_of, quoted
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.state import TimeState

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar.basics.arguments import expect
+from hemivar.basics.arguments import expect, expecting
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.types import Array
@@ -42,6 +42,7 @@ _SOFT, _DIGITS = 1e-8, 16
 
 
 @known_keywords
+@expecting(check_coercivity=bool, evolving=bool)
 def discretize(
     problem: ContactProblem | ManufacturedProblem, *, check_coercivity: bool = True, evolving: bool = False
 ) -> DiscreteProblem:

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from hemivar.basics.arguments import described
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -29,6 +30,11 @@ class FieldSource(Protocol):
     @property
     def order(self) -> int:
         """Polynomial degree."""
+
+
+def _refuse_placeless(source: object) -> None:
+    if not isinstance(source, Mesh) and not isinstance(getattr(source, "mesh", None), Mesh):
+        raise ProblemError(f"source is {described(source)}; give a mesh, a problem or a field")
 
 
 def strain(source: FieldSource | Mesh, displacement: Array) -> Array:
@@ -157,6 +163,7 @@ def nodal_average(source: FieldSource | Mesh, values: Array, summed: Callable[[A
     ProblemError
         There is not one entry for each cell.
     """
+    _refuse_placeless(source)
     mesh = source if isinstance(source, Mesh) else source.mesh
     order = 1 if isinstance(source, Mesh) else source.order
     values = real_array(values, "values", finite=False)
@@ -190,6 +197,7 @@ def v_norm(source: FieldSource | Mesh, displacement: Array) -> float:
     -------
     float
     """
+    _refuse_placeless(source)
     field = real_array(displacement, "the displacement", finite=False)
     mesh, order = _mesh_and_order(source, field)
     barycentric, weights = quadrature_rule(mesh.dim, 2 * (order - 1) or 1)

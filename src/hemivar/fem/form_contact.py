@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from hemivar.basics.arguments import shortened
+from hemivar.basics.arguments import UNFIT, shortened
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -23,7 +23,7 @@ from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
 
-__all__ = ["UNFIT", "Rows", "Touching", "TraceOf", "nearness", "rows_on", "share_nodes"]
+__all__ = ["Rows", "Touching", "TraceOf", "nearness", "rows_on", "share_nodes"]
 
 
 #: Newton-Cotes rules at the nodes of order 1 and 2: places in the reference cell of scikit-fem, and weights.
@@ -54,8 +54,6 @@ _SAME = 1e-9
 _HELD, _ROUNDED = 1e-12, 1e-9
 #: Sizes of the combinations of basis functions of which a trace must be the combination of traces.
 _COMBINED = (0.0, 1.0, -1e3)
-#: What a form, a trace or a function of places that does not fit the element raises.
-UNFIT = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, NotImplementedError)
 
 #: What touches a foundation: of the fields of a basis function, one after the other, those that are displaced.
 TraceOf = Callable[..., object]

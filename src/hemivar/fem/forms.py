@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from hemivar.basics.arguments import described, expect, number, shortened, suggest
+from hemivar.basics.arguments import UNFIT, described, expect, number, shortened, suggest
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
@@ -27,7 +27,7 @@ from hemivar.discrete.space import Space
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.contact_points import join
 from hemivar.fem.discretize import friction_warning
-from hemivar.fem.form_contact import UNFIT, Rows, Touching, TraceOf, nearness, rows_on, share_nodes
+from hemivar.fem.form_contact import Rows, Touching, TraceOf, nearness, rows_on, share_nodes
 from hemivar.fem.form_field import ScikitFem, form_field, nearest_nodes, rows_of
 from hemivar.fem.mixed_bulk import MixedBulk, refuse_skew
 from hemivar.fem.supports import in_words

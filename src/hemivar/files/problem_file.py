@@ -339,6 +339,11 @@ def write_problem(
         If a file cannot be written, or a file beside it would take the place of another one.
     """
     path = disk.path_of(path)
+    if method is not None:
+        expect(method, str | Solver, "method", "give its name or a method of hemivar.solvers")
+    if controls is not None:
+        expect(controls, Controls, "controls", "give Controls(...)")
+    expect(beside, bool, "beside", "give True or False")
     stated = _as_file(problem)
     settings = _settings(stated.solver, method, controls)
     with contextlib.ExitStack() as undone:

@@ -13,6 +13,7 @@ from math import atan, exp, log, pi, sqrt
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from hemivar.basics.arguments import expecting, positive
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -244,6 +245,7 @@ def bonded_block(
     )
 
 
+@expecting(stiffness=positive, damping=float, speed=float)
 def bouncing_block(stiffness: float = 100.0, damping: float = 4.0, speed: float = 0.5) -> KnownEvolution:
     """A block of mass 1 meets a spring with a damper that cannot pull: the velocity, upwards, after it has left.
 

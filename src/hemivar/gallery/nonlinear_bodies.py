@@ -9,6 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from hemivar.basics.arguments import expecting, positive
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.gallery.known import KnownProblem
@@ -57,6 +58,7 @@ class HenckyConstants:
         return 2.0 * self.shear * self.softened + lost / np.sqrt(size), -0.5 * lost / self.strain**2 * size**-1.5
 
 
+@expecting(law=Superpotential, n=int, pushed=positive, constants=HenckyConstants, order=int)
 def hencky_block(
     law: Superpotential | None = None,
     n: int = 8,
@@ -109,6 +111,7 @@ def hencky_block(
     return KnownProblem(problem, displacement, lambda x: np.full(len(x), pressure))
 
 
+@expecting(law=Superpotential, n=int, pushed=positive, constants=HenckyConstants, order=int)
 def hencky_ring(
     law: Superpotential | None = None,
     n: int = 16,

@@ -9,6 +9,7 @@ from math import log
 import numpy as np
 from scipy.optimize import brentq
 
+from hemivar.basics.arguments import expecting, positive
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -80,6 +81,7 @@ def membrane_radius(height: float, radius: float, load: float = 0.0) -> float:
     return float(brentq(off, 1e-12, 1.0 - 1e-12, xtol=1e-15, rtol=1e-14))
 
 
+@expecting(n=int, height=positive, radius=positive, load=float, tension=positive)
 def membrane_obstacle(
     n: int = 32, *, height: float = 0.3, radius: float = 0.8, load: float = 0.5, tension: float = 1.0
 ) -> KnownScalarProblem:

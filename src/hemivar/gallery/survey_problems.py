@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
+from hemivar.basics.arguments import expect, quoted
 from hemivar.errors import ProblemError
 from hemivar.laws import Friction, Logarithmic, ThresholdCompliance, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
@@ -97,10 +98,10 @@ def survey(
     """
     if isinstance(data, str):
         if data not in SURVEY_DATA:
-            raise ProblemError(f"the survey has no data '{data}'; choose one of {', '.join(SURVEY_DATA)}")
+            raise ProblemError(f"the survey has no data {quoted(data)}; choose one of {', '.join(SURVEY_DATA)}")
         title, data = f"survey, {data}", SURVEY_DATA[data]
     else:
-        title = "survey's body, own data"
+        title, data = "survey's body, own data", expect(data, SurveyData, "data", "give a name or SurveyData(...)")
     return ContactProblem(
         mesh=rectangle((1.0, 1.0), n, pattern=pattern),
         material=Material.lame(4.0, 4.0),

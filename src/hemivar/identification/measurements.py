@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hemivar.basics.arguments import quoted
+from hemivar.basics.arguments import expect, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.csv_text import cell_read, csv_rows
 from hemivar.basics.disk import path_of, read_text, shown
@@ -48,6 +48,8 @@ class Measurements(PickleMixin):
     measured: Mapping[str, Array]
 
     def __post_init__(self) -> None:
+        for name in ("inputs", "measured"):
+            expect(getattr(self, name), Mapping, name, "give a dict of columns by names")  # type: ignore[type-abstract]
         for kind, columns in (("set", self.inputs), ("measured", self.measured)):
             if not columns:
                 raise ProblemError(f"the measurements have no column of values that were {kind}; name one, {_EXAMPLE}")

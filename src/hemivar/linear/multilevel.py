@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arguments import expect
+from hemivar.basics.arrays import real_matrix
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
 from hemivar.linear.algebraic import NodeSlots, algebraic_levels
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import COARSEST, LevelMatrix, Levels, Transfer
@@ -90,7 +93,18 @@ class Hierarchy:
         contacts, points : sequences of int arrays, optional
             Of each level the unknowns that may be held and the point that each belongs to; see :class:`Levels`.
         """
-        given = list(matrices) if isinstance(matrices, Sequence) else [sp.csr_array(matrices)]
+        every: Sequence[sp.csr_array] = matrices if isinstance(matrices, list | tuple) else [matrices]  # type: ignore[list-item]
+        given = [one if sp.issparse(one) else real_matrix(one, "a matrix of a hierarchy") for one in every]
+        if not given or any(one.shape[0] != one.shape[1] for one in given):
+            raise ProblemError("a hierarchy needs square matrices; give one, or a list from the finest on")
+        for name, one in {
+            "prolongations": prolongations,
+            "slots": slots,
+            "contacts": contacts,
+            "points": points,
+        }.items():
+            expect(one, list | tuple, name, "give a list, one entry for each level")
+        prolongations = [one if sp.issparse(one) else real_matrix(one, "a prolongation") for one in prolongations]
         for P in prolongations[len(given) - 1 :]:
             given.append(sp.csr_array(P.T @ given[-1] @ P))
         nodes = [*slots, *[None] * (len(given) - len(slots))]

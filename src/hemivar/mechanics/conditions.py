@@ -9,12 +9,12 @@ from typing import Literal, TypeVar, cast, overload
 
 import numpy as np
 
-from hemivar.basics.arguments import quoted
+from hemivar.basics.arguments import UNFIT, quoted, shortened
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
-from hemivar.errors import ProblemError
+from hemivar.errors import HemivarError, ProblemError
 from hemivar.mechanics.instants import at_time, depends_on_time
 
 __all__ = [
@@ -204,13 +204,20 @@ class DataField:
             if vector:
                 _refuse_shape(plain, self.name, self.components)
             return np.broadcast_to(plain, shape)
-        if not depends_on_time(self.value):
-            return _checked_result(self.value(points), shape, points, self.name, vector)
-        if time is None:
+        if time is None and depends_on_time(self.value):
             raise ProblemError(
                 f"{self.name} depends on time, and no time is given; take the problem at one, problem.at_time(0.0)"
             )
-        return _checked_result(self.value(points, time), shape, points, self.name, vector)
+        try:
+            found = self.value(*((points, time) if depends_on_time(self.value) else (points,)))
+        except HemivarError:
+            raise
+        except UNFIT as error:
+            raise ProblemError(
+                f"{self.name}: the callable cannot be evaluated ({shortened(error)}); give a function of points, shape "
+                f"{points.shape}"
+            ) from error
+        return _checked_result(found, shape, points, self.name, vector)
 
 
 def _checked_result(

@@ -288,7 +288,9 @@ class Contact(CheckedFields, PickleMixin):
     def _check_pair(self) -> None:
         if not self.against:
             if self.slave:
-                raise ProblemError(f"slave = {quoted(self.slave)} goes with against, the boundary that is touched; give both")
+                raise ProblemError(
+                    f"slave = {quoted(self.slave)} goes with against, the boundary that is touched; give both"
+                )
             return
         if self.obstacle is not None:
             raise ProblemError("against and obstacle are both given; a boundary touches one of the two: leave one out")

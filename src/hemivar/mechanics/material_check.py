@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hemivar.basics.arguments import expecting, positive
 from hemivar.basics.conformance import ConformanceError, ConformanceReport, Step, change_and_integral, failures_of
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -42,6 +43,7 @@ class MaterialReport(ConformanceReport):
     error: ClassVar[type[ConformanceError]] = MaterialError
 
 
+@expecting(material=Material, reach=positive, seed=int, raises=bool)
 def check_material(
     material: Material, *, reach: float | None = None, seed: int = 0, raises: bool = True
 ) -> MaterialReport:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect, number, quoted, suggest
+from hemivar.basics.arguments import described, expect, number, one_of, quoted, suggest
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
@@ -308,6 +308,7 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _check_frame(self) -> None:
         """Refuse what is no mesh, no order, no units or no material."""
         expect(self.units, Units, "units", UNITS_REMEDY)
+        expect(self.title, str, "title", "give a text")
         if not isinstance(self.mesh, Mesh):
             raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
         if self.order is None:
@@ -325,10 +326,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             self._check_half_section()
         rule = one_of(self.quadrature, "quadrature", Quadrature, "Quadrature.NODAL or MIDPOINT")
         object.__setattr__(self, "quadrature", rule)
-        try:
-            object.__setattr__(self, "geometry", Geometry(self.geometry))
-        except ValueError as error:
-            raise ProblemError(f"geometry = {quoted(self.geometry)}; choose 'curved' or 'as-meshed'") from error
+        object.__setattr__(self, "geometry", one_of(self.geometry, "geometry", Geometry))
         if self.trace_constant is not None:
             constant = number(self.trace_constant, "trace_constant")
             if not 0.0 < constant < np.inf:
@@ -508,9 +506,10 @@ class ContactProblem(PickleMixin, ReprMixin):
         one are stiff, and multigrid takes many cycles where the two part.  Else the finer one has them, else the one of
         which supports hold fewer nodes, else the one that the contact is named after.
         """
-        contact = self.contact[name]
+        contact = self.contact.get(name) if isinstance(name, str) else None
+        if contact is None or contact.against is None:
+            raise ProblemError(f"there is no contact of two bodies {quoted(name)}; name one with against=")
         other = contact.against
-        assert other is not None
         if contact.slave:
             return (name, other) if contact.slave == name else (other, name)
         held = np.zeros(self.mesh.number_of_nodes, dtype=bool)

@@ -41,7 +41,7 @@ def is_whole(value: float | str, least: int) -> bool:
     """Whether a value is a whole number, of whatever type, and not less than ``least``."""
     try:
         return not isinstance(value, bool | str) and bool(int(value) == value and value >= least)
-    except (TypeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError, np.ma.MaskError):
         return False
 
 

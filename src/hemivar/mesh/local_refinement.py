@@ -67,7 +67,11 @@ def refined_where(mesh: Mesh, cells: object) -> Mesh:
 
 
 def _chosen(mesh: Mesh, cells: object) -> IntArray:
-    count, array = mesh.number_of_cells, np.asarray(unmasked(cells, "the choice of cells"))
+    count = mesh.number_of_cells
+    try:
+        array = np.asarray(unmasked(cells, "the choice of cells"))
+    except ValueError:
+        raise ProblemError("the cells to be refined are rows of several lengths; give a list of numbers") from None
     if array.dtype == bool:
         if array.shape != (count,):
             raise ProblemError(

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import described, expect, number, quoted, suggest
+from hemivar.basics.arguments import described, expect, name_of, number, quoted, suggest
 from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.memory import mesh_bytes, refined_cells, require
@@ -28,6 +28,7 @@ from hemivar.mesh.checks import (
     checked_interfaces,
     checked_regions,
     coincident,
+    index_array,
     is_whole,
 )
 from hemivar.mesh.keys import (
@@ -262,8 +263,7 @@ class Mesh(PickleMixin):
         -------
         array, shape (N, d) or (N + E, d)
         """
-        if order not in (1, 2):
-            raise ProblemError(f"the order of the nodes is {described(order)}; give 1 or 2")
+        _check_order(order)
         if order == 1:
             return self.points
         middle = 0.5 * (self.points[self.edges[:, 0]] + self.points[self.edges[:, 1]])
@@ -271,6 +271,7 @@ class Mesh(PickleMixin):
 
     def cell_nodes(self, order: int = 1) -> IntArray:
         """Displacement nodes of the cells, shape (M, d + 1) or, for order 2, (M, 6) in 2D and (M, 10) in 3D."""
+        _check_order(order)
         if order == 1:
             return self.cells
         return np.hstack([self.cells, self.number_of_nodes + self.cell_edges])
@@ -288,6 +289,7 @@ class Mesh(PickleMixin):
         -------
         int array, shape (k, d) or, for order 2, (k, 3) in 2D and (k, 6) in 3D
         """
+        _check_order(order)
         if order == 1:
             return facets
         local = ((0, 1),) if self.dim == 2 else ((0, 1), (1, 2), (0, 2))
@@ -298,6 +300,10 @@ class Mesh(PickleMixin):
 
     def facet_normals(self, facets: IntArray) -> tuple[Array, Array]:
         """Unit normals, shape (k, d), and lengths or areas, shape (k,), of oriented facets, shape (k, d)."""
+        if not isinstance(facets, np.ndarray):
+            facets = index_array(facets, "facets", self.number_of_nodes)
+        if facets.ndim != 2 or facets.shape[1] != self.dim or facets.dtype.kind not in "iu":
+            raise ProblemError(f"facets has shape {facets.shape}; give numbers of nodes, shape (k, {self.dim})")
         corner = self.points[facets]
         first = corner[:, 1] - corner[:, 0]
         if self.dim == 2:
@@ -361,6 +367,8 @@ class Mesh(PickleMixin):
         if self.dim != 2:
             raise ProblemError("rotated(angle) turns plane meshes only; use moved(matrix) in 3D")
         turn = number(angle, "the angle")
+        if math.isinf(turn):
+            raise ProblemError(f"the angle is {turn}; give a finite number of radians")
         c, s = math.cos(turn), math.sin(turn)
         return self.moved(np.array([[c, -s], [s, c]]))
 
@@ -568,6 +576,7 @@ class Mesh(PickleMixin):
             If there is no such interface, a piece of it has no node away from its ends, or a boundary with the name of
             a side is there already.
         """
+        name_of(name, "the name of an interface", "give a text, such as 'glue'")
         if between is None:
             if name not in self.interfaces:
                 raise ProblemError(self._no_interface(name))
@@ -583,11 +592,12 @@ class Mesh(PickleMixin):
     def _no_interface(self, name: str) -> str:
         if name in self.boundaries:
             return f"'{name}' is a boundary, which is open already; open a curve or surface inside the body"
-        return f"the mesh has no interface '{name}'{suggest(name, list(self.interfaces), 'interfaces')}"
+        return f"the mesh has no interface {quoted(name)}{suggest(name, list(self.interfaces), 'interfaces')}"
 
     def _between(self, regions: tuple[str, str]) -> IntArray:
         """Facets between two regions, (k, d)."""
-        if not isinstance(regions, tuple | list) or len(regions) != 2 or regions[0] == regions[1]:
+        two = isinstance(regions, tuple | list) and len(regions) == 2 and all(isinstance(one, str) for one in regions)
+        if not two or regions[0] == regions[1]:
             raise ProblemError(f"between = {described(regions)}; give the names of two regions")
         for region in regions:
             if region not in self.regions:
@@ -615,3 +625,8 @@ class Mesh(PickleMixin):
     def parts(self) -> Parts:
         """The parts that it consists of: cells joined through facets."""
         return parts_of(self)
+
+
+def _check_order(order: object) -> None:
+    if not is_whole(order, 1) or order not in (1, 2):  # type: ignore[arg-type]
+        raise ProblemError(f"the order of the nodes is {described(order)}; give 1 or 2")

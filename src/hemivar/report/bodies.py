@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hemivar.basics.arguments import quoted
+from hemivar.basics.arguments import expecting, positive, quoted
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
@@ -20,7 +20,19 @@ from hemivar.report.drawn_body import PLAIN, DrawnPlane, DrawnSurface, mark_stat
 from hemivar.report.picture import new_figure
 from hemivar.report.plane_body import Arrows, PlaneBody
 from hemivar.report.scalar_map import plot_scalar
-from hemivar.report.style import BLUE, DASHES, GREEN, GREY, RED, body_axes, drawing, in_rows, legend_beside, state_mark
+from hemivar.report.style import (
+    BLUE,
+    DASHES,
+    GREEN,
+    GREY,
+    RED,
+    axes,
+    body_axes,
+    drawing,
+    in_rows,
+    legend_beside,
+    state_mark,
+)
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
@@ -30,6 +42,10 @@ if TYPE_CHECKING:
 __all__ = ["painted", "plot_problem", "plot_solution", "sharp_edges", "viewing_direction"]
 
 
+@expecting(
+    solution=Solution, ax=axes, title=str, note=str, unit=str, stress_unit=str, legend=bool, certificate=Certificate,
+    largest_force=positive,
+)  # fmt: skip
 def plot_solution(
     solution: Solution,
     *,

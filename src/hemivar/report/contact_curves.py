@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hemivar.basics.arguments import expecting
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
@@ -48,6 +49,7 @@ __all__ = ["contact_maps", "plot_contact"]
 _MOST_ARROWS = 14
 
 
+@expecting(solution=Solution, title=str, unit=str, stress_unit=str, certificate=Certificate)
 def plot_contact(
     solution: Solution,
     *,

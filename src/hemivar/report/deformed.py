@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from numbers import Real
 
 import numpy as np
 
@@ -63,9 +64,9 @@ class DeformedBody:
             raise ProblemError(
                 "it was made of arrays and has no mesh; give one, of_arrays(..., mesh=...), or take plot_contact"
             )
-        if scale == "auto":
+        if isinstance(scale, str) and scale == "auto":
             return cls(solution, _visible(solution.problem, field.mesh, solution.displacement))
-        if isinstance(scale, str) or not (math.isfinite(scale) and scale > 0.0):
+        if not isinstance(scale, Real) or isinstance(scale, bool) or not 0.0 < scale < 1e150:
             raise ProblemError(f"scale = {quoted(scale)}; give a positive number or 'auto'")
         return cls(solution, float(scale))
 

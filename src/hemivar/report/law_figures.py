@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arguments import expect, expecting, positive, quoted, whole_number
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -49,6 +50,7 @@ __all__ = [
 _UNDER = (0.0, 0.4, 0.8)
 
 
+@expecting(law=Superpotential, point=int, reach=positive, title=str, unit=str, stress_unit=str)
 def plot_law(
     law: Superpotential,
     *,
@@ -99,6 +101,7 @@ def plot_law(
     return fig
 
 
+@expecting(laws=Mapping, columns=positive)
 def plot_laws(laws: Mapping[str, Superpotential], *, columns: int = 4) -> Figure:
     """Graphs of the subdifferentials of several laws side by side, each under its name.
 
@@ -116,7 +119,9 @@ def plot_laws(laws: Mapping[str, Superpotential], *, columns: int = 4) -> Figure
     """
     if not laws:
         raise ProblemError("there is no law to draw; give a mapping of names to laws")
-    rows = -(-len(laws) // columns)
+    for name, one in laws.items():
+        expect(one, Superpotential, f"law {quoted(name)}", "give a law with resolved parameters")
+    rows = -(-len(laws) // whole_number(columns, "columns", 1))
     with drawing():
         fig = new_figure((1.9 * columns, 1.75 * rows), layout="constrained")
         panels = fig.subplots(rows, columns, squeeze=False).ravel()

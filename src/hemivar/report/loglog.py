@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hemivar.adapt import AdaptiveLevel, AdaptiveSolution
+from hemivar.basics.arguments import expecting
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates import Certificate
 from hemivar.certificates.continuous.exact_certificate import statement_of
@@ -26,6 +27,7 @@ from hemivar.report.style import (
     RED,
     SERIES,
     SKY,
+    axes,
     axes_on,
     drawing,
     figure_of,
@@ -159,6 +161,7 @@ def _triangle(
 # ---- studies ---------------------------------------------------------------------------------------------------
 
 
+@expecting(study=Study, title=str, unit=str, ax=axes)
 def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Axes | None = None) -> Figure:
     """Relative errors over the mesh size on logarithmic scales, each with a triangle of its slope.
 
@@ -231,6 +234,7 @@ def _decimal(value: float) -> str:
 # ---- adaptive solves -------------------------------------------------------------------------------------------
 
 
+@expecting(found=AdaptiveSolution, beside=Mapping, title=str, certificate=Certificate)
 def plot_adaptive(
     found: AdaptiveSolution,
     *,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.types import Array
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
@@ -99,8 +100,8 @@ def plot_march(
     ProblemError
         The kind or a column is not known, or there is nothing to draw.
     """
-    if kind not in MARCH_FIGURES:
-        raise ProblemError(f"there is no figure '{kind}' of a history; choose one of {', '.join(MARCH_FIGURES)}")
+    if not isinstance(kind, str) or kind not in MARCH_FIGURES:
+        raise ProblemError(f"there is no figure {quoted(kind)} of a history; choose one of {', '.join(MARCH_FIGURES)}")
     units = Units() if units is None else units
     with drawing():
         if kind == "map":

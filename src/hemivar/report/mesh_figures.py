@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hemivar.adapt import AdaptiveLevel, AdaptiveSolution
+from hemivar.basics.arguments import expecting
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
 from hemivar.certificates import Certificate
@@ -32,6 +33,7 @@ __all__ = ["plot_meshes"]
 _MOST, _BESIDE = 6, 3
 
 
+@expecting(found=AdaptiveSolution, title=str, unit=str, certificate=Certificate)
 def plot_meshes(
     found: AdaptiveSolution, *, title: str | None = None, unit: str = "", certificate: Certificate | None = None
 ) -> Figure:

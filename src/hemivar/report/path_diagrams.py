@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arguments import expecting
 from hemivar.basics.types import Array, Record
 from hemivar.branches import Path
 from hemivar.branches.path_quantities import QUANTITIES, PathQuantity
 from hemivar.errors import ProblemError
-from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes_on, drawing, legend_beside, with_unit
+from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes, axes_on, drawing, legend_beside, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,6 +93,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
     }
 
 
+@expecting(path=Path, quantity=str, title=str, unit=str, ax=axes)
 def plot_path(
     path: Path,
     *,

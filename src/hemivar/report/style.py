@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hemivar.basics.arguments import described
 from hemivar.basics.first_use import IMPORTS, Lock
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -149,6 +150,12 @@ def drawing() -> Iterator[None]:
         if printed is not None:
             for figure in made:
                 printed.finish(figure)
+
+
+def axes(value: object, name: str) -> None:
+    """Refuse what is not matplotlib's axes, for :func:`expecting`."""
+    if not hasattr(value, "get_figure"):
+        raise ProblemError(f"{name} is {described(value)}; give axes of matplotlib, Figure().add_subplot()")
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arguments import expect
 from hemivar.basics.disk import shown
 from hemivar.basics.types import Array
-from hemivar.basics.units import Units
+from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.certificates import Certificate
 from hemivar.errors import ProblemError
 from hemivar.solvers import NormalState, Solution, Status, TangentialState
@@ -68,6 +69,10 @@ def summary_of(solution: Solution, certificate: Certificate | None = None, units
     -------
     Summary
     """
+    if certificate is not None:
+        expect(certificate, Certificate, "certificate", "give what solution.certify() returned")
+    if units is not None:
+        expect(units, Units, "units", UNITS_REMEDY)
     if units is None:
         units = Units() if solution.problem.origin is None else solution.problem.origin.units
     rows = list(_solve_rows(solution, certificate is not None, units))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.adapt import AdaptiveSolution
+from hemivar.basics.arguments import expecting
 from hemivar.basics.csv_text import csv_text
 from hemivar.basics.disk import make_folder, path_of, shown, write_text
 from hemivar.basics.first_use import IMPORTS
@@ -322,6 +323,7 @@ def comparison_table(
     return Table(columns, rows, title)
 
 
+@expecting(study=Study, title=str, relative=bool, brief=bool, units=Units)
 def study_table(
     study: Study, title: str = "", *, relative: bool = False, brief: bool = False, units: Units | None = None
 ) -> Table:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from hemivar.basics.arguments import described, suggest
+from hemivar.basics.arguments import described, quoted, suggest
 from hemivar.errors import MethodError
 from hemivar.solvers.base import Solver
 from hemivar.solvers.controls import Controls

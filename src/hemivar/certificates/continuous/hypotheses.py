@@ -179,7 +179,10 @@ def stated_conditions(data: BodyData, traces: ContactTraces | None) -> tuple[lis
 
 def _well_formed(problem: ContactProblem, displacement: Array) -> bool:
     """Whether it has a number for every node and component; what has not is refused in other words."""
-    u = np.asarray(displacement)
+    try:
+        u = np.asarray(displacement)
+    except ValueError:
+        return False
     return u.shape == problem.mesh.nodes(problem.order).shape and u.dtype.kind in "fiu" and bool(np.isfinite(u).all())
 
 

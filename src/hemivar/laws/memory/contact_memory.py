@@ -17,6 +17,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from hemivar.basics.arguments import number
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -67,6 +68,8 @@ class LocalStep(PickleMixin):
     at: float = 1.0
 
     def __post_init__(self) -> None:
+        number(self.tau, "the time step")
+        number(self.rate, "the factor of the displacement in the rate")
         if not (np.isfinite(self.tau) and self.tau > 0.0):
             raise ProblemError(f"the time step is {self.tau}; it must be a positive time")
         if not (np.isfinite(self.rate) and self.rate > 0.0):

@@ -21,6 +21,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hemivar.basics.arguments import number
 from hemivar.basics.types import Array, BoolArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
@@ -81,6 +82,8 @@ class PlasticBond(Memory):
         ProblemError
             The yield traction is not reached before the break, or shear costs no more than opening.
         """
+        shear_energy = number(shear_energy, "shear_energy of the plastic bond")
+        yield_traction = number(yield_traction, "yield_traction of the plastic bond")
         strength = cls(stiffness, shear_stiffness, energy, yield_traction, 1.0).shear_strength
         if yield_traction >= strength:
             raise ProblemError(
@@ -98,7 +101,7 @@ class PlasticBond(Memory):
     def _number(self, what: str) -> float:
         """A parameter that is one number."""
         value = self.values()[what]
-        if value.size > 1:
+        if value.size != 1:
             raise ProblemError(f"{what} of memory '{self.name}' differs from point to point; take(index) one of them")
         return float(value[0])
 

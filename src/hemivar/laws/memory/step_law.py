@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, expect
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
@@ -35,7 +35,7 @@ class MemoryChain(Memory):
     name: ClassVar[str] = "chain"
 
     def __post_init__(self) -> None:
-        parts = tuple(self.parts)
+        parts = tuple(expect(self.parts, tuple | list, "the parts of a chain", "give a tuple of memories"))
         for part in parts:
             if not isinstance(part, Memory):
                 raise ProblemError(f"a memory of contact points is one such as Secant(), not {described(part)}")
@@ -169,6 +169,9 @@ def law_of_step(
     VectorLaw
         Of the penetration and the slip increment.
     """
+    expect(law, VectorLaw, "law", "give a VectorLaw, such as ContactLaw(...).at(points)")
+    expect(memory, Memory, "memory", "give a memory, MemoryChain(()) for none")
+    expect(step, LocalStep, "step", "give a LocalStep(...)")
     given = law if memory.of_slip else law.in_increments(step.rate)
     made = memory.law(given, state, step)
     if damping is None:

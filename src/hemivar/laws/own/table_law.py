@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hemivar.basics.arguments import one_of
 from hemivar.basics.arrays import real_array
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.stated import Form, stated, stating
