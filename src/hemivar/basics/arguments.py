@@ -15,19 +15,21 @@ from types import FunctionType, UnionType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 
 from hemivar.basics.known_statement import ManufacturedProblem
-from hemivar.errors import ProblemError
+from hemivar.errors import HemivarError, ProblemError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 __all__ = [
     "UNFIT",
+    "answer",
     "check_numbers",
     "described",
     "expect",
     "expecting",
     "name_of",
     "number",
+    "one_line",
     "one_of",
     "positive",
     "quoted",
@@ -188,6 +190,23 @@ def name_of(value: object, name: str, remedy: str) -> str:
     if isinstance(value, str) and value.strip():
         return value
     raise ProblemError(f"{name} is {described(value)}; {remedy}")
+
+
+def answer(function: Callable[..., object], given: Sequence[object], name: str, remedy: str) -> object:
+    """What a function that a user gave answers; that it does not fit what it is given is said in words."""
+    try:
+        return function(*given)
+    except HemivarError:
+        raise
+    except UNFIT as error:
+        raise ProblemError(f"{name}: the function cannot be evaluated ({shortened(error)}); {remedy}") from error
+
+
+def one_line(value: object, name: str) -> str:
+    """A text in one line, for labels: messages repeat it."""
+    if isinstance(value, str) and value.isprintable():
+        return value
+    raise ProblemError(f"{name} is {described(value)}; give a text in one line")
 
 
 def whole_number(value: object, name: str, least: int) -> int:

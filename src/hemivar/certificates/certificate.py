@@ -11,7 +11,7 @@ from typing import Never, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from hemivar.basics.arguments import expect, number, quoted
+from hemivar.basics.arguments import expect, expecting, number, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.display import ReprMixin
@@ -195,6 +195,7 @@ class Certificate(ReprMixin):
 
     def lines(self, whole: bool = False) -> list[str]:
         """The certificate as lines of text: kind, bound and what is missing; if ``whole``, every constant."""
+        expect(whole, bool, "whole", "give True or False")
         return certificate_lines(self, whole)
 
     def brief(self) -> str:
@@ -238,6 +239,7 @@ class Certificate(ReprMixin):
 
 
 @known_keywords
+@expecting(trace_constant=bool, exact=bool)
 def certify(
     problem: DiscreteProblem | Certifiable,
     displacement: Array | Certifiable | None = None,

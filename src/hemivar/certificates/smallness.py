@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arguments import expecting
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, anywhere, equilibrium_multiplier, error_bound, friction_bound
@@ -158,6 +159,7 @@ class Smallness:
         return self.alpha_sampled or self.m_L_sampled or self.stiffness_by == BoundsBy.SAMPLED
 
 
+@expecting(factor=EnergyNorm, trace_constant=bool)
 def smallness(
     problem: Posable,
     *,

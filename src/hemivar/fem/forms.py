@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from hemivar.basics.arguments import UNFIT, described, expect, number, shortened, suggest
+from hemivar.basics.arguments import UNFIT, answer, described, expect, number, shortened, suggest
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
@@ -160,7 +160,8 @@ class FormBody:
                     found.hold(numbers, what, np.full(numbers.size, np.nan))
                     continue
                 if callable(known):
-                    known = _at_places(known, self.basis.doflocs[:, numbers], what)
+                    places = self.basis.doflocs[:, numbers]
+                    known = answer(known, (places,), what, f"give a function of places, shape {places.shape}")
                 found.hold(numbers, what, _one_each(known, numbers.size, what))
         further = _numbers(self.fixed, int(self.basis.N))
         found.hold(further, "fixed", np.zeros(further.size))
@@ -495,16 +496,6 @@ def _numbers(fixed: object, count: int) -> IntArray:
     if beyond.size:
         raise ProblemError(f"fixed names unknown {beyond[0]:.0f}; the basis has the unknowns 0 to {count - 1}")
     return np.unique(given.astype(np.int64))
-
-
-def _at_places(value: Callable[..., object], places: Array, what: str) -> object:
-    """What a function of places (d, k) prescribes there."""
-    try:
-        return value(places)
-    except UNFIT as error:
-        raise ProblemError(
-            f"{what} cannot be evaluated ({shortened(error)}); give a function of places, shape {places.shape}"
-        ) from error
 
 
 def _one_each(known: object, count: int, what: str) -> Array:

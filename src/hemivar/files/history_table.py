@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.csv_text import cell_read, csv_rows, csv_text
 from hemivar.basics.disk import path_of, read_text, regular_file, shown, whole_file, write_text
 from hemivar.basics.first_use import IMPORTS
@@ -88,7 +89,7 @@ def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
         return (write_history_json(history, path),)
     if suffix in (".csv", ".parquet"):
         return (write_history_table(history_columns(history), path, history.discrete.evolution.problem.units),)
-    raise ProblemError(f"'{path}': a history is written as {', '.join(HISTORY_FILES)}, not '{suffix}'")
+    raise ProblemError(f"'{shown(path)}': a history is written as {', '.join(HISTORY_FILES)}, not {quoted(suffix)}")
 
 
 def quantity_of(column: str) -> str:

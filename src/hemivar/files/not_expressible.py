@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, shortened
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.mesh import Mesh
@@ -20,7 +20,7 @@ def not_expressible(
 ) -> ProblemError:
     """The error that says that a problem file cannot hold a value, and what it holds there."""
     if isinstance(value, str):
-        what = value
+        what = shortened(value)
     elif callable(value) and not isinstance(value, type):
         what = f"the Python function {getattr(value, '__qualname__', type(value).__name__)}"
     else:

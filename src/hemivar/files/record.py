@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, path_of, read_bytes, read_text, whole_file, write_text
+from hemivar.basics.disk import make_folder, path_of, read_bytes, read_text, shown, whole_file, write_text
 from hemivar.basics.packed import read_arrays, write_arrays
 from hemivar.basics.types import Array, Record
 from hemivar.certificates import Certificate
@@ -303,7 +303,7 @@ def prepared(path: str | Path, suffix: str) -> Path:
     """The path with its folder made; only the expected suffix is accepted."""
     path = path_of(path)
     if path.suffix.lower() != suffix:
-        raise ProblemError(f"'{path}' must end in '{suffix}'")
+        raise ProblemError(f"'{shown(path)}' must end in '{suffix}'")
     make_folder(path.parent)
     return path
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar.basics.arguments import expect
+from hemivar.basics.arguments import one_line
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.expansion import Expansion, expansion
@@ -51,7 +51,7 @@ class Formula:
     _node: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        expect(self.where, str, "where", "give a text")
+        one_line(self.where, "where")
         graph, node = Reader(self.text, self._prefix, (*VARIABLES, TIME)).graph()
         object.__setattr__(self, "_graph", graph)
         object.__setattr__(self, "_node", node)

@@ -93,7 +93,10 @@ def hencky_block(
         The top is not pushed down.
     """
     law, hencky = Compliance(20.0) if law is None else law, constants or HenckyConstants()
-    s = _roots(lambda r, _: -hencky.stress(r - pushed, 0.0) - _pressure(law, r), pushed)[0]
+    found = _roots(lambda r, _: -hencky.stress(r - pushed, 0.0) - _pressure(law, r), pushed)
+    if not found:
+        raise ProblemError("the law presses nowhere as hard as the block; give one that does, such as a compliance")
+    s = found[0]
     pressure = -hencky.stress(s - pushed, 0.0)
 
     def displacement(x: Array) -> Array:

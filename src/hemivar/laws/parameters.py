@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from hemivar.basics.arguments import answer
 from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import Form, Stated, stated
 from hemivar.basics.types import Array, Parameter
@@ -81,11 +81,11 @@ def evaluate(
     if callable(parameter):
         if points is None:
             raise ProblemError(f"{what} is a function of x: evaluate the law with law.at(points) first")
-        values: ArrayLike = parameter(points)
+        values = answer(parameter, (points,), what, f"give a function of points, shape {points.shape}")
     else:
         values = parameter
     result = np.atleast_1d(real_array(values, what, finite=False))
-    if result.ndim != 1 or (points is not None and result.size not in (1, len(points))):
+    if result.ndim != 1 or not result.size or (points is not None and result.size not in (1, len(points))):
         expected = "a number" if points is None else f"a number or {len(points)} numbers, one for each contact point"
         raise ProblemError(f"{what} has shape {result.shape}; give {expected}")
     bad = ~np.isfinite(result)

@@ -97,13 +97,13 @@ class Hierarchy:
         given = [one if sp.issparse(one) else real_matrix(one, "a matrix of a hierarchy") for one in every]
         if not given or any(one.shape[0] != one.shape[1] for one in given):
             raise ProblemError("a hierarchy needs square matrices; give one, or a list from the finest on")
-        for name, one in {
-            "prolongations": prolongations,
-            "slots": slots,
-            "contacts": contacts,
-            "points": points,
-        }.items():
+        lists = {"prolongations": prolongations, "slots": slots, "contacts": contacts, "points": points}
+        for name, one in lists.items():
             expect(one, list | tuple, name, "give a list, one entry for each level")
+            if len(one) > max(len(given), len(prolongations) + 1):
+                raise ProblemError(f"{name} of a hierarchy has {len(one)} entries; give one for each level")
+        if len(given) > len(prolongations) + 1 or len(contacts) != len(points):
+            raise ProblemError("a hierarchy needs a prolongation between two matrices, and points for all contacts")
         prolongations = [one if sp.issparse(one) else real_matrix(one, "a prolongation") for one in prolongations]
         for P in prolongations[len(given) - 1 :]:
             given.append(sp.csr_array(P.T @ given[-1] @ P))

@@ -9,12 +9,12 @@ from typing import Literal, TypeVar, cast, overload
 
 import numpy as np
 
-from hemivar.basics.arguments import UNFIT, quoted, shortened
+from hemivar.basics.arguments import answer, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
-from hemivar.errors import HemivarError, ProblemError
+from hemivar.errors import ProblemError
 from hemivar.mechanics.instants import at_time, depends_on_time
 
 __all__ = [
@@ -208,15 +208,8 @@ class DataField:
             raise ProblemError(
                 f"{self.name} depends on time, and no time is given; take the problem at one, problem.at_time(0.0)"
             )
-        try:
-            found = self.value(*((points, time) if depends_on_time(self.value) else (points,)))
-        except HemivarError:
-            raise
-        except UNFIT as error:
-            raise ProblemError(
-                f"{self.name}: the callable cannot be evaluated ({shortened(error)}); give a function of points, shape "
-                f"{points.shape}"
-            ) from error
+        given = (points, time) if depends_on_time(self.value) else (points,)
+        found = answer(self.value, given, self.name, f"give a function of points, shape {points.shape}")
         return _checked_result(found, shape, points, self.name, vector)
 
 

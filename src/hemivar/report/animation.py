@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hemivar.basics.arguments import quoted
-from hemivar.basics.disk import make_folder, path_of, try_output, whole_file
+from hemivar.basics.disk import make_folder, path_of, shown, try_output, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -40,7 +40,7 @@ def check_film(path: str | Path) -> None:
     """Refuse, before the work, a film that could not be written: another suffix, MP4 without ffmpeg."""
     suffix = path_of(path).suffix.lower()
     if suffix not in FILMS:
-        raise ProblemError(f"'{path}': films are written as {' or '.join(FILMS)}, not '{suffix}'")
+        raise ProblemError(f"'{shown(path)}': films are written as {' or '.join(FILMS)}, not {quoted(suffix)}")
     if suffix == ".mp4":
         with IMPORTS:
             from matplotlib.animation import FFMpegWriter

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hemivar.basics.arguments import expecting, positive, quoted
+from hemivar.basics.arguments import expecting, one_of, positive, quoted
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
@@ -114,10 +114,7 @@ def plot_solution(
         with drawing():
             return plot_scalar(solution, ax, title, note, unit, stress_unit, line if legend else "", legend)
     body = DeformedBody.of(solution, scale)
-    try:
-        arrows = Arrows(arrows)
-    except ValueError as error:
-        raise ProblemError(f"arrows = {quoted(arrows)}; choose one of {', '.join(Arrows)}") from error
+    arrows = one_of(arrows, "arrows", Arrows)
     coloured = body.colour(colour)
     with drawing():
         if body.mesh.dim == 3:

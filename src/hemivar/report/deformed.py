@@ -10,7 +10,7 @@ from numbers import Real
 
 import numpy as np
 
-from hemivar.basics.arguments import quoted
+from hemivar.basics.arguments import one_of, quoted
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
@@ -41,12 +41,7 @@ class BodyColour(StrEnum):
     @classmethod
     def of(cls, given: BodyColour | str | None, usual: BodyColour) -> BodyColour:
         """What was asked for, or what is usual; ``ProblemError`` where there is no such colouring."""
-        if given is None:
-            return usual
-        try:
-            return cls(given)
-        except ValueError as error:
-            raise ProblemError(f"colour = {quoted(given)}; choose one of {', '.join(cls)}") from error
+        return usual if given is None else one_of(given, "colour", cls)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,8 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hemivar.basics.disk import make_folder, path_of, whole_file
+from hemivar.basics.arguments import quoted
+from hemivar.basics.disk import make_folder, path_of, shown, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
 from hemivar.report.style import drawing
@@ -41,7 +42,7 @@ def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
     path = path_of(path)
     suffix = path.suffix.lower()
     if suffix not in (".png", ".svg", ".pdf"):
-        raise ProblemError(f"'{path}': figures are written as .png, .svg or .pdf, not '{path.suffix}'")
+        raise ProblemError(f"'{shown(path)}': figures are written as .png, .svg or .pdf, not {quoted(path.suffix)}")
     if not 10 <= dpi <= 2400:
         raise ProblemError(f"dpi = {dpi}; give a resolution from 10 to 2400 dots per inch")
     make_folder(path.parent)

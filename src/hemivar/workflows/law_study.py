@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias, cast
 
-from hemivar.basics.arguments import expecting, suggest
+from hemivar.basics.arguments import expecting, quoted, suggest
 from hemivar.basics.display import brief
 from hemivar.basics.stated import Form, Stated
 from hemivar.errors import ProblemError
@@ -84,7 +84,7 @@ def study_law(
     found = [laws[name] for laws in (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS) if name in laws]
     if not found:
         known = list(dict.fromkeys([*NORMAL_LAWS, *COUPLED_LAWS, *FRICTION_LAWS]))
-        raise ProblemError(f"law '{name}' is not known{suggest(name, known)}")
+        raise ProblemError(f"law {quoted(name)} is not known{suggest(name, known)}")
     if friction:
         found = [entry for entry in found if entry.kind is LawKind.FRICTION]
         if not found:

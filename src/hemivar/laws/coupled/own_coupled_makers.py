@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, one_line
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled.own_coupled import OwnCoupledLaw, checked_reach
 from hemivar.laws.coupled.plane_potential import FormulaPotential, FunctionPotential, PotentialFunction
@@ -51,6 +51,7 @@ def CoupledFormulaLaw(  # noqa: N802 - a law, named as the others are
     ProblemError
         The text is no formula of r and s, or no law: see above. One sentence says where.
     """
+    one_line(name, "the name of a law"), one_line(where, "where")
     if not isinstance(potential, str):
         raise ProblemError(
             f"law '{name}': the potential is {described(potential)}; give a formula of r and s such as 'r^2 + s^2', or "
@@ -96,6 +97,7 @@ def CoupledFunctionLaw(  # noqa: N802 - a law, named as the others are
     ProblemError
         A function does not return such arrays, the gradient is not that of the potential, or it is no law.
     """
+    one_line(name, "the name of a law")
     for what, function in (("potential", potential), ("gradient", gradient), ("hessian", hessian)):
         if not callable(function) and (function is not None or what != "hessian"):
             raise ProblemError(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar.basics.arguments import described, number
+from hemivar.basics.arguments import described, number, one_line
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_keywords
@@ -403,6 +403,7 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
         If none or both are given, the text is not a formula (with the character), is not finite somewhere, not
         continuous, or turns too often or within too short a length for its reach.
     """
+    one_line(name, "the name of a law"), one_line(where, "where")
     places = np.atleast_1d(real_array(kinks, f"kinks of law '{name}'")).ravel()
     if (potential is None) == (derivative is None):
         raise ProblemError(f"law '{name}': give either potential='...' or derivative='...', a formula of r")

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hemivar.basics.arguments import one_of
+from hemivar.basics.arguments import one_line, one_of
 from hemivar.basics.arrays import real_array
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.stated import Form, stated, stating
@@ -115,6 +115,7 @@ def table_law(
     ProblemError
         Fewer than two rows, entries that are not numbers, falling r (with the row).
     """
+    one_line(name, "the name of a law"), one_line(where, "where")
     extend = one_of(extend, f"{where}: extend", Extension)
     x, y = check_points(r, derivative, where, friction=friction)
     if friction and extend == Extension.LINEAR and y[-1] < y[-2]:
