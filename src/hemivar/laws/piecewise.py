@@ -9,6 +9,7 @@ from typing import Self
 
 import numpy as np
 
+from hemivar.basics.arguments import one_line, shortened
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -166,6 +167,7 @@ class PiecewiseQuadratic(TabulatedLaw):
     _right: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        one_line(self.name, "the name of a law")
         knots, slopes, jumps = (
             np.atleast_2d(real_array(values, f"{what} of law '{self.name}'", finite=False))
             for what, values in (("knots", self.breakpoints), ("slopes", self.slopes), ("jumps", self.jumps))
@@ -185,7 +187,7 @@ class PiecewiseQuadratic(TabulatedLaw):
             if not np.isfinite(values).all():
                 raise ProblemError(f"law '{self.name}': a {what} is not finite; give finite numbers")
         if (np.diff(knots, axis=-1) <= 0).any():
-            raise ProblemError(f"law '{self.name}': the knots must increase strictly, got {knots[0]}")
+            raise ProblemError(f"law '{self.name}': the knots must increase strictly, got {shortened(knots[0])}")
         if not knots.ndim == slopes.ndim == jumps.ndim == 2:
             raise ProblemError(f"law '{self.name}': knots, slopes and jumps must have 1 or 2 axes")
         rows = np.broadcast_shapes(

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hemivar.basics.arguments import expecting, positive
 from hemivar.basics.conformance import failures_of
 from hemivar.basics.types import Array, IntArray
 from hemivar.laws.consistency import Samples
@@ -21,6 +22,7 @@ from hemivar.laws.vector_testing import LawError, LawReport, Questions
 __all__ = ["LawError", "LawReport", "check_law"]
 
 
+@expecting(law=Superpotential | Friction, reach=positive, seed=int, friction=bool, raises=bool)
 def check_law(
     law: Superpotential | Friction,
     *,

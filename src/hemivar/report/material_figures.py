@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arguments import expecting, positive
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics import Material
@@ -23,6 +24,7 @@ __all__ = ["plot_material"]
 _SIZES = np.geomspace(1e-8, 1.0, 400)
 
 
+@expecting(material=Material, reach=positive, title=str)
 def plot_material(
     material: Material, *, reach: float | None = None, point: tuple[float, ...] | None = None, title: str | None = None
 ) -> Figure:

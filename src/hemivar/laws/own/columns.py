@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import read_text
+from hemivar.basics.disk import read_text, shown
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 
@@ -57,8 +57,8 @@ def read_columns(path: str | Path, names: tuple[Sequence[str], Sequence[str]] = 
         lines = lines[1:]
     elif width > 2:
         raise ProblemError(
-            f"{path}, line {lines[0][0]}: there are {width} columns without names; write decimal points, not commas, "
-            f"or name the columns in the first line, {names[0][0]} and {names[1][0]} among them"
+            f"{shown(path)}, line {lines[0][0]}: there are {width} columns without names; write decimal points, not "
+            f"commas, or name the columns in the first line, {names[0][0]} and {names[1][0]} among them"
         )
     columns: tuple[list[str], list[str]] = ([], [])
     for number, line in lines:
@@ -80,7 +80,7 @@ def _cells(path: str | Path, number: int, line: str, separator: str | None) -> l
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     except (csv.Error, StopIteration) as error:
-        raise ProblemError(f"{path}, line {number}: this is not a line of a table: {error}") from None
+        raise ProblemError(f"{shown(path)}, line {number}: this is not a line of a table: {error}") from None
 
 
 def _named(
@@ -93,8 +93,8 @@ def _named(
         if len(here) != 1:
             wrong = "there is no column" if not here else f"{len(here)} columns are"
             raise ProblemError(
-                f"{path}, line {number}: {wrong} named {known[0]}; name the columns {names[0][0]} and {names[1][0]}, "
-                f"in any order, or give two columns without names (the line has {len(head)})"
+                f"{shown(path)}, line {number}: {wrong} named {known[0]}; name the columns {names[0][0]} and "
+                f"{names[1][0]}, in any order, or give two columns without names (the line has {len(head)})"
             )
         found.append(here[0])
     return found[0], found[1]
@@ -109,7 +109,7 @@ def _refused(
     names: tuple[Sequence[str], Sequence[str]],
 ) -> ProblemError:
     """What is wrong with a line; of the line itself it repeats numbers only, for any file may be named as a table."""
-    where = f"{path}, line {number}"
+    where = f"{shown(path)}, line {number}"
     if any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells):
         return ProblemError(f"{where}: there are decimal commas; write decimal points")
     if not wanted and width > 1 and len(cells) != width:

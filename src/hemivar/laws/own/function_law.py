@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import quoted
+from hemivar.basics.arguments import one_line, quoted
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
@@ -115,6 +115,7 @@ class _FunctionLaw(OwnLaw):
     name: str = "function"
 
     def __post_init__(self) -> None:
+        one_line(self.name, "the name of a law")
         if self.potential is None and self.derivative_function is None:
             raise ProblemError(f"law '{self.name}' has no function; give its potential or its derivative")
         if not (np.isfinite(self.reach) and self.reach > 0.0):

@@ -11,6 +11,7 @@ import numpy as np
 
 from hemivar.basics.arguments import one_line, one_of
 from hemivar.basics.arrays import real_array
+from hemivar.basics.disk import shown
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array, BoolArray
@@ -163,7 +164,7 @@ def read_law_table(
     """
     r, derivative = read_columns(path)
     file = Path(path).absolute()
-    return table_law(r, derivative, extend=extend, friction=friction, name=name, where=str(path), file=file)
+    return table_law(r, derivative, extend=extend, friction=friction, name=name, where=shown(path), file=file)
 
 
 def even_table(
