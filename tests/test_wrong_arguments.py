@@ -19,7 +19,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import scipy.sparse as sp
+import skfem
 from matplotlib.figure import Figure
+from skfem.helpers import ddot, sym_grad
 
 import hemivar as hv
 from hemivar.basics.conformance import ConformanceError
@@ -46,12 +48,17 @@ WRONG: tuple[object, ...] = (
     np.datetime64("2020-01-01"), MESH, PROBLEM.material, PROBLEM, DISCRETE, SOLUTION, hv.Signorini(), hv.Tresca(0.1),
     PROBLEM.contact["bottom"], hv.Clamped(), hv.Controls(), EVOLUTION, HISTORY,
 )  # fmt: skip
+SQUARE = skfem.MeshTri().refined(1).with_boundaries({"left": lambda x: x[0] < 0.01, "bottom": lambda x: x[1] < 0.01})
+BASIS = skfem.Basis(SQUARE, skfem.ElementVector(skfem.ElementTriP1()))
+FORM = skfem.BilinearForm(lambda u, v, w: ddot(sym_grad(u), sym_grad(v)))
+BODY = hv.fem.FormBody(BASIS, FORM, supports={"left": 0.0})
 #: What stands for the other arguments that must be given.
 RIGHT: dict[str, object] = {
     "mesh": MESH, "material": PROBLEM.material, "problem": PROBLEM, "points": MESH.points, "cells": MESH.cells,
     "law": hv.laws.ThresholdCompliance(0.3), "normal": hv.laws.ThresholdCompliance(0.3), "friction": hv.Tresca(0.5),
     "size": (1.0, 1.0), "contact": PROBLEM.contact, "supports": PROBLEM.supports, "until": 0.1, "step": 0.1,
     "solution": SOLUTION, "evolution": EVOLUTION, "history": HISTORY, "path": "out.toml", "parts": {"a": MESH},
+    "basis": BASIS, "form": FORM, "body": BODY,
 }  # fmt: skip
 #: Rooms below, of which all of these names are called as well.
 ROOMS = (hv.laws, hv.mechanics, hv.solvers, hv.evolution, hv.adapt)
@@ -66,7 +73,7 @@ BELOW = (
 #: A server, and objects that others make: a solution whose parts are wrong does not say so before it is asked.
 LEFT_OUT = {"hemivar.studio", "hemivar.Solution", "Mesh.trusted"}
 #: Methods of materials are called for each cell, and take what the library gives them.
-OBJECTS = (MESH, PROBLEM, DISCRETE, SOLUTION, HISTORY, EVOLUTION, hv.certify(SOLUTION))
+OBJECTS = (MESH, PROBLEM, DISCRETE, SOLUTION, HISTORY, EVOLUTION, hv.certify(SOLUTION), BODY)
 #: Seconds that a call may take: what is accepted is computed, and jobs start processes.
 LONGEST = 20
 #: Values of a quick test, for each argument.
@@ -160,6 +167,8 @@ def trouble(function: Callable[..., object], given: dict[str, object]) -> str:
             # which look at their parameters where they are evaluated
             at = made.at(MESH.points)
             _ = at.knots if isinstance(at, hv.laws.Superpotential) else at.bound
+        if isinstance(made, hv.fem.FormProblem):
+            _ = made.discrete
         if isinstance(made, Figure):
             plt.close(made)
         repr(made)

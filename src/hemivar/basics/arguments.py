@@ -52,7 +52,7 @@ Word = TypeVar("Word", bound=StrEnum)
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 #: A class, a union of classes, a list of one for lists of its objects, or a function of a value and its name.
-_Wanted = type | UnionType | list[type] | Callable[[Any, str], None]
+_Wanted = type | UnionType | list[type] | Callable[[object, str], None]
 
 
 def described(value: object) -> str:
@@ -141,7 +141,7 @@ def _check(value: object, kind: _Wanted, name: str) -> None:
             raise ProblemError(f"{name} is {found:g}, beyond the range of numbers; give a smaller one")
     elif kind is int:
         whole_number(value, name, 0)
-    elif not (kind is bool and type(value).__name__ == "bool"):  # NumPy's as well
+    elif not (kind is bool and type(value).__name__ in ("bool", "bool_")):  # NumPy's as well
         expect(value, kind, name, _remedy(kind))
 
 
@@ -152,11 +152,11 @@ def positive(value: object, name: str) -> None:
         raise ProblemError(f"{name} is {quoted(value)}; give a positive number")
 
 
-def _remedy(kind: Any) -> str:
+def _remedy(kind: object) -> str:
     if kind in _REMEDIES:
         return _REMEDIES[kind]
-    kinds: tuple[type, ...] = kind.__args__ if isinstance(kind, UnionType) else (kind,)
-    return "pass " + " or ".join(f"{one.__name__}(...)" for one in kinds)
+    kinds: tuple[object, ...] = kind.__args__ if isinstance(kind, UnionType) else (kind,)
+    return "pass " + " or ".join(f"{getattr(one, '__name__', one)}(...)" for one in kinds)
 
 
 def _expect_each(values: object, kind: type, name: str) -> None:

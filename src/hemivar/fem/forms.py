@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from hemivar.basics.arguments import UNFIT, answer, described, expect, number, shortened, suggest
+from hemivar.basics.arguments import UNFIT, answer, described, expect, number, quoted, shortened, suggest
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
@@ -175,9 +175,10 @@ class FormBody:
     def facets(self, name: str, where: str) -> IntArray:
         """Numbers of the facets of a boundary that is named somewhere."""
         known = self.basis.mesh.boundaries or {}
-        if name not in known:
-            near = suggest(str(name), list(known), "boundaries")
-            raise ProblemError(f"{where} names boundary '{name}', which the mesh of the basis does not have{near}")
+        if not isinstance(name, str) or name not in known:
+            near = suggest(name, list(known), "boundaries")
+            said = f"{shortened(where)} names boundary {quoted(name)}"
+            raise ProblemError(f"{said}, which the mesh of the basis does not have{near}")
         found = np.unique(np.asarray(known[name], dtype=np.int64))
         if not found.size:
             raise ProblemError(f"{where} names boundary '{name}', which has no facets; name another one")
