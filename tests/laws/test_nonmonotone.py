@@ -205,7 +205,7 @@ def test_friction_laws_are_radial_in_3d() -> None:
         (lambda: SawTooth(["a"], [1.0]), ["openings", "numbers"]),
         (lambda: SlipWeakening(0.5, rate=0.0).at(None).radial.knots, ["rate", "positive"]),
         (lambda: LAWS["waves"].scaled(-1.0), ["scaled by -1", "at least 0"]),
-        (lambda: table_law([0.0, 1.0], [0.0, 1.0], extend="flat"), ["extend", "constant or linear"]),
+        (lambda: table_law([0.0, 1.0], [0.0, 1.0], extend="flat"), ["extend", "'constant' or 'linear'"]),
     ],
 )
 def test_bad_parameters_are_named(make: object, words: list[str]) -> None:

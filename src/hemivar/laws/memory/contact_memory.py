@@ -68,8 +68,8 @@ class LocalStep(PickleMixin):
     at: float = 1.0
 
     def __post_init__(self) -> None:
-        number(self.tau, "the time step")
-        number(self.rate, "the factor of the displacement in the rate")
+        number(self.tau, "the time step", "it must be a positive time")
+        number(self.rate, "the factor of the displacement in the rate", "it must be positive")
         if not (np.isfinite(self.tau) and self.tau > 0.0):
             raise ProblemError(f"the time step is {self.tau}; it must be a positive time")
         if not (np.isfinite(self.rate) and self.rate > 0.0):
