@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arrays import real_array
-from hemivar.basics.csv_text import cell_read, csv_rows
+from hemivar.basics.csv_text import cell_read, csv_rows, number_in
 from hemivar.basics.disk import path_of, read_text, shown
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
@@ -164,6 +164,6 @@ def _columns(name: str, head: Sequence[str], body: Sequence[Sequence[str]]) -> d
 
 def _number(cell: str) -> float | None:
     try:
-        return float(cell)
+        return number_in(cell)
     except ValueError:
         return None
