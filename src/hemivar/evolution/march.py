@@ -85,6 +85,11 @@ def marching(
     ------
     StepEvent
         Every step; the generator returns a :class:`History`.
+
+    Raises
+    ------
+    MethodError
+        The time limit is over before the state at the start is known.
     """
     remedy = "give an Evolution(problem, ...); a contact problem becomes one by hemivar.Evolution(problem)"
     evolution = expect(evolution, Evolution | DiscreteEvolution, "what to march", remedy)
