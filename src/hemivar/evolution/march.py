@@ -22,6 +22,9 @@ from hemivar.evolution.running import Backend, StepEvent, TimeLoop
 from hemivar.evolution.step_laws import refuse_compliant, refuse_unaveraged
 from hemivar.systems.workspace import Workspace
 
+#: Seconds that the state at the start may take in any case: a march without it has no history.
+_BEGIN = 1.0
+
 __all__ = ["Backend", "March", "StepEvent", "march", "marching", "refuse_plan"]
 
 
@@ -105,7 +108,7 @@ def marching(
     # Within a step only a process by itself looks at the clock: others would leave it at other places.
     hurried = discrete.vectors.alone
     try:
-        with limited(budget) if hurried else nullcontext():
+        with limited(Budget(max(plan.max_time, _BEGIN))) if hurried else nullcontext():
             loop.begin()
     except OutOfTime:
         raise MethodError(
