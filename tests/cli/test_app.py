@@ -399,6 +399,8 @@ BAD_COMMANDS: dict[str, tuple[list[str], list[str]]] = {
     "unknown method": (["solve", "part.toml", "--method", "newtn"], ["'newtn'", "did you mean 'newton'?"]),
     "unknown methods": (["compare", "part.toml", "--methods", "newton,bundel"], ["did you mean 'bundle'?"]),
     "unknown law": (["laws", "signorin"], ["did you mean 'signorini'?"]),
+    "digits apart": (["solve", "part.toml", "--max-steps", "1_5"], ["--max-steps is '1_5'", "not a number"]),
+    "seed in a word": (["solve", "part.toml", "--max-time=1_0.5e0"], ["--max-time is '1_0.5e0'", "not a number"]),
     "negative rtol": (["solve", "part.toml", "--rtol", "-1"], ["--rtol is -1", "positive"]),
     "rtol nan": (["solve", "part.toml", "--rtol", "nan"], ["--rtol is nan", "positive"]),
     "zero time": (["solve", "part.toml", "--max-time", "0"], ["--max-time is 0", "positive"]),

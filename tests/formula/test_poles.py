@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,12 +53,25 @@ def smooth(text: str) -> SmoothFormula:
     return ScalarFormula(text).branch(0.5)
 
 
+def test_a_joint_that_stiffens_is_continued_as_its_message_says() -> None:
+    """Closure of a rock joint, p = 10 r/(1 - r/0.5): r = P/(10 + 2 P) under the pressure P."""
+    closure = "10*r/(1 - r/0.5)"
+    with pytest.raises(ProblemError, match=r"piecewise\(\(FORMULA, r < 0.49\), \(LINE, True\)\)"):
+        FormulaLaw(derivative=f"piecewise((0, r < 0), ({closure}, True))")
+    line = "245 + 25000*(r - 0.49)"
+    law = FormulaLaw(derivative=f"piecewise((0, r < 0), ({closure}, r < 0.49), ({line}, True))")
+    for p in (1.0, 5.0):
+        problem = bodies.square(law, 2, supports={"left": "roller"}, tractions={"top": hv.Pressure(p)})
+        found = hv.solve(replace(problem, material=hv.Material.young(20e3, 0.0))).raise_for_status()
+        np.testing.assert_allclose(found.penetration, p / (10.0 + 2.0 * p), rtol=1e-6)
+
+
 @pytest.mark.parametrize("text", RISING_WITH_POLE)
 def test_a_derivative_with_a_pole_is_refused_with_its_place(text: str) -> None:
     place = RISING_WITH_POLE[text]
     with pytest.raises(ProblemError, match=rf"a pole, or no value, at r = {place:.6g}:".replace(".", r"\.")) as caught:
         FormulaLaw(derivative=text)
-    assert ("a reach below" in str(caught.value)) == (place != 0.0)
+    assert ("or continue it by its tangent: piecewise" in str(caught.value)) == (place != 0.0)
 
 
 @pytest.mark.parametrize("text", HARMLESS)

@@ -35,6 +35,8 @@ def test_a_file_is_read(tmp_path: Path) -> None:
         (HEAD + "0.1\n", "row 1 has 1 entries, the head 2"),
         (HEAD + "0.1,0.2,0.3\n", "row 1 has 3 entries"),
         (HEAD + "0.1,x\n", "'x' in row 1; give a number"),
+        (HEAD + "0.1,1_5\n", "'1_5' in row 1; give a number"),
+        (HEAD + "0.1,0x10\n", "'0x10' in row 1; give a number"),
         (HEAD + "0.1,\n", "in row 1; give a number"),
         (HEAD + "0.1,nan\n", r"is nan in row 1"),
         (HEAD + "inf,0.1\n", "is inf in row 1"),

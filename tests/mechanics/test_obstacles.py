@@ -348,3 +348,10 @@ def test_supports_may_hold_every_point_that_could_touch(normals: str) -> None:
         problem = block(obstacle, normals, mesh=rectangle((1.0, 1.0), 1, "cross"))
         problem = replace(problem, supports={"left": Clamped(), "right": Clamped()})
         assert discretize(problem).contact_points == 0
+
+
+@pytest.mark.parametrize(("given", "then"), [(None, "obstacle"), ("body", "body")])
+def test_an_obstacle_that_is_put_in_later_brings_its_normals(given: str | None, then: str) -> None:
+    sphere = Sphere((0.5, -1.0), 0.9)
+    contact = replace(Contact(Signorini(), normals=given), obstacle=sphere)
+    assert contact.normals == then == Contact(Signorini(), obstacle=sphere, normals=given).normals

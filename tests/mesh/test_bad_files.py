@@ -114,6 +114,8 @@ TECPLOT = 'TITLE="x"\nVARIABLES="X","Y"\nZONE N=3,E=1,F=FEPOINT,ET=TRIANGLE\n0 0
 CASES = [
     ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 3", r"\*ELEMENT of type CPE4: 4 numbers are not rows of 5"),
     ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 3, 9", "refers to node 9, which is not in the file"),
+    ("inp", "1, 1, 2, 3, 4", "1, 1, 2, 0_3, 4", r"'0_3' is not a whole number \(\*ELEMENT\)"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,,0_1.,0.,0.", r"'0_1.' is not a number \(GRID\)"),
     ("inp", "1, 1, 2, 3, 4", "1, 1, 2, x, 4", r"'x' is not a whole number \(\*ELEMENT\)"),
     ("inp", "1, 1, 2, 3, 4", "1, 1, 3, 2, 4", "quad 1 of the file, at .* crosses itself or has no area"),
     ("inp", "CPE4", "CPE17", "cells of type CPE17, which are not read"),
@@ -170,7 +172,7 @@ CASES = [
     ("bdf", "CQUAD4", "INCLUDE 'none.bdf'\nCQUAD4", "none.bdf"),
     ("bdf", "CQUAD4", "include part.bdf\nCQUAD4", "include one another more than 8 deep"),
     ("tec", None, TECPLOT[:60], "format tecplot: it is cut off, damaged or of another kind"),
-    ("wkt", None, "TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)), ((1 0 0, 1 1 0, 0 1", "brackets do not match: it is cut off"),
+    ("wkt", None, "TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)), ((1 0 0, 1 1 0, 0 1", "it is no TIN of triangles, or cut off"),
     ("mdpa", None, "Begin Nodes\n 1 0.0 0.0 0.0\n", "format mdpa: it is cut off, damaged or of another kind"),
     ("msh", None, '(0 "x")(2 3)(10 (0 1 3 0 3))(10 (1 1 3 1 3)(0 0', "format ansys: it is cut off"),
     ("msh", None, "$ a comment of another program\nGRID,1,,0.,0.,0.\n", r"does not begin like a Gmsh file"),

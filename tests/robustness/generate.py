@@ -210,7 +210,7 @@ class _Maker:
         friction: Any = "none"
         normal: Any = {"law": "formula", "potential": text}
         if rng.random() < 0.2:
-            normal["reach"] = rng.choice([1e-9, 1e-3, 1.0, 1e9, 1e300, strange_number(rng)])
+            normal["reach"] = rng.choice([1e-300, 1e-9, 1e-3, 1.0, 1e9, 1e300, strange_number(rng)])
         if rng.random() < 0.2:
             normal["kinks"] = [rng.choice([0.0, 0.1, 1e300, math.nan, -1.0]) for _ in range(rng.choice([1, 2, 1000]))]
         if rng.random() < 0.4:
@@ -259,7 +259,7 @@ class _Maker:
         version, binary = rng.choice(FORMATS)
         files: dict[str, bytes] = {}
         name = "mesh.msh"
-        match rng.choices(["true", "model", "tokens", "bytes", "foreign"], [15, 25, 35, 15, 10])[0]:
+        match rng.choices(["true", "model", "tokens", "bytes", "foreign"], [15, 20, 30, 15, 20])[0]:
             case "true":
                 base, note = renumbered(base, rng)
                 content = write_msh(base, version, binary)

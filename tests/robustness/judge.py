@@ -32,6 +32,11 @@ FAULTS = (
 _GOOD = ("clean error", "accepted, examined", "accepted, not examined", "not converged", "interrupted")
 
 _CONTROL = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]|\xc2[\x80-\x9f]|\xe2\x80[\xaa-\xae]")
+#: What Python says where a program stumbles, which is no sentence for users.
+_PYTHON = re.compile(
+    rb"index out of range|out of bounds|object has no attribute|object is not|could not convert|invalid literal|"
+    rb"values to unpack|NoneType|cannot reshape|broadcast together|must be str|dtype|KeyError|b'"
+)
 _OUT_OF_MEMORY = re.compile(
     rb"not enough memory|MemoryError|Unable to allocate|Memory allocation|std::bad_alloc|out of memory", re.I
 )
@@ -131,6 +136,9 @@ def judge(case: Case, folder: Path, run: Run, before: dict[str, str] | None = No
     warned = re.search(rb"^.*\b\w*Warning: .*$", run.stderr, re.M)
     if warned and "traceback" not in faults:
         faults["warnings"] = warned.group().decode("utf-8", "replace")[-200:]
+    spoken = _PYTHON.search(run.stderr)
+    if spoken and "traceback" not in faults:
+        faults["untidy"] = f"words of Python: {spoken.group().decode()}"
     escape = _CONTROL.search(text)
     if escape and "/dev/stdout" not in case.arguments:
         faults["terminal escapes"] = repr(text[max(escape.start() - 20, 0) : escape.end() + 20])

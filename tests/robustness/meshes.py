@@ -164,8 +164,26 @@ def foreign(mesh: Any, rng: random.Random) -> tuple[str, bytes, str]:
     inp += "".join(f"{i + 1}, {', '.join(str(j + 1) for j in c)}\n" for i, c in enumerate(cells))
     off = f"OFF\n{len(nodes)} {len(cells)} 0\n" + "".join(f"{x} {y} {z}\n" for x, y, z in nodes)
     off += "".join(f"{len(c)} {' '.join(map(str, c))}\n" for c in cells)
-    name, content = rng.choice([("m.vtk", vtk), ("m.obj", obj), ("m.inp", inp), ("m.off", off)])
+    tec = 'TITLE = "x"\nVARIABLES = "X", "Y", "Z"\n'
+    tec += f"ZONE N={len(nodes)}, E={len(cells)}, F=FEPOINT, ET={'TRIANGLE' if mesh.dim == 2 else 'TETRAHEDRON'}\n"
+    tec += "".join(f"{x} {y} {z}\n" for x, y, z in nodes)
+    tec += "".join(f"{' '.join(str(i + 1) for i in c)}\n" for c in cells)
+    bdf = "BEGIN BULK\n" + "".join(f"GRID,{i + 1},,{x},{y},{z}\n" for i, (x, y, z) in enumerate(nodes))
+    bdf += rng.choice(["", "INCLUDE 'nowhere.bdf'\n", "include 'm.bdf'\n", "INCLUDE problem.toml\n"])
+    card = "CTRIA3" if mesh.dim == 2 else "CTETRA"
+    bdf += "".join(f"{card},{i + 1},7,{','.join(str(j + 1) for j in c)}\n" for i, c in enumerate(cells)) + "ENDDATA\n"
+    mdpa = "Begin Nodes\n" + "".join(f"{i + 1} {x} {y} {z}\n" for i, (x, y, z) in enumerate(nodes)) + "End Nodes\n"
+    mdpa += f"Begin Elements {'Element2D3N' if mesh.dim == 2 else 'Element3D4N'}\n"
+    mdpa += "".join(f"{i + 1} 0 {' '.join(str(j + 1) for j in c)}\n" for i, c in enumerate(cells)) + "End Elements\n"
+    corners = [", ".join(" ".join(map(str, nodes[i])) for i in (*c[:3], c[0])) for c in cells]
+    wkt = f"TIN ({', '.join(f'(({one}))' for one in corners)})"
+    fluent = f'(0 "x")\n(2 {mesh.dim})\n(10 (0 1 {len(nodes):x} 0 3))\n(10 (1 1 {len(nodes):x} 1 3)(\n'
+    fluent += "".join(f"{x} {y} {z}\n" for x, y, z in nodes) + "))\n"
+    texts = {"vtk": vtk, "obj": obj, "inp": inp, "off": off, "tec": tec, "bdf": bdf, "mdpa": mdpa, "wkt": wkt}
+    name, content = rng.choice([(f"m.{suffix}", text) for suffix, text in (*texts.items(), ("msh", fluent))])
     data, note = content.encode(), f"{name} as it is"
+    if rng.random() < 0.25:
+        data, note = data[: rng.randrange(len(data))], f"{name}, cut off"
     if rng.random() < 0.6:
         data, note = spoilt(data, rng)
         note = f"{name}, {note}"

@@ -348,6 +348,12 @@ def test_files_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
     for text in (*outside, mesh, part):
         (refused,) = answers(Bench(home), "solve", text)
         assert "lies outside of the folder" in str(refused.head["message"])
+    included = 'file = "m.inp"'
+    text = ONE_BOUNDARY.replace("rectangle = [1.0, 1.0]\ncells = [4, 4]", included) % '"rigid"'
+    (tmp_path / "secret.inc").write_text("*NODE\n1, zero, 0\n", encoding="utf-8")
+    (home / "m.inp").write_text("*INCLUDE, INPUT=../secret.inc\n*NODE\n2,1,0\n", encoding="utf-8")
+    (refused,) = answers(Bench(home), "solve", text)
+    assert "'secret.inc' is included from outside of the folder" in str(refused.head["message"])
     assert kinds(answers(Bench(home, given=outside[0]), "solve", outside[0]))[-1] == "done"
 
 

@@ -220,6 +220,12 @@ def test_random_messages_are_refused_in_a_sentence() -> None:
     assert not any("\n" in sentence for sentence in words)
 
 
+@pytest.mark.parametrize("name", ["upper", "low", "high", "generation", "index"])
+def test_a_number_of_hundreds_of_digits_is_refused(name: str) -> None:
+    with pytest.raises(ProblemError, match=f"{name} must be a"):
+        read_request(f'{{"type": "path", "generation": 1, "text": "", "{name}": 1{"0" * 400}}}')
+
+
 def test_tokens_and_ports_that_make_no_sense_are_refused() -> None:
     for token in ("short", "with/slash/and/more", "0123456789abcdefé"):
         with pytest.raises(ProblemError, match="token"):

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 from hemivar.errors import FileError
 
-__all__ = ["cell_read", "csv_rows", "csv_text"]
+__all__ = ["cell_read", "csv_rows", "csv_text", "number_in"]
 
 #: What a spreadsheet takes for the beginning of a formula.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
@@ -60,9 +60,22 @@ def _guarded(cell: object) -> object:
     return f"'{cell}" if isinstance(cell, str) and _FORMULA.match(cell) and not _is_number(cell) else cell
 
 
+def number_in(text: str) -> float:
+    """A number as tables hold it, in decimal digits; Python alone would take 1_5 for 15.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    if "_" in text or not text.isascii():
+        raise ValueError(text)
+    return float(text)
+
+
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        number_in(text)
     except ValueError:
         return False
     return True

@@ -5,7 +5,9 @@ Everything but the command line itself is imported inside the commands, so that 
 
 from __future__ import annotations
 
+import itertools
 import os
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -72,6 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _guarded(arguments: list[str] | None, out: Stream) -> int:
     """Run the command; whatever it raises becomes an exit code and one line."""
     try:
+        _refuse_spelt_numbers(sys.argv[1:] if arguments is None else arguments)
         result = app(args=arguments, prog_name="hemivar", standalone_mode=False)
         code = result if isinstance(result, int) else Exit.CONVERGED
     except HemivarError as error:
@@ -100,6 +103,15 @@ def _guarded(arguments: list[str] | None, out: Stream) -> int:
         why = ": standard output is no longer read" if out.reader_left else ""
         sys.stderr.write(f"hemivar: interrupted{why}\n")
     return code
+
+
+def _refuse_spelt_numbers(arguments: Sequence[str]) -> None:
+    """Refuse values of options that Python alone takes for numbers: 1_5 for 15."""
+    for name, following in itertools.pairwise([*arguments, ""]):
+        option, given, value = name.partition("=")
+        value = value if given else following
+        if option.startswith("--") and re.fullmatch(r"[+-]?[0-9][0-9_.]*_[0-9_.]*(?:[eE][+-]?[0-9_]+)?", value):
+            raise ProblemError(f"{option} is '{value}', which is not a number; write it in decimal digits")
 
 
 def _leave(code: int) -> None:

@@ -23,6 +23,9 @@ from hemivar.evolution.running import Backend, StepEvent, TimeLoop
 from hemivar.evolution.step_laws import refuse_compliant, refuse_unaveraged
 from hemivar.systems.workspace import Workspace
 
+#: Seconds that the state at the start may take in any case: a march without it has no history.
+_BEGIN = 1.0
+
 __all__ = ["Backend", "March", "StepEvent", "march", "marching", "refuse_plan"]
 
 
@@ -101,6 +104,11 @@ def marching(
     ------
     StepEvent
         Every step; the generator returns a :class:`History`.
+
+    Raises
+    ------
+    MethodError
+        The time limit is over before the state at the start is known.
     """
     remedy = "give an Evolution(problem, ...); a contact problem becomes one by hemivar.Evolution(problem)"
     evolution = expect(evolution, Evolution | DiscreteEvolution, "what to march", remedy)
@@ -116,7 +124,7 @@ def marching(
     # Within a step only a process by itself looks at the clock: others would leave it at other places.
     hurried = discrete.vectors.alone
     try:
-        with limited(budget) if hurried else nullcontext():
+        with limited(Budget(max(plan.max_time, _BEGIN))) if hurried else nullcontext():
             loop.begin()
     except OutOfTime:
         raise MethodError(

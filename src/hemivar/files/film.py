@@ -183,7 +183,8 @@ def read_film(path: str | Path) -> Film:
         if "tangential_state" in read.point_data:
             moving = np.maximum(_numbers(read, file, "tangential_state")[at], TangentialState.FREE)
         states = ContactStates.of_codes(codes[at], moving)
-        gap = _at_nodes(read, file, "gap")
+        # files written before there was one hold the stated gap under the other name
+        gap = _at_nodes(read, file, "initial_gap" if "initial_gap" in read.point_data else "gap")
         gap = gap + _worn({what: values for what, values in read.point_data.items() if values.shape == gap.shape})
         places = np.asarray(read.points, dtype=float)[at][:, :dim]
         return FilmFrame(

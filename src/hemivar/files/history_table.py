@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.arguments import quoted
-from hemivar.basics.csv_text import cell_read, csv_rows, csv_text
+from hemivar.basics.csv_text import cell_read, csv_rows, csv_text, number_in
 from hemivar.basics.disk import path_of, read_text, regular_file, shown, whole_file, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import size_in_words
@@ -201,7 +201,7 @@ def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
     columns = {}
     for k, column in enumerate(head):
         try:
-            columns[_without_unit(cell_read(column))] = np.array([float(row[k]) for row in body])
+            columns[_without_unit(cell_read(column))] = np.array([number_in(row[k]) for row in body])
         except ValueError:  # any file may be named as a table: nothing of it is repeated
             raise FileError(
                 f"{name}: column {k + 1} holds an entry that is not a number; write the table again"

@@ -56,7 +56,8 @@ def write_vtu(
     """Write the body as ``path`` and its contact boundaries as ``*_contact.vtu``, for ParaView and the like.
 
     Point data of the body: ``displacement`` (3 components), ``stress`` (nodal averages), and on the contact boundary
-    ``pressure``, ``gap``, ``penetration``, ``slip`` (a global vector), ``friction`` (of the foundation on the body, a
+    ``pressure``, ``gap`` (the clearance that there is, minus the penetration), ``initial_gap`` (as stated, at the time
+    of a frame), ``penetration``, ``slip`` (a global vector), ``friction`` (of the foundation on the body, a
     global vector), ``contact_force`` (pressure and friction on the body, force per area, a global vector), ``state`` (0
     open, 1 contact and stick, 2 contact and slip, 3 bonded, 4 softening, 5 debonded, 6 contact without friction),
     ``tangential_state`` (0 free, 1 stick, 2 slip; of bonded and softening points too) and ``boundary`` (number of the
@@ -239,7 +240,8 @@ def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
     contact = seen.contact
     quantities = {
         "pressure": (seen.pressure, 0.0),
-        "gap": (seen.gap, 0.0),
+        "gap": (-seen.penetration, 0.0),
+        "initial_gap": (seen.gap, 0.0),
         "penetration": (seen.penetration, 0.0),
     }
     if contact.frames is not None:

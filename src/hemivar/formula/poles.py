@@ -38,10 +38,15 @@ class Pole:
     place: float
     sure: bool
 
-    def words(self, variable: str, limit: str = "a reach") -> str:
-        """What a message says after the name of the formula; ``limit`` is what may be smaller."""
-        nearer = f", or {limit} below {abs(self.place):.6g}" if self.place else ""
-        return pole_words({variable: self.place}) + nearer
+    def words(self, variable: str, limit: str = "") -> str:
+        """What a message says after the name of the formula; ``limit`` is what may be smaller, if anything may.
+
+        A law has values however far a body moves, so that it must be continued before the place.
+        """
+        before = f"{variable} {'<' if self.place > 0.0 else '>'} {0.98 * self.place:.4g}"
+        line = f", or continue it by its tangent: piecewise((FORMULA, {before}), (LINE, True))"
+        nearer = f", or {limit} below {abs(self.place):.6g}" if limit else line
+        return pole_words({variable: self.place}) + (nearer if self.place else "")
 
 
 def pole_words(at: Mapping[str, float]) -> str:

@@ -104,6 +104,9 @@ class Reader:
             case ast.Constant(value=bool()):
                 raise self.error("True and False are not numbers; write 1 and 0", node.col_offset)
             case ast.Constant(value=int() | float() as value):
+                written = self.code[node.col_offset : node.end_col_offset]
+                if not re.fullmatch(r"[0-9.]+(?:[eE][+-]?[0-9]+)?", written):
+                    raise self.error(f"'{written}' is not a number; write it in decimal digits", node.col_offset)
                 try:
                     finite = bool(np.isfinite(float(value)))
                 except OverflowError:

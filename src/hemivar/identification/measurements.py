@@ -12,7 +12,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expect, quoted
 from hemivar.basics.arrays import real_array
-from hemivar.basics.csv_text import cell_read, csv_rows
+from hemivar.basics.csv_text import cell_read, csv_rows, number_in
 from hemivar.basics.disk import path_of, read_text, shown
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
@@ -167,6 +167,6 @@ def _columns(name: str, head: Sequence[str], body: Sequence[Sequence[str]]) -> d
 
 def _number(cell: str) -> float | None:
     try:
-        return float(cell)
+        return number_in(cell)
     except ValueError:
         return None

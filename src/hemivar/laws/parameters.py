@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.arguments import answer
+from hemivar.basics.arguments import answer, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import Form, Stated, stated
 from hemivar.basics.types import Array, Parameter
@@ -26,6 +26,7 @@ __all__ = [
     "LINE",
     "PRESSURE",
     "RATE",
+    "checked_reach",
     "evaluate",
     "field_values",
     "numbers",
@@ -34,6 +35,9 @@ __all__ = [
     "read_formulas",
     "word",
 ]
+
+#: The farthest that an own law may reach: beyond it squares and cubes leave the range of numbers.
+_FARTHEST = 1e75
 
 #: Units.
 PRESSURE, RATE, LENGTH, LINE = "force/area", "force/area/length", "length", "force/length"
@@ -138,3 +142,16 @@ def _where(bad: np.ndarray, points: Array | None) -> str:
     if points is None or bad.size != len(points):
         return ""
     return f" at x = {np.array2string(points[np.argmax(bad)], precision=6)}"
+
+
+def checked_reach(reach: object, of: str) -> float:
+    """The reach of a law or a bound, a positive length whose powers are numbers."""
+    found = number(reach, f"reach of {of}", "give a length")
+    if not 0.0 < found < np.inf:
+        raise ProblemError(f"reach of {of} is {found}; it must be a positive length")
+    if not 1.0 / _FARTHEST <= found <= _FARTHEST:
+        raise ProblemError(
+            f"reach of {of} is {found:g}; it must lie between {1.0 / _FARTHEST:g} and {_FARTHEST:g}: take another unit "
+            "of length"
+        )
+    return found

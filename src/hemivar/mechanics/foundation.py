@@ -275,8 +275,7 @@ class Contact(CheckedFields, PickleMixin):
         if self.obstacle is None:
             if self.normals is not None and not (isinstance(self.normals, str) and self.normals == Normals.BODY):
                 raise ProblemError(f"normals = {quoted(self.normals)} needs an obstacle; give one or leave normals out")
-            object.__setattr__(self, "normals", Normals.BODY)
-            return
+            return  # and an obstacle that is put in later brings its own
         if not isinstance(self.obstacle, Obstacle):
             raise ProblemError(
                 f"obstacle is {described(self.obstacle)}; pass Plane(...), Sphere(...), Cylinder(...) or "

@@ -46,6 +46,10 @@ _SIGNS = {
     "medit": re.compile(rb"\A\s*MeshVersionFormatted"),
     "tecplot": re.compile(rb"^\s*VARIABLES\s*=", re.MULTILINE | re.IGNORECASE),
 }
+#: Triangles of WKT, with n in the place of numbers and without blanks beside what parts them.
+_NUMBER = re.compile(rb"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_AROUND = re.compile(rb" ?([(),]) ?")
+_TIN = re.compile(rb"TIN ?Z?\(\(\(n n n(?:,n n n){3}\)\)(?:,\(\(n n n(?:,n n n){3}\)\))*\)")
 #: What to do about a file that cannot be read.
 _SAVE = "save it as Gmsh 2.2 or 4.1, Abaqus, Nastran or VTU"
 #: An array of more numbers than these counts cells rather than groups.
@@ -92,10 +96,10 @@ def _read(path: Path, formats: Sequence[str]) -> meshio.Mesh | CellGrid:
         return parse_vtk(read_bytes(path, "mesh file", path.stat().st_size))
     if start.startswith(_HDF5):
         _refuse_unwritten(path)
-    if formats[0] == "wkt":  # its reader tries for ever to match what is cut off
-        text = read_bytes(path, "mesh file", path.stat().st_size)
-        if text.count(b"(") != text.count(b")"):
-            raise ProblemError("its brackets do not match: it is cut off; save it again")
+    if formats[0] == "wkt":  # its reader tries for ever to match what is no such text
+        shape = _NUMBER.sub(b"n", read_bytes(path, "mesh file", path.stat().st_size).strip())
+        if not _TIN.fullmatch(_AROUND.sub(rb"\1", b" ".join(shape.split()))):
+            raise ProblemError("it is no TIN of triangles, or cut off; save it again")
     return _read_silently(path, formats)
 
 
@@ -122,7 +126,7 @@ def _refuse_unwritten(path: Path) -> None:
     """Refuse arrays of HDF5 that are larger than what is stored of them can be."""
     try:
         with IMPORTS:
-            import h5py
+            import h5py  # type: ignore[import-untyped]
     except ModuleNotFoundError:  # it is said below that it is missing
         return
 
@@ -277,8 +281,9 @@ def _stream(path: Path, name: str) -> Iterator[object]:
     if name not in (*_TEXTS, *_BYTES):
         yield path
         return
-    with _Bytes(io.FileIO(path)) as stream:
-        yield _Text(stream, encoding="utf-8", errors="replace") if name in _TEXTS else stream
+    binary = io.FileIO(path)
+    with _Bytes(binary) if name in _BYTES else _Text(io.BufferedReader(binary), "utf-8", "replace") as stream:
+        yield stream
 
 
 def _read_silently(path: Path, formats: Sequence[str]) -> meshio.Mesh:

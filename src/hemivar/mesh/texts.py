@@ -49,7 +49,10 @@ def whole(words: list[str], what: str) -> IntArray:
 
 
 def _read(words: list[str], what: str, kind: type[np.float64 | np.int64]) -> AnyArray:
+    together = "".join(words)
     try:
+        if "_" in together or not together.isascii():  # Python alone would take 1_5 for 15
+            raise ValueError
         return np.array(words, dtype=kind) if kind is np.int64 else np.array(words, dtype="U").astype(np.float64)
     except (ValueError, OverflowError):
         pass
@@ -57,6 +60,8 @@ def _read(words: list[str], what: str, kind: type[np.float64 | np.int64]) -> Any
         words = _NO_LETTER.sub("E", _LETTER.sub("E", "\n".join(words))).split("\n")
     for word in words:
         try:
+            if "_" in word or not word.isascii():
+                raise ValueError
             np.float64(word) if kind is np.float64 else np.int64(word)
         except (ValueError, OverflowError):
             of = "a number" if kind is np.float64 else "a whole number"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
 import numpy as np
 
+from hemivar.basics.disk import noting_files_read
 from hemivar.basics.memory import refined_cells
 from hemivar.branches import Path as EquilibriumPath
 from hemivar.discrete.bulk import Quadratic
@@ -139,7 +140,11 @@ class Bench:
 
     def _read(self, request: Request) -> _Stated:
         self._refuse_elsewhere(_tables(request.text))
-        file = parse_problem_file(request.text, self.folder, "problem", place=_small_enough)
+        with noting_files_read() as read:
+            try:
+                file = parse_problem_file(request.text, self.folder, "problem", place=_small_enough)
+            finally:  # nor is anything told of them
+                self._refuse_included(read)
         mesh, order = file.problem.mesh, getattr(file.problem, "order", 1)
         nodes = mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0)
         data = tomllib.loads(request.text)
@@ -160,6 +165,16 @@ class Bench:
                 raise ProblemError(
                     f"problem: '{printable(name)}' lies outside of the folder of the problem, and the page reads "
                     "files of that folder only; make a copy in it"
+                )
+
+    def _refuse_included(self, read: Sequence[Path]) -> None:
+        """Refuse files that meshes include from outside of the folder, and of those that the page began with."""
+        homes = [self.folder.resolve(), *((self.folder / name).resolve().parent for name in self._given)]
+        for one in read:
+            if not any(one.resolve().is_relative_to(home) for home in homes):
+                raise ProblemError(
+                    f"problem: '{printable(one.name)}' is included from outside of the folder of the problem, and the "
+                    "page reads files of that folder only; make a copy in it"
                 )
 
     def _told(self, request: Request, stated: _Stated) -> Message:

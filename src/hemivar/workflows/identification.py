@@ -109,6 +109,11 @@ def identifying(
     ------
     Event
         A :class:`Phase` for every start; the generator returns a :class:`Fit`.
+
+    Raises
+    ------
+    ProblemError
+        As :func:`identify`, or the time limit is over before the rows of the curve are stated.
     """
     budget = Budget(math.inf if controls is None else controls.max_time)
     measured = read_measurements(data) if isinstance(data, str | Path) else data

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.arguments import described, number
+from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
@@ -22,10 +22,11 @@ from hemivar.laws.coupled.plane_bounds import (
 )
 from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotential
 from hemivar.laws.crossings import length_places
+from hemivar.laws.parameters import checked_reach
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, VectorLaw, polar
 
-__all__ = ["OwnCoupledLaw", "checked_reach"]
+__all__ = ["OwnCoupledLaw"]
 
 #: Part of the forces of a law that is none.
 _NOTHING = 1e-40
@@ -35,14 +36,6 @@ _GRID, _STARTS = 70, 8
 _TOGETHER = 200
 #: Lengths, as parts of the reach, at which growth far away is looked at.
 _FAR = (1e4, 1e6, 1e8)
-
-
-def checked_reach(reach: object, name: str) -> float:
-    """The reach of a law, a positive length."""
-    found = number(reach, f"reach of law '{name}'", "give a length")
-    if not 0.0 < found < np.inf:
-        raise ProblemError(f"reach of law '{name}' is {found}; it must be a positive length")
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +74,7 @@ class OwnCoupledLaw(VectorLaw):
         cls, plane: PlanePotential, reach: object, rigid: object, name: str, stated: Mapping[str, object] | None = None
     ) -> OwnCoupledLaw:
         """The law of a potential, which is checked first."""
-        far = checked_reach(reach, name)
+        far = checked_reach(reach, f"law '{name}'")
         if not isinstance(rigid, bool | np.bool_):
             raise ProblemError(f"rigid of law '{name}' is {described(rigid)}; give True or False")
         if isinstance(plane, FormulaPotential):

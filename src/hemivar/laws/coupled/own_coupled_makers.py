@@ -6,8 +6,9 @@ from types import MappingProxyType
 
 from hemivar.basics.arguments import described, one_line
 from hemivar.errors import ProblemError
-from hemivar.laws.coupled.own_coupled import OwnCoupledLaw, checked_reach
+from hemivar.laws.coupled.own_coupled import OwnCoupledLaw
 from hemivar.laws.coupled.plane_potential import FormulaPotential, FunctionPotential, PotentialFunction
+from hemivar.laws.parameters import checked_reach
 
 __all__ = ["CoupledFormulaLaw", "CoupledFunctionLaw"]
 
@@ -57,7 +58,7 @@ def CoupledFormulaLaw(  # noqa: N802 - a law, named as the others are
             f"law '{name}': the potential is {described(potential)}; give a formula of r and s such as 'r^2 + s^2', or "
             "take CoupledFunctionLaw"
         )
-    far = checked_reach(reach, name)
+    far = checked_reach(reach, f"law '{name}'")
     shut = "rigid" if rigid is True else "formula"
     stated = {"law": "coupled-formula", "potential": potential, "reach": far, "penetration": shut}
     return OwnCoupledLaw.of(FormulaPotential(potential, where), far, rigid, name, MappingProxyType(stated))
@@ -104,5 +105,5 @@ def CoupledFunctionLaw(  # noqa: N802 - a law, named as the others are
                 f"the {what} of law '{name}' is {described(function)}; give a function of r and s, or a formula to "
                 "CoupledFormulaLaw"
             )
-    far = checked_reach(reach, name)
+    far = checked_reach(reach, f"law '{name}'")
     return OwnCoupledLaw.of(FunctionPotential(potential, gradient, hessian, far, name), far, rigid, name)

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
@@ -24,7 +23,7 @@ from hemivar.errors import ProblemError
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.formula.poles import Pole, pole_of_pieces
 from hemivar.formula.smooth import WIDE, supremum_of_pieces
-from hemivar.laws.parameters import evaluate
+from hemivar.laws.parameters import checked_reach, evaluate
 
 __all__ = ["CoulombBound", "PenetrationBound", "StackedBound", "StateBound", "stack_bounds"]
 
@@ -183,8 +182,7 @@ class PenetrationBound(StateBound):
 
     def __post_init__(self) -> None:
         source = self.source
-        if not 0.0 < number(self.reach, "reach of the friction bound", "give a length") < np.inf:
-            raise ProblemError(f"reach of the friction bound is {self.reach}; it must be a positive length")
+        checked_reach(self.reach, "the friction bound")
         if isinstance(source, str):
             source = ScalarFormula(source, "s", "friction bound")
             object.__setattr__(self, "source", source)

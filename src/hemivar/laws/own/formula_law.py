@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar.basics.arguments import described, number, one_line
+from hemivar.basics.arguments import described, one_line
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_keywords
@@ -20,7 +20,7 @@ from hemivar.formula.poles import Pole, pole_of_pieces
 from hemivar.formula.primitive import Primitive
 from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, supremum_of_pieces
 from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
-from hemivar.laws.parameters import LENGTH, LINE, numbers, parameter
+from hemivar.laws.parameters import LENGTH, LINE, checked_reach, numbers, parameter
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["FORMULA", "FormulaLaw"]
@@ -55,8 +55,7 @@ class _FormulaLaw(OwnLaw):
     _formula: ScalarFormula = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not 0.0 < number(self.reach, f"reach of law '{self.name}'", "give a length") < np.inf:
-            raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
+        checked_reach(self.reach, f"law '{self.name}'")
         object.__setattr__(self, "_formula", ScalarFormula(self.text, "r", self.where))
         _ = self._own
 

@@ -15,6 +15,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.laws.consistency import check_consistency
 from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
+from hemivar.laws.parameters import checked_reach
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["Differences", "FunctionLaw", "differences"]
@@ -118,8 +119,7 @@ class _FunctionLaw(OwnLaw):
         one_line(self.name, "the name of a law")
         if self.potential is None and self.derivative_function is None:
             raise ProblemError(f"law '{self.name}' has no function; give its potential or its derivative")
-        if not (np.isfinite(self.reach) and self.reach > 0.0):
-            raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
+        checked_reach(self.reach, f"law '{self.name}'")
         kinks = np.asarray(self.kinks_at, dtype=float)
         if kinks.ndim != 1 or not np.isfinite(kinks).all():
             raise ProblemError(
