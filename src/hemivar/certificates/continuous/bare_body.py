@@ -122,7 +122,7 @@ def _directions(contact: Contact) -> object:
     """The same for contacts whose normals are found alike."""
     if isinstance(contact.obstacle, Plane) and _is_plane(contact):
         return np.asarray(contact.obstacle.normal).tolist()
-    return contact.normals is Normals.BODY
+    return contact.normals is not Normals.OBSTACLE
 
 
 def _at_rest(support: Support | ScalarData) -> Support | ScalarData:
@@ -232,7 +232,7 @@ def held_facets(problem: ContactProblem, table: FacetTable) -> Array:
 
 def has_constant_normals(problem: ContactProblem) -> bool:
     """Whether the contact normal is constant on every facet: it is that of the facet, or of a plane obstacle."""
-    return all(_is_plane(one) or one.normals is Normals.BODY for one in problem.contact.values())
+    return all(_is_plane(one) or one.normals is not Normals.OBSTACLE for one in problem.contact.values())
 
 
 def contact_normals(problem: ContactProblem, table: FacetTable, facets: IntArray) -> Array:
