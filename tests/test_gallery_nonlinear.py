@@ -71,7 +71,7 @@ def test_the_displacement_solves_the_equation_between() -> None:
 
 def test_what_is_not_pushed_is_refused() -> None:
     for make in (hencky_block, hencky_ring):
-        with pytest.raises(ProblemError, match="it must be positive"):
+        with pytest.raises(ProblemError, match="give a positive number"):
             make(pushed=-0.1)
 
 

@@ -46,8 +46,11 @@ def test_pictures_of_the_readme_are_seen_in_the_repository_and_from_anywhere(mon
 
 def test_addresses_of_the_project_stand_in_one_place() -> None:
     address = PROJECT["urls"]["Repository"].removeprefix("https://")
-    texts = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("*.py"), ROOT / "README.md"]
+    texts = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("*.py")]
     assert [path.name for path in texts if address in path.read_text(encoding="utf-8")] == []
+    # and once more for who reads the README, which can be cloned
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert readme.count(address) == readme.count(f"git clone https://{address}`") == 1
 
 
 def test_every_command_is_in_the_readme_or_the_docs() -> None:

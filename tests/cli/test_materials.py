@@ -90,5 +90,5 @@ def test_what_cannot_be_drawn_is_said() -> None:
         with pytest.raises(ProblemError, match="draw one material, at a point"):
             plot_material(material)
     assert len(plot_material(varies, point=(0.0, 0.0)).axes) == 2
-    with pytest.raises(ProblemError, match="positive strain"):
+    with pytest.raises(ProblemError, match=r"reach is -1\.0; give a positive number"):
         plot_material(Material.hencky(6.0, 4.0, 0.25, 0.05), reach=-1.0)

@@ -273,7 +273,7 @@ def test_parameters_for_every_point(law: Superpotential) -> None:
     [
         (lambda: ThresholdCompliance(-0.1).at(None), ["q_max", "survey", "-0.1", "at least 0"]),
         (lambda: ThresholdCompliance(float("nan")).at(None), ["q_max", "finite"]),
-        (lambda: ThresholdCompliance("soft").at(None), ["q_max", "number"]),
+        (lambda: ThresholdCompliance("soft").at(None), ["q_max", "formula 'soft'"]),
         (lambda: ThresholdCompliance(lambda x: np.ones((3, 2))).at(np.zeros((4, 2))), ["q_max", "shape"]),
         (lambda: ThresholdCompliance(lambda x: x[:, 0]).prox(np.zeros(2), 1.0), ["q_max", "function of x", "law.at"]),
         (lambda: Compliance(1.0, 0.5).at(None), ["exponent", "at least 1"]),

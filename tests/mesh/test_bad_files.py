@@ -172,7 +172,7 @@ CASES = [
     ("bdf", "CQUAD4", "INCLUDE 'none.bdf'\nCQUAD4", "none.bdf"),
     ("bdf", "CQUAD4", "include part.bdf\nCQUAD4", "include one another more than 8 deep"),
     ("tec", None, TECPLOT[:60], "format tecplot: it is cut off, damaged or of another kind"),
-    ("wkt", None, "TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)), ((1 0 0, 1 1 0, 0 1", "it is no TIN of triangles, or cut off"),
+    ("wkt", None, "TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)), ((1 0 0, 1 1 0, 0 1", "it is not a TIN of triangles"),
     ("mdpa", None, "Begin Nodes\n 1 0.0 0.0 0.0\n", "format mdpa: it is cut off, damaged or of another kind"),
     ("msh", None, '(0 "x")(2 3)(10 (0 1 3 0 3))(10 (1 1 3 1 3)(0 0', "format ansys: it is cut off"),
     ("msh", None, "$ a comment of another program\nGRID,1,,0.,0.,0.\n", r"does not begin like a Gmsh file"),

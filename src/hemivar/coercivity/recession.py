@@ -270,7 +270,7 @@ def growth_along(
     slack : float
         What rounding makes of a tangential motion: displacements that a rigid foundation lets pass.
     friction : bool
-        Friction that the pressure bounds counts all the same, by :class:`FrictionCones`.
+        Friction that the pressure bounds counts as well, by :class:`FrictionCones`.
     """
     up, down, slip = (weights * rate for rate in law.rates)
     rubbed = law.rubbed(local[:, 1:]) if friction else None

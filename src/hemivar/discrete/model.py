@@ -101,7 +101,7 @@ class Model(PickleMixin):
     def free_unknowns(self) -> sp.csr_array | None:
         """Unknowns (n, a) of the motions without deformation, the kernel of K; None where K is not that of a mesh.
 
-        They are told by mesh and supports of a displacement.  A stiffness that resists them is not the one of the mesh
+        They follow from mesh and supports of a displacement.  A stiffness that resists them is not the one of the mesh
         (springs may have been added), and nothing is known.
         """
         field, bulk = self.field, self.bulk.at_rest if isinstance(self.bulk, Potential) else self.bulk

@@ -448,18 +448,15 @@ class DiscreteProblem(PickleMixin, ReprMixin):
 
         Rigid motions of what supports do not hold leave nothing.
         """
-        found = real_array(unknowns, "unknowns", 1)
-        if found.shape != self.load.shape:
-            raise ProblemError(f"unknowns has shape {found.shape}; it needs one entry per unknown, {self.load.shape}")
-        return np.asarray(self.load - self.bulk.gradient(self.strained(found)[0]))
+        return np.asarray(self.load - self.bulk.gradient(self.strained(unknowns)[0]))
 
     def strained(self, unknowns: Array) -> tuple[Array, Array]:
         """Unknowns (n,) without their rigid part, and the sizes (n,) of what is left in an answer.
 
         See :meth:`hemivar.discrete.rigid_part.RigidPart.without`.
         """
-        rigid = self.model.rigid_part
-        return rigid.without(unknowns, self.kept_apart(self.local(unknowns)) if rigid.count else 0.0)
+        rigid, u = self.model.rigid_part, self._checked(unknowns)
+        return rigid.without(u, self.kept_apart(self.local(u)) if rigid.count else 0.0)
 
     def kept_apart(self, r: Array) -> float:
         """The largest displacement that gaps or laws ask for at local displacements r (m, c).
@@ -467,6 +464,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         That is an offset, or a displacement by which a law changes its force: not that of a body which slides against
         friction, or has flown off.
         """
+        r = real_array(r, "local displacements", 2, finite=False)
         line = self.law.frozen_at(r).linearise(r)
         bends = line.hessian[:, 0, 0] != 0.0
         far = np.abs(self.offset).max(initial=0.0), np.abs(r[bends | ~line.smooth[:, 0], 0]).max(initial=0.0)

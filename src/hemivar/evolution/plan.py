@@ -124,6 +124,8 @@ class March:
         object.__setattr__(self, "stops", stops)
         object.__setattr__(self, "events", events)
         try:
+            if not isinstance(self.jump, str):  # of which arrays are compared with every word
+                raise ValueError
             object.__setattr__(self, "jump", SelectionRule(self.jump))
         except ValueError:
             gone = " was removed: march with inertia" if isinstance(self.jump, str) and self.jump == "dynamic" else ""
@@ -147,7 +149,7 @@ def _scheme_of(scheme: object) -> Scheme:
     if not isinstance(scheme, str):
         return expect(scheme, Scheme, "the scheme", f"give ImplicitEuler() or a name, such as '{ImplicitEuler.name}'")
     if scheme not in SCHEMES:
-        raise ProblemError(f"there is no scheme '{scheme}'{suggest(scheme, tuple(SCHEMES), 'schemes')}")
+        raise ProblemError(f"there is no scheme {quoted(scheme)}{suggest(scheme, tuple(SCHEMES), 'schemes')}")
     return SCHEMES[scheme]
 
 

@@ -666,7 +666,7 @@ def _held_energy(contact: ContactPoints, law: VectorLaw, r: Array, rounding: flo
         raise SupportError(
             f"the supports hold the contact point x = {in_words(contact.points[bad])} at penetration {r[bad, 0]:.3g}, "
             f"which its law forbids (contact '{contact.names[contact.boundary[bad]]}'); change the support or the "
-            "foundation"
+            "gap"
         )
     return float(contact.weights @ values)
 

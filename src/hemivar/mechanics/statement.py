@@ -545,6 +545,8 @@ class ContactProblem(PickleMixin, ReprMixin):
     def stiffness_at(self, boundary: str) -> float:
         """Mean size of the elasticity in the cells along a boundary, nearly Young's modulus."""
         mesh = self.mesh
+        if not isinstance(boundary, str) or boundary not in mesh.boundaries:
+            raise ProblemError(f"boundary is {described(boundary)}; give one of {', '.join(mesh.boundaries)}")
         on = np.zeros(mesh.number_of_nodes, dtype=bool)
         on[mesh.boundaries[boundary]] = True
         cells = np.flatnonzero(np.count_nonzero(on[mesh.cells], axis=1) >= mesh.dim)

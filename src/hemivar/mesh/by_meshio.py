@@ -99,7 +99,7 @@ def _read(path: Path, formats: Sequence[str]) -> meshio.Mesh | CellGrid:
     if formats[0] == "wkt":  # its reader tries for ever to match what is no such text
         shape = _NUMBER.sub(b"n", read_bytes(path, "mesh file", path.stat().st_size).strip())
         if not _TIN.fullmatch(_AROUND.sub(rb"\1", b" ".join(shape.split()))):
-            raise ProblemError("it is no TIN of triangles, or cut off; save it again")
+            raise ProblemError("it is not a TIN of triangles, or it is cut off; save it again")
     return _read_silently(path, formats)
 
 

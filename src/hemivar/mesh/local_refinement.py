@@ -67,9 +67,9 @@ def refined_where(mesh: Mesh, cells: object) -> Mesh:
 
 
 def _chosen(mesh: Mesh, cells: object) -> IntArray:
-    count = mesh.number_of_cells
+    count, given = mesh.number_of_cells, unmasked(cells, "the choice of cells")
     try:
-        array = np.asarray(unmasked(cells, "the choice of cells"))
+        array = np.asarray(given)
     except ValueError:
         raise ProblemError("the cells to be refined are rows of several lengths; give a list of numbers") from None
     if array.dtype == bool:

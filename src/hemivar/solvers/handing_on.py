@@ -17,6 +17,7 @@ from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
+from hemivar.systems.contact_moves import Search
 
 __all__ = ["LOWER", "best_of", "others", "took_over"]
 
@@ -73,6 +74,13 @@ def _careful(solver: Solver, problem: DiscreteProblem) -> Solver | None:
     return solver.downhill()
 
 
+def _across(solver: Solver, problem: DiscreteProblem) -> Solver | None:
+    """The method, which crosses barriers of an energy that has a lower bound: there it cannot run away."""
+    if not isinstance(solver, NonsmoothNewton | NonsmoothMultigrid) or solver.search is not Search.DOWNHILL:
+        return None
+    return replace(solver, search=Search.GLOBAL) if problem.limit is None else None
+
+
 def _stepped(solver: Solver, problem: DiscreteProblem) -> Solver | None:
     """The method downhill, while the load grows."""
     return LoadStepping(solver.downhill())
@@ -109,6 +117,6 @@ _NEXT: Mapping[Status, tuple[Callable[[Solver, DiscreteProblem], Solver | None],
         Status.NOT_CONTRACTING: (_relaxed, _stepped, _elsewhere),
         Status.AT_LIMIT: (_frozen, _elsewhere, _stepped),
         Status.NONFINITE: (_careful, _elsewhere, _stepped),
-        Status.UNBOUNDED: (_without_pressure, _careful, _stepped, _elsewhere),
+        Status.UNBOUNDED: (_without_pressure, _careful, _across, _stepped, _elsewhere),
     }
 )

@@ -12,6 +12,7 @@ from hemivar.coercivity.rigid_modes import admitted
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import VectorLaw
+from hemivar.solvers.contact_states import TangentialState
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 
@@ -21,6 +22,8 @@ __all__ = ["told_of_slides"]
 _PRESSED = 1e-9
 #: A slide that is doubled must raise what is out of balance along it by this, for the residual to tell where it ends.
 _TOLD = 10.0
+#: Parts of a slide by which it is moved on: friction that weakens may be gone at the whole one.
+_ON = (1e-3, 1.0)
 
 
 def told_of_slides(solution: Solution) -> Solution:
@@ -28,7 +31,7 @@ def told_of_slides(solution: Solution) -> Solution:
 
     A part is moved on along the way that it has slid.  Where that leaves what is out of balance along it as small as it
     is, all of its contact slips, and the load is as near to the limit of friction as the solution is to balance: the
-    part may be anywhere on its way.
+    part may be anywhere on its way.  Where a point sticks nothing slides.
     """
     if solution.status is not Status.CONVERGED:
         return solution
@@ -64,8 +67,8 @@ class _Slide:
         law = problem.law.frozen(solution.local, lam)
         r = law.fitted(solution.local, lam, contact_compliance(problem))
         there = problem.contact.trace_of(max(1.0, self.slip / float(np.abs(self.way).max())) * self.way)
-        here, beyond = (self._off(problem, law, at, lam) for at in (r, r + there))
-        return beyond > max(_TOLD * here, solution.residual.noise)
+        here, *beyond = (self._off(problem, law, r + part * there, lam) for part in (0.0, *_ON))
+        return max(beyond) > max(_TOLD * here, solution.residual.noise)
 
     def _off(self, problem: DiscreteProblem, law: VectorLaw, r: Array, lam: Array) -> float:
         """What friction at local displacements r, under the pressure of a multiplier, leaves of the load on the way."""
@@ -79,6 +82,8 @@ def _slides(problem: DiscreteProblem, solution: Solution) -> Iterator[_Slide]:
     if not rigid.count or field is None or problem.contact.components < 2 or not problem.law.rubs.any():
         return
     free, pressure = problem.model.free_motions, np.abs(solution.multiplier[:, 0])
+    bears = np.linalg.norm(solution.multiplier, axis=1)
+    sticks = (solution.tangential_state == TangentialState.STICK) & (bears > _PRESSED * bears.max(initial=0.0))
     trace = (problem.contact.trace @ rigid.basis).toarray().reshape(*problem.contact.shape, rigid.count)
     pressed = trace[pressure > _PRESSED * pressure.max(initial=0.0), 0]
     for group, columns in zip(free.groups, rigid.groups, strict=True):
@@ -86,6 +91,6 @@ def _slides(problem: DiscreteProblem, solution: Solution) -> Iterator[_Slide]:
         way = motions @ (motions.T @ solution.unknowns)
         own = np.abs(trace[:, 1:, columns]).any(axis=(1, 2))
         slip = float(np.abs(solution.local[own, 1:]).max(initial=0.0))
-        if way.any() and slip > 0.0:
+        if way.any() and slip > 0.0 and not (own & sticks).any():
             nodes = np.unique(free.motions[:, group.columns].indices // field.components)
             yield _Slide(way, float(np.ptp(field.nodes[nodes], axis=0).max()), slip)

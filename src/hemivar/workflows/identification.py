@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect, expecting, quoted
+from hemivar.basics.arguments import answer, described, expect, expecting, quoted
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.disk import shown
 from hemivar.basics.generators import each_as, result_of
@@ -203,7 +203,8 @@ def _statement(
     problem: Model, changes: Sequence[Change], inputs: Iterable[str]
 ) -> Callable[[Mapping[str, float]], Posable]:
     if callable(problem):
-        return problem
+        takes = "let it take a dict of values by name and return a problem"
+        return lambda values: cast(Posable, answer(problem, (values,), "identify", takes))
     if not isinstance(problem, str | Path):
         raise ProblemError(
             f"identify: the problem is {described(problem)}; give the path of a problem file, or a function"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect, whole_number
+from hemivar.basics.arguments import answer, described, expect, whole_number
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
@@ -123,12 +123,14 @@ def study_levels(
     given = dict(known or {})
     for level in range(levels):
         remedy = "return a DiscreteProblem or a FormProblem"
-        made: Made = expect(make(level), DiscreteProblem | FormProblem, f"the problem of level {level}", remedy)
+        found = answer(make, (level,), "study_levels: make", "let it take the number of a level")
+        made: Made = expect(found, DiscreteProblem | FormProblem, f"the problem of level {level}", remedy)
         discrete = made.discrete if isinstance(made, FormProblem) else made
         solution = solve(discrete, method, controls=controls)
         check_interrupt(solution.status)
         solutions.append(solution.raise_for_status())
-        rows.append(_measured(measure(solutions[-1], made), level))
+        takes = "let it take a solution and what make returned"
+        rows.append(_measured(answer(measure, (solutions[-1], made), "study_levels: measure", takes), level))
         if rows[0].keys() != rows[-1].keys():
             raise ProblemError(f"level {level} measures {', '.join(rows[-1])}, and level 0 {', '.join(rows[0])}")
     if unknown := sorted(given.keys() - rows[0].keys()):

@@ -9,10 +9,11 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect, expecting, whole_number
+from hemivar.basics.arguments import answer, described, expect, expecting, whole_number
 from hemivar.basics.content import digest_of
 from hemivar.basics.disk import noting_files_read, read_bytes
 from hemivar.basics.display import ReprMixin
@@ -447,7 +448,8 @@ def _found(task: _Task) -> SweepPoint:
         own = [Change(key, value) for key, value in zip(task.keys, task.values, strict=True)]
         stated: Posable = parse_problem_file(text, folder, name, changes=[*task.changes, *own]).problem
     else:
-        stated = task.source(*task.values)
+        takes = "let it take a value of each parameter and return a problem"
+        stated = cast(Posable, answer(task.source, task.values, "sweep", takes))
     problem, workspace = posed(stated, "sweep"), Workspace()
     found = result_of(finding(problem, task.search, workspace))
     if found.interrupted:
