@@ -15,6 +15,7 @@ from tests.composition.covering import every_pair, few_rows, pairs_of, refused_r
 from tests.composition.outcome import check
 from tests.composition.page import PAGE, page
 from tests.composition.rules import FACTORS, RULES, matching, statable
+from tests.samples import sampled
 
 #: Laws that are like others of these: with them the pairs are tried in the slow tests only.
 _ALIKE = ("function", "table", "coupled-function", "finite", "bilateral")
@@ -26,7 +27,7 @@ QUICK = few_rows(FEW)
 REFUSED = refused_rows()
 
 
-@pytest.mark.parametrize("row", QUICK, ids=str)
+@pytest.mark.parametrize("row", sampled(QUICK, 4), ids=str)
 def test_what_works(row: Row, tmp_path: Path) -> None:
     check(row, tmp_path)
 
@@ -50,6 +51,12 @@ def test_every_two_levels_that_can_meet_do() -> None:
             continue
         assert pairs_of(row) <= met, row
     assert len(QUICK) <= 285
+
+
+def test_every_level_is_met_by_default() -> None:
+    """Each fourth row runs by default; the others are slow tests."""
+    for name, levels in FEW.items():
+        assert set(levels) <= {getattr(row, name) for row in QUICK[::4]}, name
 
 
 def test_rules_speak_of_levels_that_are_there() -> None:

@@ -32,6 +32,7 @@ from hemivar.solvers.newton_on_graph import ForceResidual, NewtonCache, active_s
 from hemivar.systems import elimination
 from tests import bodies
 from tests.counting import at_most_calls
+from tests.samples import sampled
 
 STEP = 0.01
 NONE = Save(every=1e9)
@@ -365,7 +366,7 @@ SOFT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SOFT)
+@pytest.mark.parametrize("name", sampled(SOFT, ["two energies"]))
 def test_the_way_down_of_a_law_without_a_potential_is_short(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Once a step stays on its pieces Newton's method leads to the end of the way: the same, and in fewer solves."""
     dim, contact = SOFT[name]

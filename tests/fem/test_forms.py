@@ -280,6 +280,7 @@ def test_algebraic_levels_know_the_rigid_motions_of_a_form(mesh: Any, element: A
     assert counts[-1] <= 0.7 * hv.solve(blind, "multigrid").evaluations
 
 
+@pytest.mark.slow
 def test_a_large_form_in_space_is_solved_by_levels_without_being_told() -> None:
     basis = skfem.Basis(grid(skfem.MeshHex, 18), skfem.ElementVector(skfem.ElementHex1()))
     found = hv.solve(pressed(basis).problem({"bottom": RUBBED}))

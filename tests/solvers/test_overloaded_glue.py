@@ -35,8 +35,8 @@ def block(glue: str, pull: tuple[float, ...], mesh: Mesh = PLANE) -> hv.ContactP
 
 
 @pytest.mark.parametrize("glue", GLUES)
-@pytest.mark.parametrize("times", [1.02, 2.3, 300.0])
-@pytest.mark.parametrize("mesh", [PLANE, SPACE], ids=["plane", "space"])
+@pytest.mark.parametrize("times", [slow(1.02), 2.3, slow(300.0)])
+@pytest.mark.parametrize("mesh", [PLANE, pytest.param(SPACE, marks=pytest.mark.slow)], ids=["plane", "space"])
 def test_what_glue_carries_is_bracketed(glue: str, times: float, mesh: Mesh) -> None:
     """A stiff block that is pulled off evenly: strength times area."""
     pull = (*(0.0,) * (mesh.dim - 1), times * STRENGTH)
