@@ -101,6 +101,6 @@ def test_an_interruption_while_modules_load_is_one_line(module: str, number: sig
     done = subprocess.run(
         [sys.executable, "-c", _PRESSED, module, str(int(number)), "solve", "a.toml"],
         cwd=tmp_path, capture_output=True, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        preexec_fn=lambda: [signal.signal(one, signal.SIG_DFL) for one in (signal.SIGINT, signal.SIGHUP)],
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (130, "hemivar: interrupted\n")

@@ -14,7 +14,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, FormulaLaw, Superpotential
-from hemivar.solvers import Solution, Status
+from hemivar.solvers import NonsmoothNewton, Solution, Status
 
 #: Widths of the laws beside the default reach of 10, and those of the slow tests.
 WIDTHS = (1e-9, 1e-3, 1e3)
@@ -45,7 +45,9 @@ FAMILIES: dict[str, tuple[str, Function, Function, tuple[float, ...]]] = {
 
 def one_unknown(k: float, f: float, law: Superpotential) -> Solution:
     matrix, load = np.array([[k]]), np.array([f])
-    return hv.solve(DiscreteProblem.of_arrays(matrix, load, np.eye(1), np.ones(1), np.zeros(1), ContactLaw(law)))
+    return hv.solve(
+        DiscreteProblem.of_arrays(matrix, load, np.eye(1), np.ones(1), np.zeros(1), ContactLaw(law)), NonsmoothNewton()
+    )
 
 
 def lowest(k: float, f: float, A: float, b: float, value: Function, slope: Function) -> float:

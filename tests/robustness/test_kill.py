@@ -149,7 +149,7 @@ _WHOLE: dict[str, Callable[[bytes], Any]] = {
     ".svg": ElementTree.fromstring,
     ".csv": _table,
     # Table 1 has a note below
-    ".md": lambda data: _ends(data, b"by the residual." if b"\n\nAssembly" in data else b"|"),
+    ".md": lambda data: _ends(data, b"sets exactly." if b"\n\nAssembly" in data else b"|"),
     ".png": lambda data: _ends(data, b"IEND\xaeB`\x82"),
     ".pdf": lambda data: _ends(data, b"%%EOF"),
     ".html": lambda data: _ends(data, b"</html>"),

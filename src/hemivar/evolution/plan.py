@@ -136,7 +136,7 @@ class March:
             raise ProblemError(f"max_time = {self.max_time:g}; give seconds >= 0")
         if self.checkpoint is not None and not isinstance(self.checkpoint, Checkpoint):
             object.__setattr__(self, "checkpoint", Checkpoint(path_of(self.checkpoint)))
-        if self.resume and self.checkpoint is None:
+        if expect(self.resume, bool, "resume", "give True or False") and self.checkpoint is None:
             raise ProblemError("resume needs a checkpoint; name its file, checkpoint='run.ckpt'")
 
     def stepping(self, span: float) -> StepSizeController:

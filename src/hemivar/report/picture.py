@@ -83,7 +83,7 @@ def _kind() -> type[Figure]:
 
         def savefig(self, fname: object, **options: object) -> None:
             """Write it with the legends beside its axes, unless ``bbox_inches`` is given."""
-            super().savefig(fname, **({"bbox_inches": "tight", "pad_inches": 0.05} | options))  # type: ignore[arg-type]
+            super().savefig(fname, **({"bbox_inches": "tight"} | options))  # type: ignore[arg-type]
 
         def _repr_png_(self) -> bytes:
             with IMPORTS:
