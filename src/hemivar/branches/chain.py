@@ -234,7 +234,9 @@ class Chain(Segments, Curves):
         """By how much the law of each component falls, over the stiffness of the body with all others held, (n,)."""
         kink = self.pick(self.kink, segment)
         fall = np.where(kink, 0.0, -self.evaluate(theta, segment)[3])
-        return np.where(self.falls(segment), np.inf, fall) / np.diagonal(self.matrix)
+        least, stiffness = np.where(self.falls(segment), np.inf, fall), np.diagonal(self.matrix)
+        without = np.where(least > 0.0, np.inf, 0.0)  # a body that nothing else holds has no stiffness
+        return np.divide(least, stiffness, out=without, where=stiffness > 0.0)
 
     def load_of(self, system: CondensedProblem) -> Array:
         """g of the body under some load, (n,)."""
