@@ -453,7 +453,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
     def strained(self, unknowns: Array) -> tuple[Array, Array]:
         """Unknowns (n,) without their rigid part, and the sizes (n,) of what is left in an answer.
 
-        See :meth:`hemivar.discrete.rigid_part.RigidPart.without`.
+        See ``RigidPart.without`` of ``hemivar.discrete.rigid_part``.
         """
         rigid, u = self.model.rigid_part, self._checked(unknowns)
         return rigid.without(u, self.kept_apart(self.local(u)) if rigid.count else 0.0)
