@@ -78,7 +78,7 @@ def check_law(law: object) -> None:
 def numbers(value: Array | float, what: str, *, above: float = -np.inf, least: float = -np.inf) -> Array:
     """Finite numbers for each contact point, shape (1,) or (m,), > ``above`` and >= ``least``."""
     found = np.atleast_1d(real_array(value, what))
-    if found.ndim != 1 or not found.size:
+    if found.ndim != 1 or not (found.size or isinstance(value, np.ndarray)):  # a rank may have no contact points
         raise ProblemError(f"{what} has shape {found.shape}; give a number, or one for each contact point")
     if not (found > above).all():
         raise ProblemError(
