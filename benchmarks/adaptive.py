@@ -5,7 +5,7 @@
 
 For each data set of the survey two ways with linear elements, or with ``--order 2`` quadratic ones: the mesh refined
 where the bound says, and everywhere. Bounds are those of
-``hemivar.certificates.continuous.exact_distance`` with trace constants from below; the rate is that of the bound in the
+``hemivar.bounds.exact_distance`` with trace constants from below; the rate is that of the bound in the
 number of unknowns. Uniform meshes end at ``--most`` cells a side.
 
 ``--times`` compares the time until a distance is guaranteed: quadratic elements on adaptive meshes, all meshes and the
@@ -26,9 +26,8 @@ from typing import Any
 from common import show
 
 import hemivar as hv
-from hemivar.adapt import AdaptiveSolution, solve_adaptive
-from hemivar.certificates.continuous import exact_distance
-from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
+from hemivar.bounds import AdaptiveSolution, exact_distance, solve_adaptive
+from hemivar.bounds.trace_bounds import guaranteed_trace_bounds
 from hemivar.gallery import SURVEY_DATA, survey
 
 #: Unknowns, relative bound and seconds of a uniform mesh.

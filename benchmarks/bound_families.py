@@ -26,7 +26,7 @@ from random_statements import Array
 from scipy.spatial import Delaunay
 
 import hemivar as hv
-from hemivar.certificates.continuous import ExactDistance, exact_distance
+from hemivar.bounds import ExactDistance, exact_distance
 from hemivar.mesh import Mesh, box, rectangle
 
 Rng = np.random.Generator

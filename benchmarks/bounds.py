@@ -41,9 +41,9 @@ from random_statements import Array, Body, random_body, random_statement, soften
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.certificates.continuous import ExactDistance, exact_distance
-from hemivar.certificates.continuous.patches import PatchKind
-from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_trace_bounds, guaranteed_trace_bounds
+from hemivar.bounds import ExactDistance, exact_distance
+from hemivar.bounds.patches import PatchKind
+from hemivar.bounds.trace_bounds import TraceBounds, discrete_trace_bounds, guaranteed_trace_bounds
 from hemivar.fem import interpolate
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.mechanics.composed_material import lower_elasticity

@@ -20,9 +20,9 @@ import numpy as np
 from petsc4py import PETSc
 
 import hemivar as hv
-from hemivar.engines.petsc import BodyOnRanks, Ranks, assemble, family, solve_distributed, world
-from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.mesh.mesh import Mesh
+from hemivar.ranks import BodyOnRanks, Ranks, assemble, family, solve_distributed, world
+from hemivar.ranks.preconditioner import Multigrid
 from hemivar.solvers import Controls
 
 

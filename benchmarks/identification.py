@@ -40,7 +40,7 @@ def main() -> None:
             normal = np.random.default_rng(draw).standard_normal(exact.size)
             curve = exact + options.noise * np.abs(exact).max() * normal
             measured = Measurements({"pull": case.pulled}, {FORCE: curve})
-            found = hv.workflows.identify(case.state, measured, case.ranges, FitOptions(starts=1))
+            found = hv.identification.identify(case.state, measured, case.ranges, FitOptions(starts=1))
             low, high = found.intervals.T
             held += (low <= truth) & (truth <= high)
             off[draw] = found.values / truth - 1.0

@@ -184,7 +184,7 @@ def record_bounds() -> dict[str, Any]:
         "survey cube": gallery.survey_cube("5.1", 2),
     }.items():
         found[name] = certify(hv.solve(problem, controls=FINE), exact=True).record()
-    adaptive = hv.adapt.solve_adaptive(gallery.survey("5.1", 4), rtol=0.1)
+    adaptive = hv.bounds.solve_adaptive(gallery.survey("5.1", 4), rtol=0.1)
     last = adaptive.levels[-1]
     found["adaptive survey"] = {
         "unknowns": [level.unknowns for level in adaptive.levels], "energy": adaptive.solution.energy,

@@ -21,9 +21,9 @@ import hemivar as hv
 from hemivar.gallery import survey
 from hemivar.report.tables import PAPER_TABLE_1
 from hemivar.solvers import METHODS, Controls, Solution, solve, suited, transfer_solution
+from hemivar.survey.survey_runs import SURVEY_METHODS
 from hemivar.systems import Workspace, condense
 from hemivar.workflows import energy_norm_difference
-from hemivar.workflows.survey_runs import SURVEY_METHODS
 
 _DEFAULT = "newton"
 

@@ -26,8 +26,8 @@ from common import show
 from scipy.spatial import Delaunay
 
 import hemivar as hv
-from hemivar.certificates.continuous.bare_body import bare_body
-from hemivar.certificates.continuous.lower_bounds import _on, lower_bounds
+from hemivar.bounds.bare_body import bare_body
+from hemivar.bounds.lower_bounds import _on, lower_bounds
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule

@@ -24,10 +24,10 @@ import numpy as np
 from common import show
 
 import hemivar as hv
+from hemivar.bounds.exact_distance import exact_distance
+from hemivar.bounds.lower_bounds import lower_bounds
+from hemivar.bounds.trace_bounds import guaranteed_trace_bounds
 from hemivar.certificates import energy_norm
-from hemivar.certificates.continuous.exact_distance import exact_distance
-from hemivar.certificates.continuous.lower_bounds import lower_bounds
-from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.gallery import survey
 

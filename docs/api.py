@@ -11,8 +11,7 @@ import hemivar
 
 ROOMS = (
     "errors", "laws", "mesh", "discrete", "mechanics", "fem", "systems", "solvers", "certificates",
-    "certificates.continuous", "branches", "adapt",
-    "evolution", "gallery", "files", "workflows", "report",
+    "evolution", "branches", "bounds", "gallery", "files", "workflows", "report", "survey", "identification",
 )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 from matplotlib.tri import Triangulation
 
 from hemivar import gallery
-from hemivar.adapt import solve_adaptive
+from hemivar.bounds import solve_adaptive
 
 found = solve_adaptive(gallery.survey("5.1", 4), rtol=0.1)
 for level in found.levels:

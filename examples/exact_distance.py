@@ -13,8 +13,8 @@ from matplotlib.tri import Triangulation
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.certificates.continuous import exact_distance
-from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
+from hemivar.bounds import exact_distance
+from hemivar.bounds.trace_bounds import guaranteed_trace_bounds
 from hemivar.fem import interpolate
 
 # %%

@@ -10,7 +10,7 @@ Rayleigh quotients lie above; a lower bound needs more, and is computed here bes
 import matplotlib.pyplot as plt
 
 import hemivar as hv
-from hemivar.certificates.continuous import lower_bounds
+from hemivar.bounds import lower_bounds
 
 
 def strip(length: float) -> hv.ContactProblem:

@@ -34,7 +34,7 @@ for _ in range(5):
 levels = [hv.discretize(problem.on(mesh)) for mesh in meshes]
 sizes = [2 * 2**k for k in range(len(levels))]
 workspace = hv.systems.Workspace()
-method = hv.solvers.PrimalDualActiveSet(sets_from_guess=True)
+method = hv.survey.PrimalDualActiveSet(sets_from_guess=True)
 warm = hv.solvers.solve_nested(levels, method, workspace=workspace)
 cold = [hv.solve(level, method, workspace=workspace) for level in levels]
 print("steps of the active set method")

@@ -24,7 +24,7 @@ TOGETHER = """
 s = hv.solve(hv.discretize(problem))
 sys.setswitchinterval(1e-4)
 uses = [s.plot, s._repr_html_, s.to_dict, problem.plot, lambda: hv.find_solutions(s.problem), lambda: hv.certify(s),
-        lambda: hv.study, lambda: hv.certificates.continuous.exact_distance, lambda: hv.report.plot_problem]
+        lambda: hv.study, lambda: hv.bounds.exact_distance, lambda: hv.report.plot_problem]
 turn = int(sys.argv[1])
 uses = uses[turn:] + uses[:turn]
 start, errors = threading.Barrier(len(uses)), []

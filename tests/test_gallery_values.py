@@ -55,7 +55,7 @@ def test_a_membrane_and_an_evolution_are_taken_as_well() -> None:
 
 
 def test_an_adaptive_solve_takes_a_known_problem_too() -> None:
-    found = hv.adapt.solve_adaptive(gallery.manufactured_spring(n=4), rtol=0.5)
+    found = hv.bounds.solve_adaptive(gallery.manufactured_spring(n=4), rtol=0.5)
     assert found.levels[-1].distance.relative <= 0.5
 
 

@@ -52,10 +52,10 @@ _WHAT_TO_DO = re.compile(
 )
 #: Errors that say why something is not what it should be: another one, which says what to do, is put around them.
 _REASONS = (
-    "basics/packed", "engines/petsc/checkpoint", "files/stored_solution", "files/sweep_point",
+    "basics/packed", "ranks/checkpoint", "files/stored_solution", "files/sweep_point",
     "files/time_table", "laws/coupled/plane_potential",
     "files/body_table", "files/contact_table.py", "files/problem_file", "files/schema", "files/quantities",
-    "certificates/continuous/compiled_", "laws/compiled_law", "kernels/library", "kernels/mesh_sums", "linear/compiled",
+    "bounds/compiled_", "laws/compiled_law", "kernels/library", "kernels/mesh_sums", "linear/compiled",
     "linear/factorisation", "systems/compiled_rounds", "basics/codec", "certificates/__init__", "files/toml",
     "fem/energy_integral",
 )  # fmt: skip

@@ -126,7 +126,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     ),
     (lambda: hv.solvers.LoadStepping(inner="newton"), "LoadStepping.inner is 'newton'; pass a method"),
     (lambda: hv.solvers.LoadStepping(steps="many"), "LoadStepping.steps is 'many'; give a whole number >= 1"),
-    (lambda: hv.solvers.PrimalDualActiveSet("exact"), r"PrimalDualActiveSet.inner is 'exact'; pass ExactInner\(\)"),
+    (lambda: hv.survey.PrimalDualActiveSet("exact"), r"PrimalDualActiveSet.inner is 'exact'; pass ExactInner\(\)"),
     (lambda: DISCRETE.with_(law=hv.Signorini()), r"the law of a discrete problem is a Signorini; pass ContactLaw"),
     (lambda: hv.DiscreteProblem.of_arrays(K, F, B, W, G, hv.Contact(hv.Signorini())), "is a Contact; pass ContactLaw"),
     (lambda: DISCRETE.energy(SOLUTION.displacement), r"the unknowns have shape \(13, 2\); this problem has \(20,\)"),

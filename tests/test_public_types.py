@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.certificates.continuous.body_data import Kept
+from hemivar.bounds.body_data import Kept
 from hemivar.discrete import ContactPoints, Field, Quadratic, Space
 from hemivar.errors import HemivarError
 from hemivar.evolution import SCHEMES
@@ -48,7 +48,7 @@ def examples() -> dict[str, list[object]]:
     solution = hv.solve(discrete)
     certificate = hv.certify(discrete, solution.unknowns, solution.multiplier)
     path = hv.follow_path(discrete, (0.5, 1.0))
-    adaptive = hv.adapt.solve_adaptive(problem, goal="contact.bottom.force", max_unknowns=1)
+    adaptive = hv.bounds.solve_adaptive(problem, goal="contact.bottom.force", max_unknowns=1)
     assert adaptive.goal is not None
     steel, vector = hv.Material.young(210e3, 0.3, "stress"), (0.1, -0.2)
     regions = dataclasses.replace(rectangle(), regions={"all": np.arange(128)})
@@ -133,11 +133,11 @@ def examples() -> dict[str, list[object]]:
         hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton()),
         hv.solvers.SemismoothNewton(rounds=20),
         hv.solvers.LoadStepping(hv.solvers.NonsmoothNewton(), 3),
-        hv.solvers.Powell(),
-        hv.solvers.LBFGS(),
-        hv.solvers.ProximalBundle(),
-        hv.solvers.ExactInner(),
-        hv.solvers.NewtonKrylov(),
+        hv.survey.Powell(),
+        hv.survey.LBFGS(),
+        hv.survey.ProximalBundle(),
+        hv.survey.ExactInner(),
+        hv.survey.NewtonKrylov(),
         hv.Controls(1e-6, 1.0, 3, 2.0, print),
         gallery.SURVEY_DATA["5.1"],
         gallery.weighted_block(),

@@ -61,7 +61,7 @@ RIGHT: dict[str, object] = {
     "basis": BASIS, "form": FORM, "body": BODY,
 }  # fmt: skip
 #: Rooms below, of which all of these names are called as well.
-ROOMS = (hv.laws, hv.mechanics, hv.solvers, hv.evolution, hv.adapt)
+ROOMS = (hv.laws, hv.mechanics, hv.solvers, hv.evolution, hv.bounds, hv.survey)
 BELOW = (
     "AugmentedLagrangian", "Bilateral", "Bonding", "Branch", "Capped", "Checkpoint", "CoulombBound", "Cylinder",
     "FixedPoint", "FixedStep", "Friction", "FunctionLaw", "GeneralizedAlpha", "LBFGS", "Layered", "LoadStepping",

@@ -19,7 +19,8 @@ from hemivar.basics.first_use import IMPORTS
 
 __version__ = "0.1.0"
 
-#: Methods that hand their value on to a function of a room above, loaded when they are called.
+#: All that the method leaves to packages which use it; loaded when it is called, a sentence where the package is not
+#: installed.
 _HANDED_ON = {
     "ReprMixin._repr_html_": "report.notebook.html_of",
     "ReprMixin.plot": "report.notebook.picture_of",
@@ -27,8 +28,8 @@ _HANDED_ON = {
     "ReprMixin.to_dataframe": "report.notebook.frame_of",
     "DiscreteProblem.of_forms": "fem.forms.of_forms",
     "Solution.summary": "report.summary.summary_of",
-    "Fit.plot": "report.plot_fit",
-    "Fit.summary": "report.identification_figure.fit_summary",
+    "Fit.plot": "identification.identification_figure.plot_fit",
+    "Fit.summary": "identification.identification_figure.fit_summary",
     "Solution.certify": "certificates.certify",
     "Solution.to_dict": "files.solution_record",
     "Solution.to_json": "files.write_json",
@@ -40,6 +41,12 @@ _HANDED_ON = {
     "History.to_dataframe": "files.history_frame",
     "History.plot": "report.plot_march",
     "History.animate": "report.animate",
+    "certificate.certify": "bounds.exact_certificate.distance_to_exact",
+    "smallness.trace_bound": "bounds.exact_certificate.trace_bound",
+    "stage_solver.follow_minimisers": "branches.along_minimisers.follow_minimisers",
+    "stage_solver.find_solutions": "branches.solutions.find_solutions",
+    "methods.further_methods": "survey.further_methods.further_methods",
+    "engine.engine_named": "ranks.petsc_engine.PetscEngine",
 }
 hand_on(_HANDED_ON)
 

@@ -1,6 +1,6 @@
 """The names that ``hemivar`` shows, and where each comes from; ``hemivar/__init__.py`` loads them on first use."""
 
-from . import adapt as adapt
+from . import bounds as bounds
 from . import branches as branches
 from . import certificates as certificates
 from . import discrete as discrete
@@ -14,9 +14,11 @@ from . import laws as laws
 from . import materials as materials
 from . import mechanics as mechanics
 from . import mesh as mesh
+from . import ranks as ranks
 from . import report as report
 from . import solvers as solvers
 from . import studio as studio
+from . import survey as survey
 from . import systems as systems
 from . import workflows as workflows
 from .branches import find_solutions as find_solutions

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hemivar.branches import enumeration, find_solutions, search
-from hemivar.branches.chain import chain_of
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.polish import polish
 from hemivar.discrete import DiscreteProblem
@@ -14,6 +13,7 @@ from hemivar.discrete.point_kind import PointKind
 from hemivar.laws import Compliance, ContactLaw, PiecewiseQuadratic, Signorini, Tresca, table_law
 from hemivar.solvers import Controls, Status, solve
 from hemivar.systems import CondensedProblem, Workspace
+from hemivar.systems.chain import chain_of
 
 from .random_problems import random_problem
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.branches.chain import chain_of
 from hemivar.branches.follower import trace
+from hemivar.systems.chain import chain_of
 from tests.problems import bar
 
 STIFFNESS, LIMIT, ALPHA = 2.0, 0.1, 4.0

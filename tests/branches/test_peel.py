@@ -10,9 +10,9 @@ import scipy.sparse as sp
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.branches import follow_path
-from hemivar.branches.chain import chain_of
 from hemivar.branches.follower import Follower
 from hemivar.branches.path import Path, PathEnd
+from hemivar.systems.chain import chain_of
 from hemivar.systems.workspace import Workspace
 
 BENDING, WIDTH, ARM, BOND = 70000.0 * 25.0 * 3.0**3 / 12.0, 25.0, 50.0, 60.0

@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hemivar.branches import chain_of, find_solutions
+from hemivar.branches import find_solutions
 from hemivar.solvers import NonsmoothNewton, Search, Status, solve
 from hemivar.systems import Workspace, condense
+from hemivar.systems.chain import chain_of
 
 from .random_problems import random_problem
 

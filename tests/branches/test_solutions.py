@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from hemivar.basics.types import Array
-from hemivar.branches import chain_of, find_solutions
+from hemivar.branches import find_solutions
 from hemivar.certificates import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.point_kind import PointKind
@@ -16,6 +16,7 @@ from hemivar.laws import Bilateral, ContactLaw, PiecewiseQuadratic, SlipWeakenin
 from hemivar.mechanics import Quadrature
 from hemivar.solvers import Status, solve
 from hemivar.systems import condense
+from hemivar.systems.chain import chain_of
 from tests.samples import sampled, slow
 
 from ..problems import bar, discrete_square

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.branches import chain_of, find_solutions
+from hemivar.branches import find_solutions
 from hemivar.certificates import EnergyNorm, PointKind, certify, equilibrium_multiplier, norms
 from hemivar.certificates.bound import Point, gram_solve, lift, symmetric_inverse
 from hemivar.certificates.by_multigrid import SolveByCycles, Subspace
@@ -20,6 +20,7 @@ from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca, scal
 from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
 from hemivar.systems import condense
+from hemivar.systems.chain import chain_of
 from tests.branches.random_problems import random_problem
 from tests.certificates.problems import bar_problem, bar_unknowns, square, weakening
 from tests.systems.test_in_parts import in_parts

@@ -11,10 +11,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 import hemivar as hv
+from hemivar.bounds import body_data as cells_of_bounds
+from hemivar.bounds import compiled_patches, sweeps
+from hemivar.bounds.exact_certificate import distance_to_exact
 from hemivar.certificates import energy_norm, norms, smallness
-from hemivar.certificates.continuous import body_data as cells_of_bounds
-from hemivar.certificates.continuous import compiled_patches, sweeps
-from hemivar.certificates.continuous.exact_certificate import distance_to_exact
 from hemivar.discrete import DiscreteProblem, Loading, Model, Space
 from hemivar.discrete.bulk import Quadratic
 from hemivar.kernels import kernels

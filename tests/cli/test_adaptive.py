@@ -9,7 +9,7 @@ from pathlib import Path
 import meshio
 import pytest
 
-from hemivar.adapt import adaptive as loop
+from hemivar.bounds import adaptive as loop
 from tests.cli.test_app import BASE, changed, run
 
 

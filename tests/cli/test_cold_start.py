@@ -15,13 +15,13 @@ import pytest
 from tests.samples import slow
 
 #: What takes long to load, by command: none of these may be loaded.
-_TIME = ("hemivar.evolution", "hemivar.branches", "hemivar.identification", "hemivar.gallery", "hemivar.adapt")
+_TIME = ("hemivar.evolution", "hemivar.branches", "hemivar.identification", "hemivar.gallery", "hemivar.bounds")
 _SCIPY = ("scipy.stats", "scipy.optimize", "scipy.ndimage", "scipy.integrate", "scipy.interpolate", "scipy.spatial")
 ABSENT = {
     "solve": (
         *_TIME,
         *_SCIPY,
-        "hemivar.certificates.continuous.exact_distance",
+        "hemivar.bounds.exact_distance",
         "hemivar.studio",
         "matplotlib",
         "meshio",

@@ -306,9 +306,9 @@ def test_an_output_on_a_full_disk_is_one_line_and_the_others_are_written(
 
 
 def test_the_survey_goes_on_without_a_file(tmp_path: Path) -> None:
-    from hemivar.report.survey import SurveyReport
     from hemivar.report.tables import Table
-    from hemivar.workflows import SurveyOptions
+    from hemivar.survey import SurveyOptions
+    from hemivar.survey.survey_report import SurveyReport
 
     (tmp_path / "runs.csv").mkdir()
     run = SurveyReport(tmp_path, SurveyOptions())

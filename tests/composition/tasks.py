@@ -208,7 +208,7 @@ def _jobs(row: Row, folder: Path) -> None:
 
 
 def _adaptive(row: Row, folder: Path) -> None:
-    found = hv.adapt.solve_adaptive(at_rest(row), rtol=0.05, max_unknowns=60, controls=_TOLERANCE)  # type: ignore[arg-type]
+    found = hv.bounds.solve_adaptive(at_rest(row), rtol=0.05, max_unknowns=60, controls=_TOLERANCE)  # type: ignore[arg-type]
     if not np.isfinite(found.distance.distance):
         raise Refused("; ".join(found.distance.reasons))
     _same(_by_another_method(found.solution).unknowns, found.solution.unknowns)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import hemivar as hv
-from hemivar.coercivity.held_at_rest import PERHAPS_NO_MINIMUM
+from hemivar.discrete.held_at_rest import PERHAPS_NO_MINIMUM
 from hemivar.evolution.descent import slowed
 from hemivar.evolution.discrete import StepMatrices, discretize_evolution
 from tests import bodies

@@ -9,8 +9,8 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous import exact_distance
-from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
+from hemivar.bounds import exact_distance
+from hemivar.bounds.trace_bounds import guaranteed_trace_bounds
 from hemivar.laws import Compliance, Coulomb, Friction, Signorini, Tresca
 
 YOUNG, FOUNDATION, PUSH, FRICTION = 200.0, 50.0, 0.01, 0.3

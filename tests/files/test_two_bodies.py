@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.adapt import goal_named
+from hemivar.bounds import goal_named
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, march
 from hemivar.fem.reactions import internal_forces, nodal_contact_forces

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.certificates.continuous.load_values import load_values
+from hemivar.bounds.load_values import load_values
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, march
 from hemivar.files.problem_file import parse_problem

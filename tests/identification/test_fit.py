@@ -29,7 +29,7 @@ LIMITS = (
 
 
 def _fit(case: Case, measured: Measurements, **options: float) -> Fit:
-    return hv.workflows.identify(case.state, measured, case.ranges, FitOptions(**options))  # type: ignore[arg-type]
+    return hv.identification.identify(case.state, measured, case.ranges, FitOptions(**options))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", sampled(CASES, ["bilinear"]))
@@ -60,7 +60,7 @@ def test_the_law_of_a_joint_is_found_by_the_force_on_either_side(side: str) -> N
     pushed, sign = np.array([0.01, 0.02, 0.03]), 1.0 if side == "upper:bottom" else -1.0
     force = sign * pushed / (2.0 / 10.0 + 1.0 / 7.0)
     measured = Measurements({"push": pushed}, {f"contact.{side}.force.y": force})
-    found = hv.workflows.identify(state, measured, {"stiffness": (1.0, 50.0)})
+    found = hv.identification.identify(state, measured, {"stiffness": (1.0, 50.0)})
     assert found.value("stiffness") == pytest.approx(7.0, rel=1e-6)
 
 
@@ -79,7 +79,7 @@ def test_intervals_grow_with_the_noise_and_the_confidence() -> None:
     half = {}
     for noise, confidence in ((0.005, 0.95), (0.01, 0.95), (0.01, 0.99)):
         options = FitOptions(starts=1, noise=noise, confidence=confidence)
-        found = hv.workflows.identify(TRILINEAR.state, TRILINEAR.measured(0.005, 2), TRILINEAR.ranges, options)
+        found = hv.identification.identify(TRILINEAR.state, TRILINEAR.measured(0.005, 2), TRILINEAR.ranges, options)
         half[noise, confidence] = np.diff(np.log(found.intervals))[:, 0] / 2.0
     np.testing.assert_allclose(half[0.01, 0.95], 2.0 * half[0.005, 0.95], rtol=1e-6)
     np.testing.assert_allclose(half[0.01, 0.99] / half[0.01, 0.95], 2.5758 / 1.95996, rtol=1e-4)
@@ -104,7 +104,7 @@ def test_two_springs_in_a_row_cannot_be_told_apart(starts: int) -> None:
 
     measured = BILINEAR.measured(0.01)
     early = Measurements({"pull": BILINEAR.pulled[:5]}, {FORCE: measured.values[:5, 0]})
-    found = hv.workflows.identify(state, early, {"a": (0.5, 2.0), "b": (0.5, 2.0)}, FitOptions(starts=starts))
+    found = hv.identification.identify(state, early, {"a": (0.5, 2.0), "b": (0.5, 2.0)}, FitOptions(starts=starts))
     assert not any(found.identified)
     assert found.value("a") * found.value("b") == pytest.approx(1.0, rel=0.1)
     np.testing.assert_allclose(np.abs(found.directions[1]), np.sqrt(0.5), atol=1e-3)
@@ -131,7 +131,7 @@ def test_the_time_limit_holds_for_the_whole_fit(monkeypatch: pytest.MonkeyPatch)
     def found(limit: float) -> tuple[Fit | None, str, float]:
         begin, controls = next(ticks), hv.Controls(max_time=limit)
         try:
-            fit = hv.workflows.identify(
+            fit = hv.identification.identify(
                 state, curve, {"stiffness": (1.0, 50.0)}, FitOptions(starts=2), controls=controls
             )
         except ProblemError as error:
@@ -165,7 +165,7 @@ def test_an_interruption_of_one_solve_ends_the_fit(count: int) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        hv.workflows.identify(case.state, case.measured(), case.ranges, controls=hv.Controls(callback=pressed))
+        hv.identification.identify(case.state, case.measured(), case.ranges, controls=hv.Controls(callback=pressed))
 
 
 @pytest.mark.slow
@@ -183,7 +183,7 @@ def test_units_do_not_matter() -> None:
     given, unit = BILINEAR.measured(0.01, 4), np.array([1.0, 1e3, 1.0])
     other = Measurements({"pull": 1e3 * given.inputs["pull"]}, {FORCE: 1e6 * given.values[:, 0]})
     low, high = BILINEAR.ranges["strength"]
-    scaled = hv.workflows.identify(state, other, {**BILINEAR.ranges, "strength": (1e3 * low, 1e3 * high)})
+    scaled = hv.identification.identify(state, other, {**BILINEAR.ranges, "strength": (1e3 * low, 1e3 * high)})
     np.testing.assert_allclose(scaled.values / unit, found.values, rtol=1e-5)
     np.testing.assert_allclose(scaled.intervals / unit[:, None], found.intervals, rtol=1e-3)
 
@@ -195,7 +195,7 @@ def test_a_law_of_another_kind_is_doubted(every: int) -> None:
     ranges, once = {"stiffness": (1.0, 200.0)}, FitOptions(starts=1)
     curve = BILINEAR.measured(0.01)
     rows = Measurements({"pull": curve.inputs["pull"][::every]}, {FORCE: curve.values[::every, 0]})
-    found = hv.workflows.identify(spring.state, rows, ranges, once)
+    found = hv.identification.identify(spring.state, rows, ranges, once)
     assert any("use another law" in text for text in found.messages)
 
 
@@ -219,7 +219,7 @@ def test_bad_data(measured: object, parameters: object, says: str) -> None:
     given = measured(BILINEAR.measured())  # type: ignore[operator]
     wanted = BILINEAR.ranges if parameters is None else parameters
     with pytest.raises(ProblemError, match=says):
-        hv.workflows.identify(BILINEAR.state, given, wanted)  # type: ignore[arg-type]
+        hv.identification.identify(BILINEAR.state, given, wanted)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -250,7 +250,7 @@ def test_friction_that_depends_on_the_pressure_is_refused() -> None:
         )  # fmt: skip
 
     with pytest.raises(ProblemError, match="Coulomb"):
-        hv.workflows.identify(state, BILINEAR.measured(), {"stiffness": (1.0, 100.0)})
+        hv.identification.identify(state, BILINEAR.measured(), {"stiffness": (1.0, 100.0)})
 
 
 @pytest.mark.slow

@@ -128,10 +128,10 @@ print(raised, done)
 """
 
 _FUZZ_PATCHES = """
-from hemivar.certificates.continuous.compiled_patches import CompiledPatches, PatchOrder, Prices
-from hemivar.certificates.continuous.facet_table import facet_table
-from hemivar.certificates.continuous.patches import PatchKind, cell_patches, patch_sides
-from hemivar.certificates.continuous.split_element import split_element
+from hemivar.bounds.compiled_patches import CompiledPatches, PatchOrder, Prices
+from hemivar.bounds.facet_table import facet_table
+from hemivar.bounds.patches import PatchKind, cell_patches, patch_sides
+from hemivar.bounds.split_element import split_element
 from hemivar.mesh import box, rectangle
 
 def body(dim):
@@ -218,8 +218,8 @@ print(raised, done)
 
 _FUZZ_STARS = """
 import contextlib
-from hemivar.certificates.continuous.compiled_stars import CompiledStars
-from hemivar.certificates.continuous.facet_table import facet_table
+from hemivar.bounds.compiled_stars import CompiledStars
+from hemivar.bounds.facet_table import facet_table
 from hemivar.kernels import alike_rows, mesh_facets, mesh_geometry, mesh_stars
 from hemivar.mesh import box, rectangle
 

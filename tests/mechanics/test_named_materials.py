@@ -12,8 +12,8 @@ import scipy.optimize
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.certificates.continuous.body_data import body_data
-from hemivar.certificates.continuous.hypotheses import inexact_data, stated_conditions
+from hemivar.bounds.body_data import body_data
+from hemivar.bounds.hypotheses import inexact_data, stated_conditions
 from hemivar.errors import ProblemError
 from hemivar.mechanics import BoundsBy, Material, check_material
 from hemivar.mechanics.composed_material import lower_elasticity

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.adapt import AdaptiveEnd, AdaptiveSolution, adaptive
 from hemivar.basics.rounding import rounded_up
-from hemivar.certificates.continuous.exact_certificate import statement_of
-from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_trace_bounds
+from hemivar.bounds import AdaptiveEnd, AdaptiveSolution, adaptive
+from hemivar.bounds.exact_certificate import statement_of
+from hemivar.bounds.trace_bounds import TraceBounds, discrete_trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.files import write_vtu
 from hemivar.gallery import survey, survey_cube
@@ -33,9 +33,9 @@ def estimated(discrete: hv.DiscreteProblem, workspace: hv.systems.Workspace) -> 
 def found() -> AdaptiveSolution:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(adaptive, "body_constants", estimated)
-        convex = sys.modules["hemivar.certificates.continuous.exact_distance"]
+        convex = sys.modules["hemivar.bounds.exact_distance"]
         patch.setattr(convex, "_without_constants", lambda *_: None)  # its law is convex: none are needed
-        return hv.adapt.solve_adaptive(survey("5.1", 4), rtol=0.12, goal=None)
+        return hv.bounds.solve_adaptive(survey("5.1", 4), rtol=0.12, goal=None)
 
 
 def labels(figure: object) -> list[str]:
@@ -98,7 +98,7 @@ def test_figures_tell_how_far_the_last_solution_is(found: AdaptiveSolution) -> N
 
 def test_a_goal_has_curves_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adaptive, "body_constants", estimated)
-    found = hv.adapt.solve_adaptive(survey("5.1", 4), goal="contact.bottom.force.y", rtol=1e-3, max_unknowns=100)
+    found = hv.bounds.solve_adaptive(survey("5.1", 4), goal="contact.bottom.force.y", rtol=1e-3, max_unknowns=100)
     figure = plot_adaptive(found)
     assert sum("contact.bottom.force.y" in label for label in labels(figure)) == 2
     assert "order 1 in the unknowns" in labels(figure)
@@ -107,7 +107,7 @@ def test_a_goal_has_curves_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_in_space(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adaptive, "body_constants", estimated)
-    found = hv.adapt.solve_adaptive(survey_cube("5.1", 2), rtol=0.1, max_unknowns=60)
+    found = hv.bounds.solve_adaptive(survey_cube("5.1", 2), rtol=0.1, max_unknowns=60)
     figure = plot_meshes(found)
     assert len(figure.axes) == len(found.levels)
     assert all("unknowns" in axes.get_title() for axes in figure.axes)
@@ -128,7 +128,7 @@ def test_values_of_cells_that_do_not_fit_are_refused(found: AdaptiveSolution, tm
 
 def test_nothing_to_draw() -> None:
     problem = bodies.square(hv.Contact(hv.Compliance(10.0), hv.Coulomb(0.2)), 4, body_force=(0.1, -0.3))
-    found = hv.adapt.solve_adaptive(problem)
+    found = hv.bounds.solve_adaptive(problem)
     assert found.ended is AdaptiveEnd.NO_BOUND
     with pytest.raises(ProblemError, match="no mesh of this adaptive solve has a distance"):
         plot_adaptive(found)

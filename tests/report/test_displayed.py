@@ -42,7 +42,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "history": lambda: hv.march(hv.Evolution(survey("5.1", 2)), 0.1, step=0.1),
     "study": lambda: hv.study(survey("5.1", 2), 2),
     "sweep": lambda: hv.sweep(swept, {"q_max": [0.0, 0.5]}),
-    "adaptive": lambda: hv.adapt.solve_adaptive(survey("5.1", 4), rtol=0.5),
+    "adaptive": lambda: hv.bounds.solve_adaptive(survey("5.1", 4), rtol=0.5),
 }
 
 

@@ -261,7 +261,7 @@ def test_kill_at_many_random_moments(command: str, driver: Driver, tmp_path: Pat
 
 @pytest.mark.slow
 def test_kill_the_survey_at_random_moments(driver: Driver, tmp_path: Path) -> None:
-    from hemivar.report.survey import FILES
+    from hemivar.survey.survey_report import FILES
 
     out = tmp_path / "out"
     code, seconds = driver(prepared(tmp_path, []), SURVEY)

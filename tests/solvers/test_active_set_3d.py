@@ -27,19 +27,11 @@ from hemivar.laws import (
 )
 from hemivar.laws.vector_law import spread
 from hemivar.mechanics import Contact
-from hemivar.solvers import (
-    InnerSolver,
-    NewtonKrylov,
-    NormalState,
-    PrimalDualActiveSet,
-    Status,
-    TangentialState,
-    solve,
-    suited,
-)
+from hemivar.solvers import NormalState, Status, TangentialState, solve, suited
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.survey.active_set import ExactInner, RadialSets
+from hemivar.survey import InnerSolver, NewtonKrylov, PrimalDualActiveSet
+from hemivar.survey.active_set import ExactInner, RadialSets
 from hemivar.systems import condense
 from tests import bodies
 from tests.samples import sampled

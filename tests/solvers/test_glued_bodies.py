@@ -11,7 +11,7 @@ import pytest
 import scipy.optimize
 
 import hemivar as hv
-from hemivar.coercivity.held_at_rest import NO_MINIMUM, PERHAPS_NO_MINIMUM
+from hemivar.discrete.held_at_rest import NO_MINIMUM, PERHAPS_NO_MINIMUM
 from hemivar.discrete.point_kind import PointKind
 from hemivar.errors import SupportError
 from hemivar.fem import LoadLine

@@ -19,8 +19,6 @@ from hemivar.solvers import (
     LoadStepping,
     NonsmoothMultigrid,
     NonsmoothNewton,
-    Powell,
-    PrimalDualActiveSet,
     Progress,
     ProximalNewton,
     Search,
@@ -33,6 +31,7 @@ from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.handing_on import others
 from hemivar.solvers.solve import default_method
+from hemivar.survey import Powell, PrimalDualActiveSet
 from hemivar.systems import CondensedProblem, Workspace
 
 from ..counting import time_by_looks

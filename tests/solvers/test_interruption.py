@@ -23,19 +23,10 @@ from hemivar.fem import discretize
 from hemivar.gallery import broken_foundation
 from hemivar.laws import PiecewiseQuadratic
 from hemivar.linear import factor_memory as memory
-from hemivar.solvers import (
-    Controls,
-    FixedPoint,
-    LoadStepping,
-    NonsmoothNewton,
-    Powell,
-    Solver,
-    Status,
-    solve,
-    solve_nested,
-)
+from hemivar.solvers import Controls, FixedPoint, LoadStepping, NonsmoothNewton, Solver, Status, solve, solve_nested
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
+from hemivar.survey import Powell
 from hemivar.systems import CondensedProblem, Workspace, condense
 from tests.samples import slow
 

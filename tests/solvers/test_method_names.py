@@ -43,7 +43,7 @@ def test_workflows_and_adaptive_solves_take_a_name() -> None:
     for method in ("multigrid", METHODS["multigrid"]):
         found = workflows.result_of(workflows.run(problem, workflows.RunOptions(method, Controls())))
         assert found.solution.method == "multigrid"
-    adapted = hv.adapt.solve_adaptive(hv.gallery.survey("5.1", 2), rtol=0.5, method="multigrid")
+    adapted = hv.bounds.solve_adaptive(hv.gallery.survey("5.1", 2), rtol=0.5, method="multigrid")
     assert adapted.solution.method == "multigrid"
     assert hv.study(square(n=2), 1, method="multigrid").levels[0].solution.method == "multigrid"
 
@@ -54,7 +54,7 @@ def test_a_method_that_there_is_not_is_refused_before_any_work() -> None:
         lambda: hv.study(square(n=2), 1, method="nwton"),
         lambda: workflows.StudyOptions(method="nwton"),
         lambda: workflows.result_of(workflows.run(square(n=2), workflows.RunOptions("nwton"))),
-        lambda: hv.adapt.solve_adaptive(hv.gallery.survey("5.1", 2), method="nwton"),
+        lambda: hv.bounds.solve_adaptive(hv.gallery.survey("5.1", 2), method="nwton"),
     ):
         with pytest.raises(hv.errors.MethodError, match="did you mean 'newton'"):
             make()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hemivar.laws import Interval
-from hemivar.solvers.survey.bundle import CuttingPlanes
+from hemivar.survey.bundle import CuttingPlanes
 
 
 def test_tangents_that_meet_in_one_point_have_the_subdifferential_of_all() -> None:

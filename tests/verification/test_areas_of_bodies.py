@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.adapt import solve_adaptive
 from hemivar.basics.types import Array
+from hemivar.bounds import solve_adaptive
 from hemivar.files import write_vtu
 from hemivar.files.problem_file import parse_problem, problem_text
 from hemivar.laws import BilinearCohesion, MixedMode, NoContact

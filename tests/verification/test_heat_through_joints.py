@@ -9,7 +9,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array, BoolArray
-from hemivar.certificates.continuous.scalar_distance import scalar_distance
+from hemivar.bounds.scalar_distance import scalar_distance
 from hemivar.evolution import Evolution, History, march
 from hemivar.mechanics.thermal import Heat, HeatContact
 

@@ -174,7 +174,7 @@ def test_the_glue_is_found_from_the_curve_of_a_pair() -> None:
     assert (force > 0.0).all()
     measured = Measurements({"pull": pulls}, {"contact.lower:top.force.y": force})
     ranges = {key: (0.5 * value, 2.0 * value) for key, value in soft_glue.items()}
-    found = hv.workflows.identify(state, measured, ranges, FitOptions(starts=1))
+    found = hv.identification.identify(state, measured, ranges, FitOptions(starts=1))
     for key, value in soft_glue.items():
         assert found.value(key) == pytest.approx(value, rel=1e-6), key
 

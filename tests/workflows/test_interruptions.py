@@ -45,7 +45,7 @@ def fitted() -> object:
         return bodies.square(hv.Compliance(values["k"]), 2, supports={"top": hv.Fixed(x=0.0, y=-values["push"])})
 
     curve = Measurements({"push": [0.01, 0.02, 0.03]}, {"support.top.force.y": [-0.029, -0.062, -0.089]})
-    return hv.workflows.identify(state, curve, {"k": (1.0, 50.0)})
+    return hv.identification.identify(state, curve, {"k": (1.0, 50.0)})
 
 
 WORK: dict[str, Callable[[], object]] = {

@@ -20,6 +20,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine
 from hemivar.gallery import survey as survey_problem
 from hemivar.solvers import Controls, NonsmoothNewton
+from hemivar.survey import SurveyEvent, SurveyOptions
 from hemivar.workflows import (
     Attempt,
     CertificateEvent,
@@ -35,14 +36,12 @@ from hemivar.workflows import (
     RunOptions,
     SolutionsOptions,
     StartEvent,
-    SurveyEvent,
-    SurveyOptions,
     Work,
     equilibria,
     result_of,
     solving,
 )
-from hemivar.workflows.survey_runs import observed_order
+from hemivar.workflows.observed_order import observed_order
 
 from ..problems import bar, square
 

@@ -1,6 +1,6 @@
-"""Methods that hand their value on to a function of a room above, ``solution.plot()`` for instance.
+"""What the method leaves to packages that use it, ``solution.plot()`` for instance: loaded when it is called.
 
-Which method leads where stands in one table of the package root, so that no room imports one above it.
+Which entry leads where stands in one table of the package root, so that no package imports one above it.
 """
 
 from __future__ import annotations
@@ -10,26 +10,48 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hemivar.basics.first_use import IMPORTS
+from hemivar.errors import MethodError
 
-__all__ = ["above", "hand_on"]
+__all__ = ["above", "defined_above", "hand_on"]
 
 _TABLE: dict[str, str] = {}
 
 
 def hand_on(table: Mapping[str, str]) -> None:
-    """Learn where methods lead: ``"Type.method"`` to ``"room.module.function"``, below ``hemivar``."""
+    """Learn where entries lead: ``"Type.method"`` or ``"module.function"`` to ``"package.module.name"`` of hemivar."""
     _TABLE.update(table)
 
 
-def above(method: str) -> Callable[..., Any]:
-    """The function that a method leads to, loaded on first use; threads wait for one another.
+def defined_above(entry: str) -> Callable[..., Any] | None:
+    """What an entry leads to, loaded on first use; None where its package is not installed."""
+    module, _, name = _TABLE[entry].rpartition(".")
+    package = f"hemivar.{module.split('.')[0]}"
+    with IMPORTS:
+        try:
+            importlib.import_module(package)
+        except ImportError as error:
+            if error.name == package:
+                return None
+            raise
+        found: Callable[..., Any] = getattr(importlib.import_module(f"hemivar.{module}"), name)
+    return found
+
+
+def above(entry: str) -> Callable[..., Any]:
+    """The function that an entry leads to; threads wait for one another.
 
     Parameters
     ----------
-    method : str
-        ``"Type.method"``, as the table has it.
+    entry : str
+        ``"Type.method"`` or ``"module.function"``, as the table has it.
+
+    Raises
+    ------
+    MethodError
+        Its package is not installed.
     """
-    module, _, function = _TABLE[method].rpartition(".")
-    with IMPORTS:
-        found: Callable[..., Any] = getattr(importlib.import_module(f"hemivar.{module}"), function)
+    found = defined_above(entry)
+    if found is None:
+        package = _TABLE[entry].split(".")[0]
+        raise MethodError(f"{entry} is part of hemivar.{package}, which is not installed here")
     return found

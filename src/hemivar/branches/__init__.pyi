@@ -5,8 +5,6 @@ from .bracket import LoadBracket as LoadBracket
 from .bracket import Reached as Reached
 from .bracket import bracketing as bracketing
 from .bracket import load_bracket as load_bracket
-from .chain import Chain as Chain
-from .chain import chain_of as chain_of
 from .follow import PathOptions as PathOptions
 from .follow import follow_path as follow_path
 from .follow import following as following

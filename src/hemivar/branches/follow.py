@@ -14,8 +14,6 @@ from hemivar.basics.deadline import Budget
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.branches.chain import Chain, chain_of
-from hemivar.branches.curves import Curves
 from hemivar.branches.follower import Follower, PathProgress, Quantity, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
 from hemivar.branches.graph_follower import GraphFollower, OutOfChartError
@@ -34,6 +32,8 @@ from hemivar.fem.posed import Posable
 from hemivar.solvers import Controls, LoadStepping, Solution, Solver, solve
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem, condense
+from hemivar.systems.chain import Chain, chain_of
+from hemivar.systems.curves import Curves
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["PathOptions", "follow_path", "following"]

@@ -14,9 +14,9 @@ from hemivar.basics.deadline import Budget, OutOfTime, check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import AnyArray, Array, BoolArray
-from hemivar.branches.chain import Chain
-from hemivar.branches.curves import CORRECTION, ROUNDING, Curves
 from hemivar.branches.path import PathEnd
+from hemivar.systems.chain import Chain
+from hemivar.systems.curves import CORRECTION, ROUNDING, Curves
 
 __all__ = ["Follower", "Following", "PathEvent", "PathProgress", "Track", "trace"]
 

@@ -19,11 +19,11 @@ import scipy.linalg as la
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.branches.curves import Curves, negative_eigenvalues
 from hemivar.errors import MethodError
 from hemivar.laws import VectorLaw
 from hemivar.laws.vector_law import spread
 from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.curves import Curves, negative_eigenvalues
 
 __all__ = ["BESIDE", "STRAIGHT", "Corner", "GraphChart", "chart_of"]
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.branches.curves import ROUNDING
 from hemivar.branches.follower import FollowedPoint, Follower, PathEvent
 from hemivar.branches.graph_chart import BESIDE, STRAIGHT, Corner, GraphChart
 from hemivar.branches.path import PathEnd
+from hemivar.systems.curves import ROUNDING
 
 __all__ = ["GraphFollower", "OutOfChartError"]
 

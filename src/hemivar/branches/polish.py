@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.branches.chain import Chain
 from hemivar.certificates import trace_force
 from hemivar.certificates.linear_bodies import at_tangent
 from hemivar.discrete.bulk import Quadratic
@@ -17,6 +16,7 @@ from hemivar.solvers import Controls, NonsmoothNewton, Search, Solution, solve, 
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem
+from hemivar.systems.chain import Chain
 from hemivar.systems.contact_moves import smooth_components
 from hemivar.systems.dense_newton import newton_matrix
 from hemivar.systems.workspace import Workspace

@@ -14,7 +14,6 @@ from scipy.sparse.linalg import splu
 
 from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.types import Array, IntArray
-from hemivar.branches.chain import Chain
 from hemivar.branches.enumeration import Candidate
 from hemivar.branches.follower import trace
 from hemivar.branches.polish import Polished, polish, polish_by_solver
@@ -28,6 +27,7 @@ from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem
+from hemivar.systems.chain import Chain
 from hemivar.systems.nonlinear_body import linear_bulk
 from hemivar.systems.workspace import Workspace
 

@@ -14,7 +14,6 @@ from hemivar.basics.display import ReprMixin
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
-from hemivar.branches.chain import Chain, chain_of, segments_at_most
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SearchProgress, SolutionSearch
 from hemivar.branches.state_chain import state_chain_of
@@ -25,6 +24,7 @@ from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
+from hemivar.systems.chain import Chain, chain_of, segments_at_most
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["SolutionSet", "SolutionsOptions", "find_solutions", "finding"]

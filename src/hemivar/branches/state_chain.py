@@ -14,8 +14,8 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.branches.chain import Chain, chain_of
 from hemivar.laws import ContactLaw, Friction, StateBound, separable
+from hemivar.systems.chain import Chain, chain_of
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["StateChain", "state_chain_of"]

@@ -7,19 +7,18 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from typing import Never, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Never, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from hemivar.basics.arguments import expect, expecting, number, quoted
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, limited
+from hemivar.basics.defined_above import above
 from hemivar.basics.display import ReprMixin
-from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, Record
 from hemivar.certificates.bound import Point, anywhere, equilibrium_multiplier, error_bound
-from hemivar.certificates.distance_to_exact import DistanceToExact
 from hemivar.certificates.kind import LocalStudy, study
 from hemivar.certificates.linear_bodies import convex_body
 from hemivar.certificates.norms import EnergyNorm, energy_norm
@@ -41,6 +40,9 @@ from hemivar.fem.small_strain import deformation_of
 from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
 from hemivar.systems.workspace import Workspace
+
+if TYPE_CHECKING:
+    from hemivar.bounds.stated_distance import DistanceToExact
 
 __all__ = ["ESTIMATE", "Certificate", "certified", "certify"]
 
@@ -228,8 +230,8 @@ class Certificate(ReprMixin):
                 value = list(value)
             elif isinstance(value, np.ndarray):
                 value = value.tolist()
-            elif isinstance(value, DistanceToExact):
-                value = value.record()
+            elif name == "exact" and self.exact is not None:
+                value = self.exact.record()
             elif isinstance(value, float) and not math.isfinite(value):
                 if math.isinf(value):
                     (infinite if value > 0 else negative).append(name)
@@ -277,7 +279,7 @@ def certify(
         Keeps factors, levels and trace constants for other points, loads, gaps and laws of the same body.
     exact : bool
         Whether to bound the distance to the exact solution of the continuous problem too, by
-        :func:`hemivar.certificates.continuous.distance_to_exact`: in the plane it costs about two contact solves, in
+        :func:`hemivar.bounds.distance_to_exact`: in the plane it costs about two contact solves, in
         space ten, and once per body some seconds for its trace constants.
 
     Returns
@@ -333,9 +335,7 @@ def certify(
         found = certified(point, tolerance, kept if trace_constant else None, budget, exact)
     if not exact:
         return found
-    with IMPORTS:
-        from hemivar.certificates.continuous.exact_certificate import distance_to_exact
-    distance = distance_to_exact(problem, u, max_time=budget.left, workspace=kept)
+    distance: DistanceToExact = above("certificate.certify")(problem, u, max_time=budget.left, workspace=kept)
     return replace(found, exact=distance)
 
 

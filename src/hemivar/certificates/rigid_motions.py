@@ -21,9 +21,9 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.bound import Point
 from hemivar.certificates.linear_bodies import below
-from hemivar.coercivity.free_motion import describe
-from hemivar.coercivity.held_at_rest import geometric_slack
-from hemivar.coercivity.recession import Coercivity, RecessionFunction, decide
+from hemivar.discrete.free_motion import describe
+from hemivar.discrete.held_at_rest import geometric_slack
+from hemivar.discrete.recession import Coercivity, RecessionFunction, decide
 from hemivar.laws.sides import Sides
 from hemivar.systems.free_unknowns import free_unknowns
 

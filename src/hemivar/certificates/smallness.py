@@ -13,10 +13,9 @@ import scipy.sparse as sp
 
 from hemivar.basics.arguments import expecting
 from hemivar.basics.deadline import check_time
+from hemivar.basics.defined_above import defined_above
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, anywhere, equilibrium_multiplier, error_bound, friction_bound
-from hemivar.certificates.continuous.lower_bounds import lower_bounds
-from hemivar.certificates.continuous.scalar_distance import scalar_trace_bound
 from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, strain_reach
 from hemivar.certificates.norms import EnergyNorm, energy_norm, factorises
 from hemivar.discrete.bulk import Quadratic
@@ -110,7 +109,7 @@ class Smallness:
         slope.
     trace_bound : float or None
         Upper bound of the c_gamma of the continuous problem, which those of meshes approach from below
-        (:func:`hemivar.certificates.continuous.lower_bounds`). It is computed where laws soften, in space, where it
+        (:func:`hemivar.bounds.lower_bounds`). It is computed where laws soften, in space, where it
         takes a second or two, only if asked for; without it (H_s) speaks of this mesh.
     reach_normal, reach_tangential, reach_strain : float
         Penetrations (and openings), slips and sizes of strains up to which the constants hold; inf where they hold for
@@ -249,7 +248,7 @@ def with_survey(
     trace = _trace_eigenvalues(problem, parts=False, workspace=workspace)[0]
     steep, above = constants.m_alpha + constants.m_L, None
     if 0.0 < steep < np.inf and (in_space or problem.origin.mesh.dim == 2):
-        above = _trace_bound(problem.origin, workspace)
+        above = trace_bound(problem.origin, workspace)
     least, needed = (0.0 if steep == 0.0 else steep * c**2 for c in (trace, trace if above is None else above))
     return replace(
         constants,
@@ -260,19 +259,16 @@ def with_survey(
     )
 
 
-def _trace_bound(statement: ContactProblem, workspace: Workspace | None) -> float | None:
-    """Upper bound of the c_gamma of a body; None where there is none."""
+def trace_bound(statement: ContactProblem, workspace: Workspace | None) -> float | None:
+    """Upper bound of the c_gamma of a body; None where none is known."""
     if any(contact.against for contact in statement.contact.values()):
         return None  # of two sides that touch it is the jump that the law sees
-    check_time()
-    try:
-        if statement.kind:
-            return scalar_trace_bound(statement)
-        norm = _RING_NORM if statement.material.axisymmetric else _NORM
-        found = lower_bounds(replace(statement, material=norm), workspace=workspace)
-    except (ProblemError, MemoryError, np.linalg.LinAlgError, RuntimeError):  # ARPACK raises the last
+    proved = defined_above("smallness.trace_bound")
+    if proved is None:
         return None
-    return float(found.both.lower**-0.5)
+    check_time()
+    bound: float | None = proved(statement, _RING_NORM if statement.material.axisymmetric else _NORM, workspace)
+    return bound
 
 
 def unknown_constants(problem: DiscreteProblem) -> Smallness:

@@ -20,8 +20,8 @@ from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
     from hemivar.files.problem_file import ProblemFile
-    from hemivar.report.survey import SurveyReport
     from hemivar.solvers import Solver
+    from hemivar.survey.survey_report import SurveyReport
     from hemivar.workflows import Attempt, Comparison, Event
 
 __all__ = ["CertifyCommand", "CompareCommand", "SurveyCommand"]
@@ -208,7 +208,7 @@ class SurveyCommand(Command):
         return _SECONDS if self.max_time is None else self.max_time
 
     def check(self) -> None:
-        from hemivar.report.survey import FILES
+        from hemivar.survey.survey_report import FILES
 
         check_limits(max_time=self._limit)
         if not 8 <= self.max_n <= 1024 or self.max_n & (self.max_n - 1):
@@ -216,7 +216,7 @@ class SurveyCommand(Command):
         check_folder(self.output, FILES)
 
     def work(self) -> Done:
-        from hemivar.report.survey import run_survey
+        from hemivar.survey.survey_report import run_survey
 
         with StageView(console()) as stages, quiet_logging():
             result = run_survey(

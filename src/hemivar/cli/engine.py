@@ -1,4 +1,4 @@
-"""What a command works with: this process by itself, or all ranks of ``mpirun`` (:mod:`hemivar.cli.petsc`)."""
+"""What a command works with: this process by itself, or all ranks of ``mpirun`` (:mod:`hemivar.ranks.petsc_engine`)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
+from hemivar.basics.defined_above import above
 from hemivar.basics.signals import handled
 from hemivar.cli.options import ENGINES, check_engine
 from hemivar.errors import HemivarError, ProblemError
@@ -153,6 +154,5 @@ def engine_named(name: str, *together: str) -> Engine:
     check_engine(name)
     if name == ENGINES[0]:
         return Engine()
-    from hemivar.cli.petsc import PetscEngine
-
-    return PetscEngine(*together)
+    engine: Engine = above("engine.engine_named")(*together)
+    return engine

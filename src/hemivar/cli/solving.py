@@ -32,7 +32,7 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hemivar.adapt import AdaptiveSolution
+    from hemivar.bounds import AdaptiveSolution
     from hemivar.certificates import Certificate
     from hemivar.cli.session import Session
     from hemivar.files.problem_file import ProblemFile
@@ -303,7 +303,7 @@ class _AdaptiveCommand(OnProblem):
         return self.asked.adaptive
 
     def work(self) -> Done:
-        from hemivar.adapt import AdaptiveEnd
+        from hemivar.bounds import AdaptiveEnd
         from hemivar.workflows import AdaptOptions, adapt, result_of
 
         session, asked = self.session, self.asked
@@ -344,7 +344,7 @@ class _AdaptiveCommand(OnProblem):
         found = result.adaptive
         print_summary(console(), found.solution, result.certificate, self.session.stated.units)
         if result.certificate is None:
-            from hemivar.certificates.continuous.exact_certificate import statement_of
+            from hemivar.bounds.exact_certificate import statement_of
 
             print("\n".join(statement_of(found.distance).lines()))
         if found.goal is not None:

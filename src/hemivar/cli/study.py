@@ -328,8 +328,8 @@ class IdentifyCommand(OnProblem):
 
     def work(self) -> Done:
         from hemivar.files.changes import read_change
-        from hemivar.report import fit_table, plot_fit
-        from hemivar.workflows.identification import identifying, parameters_of_law
+        from hemivar.identification import fit_table, plot_fit
+        from hemivar.identification.identifying import identifying, parameters_of_law
 
         changes, wanted, session = [read_change(text) for text in self.given or ()], self.ranges, self.session
         if self.law is not None:

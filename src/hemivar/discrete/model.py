@@ -11,10 +11,10 @@ import scipy.sparse as sp
 from hemivar.basics.arguments import expect
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
-from hemivar.coercivity.rigid_modes import RigidModes, joined, no_motions
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.potential import Potential
+from hemivar.discrete.rigid_modes import RigidModes, joined, no_motions
 from hemivar.discrete.rigid_part import RigidPart
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError

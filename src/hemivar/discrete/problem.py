@@ -15,14 +15,14 @@ from hemivar.basics.defined_above import above
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
-from hemivar.coercivity.held_at_rest import limit_of
-from hemivar.coercivity.recession import CoercivityProof
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints, components_of
 from hemivar.discrete.contact_energy import contact_energy
+from hemivar.discrete.held_at_rest import limit_of
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.own_mesh import Location, located, numbered_field
+from hemivar.discrete.recession import CoercivityProof
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw

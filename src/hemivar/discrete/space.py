@@ -12,8 +12,8 @@ from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
-from hemivar.coercivity.constants import free_constants
-from hemivar.coercivity.rigid_modes import RigidModes, free_motions
+from hemivar.discrete.constants import free_constants
+from hemivar.discrete.rigid_modes import RigidModes, free_motions
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 

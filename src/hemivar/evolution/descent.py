@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.branches.chain import Chain, chain_of
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
@@ -23,6 +22,7 @@ from hemivar.solvers.base import State
 from hemivar.solvers.loop import finish
 from hemivar.solvers.status import STOPPED, check_interrupt
 from hemivar.systems.body import Body
+from hemivar.systems.chain import Chain, chain_of
 from hemivar.systems.workspace import Workspace
 
 __all__ = [

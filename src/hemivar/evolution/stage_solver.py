@@ -16,16 +16,14 @@ The curve that goes on beyond the fold, through equilibria that are no minimiser
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.arrays import norm
 from hemivar.basics.deadline import check_time
+from hemivar.basics.defined_above import above
 from hemivar.basics.types import Array, IntArray
-from hemivar.branches import find_solutions
-from hemivar.branches.chain import Chain, chain_of
-from hemivar.branches.follower import Follower, Track, TrackPoint
-from hemivar.branches.path import PathEnd
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
@@ -50,15 +48,18 @@ from hemivar.solvers import (
 from hemivar.solvers.newton_on_graph import ForceResidual, active_set_newton
 from hemivar.systems.body import Body
 from hemivar.systems.body_on_levels import set_up
+from hemivar.systems.chain import Chain, chain_of
 from hemivar.systems.workspace import Workspace
+
+if TYPE_CHECKING:
+    from hemivar.branches.solutions import SolutionSet
 
 __all__ = ["JumpPaths", "StageSolution", "StageSolver", "predicted_contact"]
 
 #: How far beyond the end of a branch the load goes to leave it, as parts of the step: the first that is felt.
 _BEYOND = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
-#: Ends of branches in one step, and points of the path between two, at most.
+#: Ends of branches in one step, at most.
 _ENDS = 200
-_POINTS = 5000
 #: Components of contact points up to which paths are followed: every corner of one is a dense solve.
 _LARGEST = 1500
 #: A change of place that counts as a jump, as a part of a typical displacement.
@@ -114,7 +115,9 @@ class JumpPaths:
         part = 0.0
         for _ in range(_ENDS):
             force = chain.out_of_balance(theta, segment, part * slope)  # so that the start is an equilibrium
-            part, theta, segment, done = _branch(chain, force, slope, theta, segment, part)
+            part, theta, segment, done = above("stage_solver.follow_minimisers")(
+                chain, force, slope, theta, segment, part
+            )
             r, _ = chain.local(theta, segment)
             if done or part >= 1.0 - _BEYOND[-1]:
                 return _ended(fall, problem, system.unknowns(r), jumps, (theta, segment) if done else None)
@@ -147,28 +150,6 @@ def _ended(
         return StageSolution(at, jumps=tuple(jumps))
     solution = fall.down(problem, u)
     return StageSolution(solution, jumps=(*jumps, *fall.jumped(1.0, problem, u, solution)))
-
-
-def _branch(
-    chain: Chain, force: Array, slope: Array, theta: Array, segment: IntArray, part: float
-) -> tuple[float, Array, IntArray, bool]:
-    """Along minimisers as far as they go: the load there, the point, and whether it is the end of the step."""
-    follower = Follower(chain, force, slope, part, 1.0, _POINTS, 0.02)
-    track = Track([TrackPoint(part, theta)], [])
-    for _ in follower.extend(track, theta, segment, part, 1.0):
-        point, last = track.points[-1], track.stretches[-1]
-        if not last.stable or point.t < track.points[-2].t:
-            break
-    good = 0
-    for (one, other), stretch in zip(zip(track.points, track.points[1:], strict=False), track.stretches, strict=True):
-        if not stretch.stable or other.t < one.t:
-            break
-        good += 1
-    if not good:
-        return part, theta, segment, False
-    end, own = track.points[good], track.stretches[good - 1].segment
-    whole = good == len(track.stretches) and track.ended is PathEnd.UPPER_END
-    return end.t, end.theta, own, whole
 
 
 @dataclass(eq=False)
@@ -338,7 +319,7 @@ class StageSolver:
         self._condense(problem)
         if jump is SelectionRule.GLOBAL and not self.resists:
             _refuse_without_energy(problem, jump)
-            found = find_solutions(problem, workspace=self.workspace)
+            found: SolutionSet = above("stage_solver.find_solutions")(problem, workspace=self.workspace)
             check_time()  # the lowest of a search that was cut short need not be the lowest
             if found.solutions:
                 return StageSolution(min(found.solutions, key=lambda solution: solution.energy))

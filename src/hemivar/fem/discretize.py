@@ -13,8 +13,8 @@ from hemivar.basics.arguments import expect, expecting
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.types import Array
-from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.free_motion import refuse_free_motion
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.potential import Potential

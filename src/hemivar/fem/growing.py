@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from hemivar.coercivity.free_motion import refuse_free_motion
+from hemivar.discrete.free_motion import refuse_free_motion
 from hemivar.errors import SupportError
 from hemivar.fem.discretize import discretize
 from hemivar.fem.load_line import LoadLine

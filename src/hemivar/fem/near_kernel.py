@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.coercivity.rigid_modes import rigid_basis
+from hemivar.discrete.rigid_modes import rigid_basis
 from hemivar.discrete.space import Field
 from hemivar.linear.algebraic import NodeSlots, near_each_other
 

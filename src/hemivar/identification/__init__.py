@@ -1,17 +1,7 @@
 """Laws from measurements: parameters of a contact law that fit a measured curve, and what the curve leaves open."""
 
-from hemivar.identification.experiment import Experiment
-from hemivar.identification.fit import Fit, FitOptions, Parameter, fit
-from hemivar.identification.measurements import Measurements, read_measurements
-from hemivar.identification.sensitivity import derivative_by_law
+from __future__ import annotations
 
-__all__ = [
-    "Experiment",
-    "Fit",
-    "FitOptions",
-    "Measurements",
-    "Parameter",
-    "derivative_by_law",
-    "fit",
-    "read_measurements",
-]
+from hemivar.basics.first_use import on_demand
+
+__getattr__, __dir__, __all__ = on_demand(__name__, __file__)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar.adapt.goals import Goal, GoalKind, goal_named
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
+from hemivar.bounds.goals import Goal, GoalKind, goal_named
 from hemivar.certificates import certify
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.problem import DiscreteProblem
@@ -64,7 +64,7 @@ class Experiment:
         problems : sequence of DiscreteProblem
             With the same body; loads, prescribed displacements and gaps may differ.
         quantities : sequence of str
-            What is measured, each with its component, see :func:`hemivar.adapt.goal_named`.
+            What is measured, each with its component, see :func:`hemivar.bounds.goal_named`.
         controls : Controls, optional
 
         Raises

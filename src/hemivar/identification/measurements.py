@@ -36,7 +36,8 @@ class Measurements(PickleMixin):
     inputs : mapping of str to array (n,)
         What was set: a key of the problem file, as ``supports.top.y``, or a name for a function of one's own.
     measured : mapping of str to array (n,)
-        What was measured: a quantity with its component, as ``support.top.force.y`` (:func:`hemivar.adapt.goal_named`).
+        What was measured: a quantity with its component, as ``support.top.force.y``
+        (:func:`hemivar.bounds.goal_named`).
 
     Raises
     ------

@@ -1,5 +1,5 @@
 // What is around the vertices of a mesh of simplices: its facets, the cells of each vertex, and tractions that balance
-// the cells there (hemivar.certificates.continuous.vertex_moments says which).
+// the cells there (hemivar.bounds.vertex_moments says which).
 //
 // Moments on facets at different vertices are different numbers, so nobody waits for anybody.
 #pragma once

@@ -7,8 +7,6 @@ from .certificate_line import plot_certificate as plot_certificate
 from .contact_curves import plot_contact as plot_contact
 from .deformed import BodyColour as BodyColour
 from .film_pictures import FilmColour as FilmColour
-from .identification_figure import fit_table as fit_table
-from .identification_figure import plot_fit as plot_fit
 from .law_figures import plot_law as plot_law
 from .law_figures import plot_laws as plot_laws
 from .loglog import plot_adaptive as plot_adaptive
@@ -25,8 +23,6 @@ from .picture import paper as paper
 from .plane_body import Arrows as Arrows
 from .saving import save as save
 from .solution_pictures import plot_solutions as plot_solutions
-from .survey import SurveyReport as SurveyReport
-from .survey import run_survey as run_survey
 from .sweep_figures import plot_sweep as plot_sweep
 from .tables import PAPER_TABLE_1 as PAPER_TABLE_1
 from .tables import Table as Table

@@ -6,7 +6,8 @@ import math
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from hemivar.certificates import Certificate, DistanceToExact
+from hemivar.bounds import DistanceToExact
+from hemivar.certificates import Certificate
 from hemivar.report.picture import current, new_figure
 from hemivar.report.style import BLUE, GREEN, GREY, RED, drawing, figure_of
 from hemivar.solvers import Solution, Status

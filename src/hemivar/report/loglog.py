@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hemivar.adapt import AdaptiveLevel, AdaptiveSolution
 from hemivar.basics.arguments import expecting
 from hemivar.basics.types import Array, BoolArray
+from hemivar.bounds import AdaptiveLevel, AdaptiveSolution
+from hemivar.bounds.exact_certificate import statement_of
 from hemivar.certificates import Certificate
-from hemivar.certificates.continuous.exact_certificate import statement_of
 from hemivar.errors import ProblemError
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, write_below, write_foot
 from hemivar.report.picture import new_figure
@@ -36,8 +36,8 @@ from hemivar.report.style import (
 )
 from hemivar.report.tables import reciprocal
 from hemivar.solvers import Solution
+from hemivar.workflows.observed_order import observed_order
 from hemivar.workflows.study import Study
-from hemivar.workflows.survey_runs import observed_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

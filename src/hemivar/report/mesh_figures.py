@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hemivar.adapt import AdaptiveLevel, AdaptiveSolution
 from hemivar.basics.arguments import expecting
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
+from hemivar.bounds import AdaptiveLevel, AdaptiveSolution
+from hemivar.bounds.exact_certificate import statement_of
 from hemivar.certificates import Certificate
-from hemivar.certificates.continuous.exact_certificate import statement_of
 from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, write_foot

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hemivar.adapt import AdaptiveSolution
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Record
+from hemivar.bounds import AdaptiveSolution, DistanceToExact
 from hemivar.branches import Path, SolutionSet
-from hemivar.certificates import Certificate, DistanceToExact, certify, one_solution, smallness
+from hemivar.certificates import Certificate, certify, one_solution, smallness
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.adapt import AdaptiveSolution
 from hemivar.basics.arguments import expecting
 from hemivar.basics.csv_text import csv_text
 from hemivar.basics.disk import make_folder, path_of, shown, write_text
@@ -21,6 +20,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Record
 from hemivar.basics.units import Units
+from hemivar.bounds import AdaptiveSolution
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
 from hemivar.workflows.comparison import energy_norm_difference
@@ -236,7 +236,7 @@ def _escape(text: str) -> str:
 
 
 def adaptive_table(found: AdaptiveSolution, *, title: str = "") -> Table:
-    """The meshes of an adaptive solve: the rows of :meth:`hemivar.adapt.AdaptiveSolution.rows`.
+    """The meshes of an adaptive solve: the rows of :meth:`hemivar.bounds.AdaptiveSolution.rows`.
 
     ``guaranteed`` is 1 where the relative bound is one, 0 where it is an estimate.
 

@@ -15,34 +15,19 @@ from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.solve import method_for, solve, solving, suited
 from hemivar.solvers.status import Status
-from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
-from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
-from hemivar.solvers.survey.bundle import ProximalBundle
-from hemivar.solvers.survey.lbfgs import LBFGS
-from hemivar.solvers.survey.powell import Powell
 
 __all__ = [
-    "LBFGS",
     "METHODS",
-    "AugmentedLagrangian",
-    "AugmentedLagrangianNewton",
     "BoundaryResult",
     "ContactStates",
     "Controls",
-    "ExactInner",
     "FixedPoint",
-    "InnerSolver",
     "LoadStepping",
-    "NewtonKrylov",
     "NonsmoothMultigrid",
     "NonsmoothNewton",
     "NormalState",
-    "Powell",
-    "PrimalDualActiveSet",
     "Progress",
-    "ProximalBundle",
     "ProximalNewton",
-    "RootFinder",
     "Search",
     "SemismoothNewton",
     "Solution",

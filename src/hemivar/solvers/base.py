@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
 from hemivar.basics.types import Array
-from hemivar.coercivity.recession import RecessionFunction
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.recession import RecessionFunction
 from hemivar.discrete.residual import Residual
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status

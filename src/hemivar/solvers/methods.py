@@ -2,37 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
+from collections.abc import Iterator, Mapping
 
 from hemivar.basics.arguments import described, quoted, suggest
+from hemivar.basics.defined_above import defined_above
+from hemivar.basics.first_use import cached_property
 from hemivar.errors import MethodError
 from hemivar.solvers.base import Solver
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.newton import NonsmoothNewton
-from hemivar.solvers.survey.active_set import ExactInner, NewtonKrylov, PrimalDualActiveSet
-from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton
-from hemivar.solvers.survey.bundle import ProximalBundle
-from hemivar.solvers.survey.lbfgs import LBFGS
-from hemivar.solvers.survey.powell import Powell
 
 __all__ = ["METHODS", "as_method", "method_named"]
 
-_ALL = (
-    NonsmoothNewton(),
-    NonsmoothMultigrid(),
-    Powell(),
-    LBFGS(),
-    ProximalBundle(),
-    AugmentedLagrangian(),
-    AugmentedLagrangianNewton(),
-    PrimalDualActiveSet(ExactInner()),
-    PrimalDualActiveSet(NewtonKrylov()),
-)
+
+class _Methods(Mapping[str, Solver]):
+    """The two methods of this package, and those of :mod:`hemivar.survey` where it is installed."""
+
+    @cached_property
+    def _known(self) -> dict[str, Solver]:
+        further = defined_above("methods.further_methods")
+        methods = (NonsmoothNewton(), NonsmoothMultigrid(), *(() if further is None else further()))
+        return {method.name: method for method in methods}
+
+    def __getitem__(self, name: str) -> Solver:
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._known)
+
+    def __len__(self) -> int:
+        return len(self._known)
+
 
 #: Every method with its standard options, by the name that the command and the tables use.
-METHODS: Mapping[str, Solver] = MappingProxyType({method.name: method for method in _ALL})
+METHODS: Mapping[str, Solver] = _Methods()
 
 
 def method_named(name: str) -> Solver:

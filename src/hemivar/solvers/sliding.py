@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.coercivity.held_at_rest import BY_FRICTION
-from hemivar.coercivity.rigid_modes import admitted
+from hemivar.discrete.held_at_rest import BY_FRICTION
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
+from hemivar.discrete.rigid_modes import admitted
 from hemivar.laws import VectorLaw
 from hemivar.solvers.contact_states import TangentialState
 from hemivar.solvers.solution import Solution

@@ -15,9 +15,9 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
-from hemivar.coercivity.recession import Coercivity, decide
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.recession import Coercivity, decide
 from hemivar.discrete.residual import Residual, inaccurate_law
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed

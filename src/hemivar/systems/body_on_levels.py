@@ -14,10 +14,10 @@ import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.coercivity.free_motion import free_growth
-from hemivar.coercivity.recession import RecessionFunction, growth_along
 from hemivar.discrete.contact import contact_unknowns, selects
+from hemivar.discrete.free_motion import free_growth
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.recession import RecessionFunction, growth_along
 from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
 from hemivar.fem.hierarchy import Coarser, coarser

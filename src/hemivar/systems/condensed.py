@@ -14,9 +14,9 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.coercivity.free_motion import free_growth
-from hemivar.coercivity.recession import RecessionFunction, growth_along
+from hemivar.discrete.free_motion import free_growth
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.recession import RecessionFunction, growth_along
 from hemivar.discrete.residual import LoadScale, Residual, load_scale, residuals
 from hemivar.errors import ProblemError
 from hemivar.fem.posed import Posable, posed

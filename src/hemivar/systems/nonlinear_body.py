@@ -13,12 +13,12 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
-from hemivar.coercivity.free_motion import free_growth
-from hemivar.coercivity.recession import RecessionFunction
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import selects
+from hemivar.discrete.free_motion import free_growth
 from hemivar.discrete.potential import Potential, Softened
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.recession import RecessionFunction
 from hemivar.discrete.residual import LoadScale, contact_compliance, load_scale
 from hemivar.fem.hierarchy import Coarser, coarser, tangent_problem
 from hemivar.laws import VectorLaw

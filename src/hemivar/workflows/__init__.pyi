@@ -32,8 +32,6 @@ from .events import StartEvent as StartEvent
 from .events import WarningEvent as WarningEvent
 from .events import Work as Work
 from .events import result_of as result_of
-from .identification import identify as identify
-from .identification import identifying as identifying
 from .law_study import LawStudy as LawStudy
 from .law_study import study_law as study_law
 from .level_study import LevelStudy as LevelStudy
@@ -54,10 +52,6 @@ from .study import StudyLevel as StudyLevel
 from .study import StudyOptions as StudyOptions
 from .study import study as study
 from .study import studying as studying
-from .survey_runs import SurveyEvent as SurveyEvent
-from .survey_runs import SurveyOptions as SurveyOptions
-from .survey_runs import SurveyRuns as SurveyRuns
-from .survey_runs import survey as survey
 from .sweep import Sweep as Sweep
 from .sweep import SweepAxis as SweepAxis
 from .sweep import SweepEvent as SweepEvent

@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass, field, replace
 from itertools import count
 
-from hemivar.adapt import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
 from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
 from hemivar.basics.generators import each_as
 from hemivar.basics.known_statement import ManufacturedProblem
+from hemivar.bounds import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
+from hemivar.bounds.exact_certificate import statement_of
 from hemivar.certificates import Certificate
-from hemivar.certificates.continuous.exact_certificate import statement_of
 from hemivar.errors import HemivarError
 from hemivar.mechanics import ContactProblem
 from hemivar.mechanics.statement import expect_body
@@ -25,7 +25,7 @@ __all__ = ["AdaptOptions", "AdaptResult", "Refined", "adapt"]
 
 @dataclass(frozen=True)
 class AdaptOptions:
-    """How to solve adaptively, see :func:`hemivar.adapt.solving_adaptive`.
+    """How to solve adaptively, see :func:`hemivar.bounds.solving_adaptive`.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def adapt(problem: ContactProblem | ManufacturedProblem, options: AdaptOptions |
     Raises
     ------
     ProblemError, MethodError
-        As :func:`hemivar.adapt.solve_adaptive`.
+        As :func:`hemivar.bounds.solve_adaptive`.
     """
     options = AdaptOptions() if options is None else options
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"

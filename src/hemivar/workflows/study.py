@@ -23,10 +23,10 @@ from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
-from hemivar.certificates.continuous import exact_distance
-from hemivar.certificates.continuous.exact_certificate import statement_of
-from hemivar.certificates.continuous.scalar_distance import scalar_distance
-from hemivar.certificates.continuous.trace_bounds import body_constants
+from hemivar.bounds import exact_distance
+from hemivar.bounds.exact_certificate import statement_of
+from hemivar.bounds.scalar_distance import scalar_distance
+from hemivar.bounds.trace_bounds import body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate
@@ -43,8 +43,8 @@ from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status, as_method
 from hemivar.systems import Workspace
 from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
+from hemivar.workflows.observed_order import observed_order
 from hemivar.workflows.solving import from_coarser
-from hemivar.workflows.survey_runs import observed_order
 
 __all__ = ["QUANTITIES", "Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
 
@@ -84,7 +84,7 @@ class StudyOptions:
     must_keep : bool
         Whether the study ends where that file cannot be written; else ``Study.unkept`` says why.
     exact : bool
-        Whether the error on each mesh is bounded as well, see :func:`hemivar.certificates.continuous.exact_distance`.
+        Whether the error on each mesh is bounded as well, see :func:`hemivar.bounds.exact_distance`.
 
     Raises
     ------

@@ -374,7 +374,7 @@ def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
 
 
 def test_what_needs_a_normal_law_and_friction_says_so() -> None:
-    for method in (hv.solvers.PrimalDualActiveSet(), hv.solvers.ProximalBundle()):
+    for method in (hv.survey.PrimalDualActiveSet(), hv.survey.ProximalBundle()):
         with pytest.raises(hv.HemivarError, match=r"couples opening and slip|not convex"):
             hv.solve(block(), method)
 

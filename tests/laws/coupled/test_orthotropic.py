@@ -158,7 +158,7 @@ def test_methods_agree_and_the_minimum_is_the_only_one() -> None:
     assert other.status.name == "CONVERGED"
     assert other.energy == pytest.approx(newton.energy, rel=1e-9)
     with pytest.raises(hv.HemivarError, match="depends on the direction of the slip"):
-        hv.solve(problem, hv.solvers.PrimalDualActiveSet())
+        hv.solve(problem, hv.survey.PrimalDualActiveSet())
     found = hv.certify(newton)
     assert found.kind.name == "UNIQUE_MINIMISER"
     assert found.unique is True

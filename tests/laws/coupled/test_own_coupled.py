@@ -303,7 +303,7 @@ def test_results_do_not_change_with_units() -> None:
         (lambda: CoupledFunctionLaw(lambda r, s: r * np.nan, gauss_gradient, reach=0.1), "not finite"),
         (lambda: hv.Contact(LAWS["gauss"](), Tresca(0.3)), "leave the friction 'tresca' out"),
         (lambda: hv.ScalarContact(LAWS["gauss"]()), "law"),
-        (lambda: hv.solve(block(LAWS["gauss"]()), hv.solvers.PrimalDualActiveSet()), "couples opening and slip"),
+        (lambda: hv.solve(block(LAWS["gauss"]()), hv.survey.PrimalDualActiveSet()), "couples opening and slip"),
         (lambda: plot_coupled_law(LAWS["gauss"](), reach=-1.0), "positive length"),
     ],
 )  # fmt: skip

@@ -1,7 +1,0 @@
-"""The distance of a computed displacement to the exact solution: equilibrated stresses and trace constants."""
-
-from __future__ import annotations
-
-from hemivar.basics.first_use import on_demand
-
-__getattr__, __dir__, __all__ = on_demand(__name__, __file__)

@@ -1,3 +1,0 @@
-"""Engines: the same method on other machines than one."""
-
-__all__ = []

@@ -1,0 +1,7 @@
+"""The survey's methods by their names, its runs, tables and figures."""
+
+from __future__ import annotations
+
+from hemivar.basics.first_use import on_demand
+
+__getattr__, __dir__, __all__ = on_demand(__name__, __file__)

@@ -1,0 +1,17 @@
+"""A problem file as the ranks hold it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hemivar.cli.session import Session
+from hemivar.ranks import BodyOnRanks
+from hemivar.ranks.discrete_on_ranks import body_of
+from hemivar.ranks.petsc_engine import PetscEngine
+
+__all__ = ["body_of_file"]
+
+
+def body_of_file(path: str | Path) -> BodyOnRanks:
+    """The body of a problem file over all ranks, which read it together."""
+    return body_of(Session(Path(path), {}, engine=PetscEngine()).discrete())
