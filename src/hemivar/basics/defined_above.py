@@ -53,5 +53,5 @@ def above(entry: str) -> Callable[..., Any]:
     found = defined_above(entry)
     if found is None:
         package = _TABLE[entry].split(".")[0]
-        raise MethodError(f"{entry} is part of hemivar.{package}, which is not installed here")
+        raise MethodError(f"{entry} is part of hemivar.{package}, which is not installed here; install all of hemivar")
     return found
