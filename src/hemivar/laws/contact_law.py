@@ -255,7 +255,8 @@ class ContactLaw(NormalAndFriction):
         slip = GraphTables.of((self.friction.profile,), a[:, 1:]) if apart else None
         if tables is None or (apart and slip is None):
             return super().chart(a, components)
-        return ContactChart(self, a, tables, slip)
+        bound = self.friction.bound
+        return ContactChart(self, a, tables, slip, bound if apart and isinstance(bound, StateBound) else None)
 
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         m, d = x.shape

@@ -23,9 +23,10 @@ from hemivar.ranks.preconditioner import Multigrid, MultigridForMany, ReusedCycl
 from hemivar.ranks.ranks import Ranks
 from hemivar.ranks.stiffness import Stiffness
 from hemivar.ranks.stored_on_ranks import StoredOnRanks
-from hemivar.systems.body import Body
+from hemivar.systems.body import Body, Truncation
 from hemivar.systems.contact_system import PASSED
-from hemivar.systems.krylov_newton import Truncation
+from hemivar.systems.krylov_newton import KrylovNewton
+from hemivar.systems.newton_equation import NewtonEquation
 from hemivar.systems.nonlinear_body import Prepare
 
 if TYPE_CHECKING:
@@ -127,6 +128,9 @@ class BodyOnRanks(Body):
 
     def truncation(self) -> Truncation:
         return Multigrid(self) if self.cycles is None else ReusedCycle(self, self.cycles)
+
+    def newton_equation(self, known: NewtonEquation | None = None) -> KrylovNewton:
+        return KrylovNewton.of(self, known)
 
     def from_below(self, x: Array) -> Array:
         below, ends = self.below, self.piece.ends
