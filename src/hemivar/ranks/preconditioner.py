@@ -256,6 +256,10 @@ class MultigridForMany:
     def __init__(self) -> None:
         self.kept: Multigrid | None = None
 
+    def __call__(self, body: BodyOnRanks) -> ReusedCycle:
+        """That for one solve."""
+        return ReusedCycle(body, self)
+
     def at(self, body: BodyOnRanks, x: Array, held: BoolArray, curvature: Array) -> Multigrid:
         """Newton's matrix at the first place of a solve, with a cycle set up for it."""
         if self.kept is not None and not self.kept.again(x, held, curvature):
