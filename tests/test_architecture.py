@@ -698,7 +698,7 @@ def test_the_method_takes_three_types_from_what_uses_it() -> None:
     above = {room_of(name) for name in CONTRACTS["tiers"]["forbidden_modules"]}
     found = {pair for pair in imports("hemivar", True) if room_of(pair[1]) in above and room_of(pair[0]) not in above}
     assert found == {
-        ("hemivar.certificates.certificate", "hemivar.bounds.stated_distance"),
+        ("hemivar.certificates.wording", "hemivar.bounds.stated_distance"),
         ("hemivar.evolution.stage_solver", "hemivar.branches.solutions"),
         ("hemivar.solvers.solution", "hemivar.report.summary"),
     }

@@ -95,7 +95,7 @@ class Model(PickleMixin):
         field = self.field
         assert field is not None
         if self.resisted:
-            return no_motions(field)
+            return no_motions(field.mesh, field.prescribed.size)
         motions = field.free_motions
         return motions if len(motions.groups) < 2 else joined(motions, sp.csr_array(self.contact.trace @ field.lift))
 

@@ -86,7 +86,8 @@ class ContactLaw(NormalAndFriction):
     @cached_property
     def _compiled(self) -> CompiledLaw | None:
         """The law in the compiled kernels; None where these are not there, or do not know it."""
-        return None if self.state_dependent else CompiledLaw.of(self.normal, self.friction)
+        friction = self.friction
+        return None if self.state_dependent else CompiledLaw.of(self.normal, friction.profile, friction.bounds)
 
     def scalar_laws(self, components: int) -> tuple[Superpotential, ...]:
         """The normal law, and the tangential one where there are tangents."""
