@@ -29,6 +29,7 @@ import hemivar
 from tests.sources import PACKAGE, ROOT, Source, sources, trees
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 CONTRACTS = {one["id"]: one for one in PROJECT["tool"]["importlinter"]["contracts"]}
 #: Packages by rank, as the contract of import-linter has them: each may import itself and those of a lower rank.
 RANK = {
@@ -671,8 +672,9 @@ def test_an_import_that_breaks_the_contract_is_named(tmp_path: Path) -> None:
 
 
 def test_the_picture_of_the_packages_is_the_contract() -> None:
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    drawn = re.findall(r"^\| (\w+) |^\+- (.+?) -", text.partition("```text\n")[2].partition("```")[0], re.MULTILINE)
+    drawn = re.findall(
+        r"^\| (\w+) |^\+- (.+?) -", CONTRIBUTING.partition("```text\n")[2].partition("```")[0], re.MULTILINE
+    )
     assert [name for name, tier in drawn if not tier] == sorted(RANK, key=RANK.__getitem__, reverse=True)
     method = drawn.index(("", "the method"))
     assert drawn[0] == ("", "what uses the method")
@@ -694,14 +696,18 @@ def room_of(module: str) -> str:
     return module.partition(".")[2].partition(".")[0]
 
 
+#: Types that the method names, of what uses it.
+TYPES_FROM_ABOVE = {
+    ("hemivar.certificates.wording", "hemivar.bounds.stated_distance"),
+    ("hemivar.evolution.stage_solver", "hemivar.branches.solutions"),
+    ("hemivar.solvers.solution", "hemivar.report.summary"),
+}
+
+
 def test_the_method_takes_three_types_from_what_uses_it() -> None:
     above = {room_of(name) for name in CONTRACTS["tiers"]["forbidden_modules"]}
     found = {pair for pair in imports("hemivar", True) if room_of(pair[1]) in above and room_of(pair[0]) not in above}
-    assert found == {
-        ("hemivar.certificates.wording", "hemivar.bounds.stated_distance"),
-        ("hemivar.evolution.stage_solver", "hemivar.branches.solutions"),
-        ("hemivar.solvers.solution", "hemivar.report.summary"),
-    }
+    assert found == TYPES_FROM_ABOVE
 
 
 def circles(arrows: set[tuple[str, str]]) -> list[set[str]]:
@@ -712,6 +718,36 @@ def circles(arrows: set[tuple[str, str]]) -> list[set[str]]:
     label = connected_components(graph, connection="strong")[1]
     groups = [{names[k] for k in np.flatnonzero(label == one)} for one in range(label.max(initial=-1) + 1)]
     return sorted((group for group in groups if len(group) > 1), key=lambda group: (-len(group), min(group)))
+
+
+def test_files_of_a_package_form_three_circles() -> None:
+    arrows = imports("hemivar", True)
+    inside = {pair for pair in arrows if room_of(pair[0]) == room_of(pair[1])}
+    rows = re.findall(r"^\| `(\w+)` \| (.+?) \| .{20,} \|$", CONTRIBUTING.partition("no circle")[2], re.MULTILINE)
+    allowed = [{f"hemivar.{room}.{name}" for name in re.findall(r"\w+", files)} for room, files in rows]
+    found = circles(inside)
+    assert len(found) <= 3
+    assert sorted(map(sorted, found)) == sorted(map(sorted, allowed)), "let no file of a circle import another one"
+    of_packages = {(room_of(one), room_of(other)) for one, other in arrows - inside - TYPES_FROM_ABOVE}
+    assert circles({pair for pair in of_packages if all(pair)}) == []
+
+
+def test_a_circle_of_files_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    files = {
+        "__init__": "",
+        "a": "from planted_circle.b import f\n",
+        "b": "def f():\n    from planted_circle import c\n",
+        "c": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from planted_circle.a import A\n",
+        "d": "from planted_circle import a\n",
+        "e/__init__": "from planted_circle.e.f import f\n",
+        "e/f": "from planted_circle.e import g, h\n",
+        "e/g": "",
+    }
+    planted(tmp_path, {f"planted_circle/{name}.py": text for name, text in files.items()})
+    named = [{f"planted_circle.{name}" for name in "abc"}, {"planted_circle.e", "planted_circle.e.f"}]
+    assert circles(imports("planted_circle", True)) == named
+    assert circles(imports("planted_circle", False)) == [named[1]]
 
 
 #: Packages that are slow to load.
