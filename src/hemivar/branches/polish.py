@@ -17,8 +17,8 @@ from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem
 from hemivar.systems.chain import Chain
-from hemivar.systems.contact_moves import smooth_components
 from hemivar.systems.dense_newton import newton_matrix
+from hemivar.systems.newton_equation import smooth_components
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["Polished", "polish", "polish_by_solver"]

@@ -18,8 +18,8 @@ from hemivar.cli.engine import Engine, engine_named
 from hemivar.cli.march_view import MarchView, code_of, print_history
 from hemivar.cli.options import ENGINES, check_limits, option, written
 from hemivar.cli.outputs import Files, check_outputs
-from hemivar.cli.printing import Bar, print_head
-from hemivar.cli.session import Session, naming_file
+from hemivar.cli.printing import Bar
+from hemivar.cli.session import Session, naming_file, print_head
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from hemivar.files.vtu import (
     write_grid,
 )
 from hemivar.ranks import BodyOnRanks, Ranks
-from hemivar.ranks.discrete_on_ranks import body_of
+from hemivar.ranks.body_on_ranks import body_of
 from hemivar.ranks.evolution import EvolutionOnRanks
 from hemivar.ranks.files import one_writer
 from hemivar.solvers import Solution

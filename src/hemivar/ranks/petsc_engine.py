@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NoReturn, TypeVar
 import numpy as np
 
 from hemivar.basics.disk import shown
-from hemivar.cli.engine import Engine
+from hemivar.cli.engine import Asked, Engine
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import one_line
 from hemivar.cli.session import naming_file
@@ -34,8 +34,8 @@ from hemivar.ranks import (
     write_checkpoint,
 )
 from hemivar.ranks.assembly import assemble_family
+from hemivar.ranks.body_on_ranks import body_of
 from hemivar.ranks.certificate import certify_on_ranks
-from hemivar.ranks.discrete_on_ranks import body_of
 from hemivar.ranks.evolution import EvolutionOnRanks
 from hemivar.ranks.on_ranks import SeriesOnRanks, pieces_of, write_json_on_ranks, write_vtu_on_ranks
 from hemivar.ranks.pieces import grid_numbers
@@ -47,8 +47,6 @@ from hemivar.workflows import RunResult, StartEvent, march
 if TYPE_CHECKING:
     from hemivar.basics.types import Array, IntArray
     from hemivar.certificates import Certificate
-    from hemivar.cli.printing import SolveView
-    from hemivar.cli.solving import SolveCommand
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.evolution import Evolution, History, March
     from hemivar.evolution.discrete import DiscreteEvolution
@@ -62,7 +60,7 @@ if TYPE_CHECKING:
     from hemivar.ranks import BodyOnRanks, Piece
     from hemivar.solvers import Progress, Solution
     from hemivar.solvers.base import State
-    from hemivar.workflows import Work
+    from hemivar.workflows import Event, Work
 
 __all__ = ["PetscEngine", "all_or_none"]
 
@@ -164,18 +162,22 @@ class PetscEngine(Engine):
     # ---- the work --------------------------------------------------------------------------------------------
 
     def solved(
-        self, asked: SolveCommand, problem: DiscreteProblem, coarser: Sequence[DiscreteProblem], view: SolveView
+        self,
+        asked: Asked,
+        problem: DiscreteProblem,
+        coarser: Sequence[DiscreteProblem],
+        view: Callable[[Event], bool],
     ) -> RunResult:
         """Solve, from a checkpoint where that is asked for, and certify."""
         body, path = body_of(problem), asked.checkpoint
         begun = asked.resume and self.ranks.mpi.bcast(path is not None and os.path.lexists(path))
         state = read_checkpoint(path, body) if begun and path is not None else None
         view(StartEvent(problem, 0, 1))
-        controls = replace(asked.session.controls, callback=view)
+        controls = replace(asked.controls, callback=view)
         alarm, keep = self.limit.limited(controls.max_time), None if path is None else _Keeper(path, body)
         solution = solve_distributed(body, None, controls, resume=state, watch=keep, alarm=alarm)
         certificate = certify_on_ranks(solution, alarm=alarm)
-        asked.writer.failed += [] if keep is None or keep.error is None else [keep.error]
+        asked.failed.extend([] if keep is None or keep.error is None else [keep.error])
         return RunResult(solution, certificate, interrupted=solution.status is Status.INTERRUPTED)
 
     def marching(self, evolution: Evolution, plan: March) -> Work[History]:

@@ -24,9 +24,8 @@ from hemivar.evolution.stage_solver import StageSolution, StageSolver
 from hemivar.evolution.step_operator import StepOperators
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.laws import VectorLaw
-from hemivar.ranks.body_on_ranks import BodyOnRanks
+from hemivar.ranks.body_on_ranks import BodyOnRanks, body_of
 from hemivar.ranks.certificate import CyclesOnRanks
-from hemivar.ranks.discrete_on_ranks import body_of
 from hemivar.ranks.evolution import EvolutionOnRanks, StepMatricesOnRanks
 from hemivar.ranks.solve import Saved, solve_distributed
 from hemivar.ranks.time_limit import TimeLimit

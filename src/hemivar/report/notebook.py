@@ -31,7 +31,7 @@ from hemivar.report.contact_curves import plot_contact
 from hemivar.report.loglog import plot_adaptive, plot_study
 from hemivar.report.march_figures import plot_march
 from hemivar.report.path_diagrams import plot_path
-from hemivar.report.saving import png
+from hemivar.report.picture import png
 from hemivar.report.solution_pictures import plot_solutions
 from hemivar.report.style import MANY_CELLS
 from hemivar.report.sweep_figures import plot_sweep
