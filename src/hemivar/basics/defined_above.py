@@ -37,13 +37,15 @@ def defined_above(entry: str) -> Callable[..., Any] | None:
     return found
 
 
-def above(entry: str) -> Callable[..., Any]:
+def above(entry: str, what: str = "") -> Callable[..., Any]:
     """The function that an entry leads to; threads wait for one another.
 
     Parameters
     ----------
     entry : str
         ``"Type.method"`` or ``"module.function"``, as the table has it.
+    what : str
+        What the user asked for; a method by default.
 
     Raises
     ------
@@ -53,5 +55,7 @@ def above(entry: str) -> Callable[..., Any]:
     found = defined_above(entry)
     if found is None:
         package = _TABLE[entry].split(".")[0]
-        raise MethodError(f"{entry} is part of hemivar.{package}, which is not installed here; install all of hemivar")
+        raise MethodError(
+            f"{what or entry} is part of hemivar.{package}, which is not installed here; install all of hemivar"
+        )
     return found

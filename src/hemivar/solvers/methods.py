@@ -57,7 +57,9 @@ def method_named(name: str) -> Solver:
         There is no such method; the message lists all.
     """
     if name not in METHODS:
-        raise MethodError(f"method {quoted(name)} is not known{suggest(name, list(METHODS))}")
+        rest = "; the methods of the survey are part of hemivar.survey, which is not installed here; install all of hemivar"
+        missing = defined_above("methods.further_methods") is None
+        raise MethodError(f"method {quoted(name)} is not known{suggest(name, list(METHODS))}{rest if missing else ''}")
     return METHODS[name]
 
 
