@@ -14,7 +14,7 @@ import pkgutil
 
 import lazy_loader
 
-from hemivar.basics.defined_above import hand_on
+from hemivar.basics.defined_above import MISSING, hand_on
 from hemivar.basics.first_use import IMPORTS
 
 __version__ = "0.1.0"
@@ -74,7 +74,7 @@ def _loaded(name: str) -> object:
         if not package.startswith("hemivar."):
             raise
         what = package if package == f"hemivar.{name}" else f"hemivar.{name} is part of {package}, which"
-        raise ModuleNotFoundError(f"{what} is not installed here; install all of hemivar", name=package) from None
+        raise ModuleNotFoundError(f"{what} is {MISSING}", name=package) from None
 
 
 def _shows(room: str, name: str) -> bool:
