@@ -76,20 +76,6 @@ def test_a_point_on_a_spring_unloads_to_the_origin_and_does_not_heal(law: hv.Sup
         assert taken == pytest.approx(0.3, rel=1e-12)
 
 
-@pytest.mark.parametrize("jump", ["local", "arc-length"])
-def test_steep_glue_breaks_in_one_jump(jump: str) -> None:
-    """With alpha = 36 above 12: at d = 0.3 from w = 0.1 to broken; of 0.36 that is stored before, G = 0.2 is taken."""
-    laws = [MixedMode(bilinear(36.0), 1.0, SHUT)] if jump == "local" else []
-    for law in (*laws, hv.Adhesive(24.0, 2.4, 36.0, 72.0)):
-        history = pulled(law, [0.0, 0.29, 0.31, 0.1], 0.1, jump=jump, controls=hv.Controls())
-        assert history.finished
-        opened = [-frame.local[0, 0] for frame in history.frames]
-        np.testing.assert_allclose(opened, [0.0, 12.0 * 0.29 / 36.0, 0.31, 0.1], atol=1e-8)
-        assert any("the body jumped at t = 1.5" in message or "at t = 1.6" in message for message in history.messages)
-        assert history["memory"][-1] == pytest.approx(0.2, rel=1e-8)
-        assert history["jumps"][-1] == pytest.approx(0.16, rel=1e-2)
-
-
 def test_a_step_from_rest_under_no_load_stays_where_steep_glue_would_let_it_jump() -> None:
     history = pulled(MixedMode(bilinear(36.0), 1.0, SHUT), [0.0, 0.0])
     assert history.finished
@@ -298,20 +284,6 @@ def test_elastic_glue_says_that_it_heals(name: str) -> None:
     loaded = pulled(law, [0.0, 0.4], memory=())
     remembering = pulled(law, [0.0, 0.4, 0.0])
     assert not any("heals" in message for message in (*loaded.messages, *remembering.messages))
-
-
-def test_what_remembers_in_a_file(tmp_path: Path) -> None:
-    """Nothing is said, or that there is no memory: glue remembers, or heals; each comes back as it was."""
-    problem = bodies.column(hv.Contact(hv.Adhesive(24.0, 2.4, 6.0, 72.0)))
-    for memory, kept in ((None, ("secant",)), ((), ()), ((Secant(),), ("secant",))):
-        stated = hv.ContactProblem(
-            problem.mesh, problem.material, {"bottom": hv.Contact(LAWS["mixed-mode"], memory=memory)}, problem.supports
-        )
-        path = hv.write_problem(stated, tmp_path / "glue.toml", beside=True)
-        again = hv.read_problem(path).contact["bottom"]  # type: ignore[union-attr]
-        assert tuple(part.name for part in again.remembers) == kept  # type: ignore[union-attr]
-        assert again.memory is None if memory is None else again.memory is not None  # type: ignore[union-attr]
-    assert hv.Contact(hv.Compliance(1.0)).remembers == ()
 
 
 def test_damage_is_the_end_that_statics_has_where_nothing_closes() -> None:

@@ -11,10 +11,7 @@ import pytest
 import scipy.integrate
 import scipy.optimize
 
-import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.bounds.body_data import body_data
-from hemivar.bounds.hypotheses import inexact_data, stated_conditions
 from hemivar.errors import ProblemError
 from hemivar.mechanics import BoundsBy, Material, check_material
 from hemivar.mechanics.composed_material import lower_elasticity
@@ -329,18 +326,6 @@ def test_no_linear_material_lies_below_one_without_a_bound() -> None:
     bounded = lower_elasticity(every("formula"))
     assert bounded.reach == 0.5
     assert bounded.stiffness_tensor(np.zeros((1, 2)))[0, 2, 2] < SHEAR
-
-
-def test_what_is_shown_up_to_a_reach_is_a_condition_of_the_distance() -> None:
-    mesh = hv.rectangle(cells=2)
-    for material, told in ((every("formula"), "within the reach 0.5"), (every("hencky"), None)):
-        problem = hv.ContactProblem(mesh, material, supports={"left": hv.Clamped()}, body_force=(0.0, -0.1))
-        data = body_data(problem, np.zeros((len(mesh.points), 2)))
-        outside, conditions = stated_conditions(data, None)
-        assert not inexact_data(data)
-        assert not outside
-        assert len(conditions) == (told is not None)
-        assert told is None or told in conditions[0]
 
 
 def test_a_kink_hides_no_concave_part() -> None:

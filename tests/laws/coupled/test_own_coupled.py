@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from scipy.optimize import brentq, minimize
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.cli.app import main
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import (
     BilinearCohesion,
@@ -27,7 +25,6 @@ from hemivar.laws import (
 )
 from hemivar.laws.coupled import own_coupled
 from hemivar.laws.vector_testing import check_vector_law
-from hemivar.report.law_figures import plot_coupled_law
 from tests.samples import sampled
 
 #: Energy, width and ratio of glue whose potential is a Gaussian.
@@ -203,14 +200,6 @@ def test_a_point_on_stiff_springs_is_where_the_scalar_equation_says(opening: boo
     assert hv.certify(found).kind.name in ("UNIQUE_MINIMISER", "LOCAL_MINIMISER")
 
 
-def test_soft_springs_have_a_bonded_and_a_broken_solution() -> None:
-    found = hv.find_solutions(point(300.0, (12.0, 0.0), LAWS["rigid"]()), starts=4)
-    places = sorted(-solution.local[0, 0] for solution in found.minima)
-    assert [round(place, 3) for place in places] == [0.002, 0.04]
-    assert not found.exhaustive
-    assert hv.certify(found[0]).unique is not True
-
-
 def test_the_margin_claims_uniqueness_within_the_reach() -> None:
     law = LAWS["rigid"]()
     stiff = hv.solve(point(50_000.0, (30.0, 20.0), law))
@@ -305,75 +294,12 @@ def test_results_do_not_change_with_units() -> None:
         (lambda: CoupledFunctionLaw(lambda r, s: r * np.nan, gauss_gradient, reach=0.1), "not finite"),
         (lambda: hv.Contact(LAWS["gauss"](), Tresca(0.3)), "leave the friction 'tresca' out"),
         (lambda: hv.ScalarContact(LAWS["gauss"]()), "law"),
-        (lambda: hv.solve(block(LAWS["gauss"]()), hv.survey.PrimalDualActiveSet()), "couples opening and slip"),
-        (lambda: plot_coupled_law(LAWS["gauss"](), reach=-1.0), "positive length"),
     ],
 )  # fmt: skip
 def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
     with pytest.raises(hv.HemivarError, match=words) as caught:
         make()
     assert str(caught.value).count("\n") == 0
-
-
-FILE = f"""
-[mesh]
-rectangle = [1.0, 0.5]
-cells = [8, 4]
-
-[material]
-young = 3000.0
-poisson = 0.3
-
-[supports]
-left = "clamped"
-
-[loads.traction]
-top = [12.0, 20.0]
-
-[contact.bottom]
-normal = {{ law = "coupled-formula", potential = "{BILINEAR} + 5e3*max(r, 0)^2", reach = 0.1 }}
-"""
-
-
-def test_problem_files_state_it(tmp_path: Path) -> None:
-    path = tmp_path / "glued.toml"
-    path.write_text(FILE)
-    problem = hv.read_problem(path)
-    assert hv.solve(problem).energy == pytest.approx(hv.solve(block(mixed())).energy, rel=1e-8)
-    hv.write_problem(problem, tmp_path / "again.toml")
-    again = hv.read_problem(tmp_path / "again.toml")
-    assert again.contact["bottom"].law.stated == problem.contact["bottom"].law.stated  # type: ignore[union-attr]
-    path.write_text(FILE.replace("reach = 0.1", 'reach = 0.1, penetration = "rigid"'))
-    law = hv.read_problem(path).contact["bottom"].law  # type: ignore[union-attr]
-    assert isinstance(law, OwnCoupledLaw)
-    assert law.rigid
-
-
-@pytest.mark.parametrize(
-    ("there", "instead", "words"),
-    [
-        (", reach = 0.1", "", "reach"),
-        ("reach = 0.1", "reach = -1", "positive length"),
-        ("reach = 0.1", 'reach = "x"', "reach"),
-        ("reach = 0.1", 'reach = 0.1, penetration = "soft"', "penetration"),
-        ("max(r, 0)^2", "max(q, 0)^2", "glued.toml.*'q'"),
-        ("max(r, 0)^2", "max(-s, r)", "glued.toml"),
-        ("\n[contact", '\n[contact.bottom.friction]\nlaw = "tresca"\nbound = 0.3\n[contact', "friction"),
-    ],
-)
-def test_mistakes_in_files_are_named(tmp_path: Path, there: str, instead: str, words: str) -> None:
-    path = tmp_path / "glued.toml"
-    path.write_text(FILE.replace(there, instead))
-    with pytest.raises(hv.errors.ProblemError, match=words):
-        hv.discretize(hv.read_problem(path))
-
-
-def test_the_command_shows_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = tmp_path / "law.png"
-    assert main(["laws", "coupled-formula", "--plot", str(picture)]) == 0
-    assert "shown by intervals" in capsys.readouterr().out
-    assert picture.stat().st_size > 10_000
-    plot_coupled_law(CoupledFormulaLaw("20*s", reach=0.1, rigid=True), reach=0.05, title="friction")
 
 
 def test_what_resists_at_rest_is_no_more_than_the_law_gives() -> None:

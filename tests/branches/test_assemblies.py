@@ -7,8 +7,14 @@ import pytest
 
 import hemivar as hv
 from hemivar.discrete import DiscreteProblem
-
-from .pieces_of_assemblies import Assembly, all_equilibria, margin, misfit, number_of_choices, random_assembly
+from tests.solvers.pieces_of_assemblies import (
+    Assembly,
+    all_equilibria,
+    margin,
+    misfit,
+    number_of_choices,
+    random_assembly,
+)
 
 MARGIN = 1e-3
 MOST = 3000
