@@ -21,8 +21,8 @@ import json, sys
 from tests.method_alone import USES, Missing
 sys.meta_path.insert(0, Missing(USES))
 from tests import stranger
-loaded = [name for name in sys.modules if name.startswith("hemivar.")]
-print(json.dumps([stranger.numbers(), stranger.answers(), loaded]))
+found = [stranger.numbers(), stranger.answers()]
+print(json.dumps([*found, [name for name in sys.modules if name.startswith("hemivar.")]]))
 """
 
 Ran = tuple[dict[str, float], dict[str, str], list[str]]
