@@ -14,7 +14,7 @@ import pkgutil
 
 import lazy_loader
 
-from hemivar.basics.defined_above import hand_on
+from hemivar.basics.defined_above import MISSING, hand_on
 from hemivar.basics.first_use import IMPORTS
 
 __version__ = "0.1.0"
@@ -57,13 +57,32 @@ __all__ = ["__version__", *(name for name in _names if name not in _ROOMS)]
 
 
 def __getattr__(name: str) -> object:
-    if name.startswith("_") or name in _names:
-        with IMPORTS:
-            return _attached(name)
     with IMPORTS:
-        rooms = [room for room in _ROOMS if name in getattr(importlib.import_module(f"hemivar.{room}"), "__all__", ())]
+        if name.startswith("_") or name in _names:
+            return _loaded(name)
+        rooms = [room for room in _ROOMS if _shows(room, name)]
     where = f"; it is hemivar.{rooms[0]}.{name}" if rooms else ""
     raise AttributeError(f"module 'hemivar' has no attribute '{name}'{where}")
+
+
+def _loaded(name: str) -> object:
+    """What a name stands for; a sentence where the package that it comes from is not installed."""
+    try:
+        return _attached(name)
+    except ModuleNotFoundError as error:
+        package = error.name or ""
+        if not package.startswith("hemivar."):
+            raise
+        what = package if package == f"hemivar.{name}" else f"hemivar.{name} is part of {package}, which"
+        raise ModuleNotFoundError(f"{what} is {MISSING}", name=package) from None
+
+
+def _shows(room: str, name: str) -> bool:
+    """Whether a room has a public name; one that is not installed has none."""
+    try:
+        return name in getattr(importlib.import_module(f"hemivar.{room}"), "__all__", ())
+    except ModuleNotFoundError:
+        return False
 
 
 def __dir__() -> list[str]:

@@ -16,11 +16,6 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "solve": (lambda: hv.solve(PROBLEM, tol=1e-8), r"solve has no argument 'tol'; did you mean 'rtol'\?"),
     "method": (lambda: hv.solve(PROBLEM, methd="newton"), r"'methd'; did you mean 'method'\?"),
     "far off": (lambda: hv.solve(PROBLEM, xyz=1), r"solve has no argument 'xyz' \(arguments: problem, method"),
-    "find_solutions": (lambda: hv.find_solutions(PROBLEM, start=3), r"find_solutions .*did you mean 'starts'\?"),
-    "study": (
-        lambda: hv.study(PROBLEM, exakt=True),
-        r"study has no argument 'exakt'; did you mean 'exact'\?",
-    ),
     "march": (lambda: hv.march(PROBLEM, 1.0, steps=0.1), r"March has no argument 'steps'; did you mean 'step'\?"),
     "rectangle": (lambda: hv.rectangle(cell=4), r"rectangle has no argument 'cell'; did you mean 'cells'\?"),
     "ContactProblem": (

@@ -23,7 +23,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.laws.friction import ABSOLUTE_VALUE
 from hemivar.mesh.mesh import Mesh
 from tests import bodies
-from tests.problems import bar, discrete_square, square
+from tests.problems import discrete_square, square
 
 Thing = TypeVar("Thing")
 
@@ -170,16 +170,6 @@ def test_solutions_and_certificates(trip: str) -> None:
     again = TRIPS[trip](certificate)
     assert again.record() == certificate.record()
     assert again.kind is certificate.kind
-
-
-@pytest.mark.parametrize("trip", TRIPS)
-def test_solution_sets_and_paths(trip: str) -> None:
-    discrete = bar(0.5, hv.laws.ThresholdCompliance(0.3, 2.0))
-    found = hv.find_solutions(discrete)
-    there = TRIPS[trip](found)
-    np.testing.assert_array_equal(there.energies, found.energies)
-    path = hv.follow_path(discrete)
-    np.testing.assert_array_equal(TRIPS[trip](path).normal_force, path.normal_force)
 
 
 @pytest.mark.parametrize("trip", TRIPS)

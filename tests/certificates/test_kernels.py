@@ -9,7 +9,6 @@ import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.branches import find_solutions
 from hemivar.certificates import EnergyNorm, PointKind, certify, equilibrium_multiplier, norms
 from hemivar.certificates.bound import Point, gram_solve, lift, symmetric_inverse
 from hemivar.certificates.by_multigrid import SolveByCycles, Subspace
@@ -19,9 +18,6 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca, scalar_graph
 from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
-from hemivar.systems import condense
-from hemivar.systems.chain import chain_of
-from tests.branches.random_problems import random_problem
 from tests.certificates.problems import bar_problem, bar_unknowns, square, weakening
 from tests.systems.test_in_parts import in_parts
 
@@ -259,27 +255,6 @@ def curvature_by_hand(solution: Solution) -> float | None:
     Z = la.null_space(B[held]) if held else np.eye(len(K))
     full = K + B.T @ (bend[:, None] * B)
     return float(la.eigh(Z.T @ full @ Z, Z.T @ K @ Z, eigvals_only=True)[0])
-
-
-def test_curvatures_of_random_points_with_held_and_sliding_components() -> None:
-    seen: dict[PointKind, int] = {}
-    for seed in range(50):
-        problem = random_problem(seed)
-        if chain_of(condense(problem)).combinations > 1500:
-            continue
-        for solution in find_solutions(problem, max_solutions=50):
-            expected = curvature_by_hand(solution)
-            found = certify(solution)
-            if expected is None or found.curvature is None:
-                continue
-            assert found.curvature == pytest.approx(min(expected, 1.0), abs=1e-7), f"seed {seed}"
-            if found.kind in (PointKind.SADDLE, PointKind.MAXIMUM):
-                assert expected < 0.0
-                assert found.direction is not None
-                assert np.abs(found.direction).max() == pytest.approx(1.0)
-            seen[found.kind] = seen.get(found.kind, 0) + 1
-    assert seen.get(PointKind.SADDLE, 0) > 3
-    assert seen.get(PointKind.LOCAL_MINIMISER, 0) > 5
 
 
 def test_curvature_of_a_point_that_slides_while_it_presses() -> None:

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 
 import numpy as np
 import pytest
 
-from hemivar.branches import find_solutions
-from hemivar.certificates import Certificate, PointKind, certify, one_solution, smallness
+from hemivar.certificates import Certificate, PointKind, certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, Superpotential, plus
 from hemivar.laws.stacked import stack
-from hemivar.report import plot_certificate
-from hemivar.report.notebook import html_of
 from hemivar.solvers import solve
 from tests.samples import sampled
 
@@ -78,31 +74,6 @@ def test_it_is_the_only_solution_within_the_reach(text: str, reach: float) -> No
             assert certificate.kind is PointKind.LOCAL_MINIMISER
             claimed += 1
     assert claimed >= 2
-
-
-def test_every_output_says_so() -> None:
-    """There is another solution at 10.3, where the law has overtaken the body."""
-    problem = one_point(FormulaLaw("-exp(r)", reach=4.0), 3e3, 1.0)
-    certificate = certified(problem)
-    said = "the only one with penetrations within the reach 4"
-    assert certificate.unique == certificate.uniqueness == said
-    record = json.loads(json.dumps(certificate.record()))
-    assert record["unique"] == said
-    assert record["reach_normal"] == 4.0
-    assert "reach_tangential" in record["infinite"]
-    whole = "\n".join(certificate.lines(whole=True))
-    assert f"local minimiser; {said}" in whole
-    assert "an estimate, for penetrations within the reach 4 only" in whole
-    assert said in certificate.brief()
-    assert said in html_of(certificate)
-    figure = plot_certificate(certificate)
-    assert said in figure._suptitle.get_text()  # type: ignore[attr-defined]
-    assert not one_solution(problem, certificate.smallness)
-    assert not one_solution(problem, smallness(problem))
-    found = find_solutions(problem, starts=2)
-    assert not found.exhaustive
-    assert "sampled" not in whole + found.searched
-    assert "unique minimiser" not in whole
 
 
 def test_slips_have_a_reach_too() -> None:

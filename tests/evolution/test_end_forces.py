@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -132,14 +131,6 @@ def test_a_rigid_obstacle_tells_when_it_pressed(scheme: Scheme) -> None:
 def test_what_no_displacement_tells_has_the_time_of_the_middle(contact: hv.Contact) -> None:
     found = march(pressed(contact), until=0.2, step=0.1, scheme=Midpoint())
     np.testing.assert_allclose(found["force_time"], [0.0, 0.05, 0.15])
-
-
-def test_files_tell_the_time_of_forces(tmp_path: Path) -> None:
-    found = march(pressed(hv.Contact(hv.Signorini())), until=0.2, step=0.1, scheme=Midpoint())
-    found.write(tmp_path / "run.pvd")
-    for name in ("run_000002.vtu", "run_000002_contact.vtu"):
-        text = (tmp_path / "run" / name).read_text(encoding="latin-1")
-        assert 'type="Float64" Name="force_time" NumberOfTuples="1" format="ascii">0.15' in text
 
 
 def growing(density: float | None) -> Evolution:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 import pytest
 import skfem
@@ -15,7 +13,7 @@ from skfem.helpers import ddot, div, dot, sym_grad, trace
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.evolution import Checkpoint, Evolution, History, Mass, Midpoint, Newmark, Save, march
+from hemivar.evolution import Evolution, History, Mass, Midpoint, Newmark, march
 from hemivar.fem import FormBody, FormProblem
 from hemivar.laws import NoContact
 from tests.fem.test_forms import LAM, MU, elastic, grid, incompressible, taylor_hood
@@ -119,28 +117,6 @@ def test_a_body_of_forms_says_whether_it_is_linear_and_resists(viscous: bool) ->
     for inertia in (False, True):
         one, other = (Evolution(stated, inertia) for stated in (forms, own))
         assert (one.linear, one.resists) == (other.linear, other.resists) == (True, viscous or inertia)
-
-
-def test_a_march_of_forms_is_resumed_and_written(tmp_path: Path) -> None:
-    stated, kept = FormProblem(block(), {"bottom": GLUE}), Checkpoint(tmp_path / "march.ckpt", 0.0)
-    straight = march(Evolution(stated, True, (0.0, -0.02)), 0.4, step=0.05, save=Save(probes={"tip": (1.0, 0.0)}))
-    for until, resume in ((0.2, False), (0.4, True)):
-        resumed = march(
-            Evolution(stated, True, (0.0, -0.02)), until, step=0.05, checkpoint=kept, resume=resume,
-            save=Save(probes={"tip": (1.0, 0.0)}),
-        )  # fmt: skip
-    np.testing.assert_array_equal(resumed.frames[-1].displacement, straight.frames[-1].displacement)
-    np.testing.assert_array_equal(resumed["tip.u_y"], straight["tip.u_y"])
-    other = FormProblem(block(viscosity=None), {"bottom": GLUE})
-    with pytest.raises(hv.errors.FileError):
-        march(Evolution(other, True, (0.0, -0.02)), 0.4, step=0.05, checkpoint=kept, resume=True)
-    for name in ("run.pvd", "run.csv", "run.json"):
-        straight.write(tmp_path / name)
-    straight.plot().savefig(tmp_path / "march.png")
-    last = sorted(tmp_path.rglob("*.vtu"))
-    fields = [meshio.read(path).point_data for path in last if "contact" not in path.name]
-    size = np.abs(straight.frames[-1].velocity).max()
-    assert any(np.abs(data["velocity"]).max() == pytest.approx(size, rel=1e-6) for data in fields)
 
 
 # ---- bars in closed form --------------------------------------------------------------------------------------------

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.evolution import BDF2, Evolution, ImplicitEuler, Midpoint, MoreauJean, Scheme, march
-from hemivar.files import read_problem, write_problem
-from hemivar.laws import SlipMeasure
 
 STIFF, STRENGTH = 1000.0, 10.0
 
@@ -99,17 +95,6 @@ def test_what_needs_friction_of_the_rate_says_so() -> None:
         march(Evolution(heavy, inertia=True), 0.1, scheme=MoreauJean())
     with pytest.raises(ProblemError, match="friction of the slip, which do not"):
         march(Evolution(heavy, inertia=True), 0.1, scheme=Midpoint(conserving=True))
-
-
-@pytest.mark.parametrize("of", list(SlipMeasure))
-def test_files_say_it(of: SlipMeasure, tmp_path: Path) -> None:
-    frictions = (hv.Tresca(1.0, of=of), hv.Coulomb(0.3, of=of), hv.SlipWeakening(1.0, of=of))
-    for friction in frictions:
-        stated = pulled({"bottom": hv.Contact(hv.laws.Bilateral(), friction)}, time=False)
-        path = tmp_path / "p.toml"
-        write_problem(stated, path)
-        assert f'of = "{of}"' in path.read_text()
-        assert read_problem(path).contact["bottom"].friction.of is of  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("scheme", ["implicit-euler", "midpoint"])

@@ -22,7 +22,7 @@ from hemivar.laws.coupled import (
 from hemivar.laws.vector_testing import check_vector_law
 from tests import bodies
 from tests.evolution.glue_by_hand import Glue, few_points, marched_by_hand
-from tests.samples import sampled
+from tests.samples import sampled, slow
 
 TIGHT = hv.Controls(rtol=1e-12)
 SHUT = hv.Compliance(72.0)
@@ -76,27 +76,13 @@ def test_a_point_on_a_spring_unloads_to_the_origin_and_does_not_heal(law: hv.Sup
         assert taken == pytest.approx(0.3, rel=1e-12)
 
 
-@pytest.mark.parametrize("jump", ["local", "arc-length"])
-def test_steep_glue_breaks_in_one_jump(jump: str) -> None:
-    """With alpha = 36 above 12: at d = 0.3 from w = 0.1 to broken; of 0.36 that is stored before, G = 0.2 is taken."""
-    laws = [MixedMode(bilinear(36.0), 1.0, SHUT)] if jump == "local" else []
-    for law in (*laws, hv.Adhesive(24.0, 2.4, 36.0, 72.0)):
-        history = pulled(law, [0.0, 0.29, 0.31, 0.1], 0.1, jump=jump, controls=hv.Controls())
-        assert history.finished
-        opened = [-frame.local[0, 0] for frame in history.frames]
-        np.testing.assert_allclose(opened, [0.0, 12.0 * 0.29 / 36.0, 0.31, 0.1], atol=1e-8)
-        assert any("the body jumped at t = 1.5" in message or "at t = 1.6" in message for message in history.messages)
-        assert history["memory"][-1] == pytest.approx(0.2, rel=1e-8)
-        assert history["jumps"][-1] == pytest.approx(0.16, rel=1e-2)
-
-
 def test_a_step_from_rest_under_no_load_stays_where_steep_glue_would_let_it_jump() -> None:
     history = pulled(MixedMode(bilinear(36.0), 1.0, SHUT), [0.0, 0.0])
     assert history.finished
     assert not history.frames[-1].local.any()
 
 
-@pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 90.0])
+@pytest.mark.parametrize("degrees", [0.0, slow(30.0), 60.0, 90.0])
 @pytest.mark.parametrize("two", [False, True], ids=["one energy", "two energies"])
 def test_at_a_fixed_mode_the_point_is_one_of_rho(degrees: float, two: bool) -> None:
     """With springs kappa and kappa ratio^2 along normal and slip the balance is that of the point in rho."""
@@ -131,7 +117,7 @@ def test_at_a_fixed_mode_the_point_is_one_of_rho(degrees: float, two: bool) -> N
         assert history.frames[-1].memory["0.mode"][0] == pytest.approx(mode, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", sampled(range(300), 50))
+@pytest.mark.parametrize("seed", sampled(range(300), 100))
 def test_random_marches_are_those_by_hand(seed: int) -> None:
     """One to three points, of one fracture energy and of two; there is one solution in each step."""
     random = np.random.default_rng(seed)
@@ -172,7 +158,7 @@ def test_every_way_to_the_break_takes_the_energy_of_the_mode_of_onset(name: str,
     components = 2 + seed % 2
     corners = np.vstack([np.zeros(components), random.normal(scale=0.25, size=(8, components))])
     corners[-2:] = [[-2.0] + [0.5] * (components - 1), [-2.0] + [-1.0] * (components - 1)]
-    parts = np.linspace(0.0, 1.0, 60, endpoint=False)[:, None]
+    parts = np.linspace(0.0, 1.0, 30, endpoint=False)[:, None]
     way = np.vstack([one + parts * (other - one) for one, other in itertools.pairwise(corners)])
     state, place = memory.start(law, way[:1]), way[:1]
     lam, lost, work, mode = np.zeros((1, components)), 0.0, 0.0, -1.0
@@ -278,7 +264,7 @@ def test_viscous_bodies_on_glue_march_by_sdirk() -> None:
 
 def test_steps_adapt() -> None:
     adaptive = _lifted(MixedMode(bilinear(6.0), 1.5, SHUT), 1.0, step=AdaptiveStep(rtol=1e-3))
-    fine = _lifted(MixedMode(bilinear(6.0), 1.5, SHUT), 1.0, step=0.0125)
+    fine = _lifted(MixedMode(bilinear(6.0), 1.5, SHUT), 1.0, step=0.025)
     assert adaptive.finished
     size = np.abs(fine.frames[-1].displacement).max()
     np.testing.assert_allclose(adaptive.frames[-1].displacement, fine.frames[-1].displacement, atol=1e-2 * size)
@@ -298,20 +284,6 @@ def test_elastic_glue_says_that_it_heals(name: str) -> None:
     loaded = pulled(law, [0.0, 0.4], memory=())
     remembering = pulled(law, [0.0, 0.4, 0.0])
     assert not any("heals" in message for message in (*loaded.messages, *remembering.messages))
-
-
-def test_what_remembers_in_a_file(tmp_path: Path) -> None:
-    """Nothing is said, or that there is no memory: glue remembers, or heals; each comes back as it was."""
-    problem = bodies.column(hv.Contact(hv.Adhesive(24.0, 2.4, 6.0, 72.0)))
-    for memory, kept in ((None, ("secant",)), ((), ()), ((Secant(),), ("secant",))):
-        stated = hv.ContactProblem(
-            problem.mesh, problem.material, {"bottom": hv.Contact(LAWS["mixed-mode"], memory=memory)}, problem.supports
-        )
-        path = hv.write_problem(stated, tmp_path / "glue.toml", beside=True)
-        again = hv.read_problem(path).contact["bottom"]  # type: ignore[union-attr]
-        assert tuple(part.name for part in again.remembers) == kept  # type: ignore[union-attr]
-        assert again.memory is None if memory is None else again.memory is not None  # type: ignore[union-attr]
-    assert hv.Contact(hv.Compliance(1.0)).remembers == ()
 
 
 def test_damage_is_the_end_that_statics_has_where_nothing_closes() -> None:

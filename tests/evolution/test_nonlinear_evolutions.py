@@ -15,7 +15,6 @@ from scipy.optimize import brentq
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.cli import main
 from hemivar.errors import ProblemError
 from hemivar.evolution import (
     BDF2,
@@ -35,7 +34,6 @@ from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.margin import _energies
 from hemivar.evolution.stepper import TimeStepper
-from hemivar.files import read_film, read_history_table
 from hemivar.mechanics.gradient_energy import PowerLaw
 from hemivar.solvers import NonsmoothMultigrid, NonsmoothNewton
 from tests.samples import slow
@@ -428,16 +426,6 @@ def test_what_is_made_for_linear_bodies_is_refused() -> None:
     with pytest.raises(ProblemError, match="heat is coupled with the motion of linear materials only"):
         Evolution(body.problem, heat=hv.mechanics.Heat(1.0, 1.0))
     assert march(body, 0.1, step=0.05).ledger["gap"] == pytest.approx(0.0, abs=1e-13)
-
-
-def test_the_command_marches_a_problem_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    file = Path(__file__).parents[2] / "examples" / "problems" / "creeping_layer.toml"
-    assert main(["march", str(file), "--until", "0.3", "--every", "0.1", "--output", "a", "-q"]) == 0
-    table = read_history_table("a.csv")
-    assert np.abs(table["gap"]).max() < 1e-8 * table["moved"][-1]
-    assert table["viscous"][-1] > 0.0
-    assert read_film("a.pvd").times == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
 def test_the_energy_along_a_step_bends_as_that_of_the_linear_body() -> None:

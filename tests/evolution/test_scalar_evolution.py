@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 import pytest
 
@@ -16,11 +13,7 @@ from hemivar.errors import FileError
 from hemivar.evolution import Evolution, march
 from hemivar.evolution.discrete import StepMatrices, discretize_evolution
 from hemivar.fem.hierarchy import family_of
-from hemivar.files.history_table import read_history_table
-from hemivar.files.not_expressible import difference
-from hemivar.files.problem_file import parse_problem_file
 from hemivar.mechanics import ScalarKind
-from hemivar.workflows.marching import evolution_of
 
 MESH = hv.rectangle((1.0, 1.0), 4)
 STOP = hv.ScalarContact(hv.Signorini(), 0.1)
@@ -136,121 +129,6 @@ def test_a_march_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     assert whole.table.tobytes() == again.table.tobytes()
     with pytest.raises(FileError, match="another evolution"):
         march(Evolution(membrane(), inertia=True), 1.0, checkpoint=file, resume=True, **options)
-
-
-FILE = """\
-kind = "heat"
-[mesh]
-rectangle = [1, 1]
-cells = 4
-[material]
-conductivity = 0.5
-capacity = "1 + x"
-[loads]
-source = "sin(t)"
-flux = { right = "t*y" }
-[supports]
-left = "0.1*t"
-[contact.bottom]
-normal = { law = "compliance", stiffness = 2.0 }
-level = "0.2*t"
-[time]
-until = 0.5
-step = 0.1
-initial = { temperature = "0.3*x" }
-[output]
-every = 0.1
-probes = { corner = [1.0, 1.0] }
-"""
-
-
-def test_a_file_says_what_the_library_says(tmp_path: Path) -> None:
-    found = parse_problem_file(FILE)
-    hv.write_problem(found, tmp_path / "heat.toml")
-    again = parse_problem_file((tmp_path / "heat.toml").read_text())
-    assert difference(found.problem, again.problem) is None
-    assert difference(found.time, again.time) is None
-    history = march(evolution_of(found), 0.5, step=0.1, save=hv.evolution.Save(probes={"corner": (1.0, 1.0)}))
-    assert history["corner.u"][0] == pytest.approx(0.3)
-    by_hand = hv.ScalarProblem(
-        hv.rectangle((1.0, 1.0), 4), 0.5,
-        {"bottom": hv.ScalarContact(hv.Compliance(2.0), lambda x, t: np.full(len(x), 0.2 * t))},
-        supports={"left": lambda x, t: np.full(len(x), 0.1 * t)}, source=lambda x, t: np.full(len(x), np.sin(t)),
-        fluxes={"right": lambda x, t: t * x[:, 1]}, kind=ScalarKind.HEAT, capacity=lambda x: 1.0 + x[:, 0],
-    )  # fmt: skip
-    same = march(Evolution(by_hand, displacement=lambda x: 0.3 * x[:, 0]), 0.5, step=0.1)
-    np.testing.assert_allclose(history.frames[-1].displacement, same.frames[-1].displacement, rtol=1e-13)
-
-
-def test_regions_of_a_file(tmp_path: Path) -> None:
-    cells = MESH.cells
-    halves = hv.Mesh(MESH.points, cells, MESH.boundaries, {"low": np.arange(16), "high": np.arange(16, 32)})
-    stated = membrane(mesh=halves, coefficient={"low": 1.0, "high": 2.0}, density={"low": 3.0, "high": 4.0})
-    hv.write_problem(stated, tmp_path / "halves.toml", beside=True)
-    assert difference(stated, hv.read_problem(tmp_path / "halves.toml")) is None
-    text = (tmp_path / "halves.toml").read_text()
-    for wrong, words in (
-        (text.replace("density = 4.0", ""), "density: is missing; give it in every"),
-        (
-            text.replace("[material.regions.low]", "[material]\ndensity = 1.0\n[material.regions.low]"),
-            "give one of the two",
-        ),
-    ):
-        assert wrong != text
-        with pytest.raises(hv.errors.ProblemError, match=words):
-            parse_problem_file(wrong, tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("step = 0.1", "step = 0.1\ninertia = true", "heat has none; remove it"),
-        ("temperature = ", "displacement = ", "displacement"),
-        ('capacity = "1 + x"', "density = 1", "density"),
-        ('capacity = "1 + x"', "capacity = -1", "capacity"),
-        ('capacity = "1 + x"', 'capacity = "1 + t"', "cannot change with time"),
-        ('temperature = "0.3*x"', "temperature = [1.0, 2.0]", "temperature"),
-        ("step = 0.1", 'step = 0.1\nscheme = "newmark"', "is for bodies with inertia"),
-    ],
-)
-def test_what_files_refuse(old: str, new: str, words: str) -> None:
-    assert old in FILE
-    with pytest.raises(hv.errors.ProblemError, match=words):
-        parse_problem_file(FILE.replace(old, new))
-
-
-def test_frames_are_read_back(tmp_path: Path) -> None:
-    history = march(evolution_of(parse_problem_file(FILE)), 0.5, step=0.1)
-    history.write(tmp_path / "heat.pvd")
-    assert not (tmp_path / "heat_contact.pvd").exists()
-    last = meshio.read(sorted((tmp_path / "heat").iterdir())[-1])
-    np.testing.assert_allclose(last.point_data["temperature"], history.frames[-1].displacement[:, 0])
-    assert "velocity" not in last.point_data
-    # the stated gap is that of the time of the frame
-    at = last.point_data["boundary"] == 0
-    np.testing.assert_allclose(last.point_data["initial_gap"][at], 0.2 * 0.5)
-    np.testing.assert_allclose(last.point_data["gap"][at], -last.point_data["penetration"][at])
-    np.testing.assert_allclose(last.point_data["penetration"][at], last.point_data["temperature"][at] - 0.1, atol=1e-14)
-    with pytest.raises(hv.errors.ProblemError, match="films show bodies that deform"):
-        history.animate(tmp_path / "heat.gif")
-    ringing = march(Evolution(membrane(source=1.0), inertia=True), 0.1, step=0.05)
-    ringing.write(tmp_path / "membrane.pvd")
-    last = meshio.read(sorted((tmp_path / "membrane").iterdir())[-1])
-    np.testing.assert_allclose(last.point_data["velocity"], ringing.frames[-1].velocity[:, 0])
-    np.testing.assert_allclose(last.point_data["displacement"][:, 2], last.point_data["deflection"])
-
-
-def test_the_command_marches_a_file(tmp_path: Path) -> None:
-    (tmp_path / "heat.toml").write_text(FILE)
-    command = [sys.executable, "-m", "hemivar", "march", "heat.toml", "--table", "heat.csv", "--fields", "heat.pvd"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    history = march(
-        evolution_of(parse_problem_file(FILE)), 0.5, step=0.1, save=hv.evolution.Save(probes={"corner": (1.0, 1.0)})
-    )
-    column = read_history_table(tmp_path / "heat.csv")["corner.u"]
-    assert np.array_equal(column, history["corner.u"])
-    assert (tmp_path / "heat.pvd").exists()
 
 
 def test_a_capacity_leaves_no_constant_without_energy() -> None:

@@ -218,5 +218,4 @@ def test_errors_of_steps_are_summed() -> None:
         assert off < sums[-1] < 12.0 * off
         assert fine[name][-1] < 0.2 * sums[-1]
     assert coarse["contact_error_sum"][-1] > 3.0 * rtol
-    assert set(hv.files.history_record(coarse)["table"]) == set(coarse.columns)
     assert "error_sum" not in march(evolution, 1e4, step=1e4).columns

@@ -62,13 +62,3 @@ def test_the_limit_holds_in_laws_that_are_made_of_many(monkeypatch: pytest.Monke
     monkeypatch.setattr(sys.modules["hemivar.evolution.march"], "_BEGIN", 0.0)
     with pytest.raises(MethodError, match="was over before the state at the start was known; give more time"):
         hv.march(evolution, until=0.1, step=0.02, max_time=1e-9)
-
-
-def test_a_search_for_the_lowest_state_is_left_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It begins before the first step, and what it has found until then need not be the lowest."""
-    ticks = itertools.count()
-    monkeypatch.setattr(deadline, "time", SimpleNamespace(perf_counter=lambda: float(next(ticks))))
-    limited = hv.march(falling(), until=1.0, step=0.5, jump="global", max_time=100.0)
-    assert limited.ended == "max_time"
-    assert len(limited.rows) == 1
-    assert next(ticks) < 500  # of tens of thousands

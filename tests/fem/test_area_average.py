@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar.fem.area_average import area_average
-from hemivar.files.vtu import write_vtu
 
 
 def membrane(cells: int, pattern: str, region: bool = False) -> hv.ContactProblem:
@@ -41,14 +39,3 @@ def test_the_pressure_over_an_area_converges(pattern: str, region: bool) -> None
     assert off[-1] < 1e-6
     if pattern == "cross":
         assert np.abs(found.pressure - 3.7 - 0.3 * x[:, 0])[deep].max() > 0.5  # the law's own, at the nodes
-
-
-def test_files_have_both(tmp_path: Path) -> None:
-    found = hv.solve(membrane(8, "cross"))
-    write_vtu(found, tmp_path / "m.vtu")
-    import meshio
-
-    data = meshio.read(tmp_path / "m.vtu").point_data
-    node = found.problem.contact.node
-    np.testing.assert_allclose(data["pressure"][node], found.pressure)
-    np.testing.assert_allclose(data["mean_pressure"][node], area_average(found.problem, found.pressure))

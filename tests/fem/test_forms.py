@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 import pytest
 import skfem
 from scipy.integrate import solve_bvp
-from scipy.spatial import cKDTree
 from skfem.helpers import dd, ddot, div, dot, grad, sym_grad, trace
 
 import hemivar as hv
@@ -164,45 +161,6 @@ def body_force(v: Any, w: Any) -> Any:
 # ---- files and pictures ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("mesh", "element", "cells"),
-    [
-        (skfem.MeshTri, skfem.ElementTriP1, 18),
-        (skfem.MeshTri, skfem.ElementTriP2, 18),
-        (skfem.MeshQuad, skfem.ElementQuad1, 18),
-        (skfem.MeshQuad, skfem.ElementQuad2, 72),
-        (skfem.MeshTet, skfem.ElementTetP1, 162),
-        (skfem.MeshTet, skfem.ElementTetP2, 162),
-        (skfem.MeshHex, skfem.ElementHex1, 162),
-        (skfem.MeshHex, skfem.ElementHex2, 1296),
-    ],
-    ids=lambda part: getattr(part, "__name__", ""),
-)
-def test_a_file_holds_the_field_at_the_nodes_of_the_basis(mesh: Any, element: Any, cells: int, tmp_path: Path) -> None:
-    basis = skfem.Basis(grid(mesh, 3), skfem.ElementVector(element()))
-    body = pressed(basis)
-    problem = body.problem({"bottom": RUBBED}, at=1 if element is skfem.ElementTetP2 else "nodes")
-    found = hv.solve(problem)
-    written = meshio.read(found.to_vtu(tmp_path / "body.vtu"))
-    assert sum(len(block.data) for block in written.cells) == cells
-    whole, dim = body.full(problem, found.unknowns), basis.mesh.p.shape[0]
-    off, node = cKDTree(written.points[:, :dim]).query(basis.doflocs.T)
-    assert off.max() < 1e-14
-    components = np.empty(basis.N, dtype=int)  # the unknowns of a place follow one another
-    components[np.asarray(basis.element_dofs)] = (np.arange(len(basis.element_dofs)) % dim)[:, None]
-    np.testing.assert_allclose(written.point_data["displacement"][node, components], whole, atol=1e-15)
-    field = problem.field
-    assert field is not None
-    assert field.mesh.volumes.sum() == pytest.approx(1.0)
-    sides = field.mesh.facet_normals(field.mesh.boundary_facets)[1]
-    assert sides.sum() == pytest.approx(2.0 * dim)  # nothing is open between cells
-    assert field.mesh.facet_normals(field.mesh.boundaries["bottom"])[1].sum() == pytest.approx(1.0)
-    touching = written.point_data["boundary"] >= 0
-    if element is not skfem.ElementTetP2:
-        np.testing.assert_allclose(written.points[touching, dim - 1], 0.0, atol=1e-14)
-        assert touching.sum() == len(problem.contact.weights)
-
-
 def test_distorted_hexahedra_in_any_order_are_split_without_gaps() -> None:
     mesh = skfem.MeshHex.init_tensor(*[np.linspace(0.0, 1.0, 4)] * 3)
     random = np.random.default_rng(1)
@@ -218,37 +176,6 @@ def test_distorted_hexahedra_in_any_order_are_split_without_gaps() -> None:
     assert field is not None
     assert field.mesh.volumes.sum() == pytest.approx(1.0)
     assert field.mesh.facet_normals(field.mesh.boundary_facets)[1].sum() == pytest.approx(6.0)
-
-
-def test_pictures_of_forms_show_body_and_states(tmp_path: Path) -> None:
-    plane = skfem.Basis(grid(skfem.MeshQuad, 3), skfem.ElementVector(skfem.ElementQuad2()))
-    space = skfem.Basis(grid(skfem.MeshHex, 2), skfem.ElementVector(skfem.ElementHex1()))
-    for basis in (plane, space):
-        figure = hv.solve(pressed(basis).problem({"bottom": RUBBED})).plot()
-        legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
-        labels = [text.get_text() for legend in legends for text in legend.get_texts()]
-        figure.savefig(tmp_path / "picture.png")
-        assert any("stick" in label or "slip" in label for label in labels), labels
-
-
-def test_the_deflection_of_a_plate_is_drawn_and_written(tmp_path: Path) -> None:
-    basis, bending = plate(8)
-    weight = skfem.LinearForm(lambda v, w: LOAD * v)
-    body = FormBody(basis, bending, load=weight, supports={"ends": 0.0, "long": {"u_n": 0.0}})
-    problem = body.problem({"plate": hv.Contact(hv.Compliance(BED))})
-    found = hv.solve(problem)
-    written = meshio.read(found.to_vtu(tmp_path / "plate.vtu"))
-    whole = body.full(problem, found.unknowns)
-    np.testing.assert_allclose(written.point_data["deflection"].ravel(), whole[basis.nodal_dofs[0]], atol=1e-15)
-    np.testing.assert_allclose(written.point_data["displacement"][:, 2], whole[basis.nodal_dofs[0]], atol=1e-15)
-    np.testing.assert_allclose(written.point_data["pressure"][problem.contact.node], found.pressure, atol=1e-15)
-    figure = found.plot()
-    figure.savefig(tmp_path / "plate.png")
-    assert "deflection" in [axes.get_xlabel() for axes in figure.axes]
-    assert any("100 % of the area" in text.get_text() for text in figure.axes[0].get_legend().get_texts())
-    assert problem.field is not None
-    with pytest.raises(hv.errors.ProblemError, match="does not say all"):
-        problem.field.restrict(found.displacement)
 
 
 # ---- algebraic levels -----------------------------------------------------------------------------------------------
@@ -323,20 +250,6 @@ def test_an_incompressible_block_on_springs() -> None:
     assert hv.certify(found).residual.relative < 1e-10
     # half of the work of the load is stored, in the body and in the springs
     assert found.energy == pytest.approx(-0.5 * float(on_top @ whole), rel=1e-10)
-
-
-def test_couette_flow_over_a_wall_whose_drag_weakens_has_three_states() -> None:
-    """mu (U - s)/H = tau(s): the roots of a scalar equation."""
-    basis, speed = taylor_hood(1), 1.0
-    held = {"top": {"u^1^1": speed, "u^2^1": 0.0}} | {side: {"u^2^1": 0.0} for side in ("bottom", "left", "right")}
-    body = FormBody(basis, incompressible, supports=held, fixed=[int(basis.get_dofs("top").all(["u^2"])[0])])
-    drag = hv.Softening(stiffness=20.0, limit=0.1, softening=4.0)
-    problem = body.problem({"bottom": hv.Contact(drag)}, trace=lambda u, p: u[0])
-    # 0.8 (1 - s) is 20 s, 2 - 4 (s - 0.1), and 0
-    roots = (0.8 / 20.8, 0.5, 1.0)
-    found = hv.find_solutions(problem).solutions
-    uniform = sorted(float(one.unknowns.mean()) for one in found if np.ptp(one.unknowns) < 1e-8)
-    assert uniform == pytest.approx(roots, abs=1e-9)
 
 
 def test_poiseuille_flow_with_slip() -> None:

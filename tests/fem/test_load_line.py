@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from hemivar.branches import follow_path
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, discretize
 from hemivar.laws import Compliance, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed
 from hemivar.solvers import solve
 from tests import bodies
-from tests.problems import bar
 
 
 def pulled(factor: float) -> ContactProblem:
@@ -59,23 +56,6 @@ def test_constant_loads_have_their_size_for_every_factor(constant: list[str], fa
     u = 0.05 * np.random.default_rng(3).normal(size=own.unknowns)
     np.testing.assert_allclose(there.out_of_balance(u), own.out_of_balance(u), atol=1e-13)
     assert there.energy(u) == pytest.approx(own.energy(u), rel=1e-12)
-
-
-def test_constant_loads_are_names_of_loads() -> None:
-    problem = discretize(pulled(1.0))
-    for constant, said in (
-        (["lefft"], "no load 'lefft'; did you mean 'left'"),
-        (["top"], "no load 'top' (known: left); its loads are left"),
-    ):
-        with pytest.raises(ProblemError, match=re.escape(said)):
-            LoadLine.to(problem, constant)
-    for constant in ("left", 3, [2]):
-        with pytest.raises(ProblemError, match="give names of loads, such as"):
-            follow_path(problem, constant=constant)  # type: ignore[arg-type]
-    with pytest.raises(ProblemError, match="named in a ContactProblem"):
-        LoadLine.to(bar(1.0, Compliance(5.0)), ["left"])
-    with pytest.raises(ProblemError, match="either unloaded= or constant="):
-        follow_path(problem, unloaded=problem, constant=["left"])
 
 
 def test_work_done_on_the_way_is_the_energy_at_its_end() -> None:

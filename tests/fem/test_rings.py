@@ -226,21 +226,6 @@ def test_what_is_no_half_section_is_told(change: dict[str, object], words: str) 
         replace(problem, **change)  # type: ignore[arg-type]
 
 
-def test_materials_that_have_no_axial_symmetry_say_so() -> None:
-    with pytest.raises(hv.errors.ProblemError, match="no viscosity"):
-        hv.Material.young(E, NU, plane="axisymmetric", viscosity=(1.0, 1.0))
-    with pytest.raises(hv.errors.ProblemError, match="linear materials"):
-        hv.Material.hencky(2.0, 1.0, 0.5, 0.1, plane="axisymmetric")
-    with pytest.raises(hv.errors.ProblemError, match="every region or in none"):
-        hv.Material.by_region({"a": steel(), "b": hv.Material.young(E, NU)})
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), (2, 2)), steel(), {"bottom": hv.Contact(hv.Signorini())}, {"top": hv.Clamped()}
-    )
-    found = hv.certify(hv.solve(problem), exact=True)
-    assert "one of revolution" in str(found)
-    assert found.smallness.trace_bound is None  # that of the plane body would be another one
-
-
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("r", [0.0, -1e-12, 1e-12])
 def test_contact_on_the_axis_is_told_whatever_rounding_made_of_its_radius(r: float, order: int) -> None:
@@ -295,18 +280,3 @@ def test_the_distance_of_spheres_is_that_of_their_arcs(order: int) -> None:
     np.testing.assert_allclose(hv.discretize(problem).offset[:, 0], 1e-3, atol=1e-5)
     meshed = hv.discretize(replace(problem, geometry="as-meshed"))  # type: ignore[arg-type]
     assert np.abs(meshed.offset[:, 0] - 1e-3).max() > 1e-3
-
-
-def test_a_study_against_a_uniform_stress_has_no_error() -> None:
-    """The pressure of a known field counts the strain around the axis."""
-    c, d, stiffness = (0.3 * 1.7 - 0.5) / E, (2.0 * 0.3 * 0.5 - 1.2) / E, 40.0
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 2.0), (4, 4)),
-        steel(0.3),
-        {"bottom": hv.Contact(hv.Compliance(stiffness))},
-        {},
-        tractions={"right": hv.Pressure(0.5), "top": hv.Pressure(1.2)},
-    )
-    study = hv.study(problem, 1, known=[f"{c!r} * x", f"{d!r} * y - {1.2 / stiffness!r}"])
-    for level in study.levels:
-        assert level.pressure < 1e-10

@@ -11,7 +11,6 @@ import hemivar as hv
 from hemivar.discrete.contact import selects
 from hemivar.errors import SupportError
 from hemivar.fem.hierarchy import coarser
-from hemivar.fem.load_line import LoadLine
 from hemivar.fem.reactions import nodal_contact_forces
 from hemivar.mechanics import Side
 from hemivar.mesh import Mesh
@@ -163,20 +162,6 @@ def test_coarser_problems_are_the_same_statement() -> None:
     linear = MESH.points[step.problem.contact.node][:, 0]
     fine_points = statement.mesh.points[fine.contact.node][:, 0]
     np.testing.assert_allclose(step.interpolate(linear), fine_points, atol=1e-14)
-
-
-def test_loads_and_supports_grow_together() -> None:
-    problem = hv.ScalarProblem(
-        MESH, 1.0, {"right": hv.ScalarContact(hv.Tresca(0.1))}, supports={"left": 0.4}, source=1.0, fluxes={"top": 2.0}
-    )
-    line = LoadLine.of(problem)
-    half = hv.discretize(replace(problem, supports={"left": 0.2}, body_force=0.5, tractions={"top": 1.0}))
-    at = line.at(0.5)
-    np.testing.assert_allclose(at.load, half.load, atol=1e-15)
-    np.testing.assert_allclose(at.offset, half.offset, atol=1e-15)
-    assert at.constant == pytest.approx(half.constant)
-    path = hv.follow_path(line.loaded, (0.2, 1.0), unloaded=line.unloaded)
-    assert len(path) > 1
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -10,9 +10,8 @@ import scipy.optimize
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.discrete import Potential
 from hemivar.errors import ProblemError
-from hemivar.fem import discretize, gradient
+from hemivar.fem import gradient
 from hemivar.mechanics import GradientEnergy, PowerLaw, SaturatingFlux
 
 ENERGIES = [PowerLaw(4.0, 0.3, 1.5), PowerLaw(1.5, 0.1, 2.0, 3.0), SaturatingFlux(2.0, 0.25, 0.5)]
@@ -100,14 +99,6 @@ def test_the_p_laplacian_under_a_load_converges_with_the_square_of_the_mesh_size
         off.append(np.sqrt(np.mean((solution.displacement[:, 0] - exact) ** 2)))
     rates = np.log2(np.array(off[:-1]) / off[1:])
     assert rates[-1] == pytest.approx(2.0, abs=0.2)
-
-
-def test_its_bulk_and_what_refuses_it() -> None:
-    problem = membrane(ENERGIES[0])
-    assert not problem.material.linear
-    assert isinstance(discretize(problem).bulk, Potential)
-    with pytest.raises(ProblemError, match="a problem file cannot express"):
-        hv.write_problem(problem, "nowhere.toml")
 
 
 @pytest.mark.parametrize(

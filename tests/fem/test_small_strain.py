@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import hemivar as hv
-from hemivar import cli
 from hemivar.basics.types import Array
 from hemivar.evolution import march
-from hemivar.fem import LoadLine, deformation
+from hemivar.fem import deformation
 from hemivar.fem.small_strain import SMALL
 from hemivar.mesh.mesh import Mesh
-from hemivar.report import plot_contact, plot_solution
-from hemivar.report.path_diagrams import path_record
 from tests import bodies
-from tests.report.test_figures import texts
 
 
 def field(mesh: Mesh, order: int, gradient: Array) -> Array:
@@ -94,77 +87,6 @@ def test_the_largest_of_many_in_space() -> None:
         assert found.volume == pytest.approx(mesh.volumes[beyond].sum())
 
 
-def shelf(load: float, **changes: object) -> hv.ContactProblem:
-    stated: dict[str, object] = {
-        "supports": {"left": hv.Clamped()},
-        "contact": {"bottom": hv.Contact(hv.Compliance(0.01))},
-        "body_force": (0.0, -load),
-    }
-    return hv.ContactProblem(hv.rectangle((4.0, 0.5), (16, 2)), hv.Material.lame(40.0, 40.0), **(stated | changes))  # type: ignore[arg-type]
-
-
-def test_a_soft_shelf_warns_and_a_stiff_one_does_not(tmp_path: Path) -> None:
-    soft, stiff = hv.solve(shelf(1.0)).raise_for_status(), hv.solve(shelf(1e-4)).raise_for_status()
-    assert soft.deformation is not None
-    assert soft.deformation.rotation > 0.3
-    (warning,) = soft.warnings
-    assert warning.startswith("beyond small strains")
-    squeezed = deformation(meshes(2), field(meshes(2), 1, np.diag([0.0, -0.2]))).warning
-    assert squeezed is not None
-    assert "strain 20 %, rotation 0 rad, above 10 % in 100 % of the body" in squeezed
-    assert soft.certify().warnings == (warning,)
-    assert not stiff.warnings
-    assert not stiff.certify().warnings
-    record = json.loads(soft.to_json(tmp_path / "r.json").read_text(encoding="utf-8"))
-    assert record["warnings"] == [warning]
-    assert record["deformation"] == {
-        "strain": soft.deformation.strain, "rotation": soft.deformation.rotation, "large": True,
-    }  # fmt: skip
-    assert not json.loads(stiff.to_json(tmp_path / "s.json").read_text(encoding="utf-8"))["deformation"]["large"]
-    for draw in (plot_solution, plot_contact):
-        assert "beyond small strains" in texts(draw(soft))
-        assert "beyond small strains" not in texts(draw(stiff))
-    assert warning in repr(soft)
-
-
-def test_the_command_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = """
-        [mesh]
-        rectangle = [4.0, 0.5]
-        cells = [16, 2]
-        [material]
-        lame = [40.0, 40.0]
-        density = 0.01
-        [loads]
-        body = [0.0, "-1*min(1, t)"]
-        [supports]
-        left = "clamped"
-        [contact.bottom]
-        normal = { law = "compliance", stiffness = 0.01 }
-        [time]
-        until = 1.0
-        step = 0.1
-    """
-    moving, still = tmp_path / "moving.toml", tmp_path / "still.toml"
-    moving.write_text(text, encoding="utf-8")
-    still.write_text(text.replace('"-1*min(1, t)"', "-1.0").partition("[time]")[0], encoding="utf-8")
-    assert cli.main(["solve", str(still), "-q"]) == 0
-    shown = capsys.readouterr().out
-    assert shown.count("beyond small strains") == 1
-    assert "largest           strain " in shown
-    record, other = tmp_path / "path.json", tmp_path / "march.json"
-    assert cli.main(["path", str(still), "--json", str(record)]) == 0
-    assert capsys.readouterr().out.count("at load factor 1 beyond small strains") == 1
-    (warning,) = json.loads(record.read_text(encoding="utf-8"))["warnings"]
-    assert "beyond small strains" in warning
-    assert cli.main(["solutions", str(still), "--starts", "2"]) == 0
-    assert "solution 1: beyond small strains" in capsys.readouterr().out
-    assert cli.main(["march", str(moving), "--json", str(other), "-q"]) == 0
-    assert capsys.readouterr().out.count("beyond small strains") == 1
-    (message,) = json.loads(other.read_text(encoding="utf-8"))["messages"]
-    assert message.startswith("beyond small strains from t = ")
-
-
 def test_a_march_names_the_time() -> None:
     """The top moves by t on height 1, so that the strain is t; 10 % is exceeded at the step after t = 0.09."""
     problem = bodies.square(
@@ -178,29 +100,6 @@ def test_a_march_names_the_time() -> None:
     assert "strain 30 %" in message
     assert "at t = 0.3;" in message
     assert not march(hv.Evolution(problem, inertia=False), until=0.09, step=0.03).messages
-
-
-@pytest.mark.parametrize("named", [True, False])
-@pytest.mark.parametrize("prescribed", [True, False])
-def test_paths(prescribed: bool, named: bool) -> None:
-    """Where supports move, too, half of the load is half of the strain; the foundation hardly matters."""
-    changes: dict[str, object] = {}
-    if prescribed:
-        changes = {"supports": {"left": hv.Clamped(), "right": hv.Fixed(y=-0.3)}, "body_force": (0.0, 0.0)}
-    line = LoadLine.of(shelf(0.1, **changes))
-
-    def followed(*ends: float) -> hv.branches.Path:
-        return hv.follow_path(line.loaded, ends or (0.0, 1.0), unloaded=line.unloaded if named else None)  # type: ignore[arg-type]
-
-    path, whole = followed(), hv.solve(line.loaded).raise_for_status()
-    assert whole.deformation is not None
-    assert whole.deformation.large
-    (warning,) = path.warnings
-    assert warning == f"at load factor 1 {whole.deformation.warning}"
-    assert path_record(path)["warnings"] == [warning]
-    part = SMALL / max(whole.deformation.strain, whole.deformation.rotation)
-    assert not followed(0.0, 0.95 * part).warnings
-    assert followed(0.0, 1.02 * part).warnings
 
 
 def test_what_has_no_strain() -> None:

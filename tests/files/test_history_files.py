@@ -243,6 +243,8 @@ def test_json(history: History, tmp_path: Path) -> None:
     assert record["solver_steps"] == sum(record["table"]["solver_steps"])
     assert record["residual"] == max(record["table"]["residual"][1:])
     assert record["margin"] == min(record["table"]["margin"][1:])
+    assert record["table"].keys() == set(history.columns)
+    assert record["time_error"]["guaranteed"] is history.time_error.guaranteed
     told = replace(history, events=((0.3, "touch"),), messages=("it jumped",)).to_dict()
     assert (told["events"], told["messages"]) == ([[0.3, "touch"]], ["it jumped"])
 

@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.bounds.load_values import load_values
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, march
-from hemivar.files.problem_file import parse_problem
 from hemivar.formula import Formula, FormulaArray, ScalarFormula
 from hemivar.formula.poles import pole_of_pieces
 from hemivar.formula.smooth import SmoothFormula
 from hemivar.laws import CoupledFormulaLaw, FormulaLaw, PenetrationBound
 from tests import bodies
-from tests.laws.test_derivative_formulas import FILE
 
 #: Formulas whose derivative is nowhere negative, and the pole nearest to zero.
 RISING_WITH_POLE = {
@@ -110,39 +107,6 @@ def test_the_nearest_pole_is_found_between_ends(text: str) -> None:
         assert pole_of_pieces([one], np.array([-beside, beside]), 10.0) is None
 
 
-def one_unknown(law: hv.laws.Superpotential, force: float) -> hv.DiscreteProblem:
-    """``r + j'(r) = force``."""
-    return hv.DiscreteProblem.of_arrays(
-        stiffness=[[1.0]],
-        load=[force],
-        trace=[[1.0]],
-        weights=[1.0],
-        gap=[0.0],
-        law=hv.laws.ContactLaw(law).at(None),
-    )
-
-
-@pytest.mark.parametrize(("pole", "reach"), [(1.0, 0.9), (20.0, 10.0)])
-def test_a_pole_beyond_the_reach_leaves_no_claim_beyond_it(pole: float, reach: float) -> None:
-    """``r + 1/(p - r) = f`` has the roots ``((p + f) -+ sqrt((p - f)^2 + 4))/2``, one of them behind the pole."""
-    force = 0.4
-    law = FormulaLaw(derivative=f"1/({pole} - r)", reach=reach)
-    assert law.alpha_reach == reach
-    assert law.describe().law_class == "convex within the reach"
-    assert np.isinf(law.weak_convexity_within(2.0 * pole)[0])
-    assert np.isinf(law.growth[0][0])
-    near, far = (0.5 * (pole + force + s * math.sqrt((pole - force) ** 2 + 4.0)) for s in (-1.0, 1.0))
-    for root in (near, far):
-        assert root + 1.0 / (pole - root) == pytest.approx(force)
-    solution = hv.solve(one_unknown(law, force))
-    assert solution.penetration[0] == pytest.approx(near)
-    assert "within the reach" in str(solution.certify())
-    assert solution.certify().unique is not True
-    found = hv.find_solutions(one_unknown(law, force), starts=3)
-    assert "perhaps not all" in str(found)
-    assert min(abs(one.penetration[0] - near) for one in found.solutions) < 1e-8
-
-
 @pytest.mark.parametrize(
     ("text", "place"), [("1/(1 - s)^2", "1"), ("1/abs(1 - s)", "1"), ("0.3/(1 + s)", "-1"), ("tan(s)^2", r"1\.5708")]
 )
@@ -217,20 +181,3 @@ def test_a_march_over_a_pole_is_refused() -> None:
     with pytest.raises(ProblemError, match=r"at t = 0\.55: .* or an end of the time below 0\.55"):
         march(body, 1.0, step=0.1)
     assert march(body, 0.5, step=0.1).times[-1] == pytest.approx(0.5)
-
-
-def test_nothing_is_known_of_a_load_with_a_pole_in_space() -> None:
-    """One on a line through the cell, between the points of every rule: no bound may be guaranteed."""
-    corners, area = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]]), np.array([0.5])
-    inside, outside = (
-        load_values(FormulaArray((0.0, Formula(f"1/(x {place})")), (2,)), corners, area, "load")
-        for place in ("- 0.4321", "+ 0.4321")
-    )
-    assert inside.doubt
-    assert not outside.doubt
-
-
-def test_files_with_a_pole_are_refused_with_the_place_in_the_file() -> None:
-    text = FILE.replace("LAW", "derivative = '1/(1 - r)'")
-    with pytest.raises(ProblemError, match=r"contact\.bottom.*normal.*a pole, or no value, at r = 1:"):
-        parse_problem(text)

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 import hemivar as hv
-from hemivar.cli import main
 from hemivar.errors import ProblemError
-from hemivar.files.problem_file import parse_problem
 from hemivar.laws import ContactLaw, FormulaLaw, Friction
 from hemivar.laws.testing import check_law
 from tests.problems import square
@@ -82,44 +79,6 @@ def test_friction_by_its_derivative() -> None:
     np.testing.assert_allclose(answers[1].unknowns, answers[0].unknowns, atol=1e-9)
     assert answers[1].energy == pytest.approx(answers[0].energy, rel=1e-10)
     assert ContactLaw(hv.Signorini(), found).at(None)
-
-
-FILE = """
-[mesh]
-rectangle = [1.0, 1.0]
-cells = [4, 4]
-[material]
-lame = [4.0, 4.0]
-[supports]
-left = "clamped"
-[loads]
-body = [0.1, -0.8]
-[contact.bottom]
-normal = { law = "formula", LAW }
-friction = { law = "formula", bound = 0.2, derivative = "exp(-r)" }
-"""
-LAWS = [f"{key} = '{text}'" for key, text in zip(("potential", "derivative"), PAIRS["softening"], strict=True)]
-
-
-def test_problem_files_take_a_derivative(tmp_path: Path) -> None:
-    expected, found = (parse_problem(FILE.replace("LAW", law)) for law in LAWS)
-    one, two = (hv.solve(problem).raise_for_status() for problem in (expected, found))
-    np.testing.assert_allclose(two.unknowns, one.unknowns, atol=1e-9)
-    file = tmp_path / "problem.toml"
-    hv.write_problem(found, file)
-    assert 'derivative = "piecewise((0, r < 0), (r*exp(-r), True))"' in file.read_text(encoding="utf-8")
-    np.testing.assert_array_equal(hv.solve(hv.read_problem(file)).unknowns, two.unknowns)
-    with pytest.raises(ProblemError, match="give either potential"):
-        parse_problem(FILE.replace("LAW", ", ".join(LAWS)))
-    with pytest.raises(ProblemError, match="give either potential"):
-        parse_problem(FILE.replace(", LAW", ""))
-    with pytest.raises(ProblemError, match=r"derivative.*'slip'"):
-        parse_problem(FILE.replace("LAW", "derivative = '2*slip'"))
-
-
-def test_the_command_shows_a_law_by_its_derivative(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["laws", "formula", "--set", "derivative=r*exp(-r^2)"]) == 0
-    assert "exp" in capsys.readouterr().out
 
 
 def test_what_is_no_derivative_is_refused() -> None:

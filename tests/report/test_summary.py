@@ -12,7 +12,8 @@ from hemivar.cli import main
 from hemivar.errors import ProblemError
 from hemivar.files import read_problem, write_problem
 from hemivar.solvers import Solution, solve
-from tests.problems import square
+from tests.problems import discrete_square, square
+from tests.solvers.test_handing_on import stuck  # noqa: F401
 
 
 def test_the_summary_is_what_the_command_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -105,3 +106,11 @@ def test_forces_of_rounding_are_shown_as_zero() -> None:
     assert rows["friction force"] == "0"
     assert rows["support forces"].startswith("top (0, -")
     assert float(rows["normal force"]) == pytest.approx(solution.normal_force, rel=1e-5)
+
+
+@pytest.mark.usefixtures("stuck")
+def test_summary_and_record_say_which_method_took_over() -> None:
+    found = solve(discrete_square(n=4))
+    assert found.remarks[0].startswith("multigrid took over")
+    assert found.remarks[0] in str(found.summary())
+    assert found.remarks[0] in found.to_dict()["warnings"]

@@ -16,23 +16,17 @@ import pytest
 
 import hemivar
 import hemivar.basics.memory as machine_memory
-from hemivar.branches import find_solutions, follow_path
 from hemivar.certificates import certify
 from hemivar.errors import MethodError
-from hemivar.fem import discretize
-from hemivar.gallery import broken_foundation
-from hemivar.laws import PiecewiseQuadratic
 from hemivar.linear import factor_memory as memory
 from hemivar.solvers import Controls, FixedPoint, LoadStepping, NonsmoothNewton, Solver, Status, solve, solve_nested
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
-from hemivar.survey import Powell
-from hemivar.systems import CondensedProblem, Workspace, condense
+from hemivar.systems import CondensedProblem, condense
 from tests.samples import slow
 
 from ..counting import sparse_factors
-from ..problem_files import block_file
-from ..problems import bar, discrete_square
+from ..problems import discrete_square
 
 needs_linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits and signals of Linux")
 
@@ -99,21 +93,6 @@ def test_an_interruption_while_the_unknowns_are_recovered_is_not_lost(monkeypatc
     assert len(calls) == 2
 
 
-def test_powell_keeps_the_best_point_of_its_only_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = discrete_square("figure 1", n=16)
-    system = condense(problem)
-    rest = system.energy(system.start())
-
-    def check(self: Budget) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Budget, "check", check)  # Powell asks after a hundred evaluations
-    found = solve(problem, Powell(), workspace=Workspace.holding(system))
-    assert found.status is Status.INTERRUPTED
-    assert found.evaluations >= 100
-    assert found.energy < rest
-
-
 def test_load_stepping_stops_at_the_load_it_has_reached() -> None:
     problem = discrete_square(n=8)
     inner = stopped(KeyboardInterrupt, at=4)
@@ -131,55 +110,6 @@ def test_fixed_point_hands_on_why_its_inner_method_ended() -> None:
 def test_no_finer_mesh_is_begun_after_an_interruption() -> None:
     found = solve_nested([discrete_square(n=n) for n in (4, 8, 16)], stopped(KeyboardInterrupt, at=2))
     assert [solution.status for solution in found] == [Status.INTERRUPTED]
-
-
-def test_the_search_for_solutions_keeps_what_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = discretize(broken_foundation(4))  # its margin does not show that there is one solution
-    step = NonsmoothNewton.step
-    calls = []
-
-    def interrupted(self: NonsmoothNewton, *arguments: Any) -> Any:
-        calls.append(1)
-        if len(calls) > 60:
-            raise KeyboardInterrupt
-        return step(self, *arguments)
-
-    monkeypatch.setattr(NonsmoothNewton, "step", interrupted)
-    found = find_solutions(problem, enumerate_up_to=0)
-    assert found.interrupted
-    assert len(calls) == 61
-    assert len(found) >= 1
-    assert found.searched.endswith("interrupted")
-
-
-def test_the_search_for_solutions_keeps_to_its_time() -> None:
-    found = find_solutions(discrete_square(n=4), enumerate_up_to=0, controls=Controls(max_time=0.0))
-    assert len(found) == 0
-    assert not found.interrupted
-    assert found.searched.endswith("stopped at the time limit")
-
-
-def test_a_path_keeps_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    from hemivar.branches.follower import Follower
-
-    law = PiecewiseQuadratic([0.0, 0.1, 0.15], [0.0, 2.0, -2.0, 0.0], [0.0] * 3)  # type: ignore[arg-type]
-    whole = follow_path(bar(0.5, law))
-    step = Follower.straight_step
-    calls = []
-
-    def interrupted(self: Follower, *arguments: Any) -> Any:
-        calls.append(1)
-        if len(calls) == 2:
-            raise KeyboardInterrupt
-        return step(self, *arguments)
-
-    monkeypatch.setattr(Follower, "straight_step", interrupted)
-    found = follow_path(bar(0.5, law))
-    assert found.interrupted
-    assert not whole.interrupted
-    assert 2 <= len(found) < len(whole)
-    np.testing.assert_allclose(found.load_factor, whole.load_factor[: len(found)])
-    np.testing.assert_allclose(found.local, whole.local[: len(found)])
 
 
 # ---- in a process of its own -------------------------------------------------------------------------------------
@@ -201,37 +131,6 @@ def start(code: str, folder: Path) -> subprocess.Popen[str]:
         text=True,
         preexec_fn=heed_interrupts,
     )
-
-
-@needs_linux
-def test_a_factorisation_is_left_at_once(tmp_path: Path) -> None:
-    """A library that would compute for ever: the command ends with one line, and writes nothing."""
-    (tmp_path / "part.toml").write_text(block_file(64, friction=None))
-    process = start(
-        """
-        import sys, time
-        from hemivar import cli
-        from hemivar.linear import factorisation, superlu
-
-        def splu(*arguments, **options):
-            print("factorising", flush=True)
-            time.sleep(300)
-
-        superlu._QUICK = 10  # in a thread of its own, whatever the size
-        factorisation.pardiso_available = lambda: False  # which would leave splu to the certificate
-        superlu.spla.splu = splu
-        sys.exit(cli.main(["solve", "part.toml", "--method", "newton", "--json", "a.json"]))
-        """,
-        tmp_path,
-    )
-    assert process.stdout is not None
-    while process.stdout.readline().strip() != "factorising":
-        assert process.poll() is None
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert err == "hemivar: interrupted\n"
-    assert not (tmp_path / "a.json").exists()
 
 
 _BLOCK = """

@@ -55,25 +55,6 @@ def test_what_glue_carries_is_bracketed(glue: str, times: float, mesh: Mesh) -> 
 
 
 @pytest.mark.parametrize("glue", GLUES)
-def test_the_way_of_the_remedy_leads_on(glue: str) -> None:
-    """A path that is named is there, and its limit load lies in the bracket."""
-    found = solve(block(glue, (0.0, 2.3 * STRENGTH)))
-    assert found.carried is not None
-    if "hemivar path" in found.remedy:
-        limit = hv.follow_path(found.problem).limit_load
-        assert limit is not None
-        assert found.carried[0] <= limit <= found.carried[1]
-
-
-@pytest.mark.parametrize(("glue", "mesh"), [("brittle", PLANE), slow("mixed-mode", PLANE), slow("mixed-mode", SPACE)])
-def test_the_path_of_points_that_break_together_comes_back_to_no_load(glue: str, mesh: Mesh) -> None:
-    pull = (*(0.0,) * (mesh.dim - 1), 2.3 * STRENGTH)
-    path = hv.follow_path(block(glue, pull, mesh))
-    assert path.ended is hv.branches.PathEnd.LOWER_END
-    assert path.limit_load == pytest.approx(1.0 / 2.3, rel=1e-4)
-
-
-@pytest.mark.parametrize("glue", GLUES)
 def test_an_iterate_that_runs_away_is_recognised(glue: str) -> None:
     """From a start of one's own no load grows: the solve ends by what it sees."""
     problem = hv.discretize(block(glue, (0.3, 2.3 * STRENGTH)))

@@ -12,7 +12,10 @@ from typing import Any
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import MethodError
 
-__all__ = ["above", "defined_above", "hand_on"]
+__all__ = ["MISSING", "above", "defined_above", "hand_on"]
+
+#: What messages say of a package that is not there.
+MISSING = "not installed here; install all of hemivar"
 
 _TABLE: dict[str, str] = {}
 
@@ -37,13 +40,15 @@ def defined_above(entry: str) -> Callable[..., Any] | None:
     return found
 
 
-def above(entry: str) -> Callable[..., Any]:
+def above(entry: str, what: str = "") -> Callable[..., Any]:
     """The function that an entry leads to; threads wait for one another.
 
     Parameters
     ----------
     entry : str
         ``"Type.method"`` or ``"module.function"``, as the table has it.
+    what : str
+        What the user asked for; a method by default.
 
     Raises
     ------
@@ -53,5 +58,5 @@ def above(entry: str) -> Callable[..., Any]:
     found = defined_above(entry)
     if found is None:
         package = _TABLE[entry].split(".")[0]
-        raise MethodError(f"{entry} is part of hemivar.{package}, which is not installed here; install all of hemivar")
+        raise MethodError(f"{what or entry} is part of hemivar.{package}, which is {MISSING}")
     return found

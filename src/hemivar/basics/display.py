@@ -27,7 +27,7 @@ class ReprMixin:
     """
 
     def _repr_html_(self) -> str:
-        html: str = above("ReprMixin._repr_html_")(self)
+        html: str = above("ReprMixin._repr_html_", f"{type(self).__name__}._repr_html_")(self)
         return html
 
     def plot(self) -> Figure:
@@ -40,7 +40,7 @@ class ReprMixin:
         ProblemError
             There is nothing to draw.
         """
-        figure: Figure = above("ReprMixin.plot")(self)
+        figure: Figure = above("ReprMixin.plot", f"{type(self).__name__}.plot")(self)
         return figure
 
     def show(self) -> None:
@@ -51,7 +51,7 @@ class ReprMixin:
         ProblemError
             There is nothing to draw, or no window can be opened here.
         """
-        above("ReprMixin.show")(self)
+        above("ReprMixin.show", f"{type(self).__name__}.show")(self)
 
     def to_dataframe(self) -> DataFrame:
         """A pandas DataFrame of what it holds, a row for each of its parts.
@@ -61,7 +61,7 @@ class ReprMixin:
         ProblemError
             pandas is not installed.
         """
-        frame: DataFrame = above("ReprMixin.to_dataframe")(self)
+        frame: DataFrame = above("ReprMixin.to_dataframe", f"{type(self).__name__}.to_dataframe")(self)
         return frame
 
 

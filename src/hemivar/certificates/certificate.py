@@ -131,6 +131,7 @@ def certify(
     >>> print(f"{certificate.exact.relative:.2f}")
     0.11
     """
+    distance = above("certificate.certify", "exact=True") if exact else None
     problem, given, multiplier = _pair(problem, displacement, multiplier)
     if factor is not None:
         expect(factor, EnergyNorm, "the factor", "pass hemivar.certificates.energy_norm(problem)")
@@ -157,10 +158,9 @@ def certify(
     with one_thread(not energy.factorised):
         point = Point(problem, energy, u, lam)
         found = certified(point, tolerance, kept if trace_constant else None, budget, exact)
-    if not exact:
+    if distance is None:
         return found
-    distance = above("certificate.certify")(problem, u, max_time=budget.left, workspace=kept)
-    return replace(found, exact=distance)
+    return replace(found, exact=distance(problem, u, max_time=budget.left, workspace=kept))
 
 
 _Classified = tuple[PointKind, bool | str | None, LocalStudy | None]

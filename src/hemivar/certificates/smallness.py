@@ -246,15 +246,16 @@ def with_survey(
     if not trace_constant:
         return constants
     trace = _trace_eigenvalues(problem, parts=False, workspace=workspace)[0]
-    steep, above = constants.m_alpha + constants.m_L, None
+    steep, above, missing = constants.m_alpha + constants.m_L, None, False
     if 0.0 < steep < np.inf and (in_space or problem.origin.mesh.dim == 2):
         above = trace_bound(problem.origin, workspace)
+        missing = defined_above("smallness.trace_bound") is None
     least, needed = (0.0 if steep == 0.0 else steep * c**2 for c in (trace, trace if above is None else above))
     return replace(
         constants,
         trace_constant=trace,
         trace_bound=above,
-        survey_condition=True if m_a > needed else None if m_a > least else False,
+        survey_condition=True if m_a > needed and not missing else None if m_a > least else False,
         survey_margin=-np.inf if m_a == 0.0 else 1.0 - needed / m_a,
     )
 

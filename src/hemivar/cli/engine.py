@@ -167,5 +167,5 @@ def engine_named(name: str, *together: str) -> Engine:
     check_engine(name)
     if name == ENGINES[0]:
         return Engine()
-    engine: Engine = above("engine.engine_named")(*together)
+    engine: Engine = above("engine.engine_named", f"--engine {name}")(*together)
     return engine

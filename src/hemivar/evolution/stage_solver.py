@@ -115,7 +115,7 @@ class JumpPaths:
         part = 0.0
         for _ in range(_ENDS):
             force = chain.out_of_balance(theta, segment, part * slope)  # so that the start is an equilibrium
-            part, theta, segment, done = above("stage_solver.follow_minimisers")(
+            part, theta, segment, done = above("stage_solver.follow_minimisers", f"jump = '{jump}'")(
                 chain, force, slope, theta, segment, part
             )
             r, _ = chain.local(theta, segment)
@@ -319,7 +319,9 @@ class StageSolver:
         self._condense(problem)
         if jump is SelectionRule.GLOBAL and not self.resists:
             _refuse_without_energy(problem, jump)
-            found: SolutionSet = above("stage_solver.find_solutions")(problem, workspace=self.workspace)
+            found: SolutionSet = above("stage_solver.find_solutions", "jump = 'global'")(
+                problem, workspace=self.workspace
+            )
             check_time()  # the lowest of a search that was cut short need not be the lowest
             if found.solutions:
                 return StageSolution(min(found.solutions, key=lambda solution: solution.energy))

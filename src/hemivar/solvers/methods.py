@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from hemivar.basics.arguments import described, quoted, suggest
-from hemivar.basics.defined_above import defined_above
+from hemivar.basics.defined_above import MISSING, defined_above
 from hemivar.basics.first_use import cached_property
 from hemivar.errors import MethodError
 from hemivar.solvers.base import Solver
@@ -57,7 +57,9 @@ def method_named(name: str) -> Solver:
         There is no such method; the message lists all.
     """
     if name not in METHODS:
-        raise MethodError(f"method {quoted(name)} is not known{suggest(name, list(METHODS))}")
+        rest = f"; the methods of the survey are part of hemivar.survey, which is {MISSING}"
+        missing = defined_above("methods.further_methods") is None
+        raise MethodError(f"method {quoted(name)} is not known{suggest(name, list(METHODS))}{rest if missing else ''}")
     return METHODS[name]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -189,18 +188,6 @@ def test_equal_strengths_and_springs_make_one_mode_of_all() -> None:
         assert law.mode_ratio(found.local)[0] == pytest.approx(way[1] ** 2, rel=1e-10)
 
 
-def test_soft_springs_have_a_bonded_and_a_broken_solution_and_no_claim_of_one() -> None:
-    law = glue()
-    problem = point(800.0, np.array([17.5, 17.5]), law)
-    found = hv.find_solutions(problem, starts=4)
-    damages = sorted(law.damage(solution.local)[0] for solution in found.minima)
-    assert damages == pytest.approx([0.0, 1.0], abs=1e-12)
-    assert not found.exhaustive
-    margin = hv.certificates.smallness(problem).margin
-    assert margin < 0.0
-    assert hv.certify(found[0]).unique is not True
-
-
 def test_the_margin_takes_each_component_with_its_own_alpha() -> None:
     law = glue()
     fall = STRENGTH / (2.0 * ENERGY / STRENGTH - STRENGTH / STIFFNESS)
@@ -371,68 +358,3 @@ def test_what_resists_at_rest_is_no_more_than_the_law_gives() -> None:
 def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
     with pytest.raises(hv.HemivarError, match=words):
         make()
-
-
-def test_what_needs_a_normal_law_and_friction_says_so() -> None:
-    for method in (hv.survey.PrimalDualActiveSet(), hv.survey.ProximalBundle()):
-        with pytest.raises(hv.HemivarError, match=r"couples opening and slip|not convex"):
-            hv.solve(block(), method)
-
-
-FILE = """
-[mesh]
-rectangle = [1.0, 0.5]
-cells = [4, 2]
-
-[material]
-young = 3000.0
-poisson = 0.3
-
-[supports]
-left = "clamped"
-
-[loads.traction]
-top = [12.0, 20.0]
-
-[contact.bottom]
-normal = { law = "mixed-mode", strength = 30.0, energy = 0.5, stiffness = 1e4, ratio = 1.5 }
-"""
-
-
-def test_problem_files_state_it(tmp_path: Path) -> None:
-    path = tmp_path / "glued.toml"
-    path.write_text(FILE)
-    problem = hv.read_problem(path)
-    assert isinstance(problem, hv.ContactProblem)
-    law = problem.contact["bottom"].law
-    assert isinstance(law, MixedMode)
-    assert hv.solve(problem).energy == pytest.approx(hv.solve(block()).energy, rel=1e-12)
-    hv.write_problem(problem, tmp_path / "again.toml")
-    again = hv.read_problem(tmp_path / "again.toml")
-    assert again.contact["bottom"].law.stated == law.stated  # type: ignore[union-attr]
-    shapes = (', shape = "trapezoidal", plateau = 0.005, compression = 5e3', ', shape = "exponential"')
-    for more in shapes:
-        path.write_text(FILE.replace(", ratio = 1.5", more))
-        hv.write_problem(hv.read_problem(path), tmp_path / "again.toml")
-        assert hv.read_problem(tmp_path / "again.toml").contact["bottom"].law.stated == (  # type: ignore[union-attr]
-            hv.read_problem(path).contact["bottom"].law.stated  # type: ignore[union-attr]
-        )
-
-
-@pytest.mark.parametrize(
-    ("there", "instead", "words"),
-    [
-        ("strength = 30.0, ", "", "strength"),
-        ("strength = 30.0", "strength = -1.0", "at least 0"),
-        ("ratio = 1.5", 'shape = "square"', "shape"),
-        ("ratio = 1.5", "plateau = 1.0", "trapezoidal"),
-        ("ratio = 1.5", "beta = 1.5", "beta"),
-        ("energy = 0.5", "energy = 0.01", "must exceed the elastic energy"),
-        ("\n[contact", '\n[contact.bottom.friction]\nlaw = "tresca"\nbound = 0.3\n[contact', "friction"),
-    ],
-)
-def test_mistakes_in_files_are_named(tmp_path: Path, there: str, instead: str, words: str) -> None:
-    path = tmp_path / "glued.toml"
-    path.write_text(FILE.replace(there, instead))
-    with pytest.raises(hv.errors.ProblemError, match=words):
-        hv.discretize(hv.read_problem(path))

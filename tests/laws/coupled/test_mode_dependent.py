@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,11 +11,9 @@ from scipy.optimize import fsolve
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.cli.app import main
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import (
     BenzeggaghKenane,
-    Compliance,
     ContactLaw,
     MixedMode,
     ModeDependentGlue,
@@ -26,7 +23,6 @@ from hemivar.laws import (
     Tresca,
     join_laws,
 )
-from hemivar.report.law_figures import plot_mode_dependent
 from hemivar.solvers.newton_on_graph import GraphEquation, GraphPoint
 from hemivar.systems.newton_equation import Accuracy
 
@@ -354,76 +350,8 @@ def test_laws_may_vary_over_the_boundary() -> None:
         (lambda: peek().at_mode(1.5), "give a number between 0"),
         (lambda: hv.Contact(soft(), Tresca(0.3)), "leave the friction 'tresca' out"),
         (lambda: join_laws([(soft(), 2), (ContactLaw(Signorini()).at(None), 2)]), "stands alone on a body"),
-        (lambda: plot_mode_dependent(soft(), reach=0.0), "positive length"),
     ],
 )  # fmt: skip
 def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
     with pytest.raises(hv.HemivarError, match=words):
         make()
-
-
-FILE = """
-[mesh]
-rectangle = [1.0, 0.5]
-cells = [8, 4]
-
-[material]
-young = 3000.0
-poisson = 0.3
-
-[supports]
-left = "clamped"
-
-[loads.traction]
-top = [60.0, 60.0]
-
-[contact.bottom.normal]
-law = "mode-dependent"
-strength = 30.0
-shear_strength = 45.0
-energy = 0.5
-shear_energy = 0.9
-stiffness = 1e4
-exponent = 2.0
-"""
-
-
-def test_problem_files_state_it(tmp_path: Path) -> None:
-    path = tmp_path / "glued.toml"
-    for more in ("", "shear_stiffness = 2e4\n", 'criterion = "power"\ncompression = 5e3\n'):
-        path.write_text(FILE + more)
-        problem = hv.read_problem(path)
-        hv.write_problem(problem, tmp_path / "again.toml")
-        again = hv.read_problem(tmp_path / "again.toml")
-        law = problem.contact["bottom"].law  # type: ignore[union-attr]
-        assert isinstance(law, ModeDependentGlue)
-        assert again.contact["bottom"].law.stated == law.stated  # type: ignore[union-attr]
-    assert isinstance(law.compression, Compliance)
-    path.write_text(FILE)
-    here = hv.solve(hv.read_problem(path))
-    assert here.local == pytest.approx(hv.solve(block(soft())).local, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("there", "instead", "words"),
-    [
-        ("exponent = 2.0\n", "", "exponent"),
-        ("exponent = 2.0", "exponent = 0", "positive"),
-        ("exponent = 2.0", 'exponent = 2.0\ncriterion = "maximum"', "criterion"),
-        ("energy = 0.5", "energy = 0.01", "less than is stored"),
-        ("stiffness = 1e4", "stiffness = -1", "at least 0"),
-        ("exponent = 2.0", "eta = 2.0", "eta"),
-    ],
-)
-def test_mistakes_in_files_are_named(tmp_path: Path, there: str, instead: str, words: str) -> None:
-    path = tmp_path / "glued.toml"
-    path.write_text(FILE.replace(there, instead))
-    with pytest.raises(hv.errors.ProblemError, match=words):
-        hv.discretize(hv.read_problem(path))
-
-
-def test_the_command_shows_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = tmp_path / "law.png"
-    assert main(["laws", "mode-dependent", "--plot", str(picture)]) == 0
-    assert "1.719 in shear" in capsys.readouterr().out
-    assert picture.stat().st_size > 10_000

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -157,8 +156,6 @@ def test_methods_agree_and_the_minimum_is_the_only_one() -> None:
     other = hv.solve(problem, hv.solvers.NonsmoothMultigrid())
     assert other.status.name == "CONVERGED"
     assert other.energy == pytest.approx(newton.energy, rel=1e-9)
-    with pytest.raises(hv.HemivarError, match="depends on the direction of the slip"):
-        hv.solve(problem, hv.survey.PrimalDualActiveSet())
     found = hv.certify(newton)
     assert found.kind.name == "UNIQUE_MINIMISER"
     assert found.unique is True
@@ -199,28 +196,6 @@ def test_sides_of_many_points_are_those_of_each() -> None:
             np.testing.assert_allclose(here.curvature_below, alone.curvature_below, rtol=1e-12, atol=1e-12)
             np.testing.assert_allclose(here.above, alone.above, rtol=1e-12, atol=1e-12)
             np.testing.assert_allclose(np.abs(here.axis), np.abs(alone.axis), atol=1e-9)
-
-
-def test_where_some_points_slide_and_others_stick_it_is_certified_and_searched() -> None:
-    """The kind is that of friction without direction where the ratio is one."""
-    found = []
-    for friction in (OrthotropicFriction(CoulombBound(0.3), ratio=1.0), Coulomb(0.3)):
-        problem = hv.ContactProblem(
-            hv.box(cells=2),
-            hv.Material.lame(1.0, 1.0),
-            {"bottom": hv.Contact(Signorini(), friction)},
-            {"top": hv.Fixed(x=0.02, y=0.0, z=-0.05)},
-        )
-        solution = hv.solve(problem)
-        assert set(solution.states.names[1]) == {"stick", "slip"}
-        searched = hv.find_solutions(problem, starts=4)
-        assert len(searched.solutions) >= 1
-        found.append((hv.certify(solution), solution, searched))
-    (one, first, several), (other, second, others) = found
-    assert one.kind is other.kind
-    assert one.curvature == pytest.approx(other.curvature, rel=1e-6)
-    assert np.abs(first.displacement - second.displacement).max() <= 1e-7
-    assert len(several.solutions) == len(others.solutions)
 
 
 def test_other_boundaries_may_have_friction_without_direction() -> None:
@@ -296,55 +271,3 @@ def test_results_do_not_change_with_the_frame() -> None:
 def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
     with pytest.raises(hv.HemivarError, match=words):
         make()
-
-
-FILE = """
-[mesh]
-box = [1.0, 1.0, 1.0]
-cells = [2, 2, 2]
-
-[material]
-young = 200.0
-poisson = 0.0
-
-[supports]
-top = "clamped"
-
-[contact.bottom]
-normal = "signorini"
-friction = { law = "orthotropic", bound = { coulomb = 0.3 }, ratio = 0.4, axis = [1.0, 1.0, 0.0] }
-"""
-
-
-@pytest.mark.parametrize("bound", ["{ coulomb = 0.3 }", "0.5", '"0.5 + x"', '{ formula = "min(s, 1)" }'])
-def test_problem_files_state_it(tmp_path: Path, bound: str) -> None:
-    path = tmp_path / "o.toml"
-    path.write_text(FILE.replace("{ coulomb = 0.3 }", bound))
-    problem = hv.read_problem(path)
-    hv.write_problem(problem, tmp_path / "again.toml")
-    again = hv.read_problem(tmp_path / "again.toml")
-    for one in (problem, again):
-        friction = one.contact["bottom"].friction  # type: ignore[union-attr]
-        assert isinstance(friction, OrthotropicFriction)
-        assert (friction.ratio, friction.axis) == (0.4, (1.0, 1.0, 0.0))
-        assert isinstance(hv.discretize(one).law, OrthotropicLaw)
-
-
-@pytest.mark.parametrize(
-    ("there", "instead", "words"),
-    [
-        ("bound = { coulomb = 0.3 }, ", "", "bound"),
-        ("ratio = 0.4, ", "", "ratio"),
-        (", axis = [1.0, 1.0, 0.0]", "", "axis"),
-        ("[1.0, 1.0, 0.0]", "[1.0, 1.0]", "give a direction in 3D"),
-        ("[1.0, 1.0, 0.0]", "1.0", "list of numbers"),
-        ("ratio = 0.4", "ratio = -1.0", "at least 0"),
-        ("ratio = 0.4", "ratio = 0.0", "must be positive"),
-        ("ratio = 0.4", 'ratio = 0.4, profile = "x"', "profile"),
-    ],
-)
-def test_mistakes_in_files_are_named(tmp_path: Path, there: str, instead: str, words: str) -> None:
-    path = tmp_path / "o.toml"
-    path.write_text(FILE.replace(there, instead))
-    with pytest.raises(hv.errors.ProblemError, match=words):
-        hv.read_problem(path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from pathlib import Path
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,7 +12,6 @@ from scipy.optimize import brentq, minimize
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.cli.app import main
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import (
     BilinearCohesion,
@@ -26,7 +25,6 @@ from hemivar.laws import (
 )
 from hemivar.laws.coupled import own_coupled
 from hemivar.laws.vector_testing import check_vector_law
-from hemivar.report.law_figures import plot_coupled_law
 from tests.samples import sampled
 
 #: Energy, width and ratio of glue whose potential is a Gaussian.
@@ -37,13 +35,14 @@ BILINEAR = (
     f"piecewise((5e3*{RHO}, {RHO} < 0.003^2), "
     f"(0.045 + 30*(sqrt({RHO}) - 0.003) - 500*(sqrt({RHO}) - 0.003)^2, {RHO} < 0.033^2), (0.495, True))"
 )
+#: Made where they are first asked for: their bounds are sought then.
 LAWS = {
-    "gauss": lambda: CoupledFormulaLaw(GAUSS, reach=0.1),
-    "rigid": lambda: CoupledFormulaLaw("0.5*(1 - exp(-(r^2 + 4*s^2)/2e-4))", reach=0.1, rigid=True),
-    "convex": lambda: CoupledFormulaLaw("1e3*(r^2 + s^2) + 300*r*s^2", reach=0.1),
-    "friction": lambda: CoupledFormulaLaw("20*s + 5e3*max(r, 0)^2 + 2*max(r, 0)", reach=0.1),
-    "rubbing when open": lambda: CoupledFormulaLaw("20*s*(1 + 30*r^2)", reach=0.1, rigid=True),
-    "bilinear": lambda: CoupledFormulaLaw(f"{BILINEAR} + 5e3*max(r, 0)^2", reach=0.1),
+    "gauss": cache(lambda: CoupledFormulaLaw(GAUSS, reach=0.1)),
+    "rigid": cache(lambda: CoupledFormulaLaw("0.5*(1 - exp(-(r^2 + 4*s^2)/2e-4))", reach=0.1, rigid=True)),
+    "convex": cache(lambda: CoupledFormulaLaw("1e3*(r^2 + s^2) + 300*r*s^2", reach=0.1)),
+    "friction": cache(lambda: CoupledFormulaLaw("20*s + 5e3*max(r, 0)^2 + 2*max(r, 0)", reach=0.1)),
+    "rubbing when open": cache(lambda: CoupledFormulaLaw("20*s*(1 + 30*r^2)", reach=0.1, rigid=True)),
+    "bilinear": cache(lambda: CoupledFormulaLaw(f"{BILINEAR} + 5e3*max(r, 0)^2", reach=0.1)),
 }
 
 
@@ -120,7 +119,7 @@ def test_local_problems_have_the_minimisers_of_mixed_mode() -> None:
         assert (law.graph_distance(one, b - wide * one, 1.0 / a) <= 1e-8 * np.abs(b).max(axis=1)).all()
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(40, marks=pytest.mark.slow)])
 def test_random_local_problems_against_a_grid(count: int) -> None:
     """Glue of random strength, width and ratio, each on 50 random springs: no place of a fine grid is lower."""
     random = np.random.default_rng(5)
@@ -161,11 +160,11 @@ def test_a_search_without_its_grid_is_noticed(monkeypatch: pytest.MonkeyPatch) -
 
 def test_the_distance_to_the_graph_is_bracketed() -> None:
     law, random = LAWS["gauss"](), np.random.default_rng(6)
-    r = random.uniform(-0.03, 0.03, (12, 2))
+    r = random.uniform(-0.03, 0.03, (6, 2))
     lam = law.linearise(r).gradient + random.uniform(-20.0, 20.0, r.shape)
-    tau = 10.0 ** random.uniform(-5.0, -3.0, (12, 2))
+    tau = 10.0 ** random.uniform(-5.0, -3.0, (6, 2))
     low, high = law.graph_distance_bracket(r, lam, tau)
-    for i in range(12):
+    for i in range(6):
 
         def off(x: Array, i: int = i) -> float:
             place = r[i] + x * tau[i] * high[i]
@@ -199,14 +198,6 @@ def test_a_point_on_stiff_springs_is_where_the_scalar_equation_says(opening: boo
     exact = float(brentq(misfit, 0.0, 1.0, xtol=1e-15))
     assert np.abs(found.local[0]).max() == pytest.approx(exact, rel=1e-9)
     assert hv.certify(found).kind.name in ("UNIQUE_MINIMISER", "LOCAL_MINIMISER")
-
-
-def test_soft_springs_have_a_bonded_and_a_broken_solution() -> None:
-    found = hv.find_solutions(point(300.0, (12.0, 0.0), LAWS["rigid"]()), starts=4)
-    places = sorted(-solution.local[0, 0] for solution in found.minima)
-    assert [round(place, 3) for place in places] == [0.002, 0.04]
-    assert not found.exhaustive
-    assert hv.certify(found[0]).unique is not True
 
 
 def test_the_margin_claims_uniqueness_within_the_reach() -> None:
@@ -303,75 +294,12 @@ def test_results_do_not_change_with_units() -> None:
         (lambda: CoupledFunctionLaw(lambda r, s: r * np.nan, gauss_gradient, reach=0.1), "not finite"),
         (lambda: hv.Contact(LAWS["gauss"](), Tresca(0.3)), "leave the friction 'tresca' out"),
         (lambda: hv.ScalarContact(LAWS["gauss"]()), "law"),
-        (lambda: hv.solve(block(LAWS["gauss"]()), hv.survey.PrimalDualActiveSet()), "couples opening and slip"),
-        (lambda: plot_coupled_law(LAWS["gauss"](), reach=-1.0), "positive length"),
     ],
 )  # fmt: skip
 def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
     with pytest.raises(hv.HemivarError, match=words) as caught:
         make()
     assert str(caught.value).count("\n") == 0
-
-
-FILE = f"""
-[mesh]
-rectangle = [1.0, 0.5]
-cells = [8, 4]
-
-[material]
-young = 3000.0
-poisson = 0.3
-
-[supports]
-left = "clamped"
-
-[loads.traction]
-top = [12.0, 20.0]
-
-[contact.bottom]
-normal = {{ law = "coupled-formula", potential = "{BILINEAR} + 5e3*max(r, 0)^2", reach = 0.1 }}
-"""
-
-
-def test_problem_files_state_it(tmp_path: Path) -> None:
-    path = tmp_path / "glued.toml"
-    path.write_text(FILE)
-    problem = hv.read_problem(path)
-    assert hv.solve(problem).energy == pytest.approx(hv.solve(block(mixed())).energy, rel=1e-8)
-    hv.write_problem(problem, tmp_path / "again.toml")
-    again = hv.read_problem(tmp_path / "again.toml")
-    assert again.contact["bottom"].law.stated == problem.contact["bottom"].law.stated  # type: ignore[union-attr]
-    path.write_text(FILE.replace("reach = 0.1", 'reach = 0.1, penetration = "rigid"'))
-    law = hv.read_problem(path).contact["bottom"].law  # type: ignore[union-attr]
-    assert isinstance(law, OwnCoupledLaw)
-    assert law.rigid
-
-
-@pytest.mark.parametrize(
-    ("there", "instead", "words"),
-    [
-        (", reach = 0.1", "", "reach"),
-        ("reach = 0.1", "reach = -1", "positive length"),
-        ("reach = 0.1", 'reach = "x"', "reach"),
-        ("reach = 0.1", 'reach = 0.1, penetration = "soft"', "penetration"),
-        ("max(r, 0)^2", "max(q, 0)^2", "glued.toml.*'q'"),
-        ("max(r, 0)^2", "max(-s, r)", "glued.toml"),
-        ("\n[contact", '\n[contact.bottom.friction]\nlaw = "tresca"\nbound = 0.3\n[contact', "friction"),
-    ],
-)
-def test_mistakes_in_files_are_named(tmp_path: Path, there: str, instead: str, words: str) -> None:
-    path = tmp_path / "glued.toml"
-    path.write_text(FILE.replace(there, instead))
-    with pytest.raises(hv.errors.ProblemError, match=words):
-        hv.discretize(hv.read_problem(path))
-
-
-def test_the_command_shows_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = tmp_path / "law.png"
-    assert main(["laws", "coupled-formula", "--plot", str(picture)]) == 0
-    assert "shown by intervals" in capsys.readouterr().out
-    assert picture.stat().st_size > 10_000
-    plot_coupled_law(CoupledFormulaLaw("20*s", reach=0.1, rigid=True), reach=0.05, title="friction")
 
 
 def test_what_resists_at_rest_is_no_more_than_the_law_gives() -> None:
