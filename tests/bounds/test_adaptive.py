@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.bounds import AdaptiveSolution, solve_adaptive, solving_adaptive
+from hemivar.bounds import AdaptiveSolution, solve_adaptive
 from hemivar.bounds import adaptive as loop
+from hemivar.bounds.adaptive import solving_adaptive
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.transfer import interpolate

@@ -14,7 +14,6 @@ from hemivar.evolution import (
     BDF2,
     SDIRK2,
     Evolution,
-    Frame,
     GeneralizedAlpha,
     History,
     ImplicitEuler,
@@ -23,7 +22,8 @@ from hemivar.evolution import (
     Newmark,
     Scheme,
     march,
-)  # fmt: skip
+)
+from hemivar.evolution.history import Frame
 from hemivar.laws.memory import PenetrationMemory
 
 MASSLESS = (ImplicitEuler(), Midpoint(), Midpoint(conserving=True), BDF2(), SDIRK2())

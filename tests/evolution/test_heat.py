@@ -16,7 +16,7 @@ from hemivar.evolution import Evolution, march
 from hemivar.fem.thermal_stress import cell_thermal_stress, stress_per_degree, thermal_matrix
 from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import ProblemFile, parse_problem_file
-from hemivar.mechanics import ScalarKind
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.thermal import Heat, HeatContact
 from hemivar.workflows.marching import evolution_of
 from tests import bodies

@@ -11,7 +11,8 @@ from scipy.optimize import brentq
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution import Evolution, History, March, descent, march, marching
+from hemivar.evolution import Evolution, History, March, descent, march
+from hemivar.evolution.march import marching
 from hemivar.formula import Formula
 from hemivar.solvers import solve
 from tests import bodies

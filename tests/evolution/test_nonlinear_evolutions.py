@@ -35,7 +35,8 @@ from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.margin import _energies
 from hemivar.evolution.stepper import TimeStepper
-from hemivar.files import read_film, read_history_table
+from hemivar.files.film import read_film
+from hemivar.files.history_table import read_history_table
 from hemivar.mechanics.gradient_energy import PowerLaw
 from hemivar.solvers import NonsmoothMultigrid, NonsmoothNewton
 from tests.samples import slow

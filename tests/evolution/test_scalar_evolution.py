@@ -19,7 +19,7 @@ from hemivar.fem.hierarchy import family_of
 from hemivar.files.history_table import read_history_table
 from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import parse_problem_file
-from hemivar.mechanics import ScalarKind
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.workflows.marching import evolution_of
 
 MESH = hv.rectangle((1.0, 1.0), 4)

@@ -13,7 +13,8 @@ from hemivar.bounds.load_values import load_values
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, march
 from hemivar.files.problem_file import parse_problem
-from hemivar.formula import Formula, FormulaArray, ScalarFormula
+from hemivar.formula import Formula, FormulaArray
+from hemivar.formula.formula import ScalarFormula
 from hemivar.formula.poles import pole_of_pieces
 from hemivar.formula.smooth import SmoothFormula
 from hemivar.laws import CoupledFormulaLaw, FormulaLaw, PenetrationBound

@@ -10,8 +10,8 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.files.problem_file import parse_problem, write_problem
-from hemivar.formula import Condition
-from hemivar.mesh import Marking
+from hemivar.formula.condition import Condition
+from hemivar.mesh.recipe import Marking
 
 FILE = """
 [mesh]

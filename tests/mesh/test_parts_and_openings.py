@@ -15,7 +15,7 @@ from hemivar import Mesh
 from hemivar.errors import ProblemError
 from hemivar.files import read_problem_file
 from hemivar.files.changes import read_change
-from hemivar.mesh import msh_text
+from hemivar.mesh.write import msh_text
 
 
 def checked(mesh: Mesh) -> Mesh:

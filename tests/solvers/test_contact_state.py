@@ -12,7 +12,8 @@ import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.files import read_film, solution_record
+from hemivar.files import solution_record
+from hemivar.files.film import read_film
 from hemivar.files.snapshot import moving_states
 from hemivar.solvers import NormalState, TangentialState
 from hemivar.solvers.contact_states import KINDS, ContactStates, contact_states, state_words

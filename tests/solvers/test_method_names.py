@@ -9,7 +9,9 @@ import pytest
 
 import hemivar as hv
 from hemivar import workflows
-from hemivar.solvers import METHODS, Controls, as_method, method_for
+from hemivar.solvers import METHODS, Controls
+from hemivar.solvers.methods import as_method
+from hemivar.solvers.solve import method_for
 from tests.problems import square
 
 COULOMB = replace(square(n=4), contact={"bottom": hv.Contact(normal=hv.Signorini(), friction=hv.Coulomb(0.3))})

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.branches.path import PathEnd
 from hemivar.discrete.point_kind import PointKind
 from hemivar.fem import LoadLine
 from hemivar.laws import BenzeggaghKenane, BilinearCohesion, MixedMode, ModeDependentGlue, SlipTable
@@ -69,7 +70,7 @@ def test_the_way_of_the_remedy_leads_on(glue: str) -> None:
 def test_the_path_of_points_that_break_together_comes_back_to_no_load(glue: str, mesh: Mesh) -> None:
     pull = (*(0.0,) * (mesh.dim - 1), 2.3 * STRENGTH)
     path = hv.follow_path(block(glue, pull, mesh))
-    assert path.ended is hv.branches.PathEnd.LOWER_END
+    assert path.ended is PathEnd.LOWER_END
     assert path.limit_load == pytest.approx(1.0 / 2.3, rel=1e-4)
 
 

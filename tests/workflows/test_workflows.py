@@ -41,6 +41,7 @@ from hemivar.workflows import (
     result_of,
     solving,
 )
+from hemivar.workflows.comparison import energy_norm_difference
 from hemivar.workflows.observed_order import observed_order
 
 from ..problems import bar, square
@@ -399,4 +400,4 @@ def test_differences_of_methods_are_those_in_the_energy_norm() -> None:
     K = solution.problem.stiffness.toarray()
     root = np.linalg.cholesky(K).T
     off, size = (np.linalg.norm(root @ u) for u in (moved.unknowns - solution.unknowns, solution.unknowns))
-    assert workflows.energy_norm_difference(moved, solution) == pytest.approx(off / size, rel=1e-10)
+    assert energy_norm_difference(moved, solution) == pytest.approx(off / size, rel=1e-10)

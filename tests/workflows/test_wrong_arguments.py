@@ -11,6 +11,8 @@ import pytest
 
 import hemivar as hv
 from hemivar import workflows
+from hemivar.files.problem_file import ProblemFile
+from hemivar.files.settings import SolverSettings
 from tests.test_wrong_arguments import PROBLEM, WRONG, trouble
 
 EVOLUTION = hv.Evolution(PROBLEM)
@@ -19,7 +21,7 @@ SOLUTION = hv.solve(PROBLEM)
 DISCRETE = hv.discretize(PROBLEM)
 
 
-STATED = hv.files.ProblemFile(PROBLEM, hv.files.SolverSettings())
+STATED = ProblemFile(PROBLEM, SolverSettings())
 
 
 def stated(values: object) -> hv.ContactProblem:

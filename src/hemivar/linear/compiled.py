@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.kernels import Kernels, expect_list
+from hemivar.kernels.library import Kernels, expect_list
 
 if TYPE_CHECKING:
     from hemivar.linear.levels import Transfer

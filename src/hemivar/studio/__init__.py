@@ -8,13 +8,10 @@ from __future__ import annotations
 import sys
 from types import ModuleType
 
-from hemivar.studio.binary_message import Message
-from hemivar.studio.jobs import Bench
 from hemivar.studio.notebook_widget import show
-from hemivar.studio.requests import Request
-from hemivar.studio.web_server import StudioPage, application, serve
+from hemivar.studio.web_server import serve
 
-__all__ = ["Bench", "Message", "Request", "StudioPage", "application", "serve", "show"]
+__all__ = ["serve", "show"]
 
 
 class _Room(ModuleType):

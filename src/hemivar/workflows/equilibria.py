@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from hemivar.basics.arguments import expecting
 from hemivar.branches import (
-    BracketOptions,
     LoadBracket,
     Path,
     PathOptions,
@@ -12,10 +11,10 @@ from hemivar.branches import (
     SearchProgress,
     SolutionSet,
     SolutionsOptions,
-    bracketing,
     finding,
     following,
 )
+from hemivar.branches.bracket import BracketOptions, bracketing
 from hemivar.fem.growing import growing
 from hemivar.fem.posed import Posable, posed
 from hemivar.solvers.load_stepping import Reached

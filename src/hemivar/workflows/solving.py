@@ -16,8 +16,10 @@ from hemivar.certificates import certify as certificate_of_pair
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
 from hemivar.fem.posed import Posable, posed
-from hemivar.solvers import Controls, Progress, Solution, Solver, Status, as_method, solving, suited, transfer_solution
+from hemivar.solvers import Controls, Progress, Solution, Solver, Status, solving, transfer_solution
 from hemivar.solvers.choice import choose
+from hemivar.solvers.methods import as_method
+from hemivar.solvers.solve import suited
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import CertificateEvent, FoundEvent, MethodEvent, StartEvent, WarningEvent, Work
 
