@@ -46,7 +46,7 @@ from hemivar.bounds.patches import PatchKind
 from hemivar.bounds.trace_bounds import TraceBounds, discrete_trace_bounds, guaranteed_trace_bounds
 from hemivar.fem import interpolate
 from hemivar.fem.assembly import stiffness_matrix
-from hemivar.gallery.known import KnownProblem
+from hemivar.gallery.known import KnownProblem, weighted_block
 from hemivar.gallery.survey_problems import SURVEY_DATA
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mesh import Mesh
@@ -173,10 +173,10 @@ def gallery_problems() -> Iterator[tuple[str, Callable[[], hv.ContactProblem | K
     yield "delamination", lambda: gallery.delamination(2)
     yield "cantilever", gallery.beam
     for n in (2, 4, 8):
-        yield f"block under its weight, 1/{n}", lambda n=n: gallery.weighted_block(n=n)
+        yield f"block under its weight, 1/{n}", lambda n=n: weighted_block(n=n)
         yield f"manufactured, springs, 1/{n}", lambda n=n: gallery.manufactured_spring(n)
         yield f"manufactured, softening, 1/{n}", lambda n=n: gallery.manufactured_softening(n)
-    yield "block pressed down", lambda: gallery.weighted_block(n=4, top_displacement=0.2)
+    yield "block pressed down", lambda: weighted_block(n=4, top_displacement=0.2)
     for softening in (2.0, 6.0, 20.0):
         yield f"softening block {softening}", lambda s=softening: gallery.softening_block(softening=s, n=4)
     for bound in (0.3, 0.5, 1.0):

@@ -22,6 +22,7 @@ from hemivar.files.problem_file import ProblemFile
 from hemivar.files.settings import SolverSettings
 from hemivar.formula import Formula
 from hemivar.formula.graph import Graph
+from hemivar.gallery.known import weighted_block
 from hemivar.gallery.survey_problems import SURVEY_DATA
 from hemivar.mesh import Mesh, box, rectangle
 from hemivar.mesh.recipe import Grid, MeshRecipe
@@ -142,7 +143,7 @@ def examples() -> dict[str, list[object]]:
         hv.survey.NewtonKrylov(),
         hv.Controls(1e-6, 1.0, 3, 2.0, print),
         SURVEY_DATA["5.1"],
-        gallery.weighted_block(),
+        weighted_block(),
         *(one.problem for one in SCALAR),
         SCALAR[0].problem.contact["area"],
         SCALAR[0].problem.material,

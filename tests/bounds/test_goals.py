@@ -18,7 +18,8 @@ from hemivar.bounds.goals import known_goals
 from hemivar.bounds.trace_bounds import TraceBounds, body_constants, discrete_trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
-from hemivar.gallery import survey, weighted_block
+from hemivar.gallery import survey
+from hemivar.gallery.known import weighted_block
 from hemivar.mesh import rectangle
 from tests import bodies
 

@@ -15,8 +15,9 @@ from hemivar.bounds import body_data as cells_of_bounds
 from hemivar.bounds import compiled_patches, sweeps
 from hemivar.bounds.exact_certificate import distance_to_exact
 from hemivar.certificates import energy_norm, norms, smallness
-from hemivar.discrete import DiscreteProblem, Loading, Model, Space
+from hemivar.discrete import DiscreteProblem, Model, Space
 from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.loading import Loading
 from hemivar.kernels import kernels
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems import Workspace, body_on_levels, elimination

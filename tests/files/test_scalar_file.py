@@ -17,7 +17,7 @@ from hemivar import gallery
 from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import parse_problem
 from hemivar.formula import Formula, FormulaArray
-from hemivar.mechanics import Side
+from hemivar.mechanics.foundation import Side
 from hemivar.mechanics.material_words import ScalarKind
 from tests.samples import slow
 

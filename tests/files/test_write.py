@@ -23,7 +23,7 @@ from hemivar.files.problem_file import parse_problem_file, read_problem_file
 from hemivar.files.settings import SolverSettings
 from hemivar.files.toml import text_of
 from hemivar.formula import Formula, FormulaArray
-from hemivar.gallery.known import KnownProblem
+from hemivar.gallery.known import KnownProblem, weighted_block
 from hemivar.gallery.survey_problems import SURVEY_DATA
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, friction_law, normal_law
 from hemivar.mesh import Mesh, box, read_mesh, rectangle
@@ -96,8 +96,8 @@ def test_every_example_comes_back(path: Path, tmp_path: Path) -> None:
 GALLERY: dict[str, Callable[[], hv.ContactProblem]] = {
     **{f"survey {name}": lambda name=name: gallery.survey(name, 4) for name in SURVEY_DATA},  # type: ignore[misc]
     "survey cube": lambda: gallery.survey_cube("5.1", 2),
-    "weighted block": lambda: gallery.weighted_block(n=2).problem,
-    "patch": lambda: gallery.weighted_block(n=2, top_displacement=0.1).problem,
+    "weighted block": lambda: weighted_block(n=2).problem,
+    "patch": lambda: weighted_block(n=2, top_displacement=0.1).problem,
     "beam": gallery.beam,
     "broken foundation": lambda: gallery.broken_foundation(2),
     "delamination": lambda: gallery.delamination(2),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.mechanics import Side
+from hemivar.mechanics.foundation import Side
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mesh import Mesh
 

@@ -18,7 +18,7 @@ from hemivar.basics.types import Array
 from hemivar.fem import gradient
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.gallery.scalar_problems import KnownScalarProblem
-from hemivar.mechanics import Side
+from hemivar.mechanics.foundation import Side
 from hemivar.mesh import Mesh
 from hemivar.solvers import Solution
 from hemivar.systems.body_on_levels import ElasticMultigrid

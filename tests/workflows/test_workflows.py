@@ -15,7 +15,9 @@ import pytest
 
 import hemivar as hv
 from hemivar import workflows
-from hemivar.branches import PathProgress, SearchProgress, find_solutions, finding, follow_path, following
+from hemivar.branches import PathProgress, SearchProgress, find_solutions, follow_path
+from hemivar.branches.follow import following
+from hemivar.branches.solutions import finding
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine
 from hemivar.gallery import survey as survey_problem

@@ -1,11 +1,9 @@
 """The public names of ``hemivar.evolution`` and where each comes from; loaded on first use."""
 
 from .evolution_problem import Evolution as Evolution
-from .evolution_problem import Mass as Mass
 from .history import History as History
 from .march import march as march
 from .march_events import BondBroken as BondBroken
-from .march_events import Event as Event
 from .march_events import MarginLost as MarginLost
 from .march_events import Release as Release
 from .march_events import Slip as Slip

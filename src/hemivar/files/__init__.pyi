@@ -2,7 +2,6 @@
 
 from .changes import Change as Change
 from .contact_rows import write_csv as write_csv
-from .film import Film as Film
 from .history_table import history_record as history_record
 from .problem_file import read_problem as read_problem
 from .problem_file import read_problem_file as read_problem_file

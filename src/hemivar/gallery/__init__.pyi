@@ -6,7 +6,6 @@ from .known import BEAM_DISPLACEMENTS as BEAM_DISPLACEMENTS
 from .known import beam as beam
 from .known import elastic_bar as elastic_bar
 from .known import manufactured_spring as manufactured_spring
-from .known import weighted_block as weighted_block
 from .known_evolutions import EarthquakeSlider as EarthquakeSlider
 from .known_evolutions import StickSlip as StickSlip
 from .known_evolutions import VelocityStep as VelocityStep

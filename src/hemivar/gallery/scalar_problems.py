@@ -15,7 +15,8 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
 from hemivar.laws import Signorini, Tresca
-from hemivar.mechanics import ContactProblem, ScalarContact, ScalarProblem, Side
+from hemivar.mechanics import ContactProblem, ScalarContact, ScalarProblem
+from hemivar.mechanics.foundation import Side
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mesh import rectangle
 

@@ -1,7 +1,7 @@
 """The statement: bodies, materials, supports, loads, obstacles and foundations."""
 
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Traction
-from hemivar.mechanics.foundation import Contact, Side
+from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.gradient_energy import PowerLaw, SaturatingFlux
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_check import check_material
@@ -35,7 +35,6 @@ __all__ = [
     "SaturatingFlux",
     "ScalarContact",
     "ScalarProblem",
-    "Side",
     "SignedDistance",
     "Sphere",
     "StoredEnergy",

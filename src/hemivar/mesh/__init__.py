@@ -3,6 +3,5 @@
 from hemivar.mesh.build import box, rectangle
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.read import read_mesh
-from hemivar.mesh.recipe import Opening
 
-__all__ = ["Mesh", "Opening", "box", "read_mesh", "rectangle"]
+__all__ = ["Mesh", "box", "read_mesh", "rectangle"]

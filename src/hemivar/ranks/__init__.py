@@ -2,8 +2,8 @@
 
 from hemivar.ranks.assembly import assemble
 from hemivar.ranks.pieces import family
-from hemivar.ranks.ranks import Ranks, world
+from hemivar.ranks.ranks import world
 from hemivar.ranks.ranks_march import march_on_ranks
 from hemivar.ranks.solve import solve_distributed
 
-__all__ = ["Ranks", "assemble", "family", "march_on_ranks", "solve_distributed", "world"]
+__all__ = ["assemble", "family", "march_on_ranks", "solve_distributed", "world"]

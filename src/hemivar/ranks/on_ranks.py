@@ -30,11 +30,11 @@ from hemivar.files.vtu import (
     three_components,
     write_grid,
 )
-from hemivar.ranks import Ranks
 from hemivar.ranks.body_on_ranks import BodyOnRanks
 from hemivar.ranks.discrete_on_ranks import body_of
 from hemivar.ranks.evolution import EvolutionOnRanks
 from hemivar.ranks.files import one_writer
+from hemivar.ranks.ranks import Ranks
 from hemivar.solvers import Solution
 
 __all__ = ["SeriesOnRanks", "pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]

@@ -12,7 +12,7 @@ from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
-from hemivar.solvers.solve import solve, solving
+from hemivar.solvers.solve import solve
 from hemivar.solvers.status import Status
 
 __all__ = [
@@ -33,6 +33,5 @@ __all__ = [
     "TangentialState",
     "solve",
     "solve_nested",
-    "solving",
     "transfer_solution",
 ]

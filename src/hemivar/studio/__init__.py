@@ -9,9 +9,8 @@ import sys
 from types import ModuleType
 
 from hemivar.studio.notebook_widget import show
-from hemivar.studio.web_server import serve
 
-__all__ = ["serve", "show"]
+__all__ = ["show"]
 
 
 class _Room(ModuleType):
