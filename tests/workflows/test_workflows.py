@@ -22,7 +22,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine
 from hemivar.gallery import survey as survey_problem
 from hemivar.solvers import Controls, NonsmoothNewton
-from hemivar.survey import SurveyEvent, SurveyOptions
+from hemivar.survey import SurveyEvent, SurveyOptions, survey
 from hemivar.workflows import (
     Attempt,
     CertificateEvent,
@@ -325,9 +325,7 @@ def test_a_law_that_is_not_known(arguments: tuple[str, dict[str, str]], words: s
 
 @pytest.mark.slow
 def test_a_survey_that_is_interrupted_keeps_what_is_done() -> None:
-    runs, events = watched(
-        workflows.survey(SurveyOptions(max_n=8)), lambda event: isinstance(event, Phase) and event.number == 1
-    )
+    runs, events = watched(survey(SurveyOptions(max_n=8)), lambda event: isinstance(event, Phase) and event.number == 1)
     assert runs.interrupted
     assert list(runs.figures) == ["figure1"]
     assert (runs.meshes, runs.errors) == ((), {})
