@@ -103,7 +103,7 @@ def certify(
         Keeps factors, levels and trace constants for other points, loads, gaps and laws of the same body.
     exact : bool
         Whether to bound the distance to the exact solution of the continuous problem too, by
-        :func:`hemivar.bounds.distance_to_exact`: in the plane it costs about two contact solves, in
+        :func:`hemivar.bounds.exact_certificate.distance_to_exact`: in the plane it costs about two contact solves, in
         space ten, and once per body some seconds for its trace constants.
 
     Returns

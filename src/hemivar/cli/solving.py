@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from hemivar.bounds import AdaptiveSolution
     from hemivar.certificates import Certificate
     from hemivar.files.problem_file import ProblemFile
-    from hemivar.report import BodyColour
+    from hemivar.report.deformed import BodyColour
     from hemivar.solvers import Solution
     from hemivar.workflows import AdaptResult, Event, RunResult
 
@@ -201,7 +201,7 @@ def label_units(session: Session) -> LabelUnits:
 
 def colour_named(name: str | None) -> BodyColour | None:
     """The colouring of a name."""
-    from hemivar.report import BodyColour
+    from hemivar.report.deformed import BodyColour
 
     return None if name is None else BodyColour(name)
 
@@ -304,7 +304,7 @@ class _AdaptiveCommand(OnProblem):
         return self.asked.adaptive
 
     def work(self) -> Done:
-        from hemivar.bounds import AdaptiveEnd
+        from hemivar.bounds.adaptive_end import AdaptiveEnd
         from hemivar.workflows import AdaptOptions, adapt, result_of
 
         session, asked = self.session, self.asked
@@ -361,7 +361,8 @@ class _AdaptiveCommand(OnProblem):
 
     def _files(self, found: AdaptResult) -> Files:
         from hemivar.files import write_json, write_vtu
-        from hemivar.report import adaptive_table, plot_adaptive, plot_meshes
+        from hemivar.report import plot_adaptive, plot_meshes
+        from hemivar.report.tables import adaptive_table
 
         adaptive, certificate, title = found.adaptive, found.certificate, self.session.title
         arrays = self.asked.arrays

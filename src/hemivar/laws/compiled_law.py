@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.kernels import Kernels, kernels
+from hemivar.kernels import kernels
+from hemivar.kernels.library import Kernels
 
 if TYPE_CHECKING:
     from hemivar.laws.superpotential import Superpotential

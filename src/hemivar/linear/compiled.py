@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.kernels import Kernels, expect_list
+from hemivar.kernels.library import Kernels, expect_list
 from hemivar.linear.truncated_level import Transfer
 
 __all__ = ["CompiledLevels", "CompiledTruncation", "NodeSlots"]

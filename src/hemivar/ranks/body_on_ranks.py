@@ -65,7 +65,7 @@ class BodyOnRanks(Body):
     unknowns, contact_points : int
         Of the whole problem.
     warnings : tuple of str
-        As :attr:`hemivar.mechanics.DiscreteProblem.warnings`.
+        As :attr:`hemivar.DiscreteProblem.warnings`.
     coarser : BodyOnRanks or None
         The problem on the next coarser mesh; a solve starts there if it is ``below`` as well.
     cycle : callable

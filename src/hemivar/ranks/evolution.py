@@ -16,8 +16,9 @@ from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError
-from hemivar.evolution import Evolution, Mass
+from hemivar.evolution import Evolution
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices, dampings, refuse_unmeasured
+from hemivar.evolution.evolution_problem import Mass
 from hemivar.fem.assembly import load_vector, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, relaxing, viscous
 from hemivar.fem.dynamics import moved_components

@@ -22,24 +22,19 @@ from hemivar.cli.outputs import one_line
 from hemivar.cli.session import naming_file
 from hemivar.cli.terminal import one_voice
 from hemivar.errors import HemivarError, MethodError, ProblemError
-from hemivar.files import read_film
+from hemivar.files.film import read_film
 from hemivar.files.problem_file import parse_problem_file, read_text
-from hemivar.ranks import (
-    Saved,
-    family,
-    prepare_march,
-    read_checkpoint,
-    solve_distributed,
-    world,
-    write_checkpoint,
-)
+from hemivar.ranks import family, solve_distributed, world
 from hemivar.ranks.assembly import assemble_family
 from hemivar.ranks.body_on_ranks import body_of
 from hemivar.ranks.certificate import certify_on_ranks
+from hemivar.ranks.checkpoint import read_checkpoint, write_checkpoint
 from hemivar.ranks.evolution import EvolutionOnRanks
 from hemivar.ranks.on_ranks import SeriesOnRanks, pieces_of, write_json_on_ranks, write_vtu_on_ranks
 from hemivar.ranks.pieces import grid_numbers
 from hemivar.ranks.ranks import NO_MEMORY, Ranks, shared
+from hemivar.ranks.ranks_march import prepare_march
+from hemivar.ranks.solve import Saved
 from hemivar.ranks.time_limit import TimeLimit
 from hemivar.solvers import Status
 from hemivar.workflows import RunResult, StartEvent, march
@@ -57,7 +52,8 @@ if TYPE_CHECKING:
     from hemivar.files.series import Series
     from hemivar.mechanics.statement import ContactProblem
     from hemivar.mesh.mesh import Mesh
-    from hemivar.ranks import BodyOnRanks, Piece
+    from hemivar.ranks.body_on_ranks import BodyOnRanks
+    from hemivar.ranks.pieces import Piece
     from hemivar.solvers import Progress, Solution
     from hemivar.solvers.base import State
     from hemivar.workflows import Event, Work

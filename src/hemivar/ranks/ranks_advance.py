@@ -14,10 +14,11 @@ from hemivar.basics.types import Array
 from hemivar.certificates import EnergyNorm
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.evolution import Scheme, SelectionRule
+from hemivar.evolution import Scheme
 from hemivar.evolution.data_in_time import StatedData
 from hemivar.evolution.descent import DescentSolver, downhill, slowed
 from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.stage_solver import StageSolution, StageSolver

@@ -13,9 +13,11 @@ import numpy as np
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Record
-from hemivar.bounds import AdaptiveSolution, DistanceToExact
+from hemivar.bounds import AdaptiveSolution
+from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.branches import Path, SolutionSet
-from hemivar.certificates import Certificate, certify, one_solution, smallness
+from hemivar.certificates import Certificate, certify, smallness
+from hemivar.certificates.smallness import one_solution
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError
