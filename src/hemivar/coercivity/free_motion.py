@@ -62,7 +62,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
             raise _refusal(problem, motions, group, hold.found)
         limits += [hold.limit] if hold.limit else []
         friction += [hold.friction] if hold.friction else []
-    problem = replace(problem, warnings=tuple(dict.fromkeys((*problem.warnings, *friction))), law_known=True)
+    problem = problem.fitted(warnings=tuple(dict.fromkeys((*problem.warnings, *friction))))
     limit = NO_MINIMUM if NO_MINIMUM in limits else next(iter(limits), None)
     return problem if friction and limit is None else problem.known_to_be_held(limit, idle)
 
