@@ -282,6 +282,13 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         said = self.warnings if warnings is None else warnings
         return DiscreteProblem(model or self.model, loading or self.loading, said, self._shown, True)
 
+    def on_the_same(self, model: Model) -> DiscreteProblem:
+        """The problem with a model of the same body that was made before: what was shown of the one holds of it."""
+        found, shown = self.fitted(model), self._shown
+        if shown is None or not shown.covers(self._held_by):
+            return found
+        return replace(found, _shown=replace(shown, of=found._held_by), _known=True)
+
     def __repr__(self) -> str:
         contact, names = self.contact, ", ".join(self.contact.names)
         where = f"{contact.count} contact points of {contact.components} components" + (f" on {names}" if names else "")
@@ -372,7 +379,9 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         :func:`hemivar.discretize` does so; another load, law or bulk is another question, another gap is not.
         """
         shown = self._shown
-        return shown is not None and shown.limit is None and shown.idle is None and shown.covers(self._held_by)
+        if shown is None or (shown.limit, shown.idle, shown.balanced) != (None, None, None):
+            return False
+        return shown.covers(self._held_by)
 
     @property
     def limit(self) -> str | None:
@@ -410,10 +419,20 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         """:attr:`warnings`, :attr:`limit` and :attr:`idle`: what results must say beside their numbers."""
         return (*self.warnings, *(said for said in (self.limit, self.idle) if said is not None))
 
-    def known_to_be_held(self, limit: str | None = None, idle: str | None = None) -> DiscreteProblem:
-        """The problem, known to be :attr:`held` from now on, up to a :attr:`limit`, or to be :attr:`idle`; for who has
-        shown it."""
-        shown = CoercivityProof(self._held_by, limit, idle)
+    @property
+    def balanced_by_friction(self) -> bool:
+        """Whether only friction holds it that the pressure bounds, whose cones balance the load.
+
+        :func:`hemivar.discretize` finds it.
+        """
+        return self._shown is not None and self._shown.balanced is True
+
+    def known_to_be_held(
+        self, limit: str | None = None, idle: str | None = None, balanced: bool | None = None
+    ) -> DiscreteProblem:
+        """The problem, known to be :attr:`held` from now on, up to a :attr:`limit`, by friction, or to be :attr:`idle`;
+        for who has shown it."""
+        shown = CoercivityProof(self._held_by, limit, idle, balanced)
         return DiscreteProblem(self.model, self.loading, self.warnings, shown, True)
 
     @property
