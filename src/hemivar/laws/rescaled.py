@@ -209,7 +209,7 @@ class RescaledLaw(ResolvedLaw):
     @property
     def alpha_reach(self) -> float:
         reach = self.base.alpha_reach
-        return max(float(((reach - np.abs(self.c)) / self.theta).min()), 0.0) if self.moved else reach
+        return max(float(((reach - np.abs(self.c)) / self.theta).min(initial=np.inf)), 0.0) if self.moved else reach
 
     def weak_convexity_within(self, reach: float) -> Array:
         if not self.moved:

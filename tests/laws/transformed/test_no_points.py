@@ -10,6 +10,7 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.laws import Adhesive, Capped, Compliance, Signorini, Superpotential, affine, bonded, envelope, plus, secant
 from hemivar.laws.rescaled import RescaledLaw
+from hemivar.laws.transformed import pushing
 from hemivar.laws.transformed.averages import averaged
 
 
@@ -68,3 +69,8 @@ def test_empty_parameters_are_refused(law: Superpotential, make: Callable[[Super
 def test_parameters_of_different_numbers_of_points_are_refused(make: Callable[[], object]) -> None:
     with pytest.raises(ProblemError, match=r"given for \[2, 3\] contact points; make them equal"):
         make()
+
+
+def test_damping_that_cannot_pull_is_made_at_no_points() -> None:
+    made = pushing(Compliance(20.0), affine(Compliance(3.0), 2.0, np.zeros(0)))
+    assert made.value(np.zeros(0)).shape == made.local_argmin(np.zeros(0), np.zeros(0)).shape == (0,)
