@@ -169,8 +169,7 @@ def _coarser_tangent(problem: DiscreteProblem, tangent: Tangent) -> Coarser | No
 def tangent_problem(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
     """The problem with the linear body that has the stiffness of its body at unknowns (n,)."""
     bulk = cast(Potential, problem.bulk)
-    model = replace(problem.model, bulk=bulk.tangent(u), parts=Tangent(problem, u))
-    return replace(problem, model=model, law_known=True)
+    return problem.fitted(replace(problem.model, bulk=bulk.tangent(u), parts=Tangent(problem, u)))
 
 
 def _stated_load(problem: DiscreteProblem) -> Array:
@@ -192,7 +191,7 @@ def _coarser_in_time(problem: DiscreteProblem, parts: Composition) -> Coarser | 
     assert problem.field is not None
     assert problem.field.mesh.parent is not None
     shared = _nodes_of_both(problem.field.mesh.parent.interpolation)
-    coarse = replace(step.problem, model=parts.of(family, shared).model(problem.model.resisted), law_known=True)
+    coarse = step.problem.fitted(parts.of(family, shared).model(problem.model.resisted))
     step = replace(step, problem=coarse, field=problem.field)
     return replace(step, problem=step.posed(problem))
 
