@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 import numpy as np
 
 from tests.composition.cases import Row
-from tests.composition.rules import FACTORS, RULES, matching, statable
+from tests.composition.rules import FACTORS, RULES, statable, works
 
 __all__ = ["completed", "every_pair", "few_rows", "pairs_of", "refused_rows"]
 
@@ -29,7 +29,7 @@ def completed(levels: Mapping[str, str], refused: bool = False) -> Row | None:
     if levels.get("beside", "none") != "none" and "task" not in levels:
         tried[0] = ["march"]
     rows = (Row(*chosen) for chosen in itertools.product(*tried))
-    usable = (row for row in rows if statable(vars(row)) and (refused or not matching(vars(row))))
+    usable = (row for row in rows if (statable if refused else works)(vars(row)))
     return next(usable, None)
 
 
@@ -86,17 +86,13 @@ def _completions(
             new = {
                 level: sum(frozenset({(name, level), one}) in left for one in chosen.items()) + 0.9 * random.random()
                 for level in factors[name]
-                if _works(chosen | {name: level})
+                if works(chosen | {name: level})
             }
             if not new:
                 break
             chosen[name] = max(new, key=new.__getitem__)
         else:
             yield Row(**chosen)
-
-
-def _works(levels: Mapping[str, str]) -> bool:
-    return statable(levels) and not matching(levels)
 
 
 def refused_rows() -> list[Row]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cache, reduce
+from operator import and_
 
 from tests.composition.cases import BESIDE, BODIES, COUPLED, FORMS, FRICTIONS, NORMALS, SCALAR, TIMED, Row
 from tests.composition.tasks import IN_TIME, TASKS
 
-__all__ = ["FACTORS", "RULES", "Rule", "matching", "statable"]
+__all__ = ["FACTORS", "RULES", "Rule", "matching", "statable", "works"]
 
 FACTORS: Mapping[str, tuple[str, ...]] = {
     "task": tuple(TASKS),
@@ -192,3 +194,15 @@ def matching(levels: Mapping[str, str]) -> list[Rule]:
 def statable(levels: Mapping[str, str]) -> bool:
     """Whether some levels can stand together: scalar contact is a law or friction alone, arrays are at rest."""
     return not any(absent.of(levels) for absent in _ABSENT)
+
+
+def works(levels: Mapping[str, str]) -> bool:
+    """Whether some levels can stand together and no rule refuses them."""
+    return not reduce(and_, [_bits(name, levels.get(name)) for name in FACTORS])
+
+
+@cache
+def _bits(factor: str, level: str | None) -> int:
+    """Which rules apply to a level of one factor, a bit for each: many rows are asked."""
+    named = [getattr(rule, factor) for rule in (*_ABSENT, *RULES)]
+    return sum(1 << k for k, levels in enumerate(named) if not levels or level in levels)
