@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,8 @@ def test_a_point_beside_a_spring_carries_everything(softening: float, opening: f
     assert str(found) == "carries the load up to the factor 5, the largest that was tried"
 
 
-def test_a_body_that_nothing_holds_carries_nothing() -> None:
+def test_a_body_that_nothing_holds_carries_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(NonsmoothNewton, "default_steps", 20)  # none of its steps leads anywhere
     spring, law = sp.csr_array(np.array([[1.0, -1.0], [-1.0, 1.0]])), ContactLaw(hv.Signorini()).at(None)
     trace = sp.csr_array(np.array([[0.0, -1.0]]))
     found = load_bracket(
@@ -123,7 +125,7 @@ def test_a_small_part_of_the_load_is_bracketed_as_closely(limit: float) -> None:
 # ---- uniform strips -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mesh", [PLANE, SPACE], ids=["plane", "space"])
+@pytest.mark.parametrize("mesh", [PLANE, slow(SPACE)], ids=["plane", "space"])
 @pytest.mark.parametrize(("opening", "shear"), [slow(1.0, 0.0), slow(0.0, 1.0), slow(1.0, 1.0), (0.3, 1.0)])
 def test_a_strip_of_mode_dependent_glue_carries_the_strength_of_its_mode(
     mesh: Mesh, opening: float, shear: float
@@ -209,6 +211,11 @@ def lever(size: float = 1.0, stress: float = 1.0, contact: hv.Contact | None = N
     )
 
 
+@cache
+def bracket_of_lever(upto: float = 30.0) -> LoadBracket:
+    return load_bracket(lever(), upto)
+
+
 def test_the_limit_load_of_the_path_lies_in_the_bracket() -> None:
     own = hv.Contact(hv.Adhesive(24.0, 2.0, 6.0, 72.0), SLIP)
     limit = hv.follow_path(lever(contact=own), (0.0, 50.0)).limit_load
@@ -218,7 +225,7 @@ def test_the_limit_load_of_the_path_lies_in_the_bracket() -> None:
 
 @pytest.mark.parametrize(("size", "stress"), [(1e3, 1e-6), slow(1e-3, 1e6), slow(1e3, 1.0)])
 def test_units_do_not_change_it(size: float, stress: float) -> None:
-    ours, theirs = load_bracket(lever(), 30.0), load_bracket(lever(size, stress), 30.0)
+    ours, theirs = bracket_of_lever(), load_bracket(lever(size, stress), 30.0)
     assert ours.not_carried is not None
     assert (theirs.carried, theirs.not_carried) == (ours.carried, ours.not_carried)
 
@@ -227,13 +234,13 @@ TOPS = (30.0, 47.0, 400.0)
 
 
 def test_the_largest_load_that_is_tried_does_not_change_what_is_carried() -> None:
-    limits = [(found.carried, found.not_carried) for found in (load_bracket(lever(), upto) for upto in TOPS)]
+    limits = [(found.carried, found.not_carried) for found in map(bracket_of_lever, TOPS)]
     assert max(low for low, _ in limits) <= 1.01 * min(high or 0.0 for _, high in limits)
 
 
 def test_a_solve_brackets_its_load_in_the_same_way() -> None:
     """There is one continuation; a solve of the largest load says the same as part of that load."""
-    found, solution = load_bracket(lever(), 30.0), hv.solve(LoadLine.of(lever()).at(30.0))
+    found, solution = bracket_of_lever(), hv.solve(LoadLine.of(lever()).at(30.0))
     assert solution.carried is not None
     assert found.not_carried is not None
     np.testing.assert_allclose(30.0 * np.array(solution.carried), (found.carried, found.not_carried), rtol=1e-12)

@@ -214,9 +214,9 @@ def test_a_path_ends_where_a_quantity_has_its_value(unit: float, name: str, valu
 def test_the_value_of_an_end_is_met_on_curved_pieces(curves: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if curves == "chart":
         monkeypatch.setattr(follow, "_curves", lambda system, begun: chart_of(system, begun.local, begun.multiplier))
-    whole = follow_path(pair(6.0, 4.5), (0.0, 20.0))
+    whole = follow_path(pair(6.0, 4.5), (0.0, 20.0), largest_step=0.1)
     value = 0.37 * float(whole.max_penetration[-1])
-    path = follow_path(pair(6.0, 4.5), (0.0, 20.0), until={"max-penetration": value})
+    path = follow_path(pair(6.0, 4.5), (0.0, 20.0), until={"max-penetration": value}, largest_step=0.1)
     assert path.max_penetration[-1] == pytest.approx(value, rel=1e-10)
     assert path.ended is hv.branches.PathEnd.UNTIL
 

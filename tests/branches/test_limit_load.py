@@ -14,6 +14,7 @@ from hemivar.branches.path import PathEnd
 from hemivar.formula import Formula
 from hemivar.laws import PiecewiseQuadratic
 from tests import bodies
+from tests.samples import slow
 
 from ..problems import bar
 from ..solvers.test_glued_bodies import lever, pulled
@@ -151,10 +152,16 @@ def test_a_body_torn_off_that_slides_along_its_roller_bears_no_load(cells: int, 
 
 
 @pytest.mark.parametrize(
-    ("space", "length", "stress"),
-    [(False, 1.0, 1.0), (False, 1e3, 1e-6), pytest.param(True, 1e3, 1e-6, marks=pytest.mark.slow)],
+    ("space", "length", "stress", "friction", "height"),
+    [
+        (False, 1.0, 1.0, 0.4, 1.0),
+        (False, 1e3, 1e-6, 0.8, 2.0),
+        slow(False, 1.0, 1.0, 0.8, 2.0),
+        slow(False, 1e3, 1e-6, 0.4, 1.0),
+        slow(True, 1e3, 1e-6, 0.4, 1.0),
+        slow(True, 1e3, 1e-6, 0.8, 2.0),
+    ],
 )
-@pytest.mark.parametrize(("friction", "height"), [(0.4, 1.0), (0.8, 2.0)])
 def test_a_block_that_its_weight_holds_slides_or_topples_under_a_push(
     space: bool, length: float, stress: float, friction: float, height: float
 ) -> None:

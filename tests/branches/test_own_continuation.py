@@ -98,7 +98,7 @@ KINDS: list[Callable[[Random], Kind]] = [
 WAYS = [0, 1, 1, 1, 1, -1, -1, 1, -1, -1]
 
 
-@pytest.mark.parametrize("seed", sampled(range(100), (0, 11, 24, 16, 18)))
+@pytest.mark.parametrize("seed", sampled(range(100), (0, 11, 24, 26, 68)))
 def test_a_path_is_that_of_another_continuation(seed: int) -> None:
     random = np.random.default_rng(seed)
     law, graph, c = KINDS[seed % len(KINDS)](random)

@@ -61,7 +61,7 @@ def test_a_column_turns_where_the_closed_form_does(space: bool, alpha: float, le
         supports={**dict.fromkeys(sides, "roller"), "top": top},
     )
     line = LoadLine.of(stated)
-    path = follow_path(line.loaded, unloaded=line.unloaded)
+    path = follow_path(line.loaded, unloaded=line.unloaded, largest_step=0.3)
     assert path.reached_end, path.ended
 
     def pressure(s: float) -> float:
@@ -108,7 +108,7 @@ def test_the_end_of_a_path_is_the_solution(contact: str, mesh: hv.mesh.Mesh, uni
         supports={"left": "clamped"},
         tractions={"top": traction},
     )
-    path = follow_path(stated)
+    path = follow_path(stated, largest_step=0.1)
     solved = hv.solve(stated, controls=hv.Controls(rtol=1e-11)).raise_for_status()
     assert path.load_factor[-1] == 1.0
     assert path.curved.all()
@@ -130,7 +130,7 @@ def test_a_linear_energy_has_the_path_of_the_linear_body() -> None:
 
     lame = hv.Material.lame(4.0, 4.0)
     formula = hv.Material.potential("2 * tr**2 + 4 * (dev2 + tr**2 / 3)", reach=1.0)
-    one, other = follow_path(block(lame), (0.0, 3.0)), follow_path(block(formula), (0.0, 3.0))
+    one, other = (follow_path(block(one), (0.0, 3.0), largest_step=0.1) for one in (lame, formula))
     assert one.ended is other.ended
     assert len(one.folds) > 0
     loads = [[fold.load_factor for fold in path.folds] for path in (one, other)]

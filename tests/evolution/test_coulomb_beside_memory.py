@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TypedDict
 
 import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.evolution import Evolution, ImplicitEuler, Midpoint, Newmark, Save, Scheme, march
+from hemivar.evolution import Evolution, History, ImplicitEuler, Midpoint, Newmark, Save, Scheme, march
 from hemivar.laws import Superpotential
 from hemivar.laws.memory import Memory
 from tests import bodies
@@ -73,14 +74,23 @@ def test_every_step_obeys_coulombs_law(normal: Superpotential, name: str) -> Non
     assert np.isneginf(history["margin"][1:]).all()
 
 
+def pressed_springs(name: str, inertia: bool) -> Evolution:
+    return pressed(hv.Compliance(20.0), hv.Coulomb(MU), CASES[name], inertia)
+
+
+@cache
+def finely_marched(name: str, inertia: bool) -> History:
+    """By Euler's method, the same for several schemes."""
+    return march(pressed_springs(name, inertia), 0.4, step=0.005)
+
+
 @pytest.mark.parametrize("scheme", [ImplicitEuler(), Newmark(), Midpoint()], ids=lambda scheme: scheme.name)
 @pytest.mark.parametrize("name", sampled(CASES, 3))
 def test_other_schemes_take_it(scheme: Scheme, name: str) -> None:
     """And they find what Euler's method finds, as near as their steps are long."""
     inertia = isinstance(scheme, Newmark)
-    evolution = pressed(hv.Compliance(20.0), hv.Coulomb(MU), CASES[name], inertia)
-    found = march(evolution, 0.4, step=0.02, scheme=scheme)
-    other = march(evolution, 0.4, step=0.005)
+    found = march(pressed_springs(name, inertia), 0.4, step=0.02, scheme=scheme)
+    other = finely_marched(name, inertia)
     assert found.ended == other.ended == "finished"
     one, two = found.frames[-1].displacement, other.frames[-1].displacement
     assert np.abs(one - two).max() <= 0.05 * np.abs(two).max()

@@ -22,7 +22,7 @@ from hemivar.laws.coupled import (
 from hemivar.laws.vector_testing import check_vector_law
 from tests import bodies
 from tests.evolution.glue_by_hand import Glue, few_points, marched_by_hand
-from tests.samples import sampled
+from tests.samples import sampled, slow
 
 TIGHT = hv.Controls(rtol=1e-12)
 SHUT = hv.Compliance(72.0)
@@ -96,7 +96,7 @@ def test_a_step_from_rest_under_no_load_stays_where_steep_glue_would_let_it_jump
     assert not history.frames[-1].local.any()
 
 
-@pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 90.0])
+@pytest.mark.parametrize("degrees", [0.0, slow(30.0), 60.0, 90.0])
 @pytest.mark.parametrize("two", [False, True], ids=["one energy", "two energies"])
 def test_at_a_fixed_mode_the_point_is_one_of_rho(degrees: float, two: bool) -> None:
     """With springs kappa and kappa ratio^2 along normal and slip the balance is that of the point in rho."""
@@ -131,7 +131,7 @@ def test_at_a_fixed_mode_the_point_is_one_of_rho(degrees: float, two: bool) -> N
         assert history.frames[-1].memory["0.mode"][0] == pytest.approx(mode, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", sampled(range(300), 50))
+@pytest.mark.parametrize("seed", sampled(range(300), 100))
 def test_random_marches_are_those_by_hand(seed: int) -> None:
     """One to three points, of one fracture energy and of two; there is one solution in each step."""
     random = np.random.default_rng(seed)
@@ -172,7 +172,7 @@ def test_every_way_to_the_break_takes_the_energy_of_the_mode_of_onset(name: str,
     components = 2 + seed % 2
     corners = np.vstack([np.zeros(components), random.normal(scale=0.25, size=(8, components))])
     corners[-2:] = [[-2.0] + [0.5] * (components - 1), [-2.0] + [-1.0] * (components - 1)]
-    parts = np.linspace(0.0, 1.0, 60, endpoint=False)[:, None]
+    parts = np.linspace(0.0, 1.0, 30, endpoint=False)[:, None]
     way = np.vstack([one + parts * (other - one) for one, other in itertools.pairwise(corners)])
     state, place = memory.start(law, way[:1]), way[:1]
     lam, lost, work, mode = np.zeros((1, components)), 0.0, 0.0, -1.0
@@ -278,7 +278,7 @@ def test_viscous_bodies_on_glue_march_by_sdirk() -> None:
 
 def test_steps_adapt() -> None:
     adaptive = _lifted(MixedMode(bilinear(6.0), 1.5, SHUT), 1.0, step=AdaptiveStep(rtol=1e-3))
-    fine = _lifted(MixedMode(bilinear(6.0), 1.5, SHUT), 1.0, step=0.0125)
+    fine = _lifted(MixedMode(bilinear(6.0), 1.5, SHUT), 1.0, step=0.025)
     assert adaptive.finished
     size = np.abs(fine.frames[-1].displacement).max()
     np.testing.assert_allclose(adaptive.frames[-1].displacement, fine.frames[-1].displacement, atol=1e-2 * size)

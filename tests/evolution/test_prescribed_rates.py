@@ -225,7 +225,7 @@ def shaken_exactly() -> tuple[Array, Array]:
 )
 def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme, tilt: float) -> None:
     off = []
-    for count in (200, 400):
+    for count in (300, 600):
         history = march(shaken(tilt), END, step=END / count, scheme=scheme)
         moment = history.moment
         back = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
